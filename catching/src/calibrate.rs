@@ -1,31 +1,32 @@
-//! Self-calibration (thesis, section 3.4.2): arms carry a marker each before the head's cameras, and one nonlinear least-squares problem
-//! finds what the robot's description does not say.
+//! Self-calibration (thesis, section 3.4.2). Each arm carries a marker that the head's cameras observe. One nonlinear
+//! least-squares problem estimates the parameters that the robot description does not contain.
 //!
 //! ```text
-//! q_link = q_measured + offset + compliance * load                                  arms; neck: offset alone
-//! pixel  = project(camera, T_camera^-1 T_neck(t - late)^-1 (mount + T_arm(q_link) marker))
-//! rest   = M^-1 T_neck^-1 (0, 0, g) + bias        turn = M^-1 rate_neck(t - late) + bias
+//! q_link = q_measured + offset + compliance * load                                  arms; neck: offset only
+//! pixel  = project(camera, T_camera^-1 T_neck(t - delay)^-1 (mount + T_arm(q_link) marker))
+//! rest   = M^-1 T_neck^-1 (0, 0, g) + bias        turn = M^-1 rate_neck(t - delay) + bias
 //! ```
 //!
-//! | module | what |
+//! | module | content |
 //! |---|---|
-//! | `session` | what was recorded: pictures, rests, turns |
+//! | `session` | recorded data: pictures, rests, turns |
 //! | `unknowns` | the 79 unknowns, their names and priors |
 //! | `model` | residuals and their analytic derivatives |
 //! | `problem` | all residuals of a session, Huber loss, normal equations |
-//! | `solve` | Levenberg-Marquardt, covariance, the worst-determined direction |
-//! | `routine`, `recorder` | how the robot moves in a session, and what is kept of it |
-//! | `choose` | configurations by greedy D-optimal choice |
+//! | `solve` | Levenberg-Marquardt, covariance, least-determined direction |
+//! | `routine`, `recorder` | robot motion in a session, and its recording |
+//! | `choose` | greedy D-optimal choice of configurations |
 //! | `parameters` | the result |
-//! | `kept` | the result as a TOML file, with how sure it is and of which robot |
-//! | `identity` | what robots and calibrations are known by |
-//! | `corrections` | what the result does to measurements and commands |
-//! | `slip`, `marker_watch` | whether the result still holds |
-//! | `joint_history` | what joints did around a picture |
+//! | `kept` | the result as a TOML file with covariance and robot identity |
+//! | `identity` | identities of robots and calibrations |
+//! | `corrections` | application of the result to measurements and commands |
+//! | `slip`, `marker_watch` | monitor of a calibration's validity |
+//! | `joint_history` | joint states around a picture's exposure |
 //!
-//! Gauge: an offset of the tilt joint is the same as turning cameras and inertial unit about the tilt axis, an offset of an arm's last joint
-//! the same as a marker turned about it. Priors decide; neither changes where hands are seen. Cameras whose baseline is unknown do not see how large
-//! an arm of unknown lengths is: the scale comes from the priors of the four lengths, which a marker cannot better.
+//! Gauge freedom: an offset of the tilt joint is equivalent to a rotation of cameras and IMU about the tilt axis. An
+//! offset of an arm's last joint is equivalent to a rotation of its marker. Priors fix both; neither changes the
+//! estimated hand positions. With unknown camera baseline and arm lengths the scale is not observable. It follows from
+//! the priors of the four lengths, and a marker cannot improve it.
 
 mod choose;
 mod corrections;

@@ -1,8 +1,9 @@
-//! Which balls can be caught at all: the catch space.
+//! Catch space: the set of balls that the robot is able to catch.
 //!
-//! The oracle knows the true flight. A ball is in the catch space if one of the arms can catch it, from the first moment at which a path can
-//! begin, on a dense grid of catch times, elbow angles and hand angles, with all closed-form branches. Platform and torso either stand or
-//! move as the stack would move them for the true ball.
+//! The test uses the true flight. A ball is in the catch space if at least one arm has a feasible catch motion that
+//! starts at the first possible moment. The search covers a dense grid of catch times, elbow angles and hand angles
+//! with all closed-form branches. Platform and torso either rest or move as the stack would move them for the true
+//! ball.
 
 use nalgebra::{Isometry3, Point3};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
@@ -12,14 +13,14 @@ use crate::coordinate::BodyMotion;
 use crate::flight::{Flight, FlightPath, STEP};
 use crate::plan::{CatchRequest, Grid, Objective, PlanConfig, Planner};
 
-/// The grid.
+/// Search grid.
 const GRID: Grid = Grid {
     times: 30,
     hands: 24,
     elbows: 24,
 };
 
-/// Finds out which balls can be caught.
+/// Test for balls that the robot is able to catch.
 #[derive(Debug, Clone)]
 pub struct Oracle {
     robot: Robot,
@@ -28,7 +29,7 @@ pub struct Oracle {
 }
 
 impl Oracle {
-    /// Prepares the oracle for a robot whose platform and torso may move, or stand.
+    /// Creates the test. With `lower_body`, platform and torso may move.
     pub fn new(robot: &Robot, lower_body: bool) -> Self {
         Self {
             planners: std::array::from_fn(|arm| Planner::new(robot, arm, PlanConfig::default())),
@@ -37,10 +38,10 @@ impl Oracle {
         }
     }
 
-    /// Returns which arms can catch a ball that is thrown at a robot in its posture `ready`.
+    /// Returns the arms that are able to catch a ball, thrown at a robot that rests in `ready`.
     ///
-    /// - `flight`: the true flight from the release on, in the inertial frame, one entry a millisecond
-    /// - `reaction`: time from the release to the start of the first path, s
+    /// - `flight`: true flight from the release, in the inertial frame, one entry per millisecond
+    /// - `reaction`: time from the release to the start of the first path, in s
     pub fn arms_of(
         &self,
         flight: impl Iterator<Item = Flight>,
@@ -51,8 +52,8 @@ impl Oracle {
         self.arms(&knots, ready)
     }
 
-    /// Returns which arms can catch a ball. `flight` is the true flight in the inertial frame, one entry every 10 ms from the moment at which
-    /// a path can begin; `ready` are the joints then, at rest.
+    /// Returns the arms that are able to catch a ball. `flight` is the true flight in the inertial frame, one entry per
+    /// 10 ms from the earliest start of a path. `ready` are the joints at that time, at rest.
     pub fn arms(&self, flight: &[Flight], ready: &[f64; JOINTS]) -> [bool; ARMS] {
         let mut possible = [false; ARMS];
         if flight.is_empty() {
@@ -111,7 +112,7 @@ mod tests {
 
     use super::*;
 
-    /// A ball that passes `aim` after `time`, s.
+    /// Returns the flight of a ball that passes `aim` after `time`, in s.
     fn thrown_to(aim: Vector3<f64>, time: f64) -> Vec<Flight> {
         let ball = Flight {
             p: aim,

@@ -1,14 +1,14 @@
-//! Circles in pictures: a vote of contrast-normalised edges (thesis, section 3.4.1; the edges are Frese's).
+//! Circle detection with votes of contrast-normalised edges (thesis, section 3.4.1; edges after Frese).
 //!
 //! ```text
 //! picture ─> halved ─> halved … ─> edges C ─> votes of 24 points on circles of six radii ─> peaks ─> edge points on rays ─> circle, sub-pixel
 //! predictions ─> gates ─────────────> the same at twice the resolution, in windows
 //! ```
 //!
-//! With 3x3 Sobel filters `S` and the binomial mean `G`, an edge is `C = sqrt(2) S / sqrt(16 G*I^2 - (G*I)^2 + eps^2)`: the share of the
-//! local contrast that is one straight edge, whatever the illumination. A circle's votes are the mean over its points of
-//! `(n . C)^2 - (t . C)^2` with normal `n` and tangent `t`: 1 for a perfect circle, 0 on average for texture, which Frese's `(n . C)^2`
-//! gives a half.
+//! With 3x3 Sobel filters `S` and the binomial mean `G`, an edge is `C = sqrt(2) S / sqrt(16 G*I^2 - (G*I)^2 + eps^2)`:
+//! the share of the local contrast that is one straight edge, independent of illumination. The vote for a circle is the
+//! mean over its points of `(n . C)^2 - (t . C)^2` with normal `n` and tangent `t`. It is 1 for a perfect circle and 0
+//! on average for texture. Frese's `(n . C)^2` gives 0.5 for texture.
 
 mod edges;
 mod gates;
@@ -24,27 +24,28 @@ use lens::Lens;
 use refine::{Rays, polished, refined};
 use votes::{Peak, RADII, Votes};
 
-/// Radii are found at the level of the pyramid where they are this many pixels, and less than twice as many.
+/// Smallest radius in each level of the pyramid, in pixels of the level. The largest is just below twice this value.
 const LEAST_RADIUS: f64 = 4.5;
-/// Peaks of a picture that are looked at closely.
+/// Maximum number of peaks that are refined per picture.
 const MOST_PEAKS: usize = 256;
-/// Circles whose centres are closer than this share of the larger radius are one.
+/// Maximum distance between the centres of duplicate circles, relative to the larger radius.
 const SAME: f64 = 0.5;
-/// Peaks are looked at closely where their radius is this many pixels or more, and less than twice as many.
+/// Minimum radius in the level in which a peak is refined, in pixels of the level. The largest is just below twice this
+/// value.
 const FINE_RADIUS: f64 = 12.0;
 
-/// How circles are found.
+/// Settings of circle detection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CircleConfig {
-    /// Least response of a circle anywhere.
+    /// Minimum response of a circle outside of gates.
     pub threshold: f64,
-    /// Least response inside a gate.
+    /// Minimum response inside a gate.
     pub gate_threshold: f64,
-    /// Largest radius, pixels; the least is 9, or 4.5 inside a gate.
+    /// Maximum radius, in pixels. The minimum is 9 pixels, or 4.5 inside a gate.
     pub largest: f64,
-    /// Contrast of noise and faint texture, digits: edges far below it count little.
+    /// Contrast of noise and faint texture, in grey levels. Edges with much less contrast have little weight.
     pub noise: f64,
-    /// Least share of rays from the centre on which the edge lies on the circle.
+    /// Minimum fraction of rays from the centre whose edge lies on the circle.
     pub inliers: f64,
 }
 
@@ -60,14 +61,14 @@ impl Default for CircleConfig {
     }
 }
 
-/// Finds circles in pictures of one size; does not allocate once it is made.
+/// Circle detector for pictures of one size. Does not allocate after construction.
 #[derive(Debug, Clone)]
 pub struct CircleDetector {
     config: CircleConfig,
     lens: Lens,
     width: usize,
     height: usize,
-    /// Halved once, twice, and so on.
+    /// Picture halved once, twice, and so on.
     halved: Vec<Halved>,
     votes: Votes,
     rays: Rays,
@@ -82,7 +83,7 @@ struct Halved {
     pixels: Vec<u8>,
 }
 
-/// A part of a picture, in its pixels: left, top, width, height.
+/// Rectangle of a picture, in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Window {
     left: usize,
@@ -92,7 +93,7 @@ struct Window {
 }
 
 impl CircleDetector {
-    /// Makes a detector for pictures of these cameras.
+    /// Creates a detector for pictures of these cameras.
     pub fn new(cameras: &Cameras, config: CircleConfig) -> Self {
         let (width, height) = (cameras.width as usize, cameras.height as usize);
         let mut halved = Vec::new();
@@ -118,14 +119,14 @@ impl CircleDetector {
         }
     }
 
-    /// Finds the circles of a picture; those of greatest response come first. They are as a lens without distortion would show them.
+    /// Detects the circles of a picture, sorted by decreasing response. The lens distortion is removed from them.
     ///
-    /// - `pixels`: `[height][width]`, brightness
-    /// - `gates`: where balls are expected
-    /// - `circles`: receives them; frame, time and camera stay
+    /// - `pixels`: brightness, `[height][width]`
+    /// - `gates`: expected balls
+    /// - `circles`: output; frame number, time and camera are left unchanged
     ///
     /// # Panics
-    /// If `pixels` has another size than the cameras' pictures.
+    /// Panics if `pixels` does not have the size of the cameras' pictures.
     pub fn find(&mut self, pixels: &[u8], gates: &[Gate], circles: &mut Circles) {
         assert_eq!(
             pixels.len(),
@@ -179,7 +180,8 @@ impl CircleDetector {
         }
     }
 
-    /// Looks closely at a peak: where its radius is [`FINE_RADIUS`], and then at twice the resolution, where blur may hide it.
+    /// Refines a peak at the level where its radius is at least [`FINE_RADIUS`], then at twice the resolution if blur
+    /// permits.
     fn refined(&self, pixels: &[u8], peak: &Peak) -> Option<Circle> {
         let mut level = 0;
         while level < self.halved.len() && peak.r / f64::from(2 << level) >= FINE_RADIUS {
@@ -204,7 +206,8 @@ impl CircleDetector {
         Some(circle)
     }
 
-    /// The picture, or how it is after it was halved `level` times; pixels, width and height, pixels of the picture in one.
+    /// Returns the pixels of a pyramid level, its width and height, and its scale (pixels of the picture per pixel of
+    /// the level).
     fn level<'a>(&'a self, pixels: &'a [u8], level: usize) -> (&'a [u8], [usize; 2], f64) {
         match level {
             0 => (pixels, [self.width, self.height], 1.0),
@@ -224,10 +227,10 @@ impl CircleDetector {
         }
     }
 
-    /// Looks for a ball where it is expected, at twice the resolution of the search everywhere.
+    /// Searches a gate at twice the resolution of the full search.
     fn look_into(&mut self, pixels: &[u8], gate: &Gate) {
         let [u, v] = self.lens.distorted([gate.u, gate.v]);
-        // The picture, or the smallest of its halves, in which the radius is at least twice the least one.
+        // The coarsest level at which the radius is at least twice the minimum.
         let mut level = 0;
         while level < self.halved.len() && gate.r / f64::from(2 << level) >= 2.0 * LEAST_RADIUS {
             level += 1;
@@ -253,7 +256,7 @@ impl CircleDetector {
             width: width_of,
             height: height_of,
         };
-        // A gate over half of the picture is no gate.
+        // Limit gates that exceed a quarter of the picture.
         let room = self.votes.room();
         if window.width * window.height > room {
             window.height = room / window.width.max(1);
@@ -263,14 +266,14 @@ impl CircleDetector {
         }
         self.votes.edges(pixels, width, window, self.config.noise);
         let middle = gate.r / scale;
-        // Six radii from 0.8 to 1.25 of the one that is expected.
+        // Six radii from 0.8 to 1.25 times the expected one.
         let radii = std::array::from_fn(|i| middle * 0.8 * 1.5625_f64.powf(i as f64 / 5.0));
         self.votes.cast(radii);
         self.votes
             .peaks(self.config.gate_threshold, window, scale, &mut self.peaks);
     }
 
-    /// Peaks of one circle become one; the strongest stay.
+    /// Merges peaks of the same circle and keeps the strongest.
     fn keep_best_peaks(&mut self) {
         self.peaks.sort_by(|a, b| b.response.total_cmp(&a.response));
         let mut kept = 0;
@@ -286,7 +289,7 @@ impl CircleDetector {
     }
 }
 
-/// The circle in pixels that are so many times smaller.
+/// Returns the circle with all lengths multiplied by `by`.
 fn scaled(circle: &Circle, by: f64) -> Circle {
     Circle {
         u: circle.u * by,
@@ -300,7 +303,7 @@ fn same(a: &Circle, b: &Circle) -> bool {
     (a.u - b.u).hypot(a.v - b.v) < SAME * a.r.max(b.r)
 }
 
-/// Means of two by two pixels.
+/// Averages blocks of two by two pixels.
 fn halve(from: &[u8], from_width: usize, to: &mut [u8], width: usize) {
     pulp::Arch::new().dispatch(Halve {
         from,
@@ -310,7 +313,7 @@ fn halve(from: &[u8], from_width: usize, to: &mut [u8], width: usize) {
     });
 }
 
-/// A halving, compiled for each vector width that a processor may have.
+/// Arguments of [`halve_lines`], which is compiled for each vector width.
 struct Halve<'a> {
     from: &'a [u8],
     from_width: usize,
@@ -357,7 +360,7 @@ mod tests {
         }
     }
 
-    /// A disc with soft edges on a background that gets brighter to the right.
+    /// Returns a disc with soft edges on a background that gets brighter to the right.
     fn disc(cameras: &Cameras, [u, v, r]: [f64; 3], shades: [f64; 2]) -> Vec<u8> {
         let (width, height) = (cameras.width as usize, cameras.height as usize);
         let pixels = (0..width * height).map(|i| {
@@ -392,7 +395,7 @@ mod tests {
             prop_assert!(circle.response > 0.7, "{circle:?}");
         }
 
-        /// Gates may be anywhere, and of any size.
+        /// Gates may have any position and size.
         #[test]
         fn no_gate_breaks_the_search(u in -500.0..900.0f64, v in -500.0..900.0f64, r in 0.0..500.0f64, reach in 0.0..2000.0f64) {
             let cameras = cameras([-0.08, 0.02]);
@@ -424,7 +427,7 @@ mod tests {
     fn the_lens_is_undone() {
         let cameras = cameras([-0.08, 0.02]);
         let lens = Lens::new(&cameras);
-        // As a lens without distortion would show it.
+        // Position in a picture without distortion.
         let place = [330.0, 90.0, 14.0];
         let [u, v] = lens.distorted([place[0], place[1]]);
         let [right, _] = lens.distorted([place[0] + place[2], place[1]]);

@@ -1,14 +1,14 @@
-//! The controller of all joints: follows paths, brakes, goes back to where the robot waits.
+//! Controller of all joints. It follows paths, brakes, and returns to the waiting pose.
 //!
 //! ```text
-//! Ready ── a path ──> Following ── brake ──> Braking ──> Standing ── go back ──> GoingBack ──> Ready
-//!   │                     └────────────────── go back (it stands) ─────────────────┘
-//!   └──── a throw ──> Throwing ── brake, or it is over ─> Braking, Standing
+//! Ready ── path ──> Following ── brake ──> Braking ──> Standing ── go back ──> GoingBack ──> Ready
+//!   │                     └────────────────── go back (at rest) ───────────────────┘
+//!   └──── throw ──> Throwing ── brake, or end of throw ─> Braking, Standing
 //! ```
 //!
-//! A path is carried out only where it goes on from what the arm does anyway, and within ranges, speeds and accelerations: whoever sends
-//! it, and whatever was lost on the way, the commands to the drives stay smooth. The way back is the way that it came, backwards and
-//! at most half as fast, so that it passes nothing that it has not passed before.
+//! The controller accepts a path only if it continues the current motion within ranges, speeds and accelerations.
+//! Commands to the drives therefore stay smooth, whatever is sent or lost. The way back retraces the path that led to
+//! the current pose at no more than half the speed, so it passes only positions that were passed before.
 
 mod controller;
 mod throwing;

@@ -1,12 +1,13 @@
-//! From predictions to motion: which arm catches which ball, what the planner is asked, where every joint is to be (thesis, section 3.5.1).
+//! From predictions to motion: assignment of balls to arms, requests to the planner, and joint commands (thesis,
+//! section 3.5.1).
 //!
 //! ```text
-//! Armed ── a ball is valid ──> Tracking ── a plan is carried out ──> Reaching ── the hands' time has come ──> Closed
+//! Armed ── valid ball ──> Tracking ── plan accepted ──> Reaching ── last closing time sent ──> Closed
 //! ```
 //!
-//! Plans are asked for with the moment at which they can begin, computing and travelling included, and with the state that the arm will
-//! have then on its present path: position and velocity are continuous. A plan that cannot be improved is kept; the closing time follows
-//! every prediction until the hand closes.
+//! A plan request contains the start time of the motion, which includes computing and transfer times, and the state of
+//! the arm at that time on its current path. Position and velocity are therefore continuous. Without a better plan the
+//! current one stays active. The closing time follows each prediction until the hand closes.
 
 mod assign;
 mod body;

@@ -1,31 +1,33 @@
-//! How a ball flies: gravity, buoyancy, added mass, drag and the lift of its spin, `dv/dt = g - k |v| v + lift x v`.
+//! Flight of a ball with gravity, buoyancy, added mass, drag and lift of its spin: `dv/dt = g - k |v| v + lift x v`.
 
 use nalgebra::Vector3;
 
-/// Gravity less buoyancy, over the mass with that of the air that the ball moves (8.5 cm, 50 g), m/s^2: 9.81 x (1 - 0.0077) / (1 + 0.0039).
+/// Effective gravity with buoyancy and added mass of the ball (8.5 cm, 50 g), in m/s^2: 9.81 x (1 - 0.0077) / (1 +
+/// 0.0039).
 pub const GRAVITY: f64 = 9.697;
-/// Drag of a smooth sphere of that size and mass at a Reynolds number of 4e4, 1/m: `rho C_d A / (2 m)` with `C_d` = 0.47.
+/// Drag coefficient of a smooth sphere of that size and mass at a Reynolds number of 4e4, in 1/m: `rho C_d A / (2 m)`
+/// with `C_d` = 0.47.
 pub const DRAG: f64 = 0.0320;
-/// Radius of the ball, m.
+/// Radius of the ball, in m.
 pub const BALL_RADIUS: f64 = 0.0425;
-/// Longest step of the integration, s; drag is smooth, and the error over a throw of a second stays below a micrometre.
+/// Maximum integration step, in s. The error over a throw of one second stays below 1 um.
 pub const STEP: f64 = 0.01;
 
-/// A ball at one moment.
+/// State of a ball at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flight {
-    /// Position of the centre, m.
+    /// Position of the centre, in m.
     pub p: Vector3<f64>,
-    /// Velocity, m/s.
+    /// Velocity, in m/s.
     pub v: Vector3<f64>,
-    /// Drag, 1/m.
+    /// Drag coefficient, in 1/m.
     pub k: f64,
-    /// Lift of the spin, along the axis of rotation, 1/s; for this ball 7e-4 times the rotation, rad/s.
+    /// Lift vector along the axis of rotation, in 1/s. For this ball it is 7e-4 times the angular velocity in rad/s.
     pub lift: Vector3<f64>,
 }
 
 impl Flight {
-    /// Returns the flight of a ball without spin at position `p`, m, and velocity `v`, m/s, with the usual drag [`DRAG`].
+    /// Returns a ball without spin at position `p`, in m, with velocity `v`, in m/s, and drag [`DRAG`].
     pub fn with_usual_drag(p: Vector3<f64>, v: Vector3<f64>) -> Self {
         Self {
             p,
@@ -35,12 +37,12 @@ impl Flight {
         }
     }
 
-    /// Returns the acceleration, m/s^2.
+    /// Returns the acceleration, in m/s^2.
     pub fn acceleration(&self) -> Vector3<f64> {
         acceleration(&self.v, self.k, &self.lift)
     }
 
-    /// Returns the ball `dt` seconds later (earlier, if negative): Runge-Kutta of fourth order.
+    /// Returns the ball `dt` seconds later (earlier if negative), integrated with the fourth-order Runge-Kutta method.
     pub fn after(&self, dt: f64) -> Self {
         let steps = (dt.abs() / STEP).ceil().max(1.0);
         let h = dt / steps;
@@ -68,17 +70,17 @@ fn acceleration(v: &Vector3<f64>, k: f64, lift: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(0.0, 0.0, -GRAVITY) - v * (k * v.norm()) + lift.cross(v)
 }
 
-/// Most knots of a [`FlightPath`].
+/// Maximum number of knots of a [`FlightPath`].
 const KNOTS: usize = 200;
 
-/// The next two seconds of a flight, integrated once and read at any time.
+/// Flight over the next two seconds, integrated once and evaluated at any time.
 #[derive(Debug, Clone)]
 pub struct FlightPath {
     knots: [Flight; KNOTS],
 }
 
 impl FlightPath {
-    /// Integrates from `start`, which is at time 0. Does not allocate.
+    /// Integrates from `start` at time 0. Does not allocate.
     pub fn new(start: Flight) -> Self {
         let mut knots = [start; KNOTS];
         for i in 1..KNOTS {
@@ -87,10 +89,10 @@ impl FlightPath {
         Self { knots }
     }
 
-    /// Takes a path as it was recorded, one knot every 10 ms from time 0; the ball flies on from the last one.
+    /// Creates a path from recorded states, one per 10 ms from time 0. After the last one, the ball flies on.
     ///
     /// # Panics
-    /// Without any knot.
+    /// Panics if there is no state.
     pub fn recorded(recorded: &[Flight]) -> Self {
         let mut knots = [recorded[0]; KNOTS];
         for i in 1..KNOTS {
@@ -102,7 +104,7 @@ impl FlightPath {
         Self { knots }
     }
 
-    /// Returns the ball at time `t`, s; before 0 and after the end it flies on as at the nearest knot.
+    /// Returns the ball at time `t`, in s. Outside of the path, it is integrated from the nearest knot.
     pub fn at(&self, t: f64) -> Flight {
         let i = ((t / STEP).round().max(0.0) as usize).min(KNOTS - 1);
         let dt = t - i as f64 * STEP;
@@ -152,7 +154,7 @@ mod tests {
         #[test]
         fn time_runs_backwards(ball in thrown(), t in 0.01..1.0f64) {
             let back = ball.after(t).after(-t);
-            // The step's error of fifth order, twice.
+            // Twice the step's error of fifth order.
             prop_assert!((back.p - ball.p).norm() < 1e-7, "{}", (back.p - ball.p).norm());
         }
 
@@ -164,7 +166,7 @@ mod tests {
         }
     }
 
-    /// Topspin of a ball that flies along -x turns about -y.
+    /// Topspin of a ball that flies along -x is a rotation about -y.
     #[test]
     fn lift_bends_a_flight_across_velocity_and_spin() {
         let ball = Flight {
@@ -177,7 +179,7 @@ mod tests {
         assert!((lift - Vector3::new(0.0, 0.0, -0.06)).norm() < 1e-12);
     }
 
-    /// The thesis: drag costs a throw of 5 m more than 20 cm of its range.
+    /// Thesis: drag shortens a throw of 5 m by more than 20 cm.
     #[test]
     fn air_costs_a_throw_of_five_metres_more_than_twenty_centimetres() {
         let angle = 0.5f64;

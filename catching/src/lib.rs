@@ -1,6 +1,7 @@
-//! The catching stack (thesis, chapter 3): where the head is, where balls fly, how two arms catch them.
+//! The catching stack (thesis, chapter 3): head pose, ball tracking, and catching with two arms.
 //!
-//! Logic alone: no clock, no thread, no channel. Time is an argument, so that the code that runs live is the code that was simulated.
+//! The crate contains logic only: no clocks, threads or channels. Time is an argument, so the same code runs live and
+//! in simulation.
 //!
 //! ```text
 //! imu ─> pose ─> track <─ circles <─ pictures        track ─> coordinate ─> plan ─> arm paths, hand commands

@@ -1,16 +1,16 @@
-//! A map of what stands about, for planning a catch among obstacles (thesis, sections 3.5.4 and 3.8).
+//! Map of the surroundings, for planning a catch among obstacles (thesis, sections 3.5.4 and 3.8).
 //!
 //! ```text
 //! depth pictures ─> Fusion: truncated signed distances, several views ─> solid cells ─> DistanceField: exact Euclidean distances
 //! ```
 //!
-//! The frame is the one in which the head's pose is given. **Distances are positive in free space and negative inside obstacles**, the
-//! other way round from the thesis, whose printed objective is 'maximised' over distances that are positive inside: with that sign it has
-//! to be minimised. Here a squared hinge on the distance is minimised.
+//! The map frame is the frame of the head pose. **Distances are positive in free space and negative inside obstacles.**
+//! The thesis defines them with the opposite sign and states that its objective is maximised; with that sign it must be
+//! minimised. This crate minimises a squared hinge of the distance.
 //!
-//! What no picture shows: cells that the last look had in view and saw only from behind a surface are taken for solid (the back of a box
-//! is not seen). Cells that were never in view, because they are out of the picture or behind the robot's own body, are taken for free:
-//! the robot stands there. It holds its arms up while it looks, so that they hide little.
+//! Cells that the last look saw only from behind a surface count as solid, because the back of a box is not visible.
+//! Cells that were never in view count as free: they are outside of the picture or behind the robot's own body. The
+//! robot raises its arms while it looks, so that they hide little.
 
 mod error;
 mod field;

@@ -1,16 +1,18 @@
-//! Planning a catch with one arm: where, when and in which configuration (thesis, sections 3.5 and 3.5.2, equation 3.2).
+//! Planning of a catch with one arm: position, time and configuration (thesis, sections 3.5 and 3.5.2, equation 3.2).
 //!
-//! Unknown are the seven joint angles `q` at the catch and its time `t`. Since every joint moves by a [`Ramp`](crate::ramp::Ramp) from
-//! where it is to a standstill at `q`, that is everything. Five equations hold the hand at the ball and against its flight; inequalities
-//! hold joints in their ranges, speeds and accelerations and the hand away from the body. The [`Planner`] seeks
+//! The unknowns are the seven joint angles `q` at the catch and its time `t`. Each joint moves by a
+//! [`Ramp`](crate::ramp::Ramp) from its current state to rest at `q`, so the unknowns determine the whole motion. Five
+//! equations put the hand at the ball and against its flight direction. Inequalities keep the joints within ranges,
+//! speeds and accelerations, and the hand away from the body. The [`Planner`] computes
 //!
-//! 1. candidates on a grid of what the equations leave free: time, elbow angle, hand angle, times up to eight closed-form branches;
-//! 2. the minimum near the best of them by sequential quadratic programming ([`qp`] inside).
+//! 1. candidates on a grid of the remaining freedom: time, elbow angle, hand angle, times up to eight closed-form
+//! branches;
+//! 2. the minimum near the best candidates by sequential quadratic programming ([`qp`] inside).
 //!
-//! With a map of what stands about ([`Planner::plan_among`]) the way there is kept away from it, by a term of the objective and a last check.
+//! With [`Surroundings`], the motion keeps its distance from obstacles, by a term of the objective and a final check.
 //!
-//! The whole way there keeps away from the robot's own bodies and from the other arm on its way; where the cheapest plan's does not, another is
-//! sought, with a term of the objective ([`WayConfig`]).
+//! The motion keeps its distance from the robot's own bodies and from the other arm's motion. If the cheapest plan does
+//! not, the planner searches for another one with a further term of the objective ([`WayConfig`]).
 
 pub(crate) mod bfgs;
 mod bodies;

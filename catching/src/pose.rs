@@ -1,16 +1,17 @@
-//! Where the head is, from its inertial unit (thesis, section 3.3.2): an error-state Kalman filter of 15 states.
+//! Head pose estimation from the IMU (thesis, section 3.3.2) with an error-state Kalman filter of 15 states.
 //!
 //! ```text
-//! position, velocity of the inertial unit, rotation, bias of the accelerometer, bias of the gyroscope
+//! position and velocity of the IMU, rotation, accelerometer bias, gyroscope bias
 //! ```
 //!
-//! While the robot stands still, kinematics say where the head is, its velocity is zero and the gyroscope measures its own bias; gravity,
-//! felt while nothing moves, ties the accelerometer's bias to the attitude. During a catch the filter only integrates: no kinematics of
-//! torso and platform come in, since springs, vibrations and slipping wheels make them wrong just then. What kinematics say can still
-//! bound the drift, weakly: [`PoseEstimator::correct`].
+//! At rest, kinematics provide the head pose, the velocity is zero and the gyroscope measures its own bias. Gravity
+//! couples the accelerometer bias to the attitude. During a catch the filter only integrates. The kinematics of torso
+//! and platform are not used then, because springs, vibrations and wheel slip make them inaccurate. They can still
+//! bound the drift weakly: [`PoseEstimator::correct`].
 //!
-//! Errors are those of the inertial frame: the true rotation is `exp(theta)` times the estimated one. Kinematics are wrong by the same
-//! amount for seconds, so a measurement by kinematics counts as one of its standard deviation every correlation time, not every sample.
+//! Errors are expressed in the inertial frame: the true rotation is `exp(theta)` times the estimated one. Kinematic
+//! errors stay constant for seconds. The measurements of one correlation time therefore count together as one
+//! measurement with the given standard deviation.
 
 mod config;
 mod error_state;

@@ -1,39 +1,39 @@
-//! A joint's motion in three parts, from any velocity to standstill (thesis, equation 3.1, as integrals): speed up with `a` until `t1`,
-//! keep the velocity until `t2`, slow down with `a`.
+//! Three-part motion of a joint from any velocity to rest (thesis, equation 3.1, integrated): acceleration `a` until
+//! `t1`, constant velocity until `t2`, deceleration `a`.
 //!
 //! ```text
 //! dq(t) = w0 + a (t - (t - t1)+ - (t - t2)+)      q(t) = q0 + w0 t + a/2 (t^2 - (t - t1)+^2 - (t - t2)+^2)      (x)+ = max(x, 0)
 //! ```
 //!
-//! Where it ends and how long it takes determine everything else: [`Ramp::between`]. [`Acceleration`], [`Reach`] and [`LeastTime`] are
-//! what a planner asks of it, with derivatives.
+//! End position and duration determine the motion: [`Ramp::between`]. [`Acceleration`], [`Reach`] and [`LeastTime`]
+//! give planners its limits, with derivatives.
 
 use tactnet_catching_packets::Joint;
 use tactnet_catching_packets::packets::RampPacket;
 
-/// Below this distance, rad or m, [`LeastTime`] is smooth instead of the square root that it is beyond.
+/// Distance, in rad or m, below which [`LeastTime::smooth`] replaces the square root by a smooth function.
 pub const SMOOTH_DISTANCE: f64 = 1e-4;
 
-/// One joint's motion.
+/// Motion of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ramp {
-    /// Position at the start, rad or m.
+    /// Position at the start, in rad or m.
     pub q0: f64,
-    /// Velocity at the start.
+    /// Velocity at the start, in rad/s or m/s.
     pub w0: f64,
-    /// Acceleration until `t1`, its negative from `t2`.
+    /// Acceleration until `t1`, in rad/s^2 or m/s^2; its negative applies from `t2`.
     pub a: f64,
-    /// End of the first part, s.
+    /// End of the acceleration, in s.
     pub t1: f64,
-    /// Begin of the last part, s.
+    /// Start of the deceleration, in s.
     pub t2: f64,
-    /// End, s; the joint stands from here.
+    /// End of the motion, in s. The joint is at rest afterwards.
     pub end: f64,
 }
 
 impl Ramp {
-    /// Returns the motion from `q0` with velocity `w0` to a standstill at `q1` after `end` > 0 seconds, no faster than `speed`. Its
-    /// acceleration is what that takes: compare with the joint's.
+    /// Returns the motion from `q0` with velocity `w0` to rest at `q1` after `end` > 0 seconds with at most `speed`.
+    /// The required acceleration may exceed the joint's limit; the caller must compare.
     pub fn between(q0: f64, w0: f64, q1: f64, end: f64, speed: f64) -> Self {
         let shape = Acceleration::new(q1 - q0, end, w0, speed);
         let a = shape.a;
@@ -55,7 +55,7 @@ impl Ramp {
         }
     }
 
-    /// Returns a joint that stands at `q`.
+    /// Returns a joint at rest at `q`.
     pub fn standing(q: f64) -> Self {
         Self {
             q0: q,
@@ -67,7 +67,7 @@ impl Ramp {
         }
     }
 
-    /// Returns the fastest motion to a standstill wherever that is, braking with `acceleration`.
+    /// Returns the fastest motion to rest with the given acceleration.
     pub fn braking(q0: f64, w0: f64, acceleration: f64) -> Self {
         Self {
             q0,
@@ -79,7 +79,8 @@ impl Ramp {
         }
     }
 
-    /// Returns position and velocity at time `t` s from the start; before it as at the start, after the end as at the end.
+    /// Returns position and velocity at time `t`, in s from the start. Times outside of the motion give its start or
+    /// end.
     pub fn at(&self, t: f64) -> (f64, f64) {
         let t = t.clamp(0.0, self.end);
         let (first, last) = ((t - self.t1).max(0.0), (t - self.t2).max(0.0));
@@ -88,11 +89,11 @@ impl Ramp {
         if t >= self.end { (q, 0.0) } else { (q, w) }
     }
 
-    /// Returns the least and the greatest position on the way.
+    /// Returns the lowest and the highest position of the motion.
     pub fn extent(&self) -> [f64; 2] {
         let (end, _) = self.at(self.end);
         let mut extent = [self.q0.min(end), self.q0.max(end)];
-        // Where it turns round, in the first part.
+        // The joint reverses in the first part.
         if self.w0 * self.a < 0.0 && -self.w0 / self.a < self.t1 {
             let turn = self.q0 - self.w0 * self.w0 / (2.0 * self.a);
             extent = [extent[0].min(turn), extent[1].max(turn)];
@@ -100,12 +101,12 @@ impl Ramp {
         extent
     }
 
-    /// Returns the greatest speed on the way.
+    /// Returns the maximum speed of the motion.
     pub fn top_speed(&self) -> f64 {
         self.w0.abs().max((self.w0 + self.a * self.t1).abs())
     }
 
-    /// Returns the motion that is left at time `t`, s: the same path, begun there.
+    /// Returns the rest of the motion from time `t`, in s.
     pub fn from(&self, t: f64) -> Self {
         let t = t.clamp(0.0, self.end);
         let (q0, w0) = self.at(t);
@@ -119,7 +120,7 @@ impl Ramp {
         }
     }
 
-    /// Returns what travelled.
+    /// Converts from a packet.
     pub fn of(packet: &RampPacket) -> Self {
         Self {
             q0: packet.q0,
@@ -131,7 +132,7 @@ impl Ramp {
         }
     }
 
-    /// Returns it as it travels.
+    /// Converts to a packet.
     pub fn packet(&self) -> RampPacket {
         RampPacket {
             q0: self.q0,
@@ -144,24 +145,24 @@ impl Ramp {
     }
 }
 
-/// The acceleration that a motion needs, with its derivatives.
+/// Acceleration that a motion requires, with its derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Acceleration {
-    /// In the first part.
+    /// Acceleration in the first part.
     pub a: f64,
-    /// Its derivative by the distance; 1/s^2.
+    /// Derivative with respect to the distance, in 1/s^2.
     pub by_distance: f64,
-    /// Its derivative by the time.
+    /// Derivative with respect to the duration.
     pub by_time: f64,
-    /// Velocity in the middle.
+    /// Velocity in the middle part.
     pub peak: f64,
-    /// True if the top speed is kept for a while.
+    /// True if the motion keeps the maximum speed for some time.
     pub trapezoid: bool,
 }
 
 impl Acceleration {
-    /// Returns what it takes to come to rest at a distance of `d` after `t` > 0 seconds, beginning with velocity `w0`, no faster than
-    /// `speed`. Infinite where no acceleration would do: too far for the speed.
+    /// Returns the acceleration for coming to rest at a distance of `d` after `t` > 0 seconds, with initial velocity
+    /// `w0` and at most `speed`. Infinite if the distance is out of reach at that speed.
     pub fn new(d: f64, t: f64, w0: f64, speed: f64) -> Self {
         let x = 2.0 * d - t * w0;
         let s = if x < 0.0 { -1.0 } else { 1.0 };
@@ -169,7 +170,7 @@ impl Acceleration {
         let a = (x + s * root) / (t * t);
         let peak = (w0 + a * t) / 2.0;
         if peak.abs() <= speed {
-            // Half of the root is what is left between the peak, kept all the time, and the distance.
+            // Half the root is the difference between `peak t` and the distance.
             let left = s * root / 2.0;
             if left == 0.0 {
                 return Self {
@@ -210,22 +211,23 @@ impl Acceleration {
     }
 }
 
-/// How far a joint can be from its start when it comes to rest after a given time; smooth in the time and, unlike the least time, linear
-/// in the distance.
+/// Range of distances at which a joint can come to rest after a given time. The range is smooth in time and, unlike the
+/// least time, linear in the distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reach {
-    /// Least distance; negative unless the joint moves too fast to turn.
+    /// Lowest distance; positive only if the joint is too fast to reverse.
     pub low: f64,
-    /// Greatest distance.
+    /// Highest distance.
     pub high: f64,
-    /// Derivative of `low` by the time.
+    /// Derivative of `low` with respect to time.
     pub low_by_time: f64,
-    /// Derivative of `high` by the time.
+    /// Derivative of `high` with respect to time.
     pub high_by_time: f64,
 }
 
 impl Reach {
-    /// Returns the reach after `t` seconds. Meaningful from `|w0| / acceleration` on: earlier the joint cannot stand.
+    /// Returns the range after `t` seconds. Valid for `t >= |w0| / acceleration`; the joint cannot come to rest
+    /// earlier.
     pub fn new(t: f64, w0: f64, joint: &Joint) -> Self {
         let (high, high_by_time) = farthest(t, w0, joint);
         let (low, low_by_time) = farthest(t, -w0, joint);
@@ -251,12 +253,12 @@ fn farthest(t: f64, w0: f64, joint: &Joint) -> (f64, f64) {
     }
 }
 
-/// The least time to a distance, with its derivative.
+/// Least time to a distance, with its derivative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeastTime {
-    /// s.
+    /// Least time, in s.
     pub t: f64,
-    /// Derivative by the distance.
+    /// Derivative with respect to the distance.
     pub by_distance: f64,
 }
 
@@ -264,7 +266,7 @@ impl LeastTime {
     /// Returns the least time in which a joint comes to rest at a distance of `d`.
     pub fn exact(d: f64, w0: f64, joint: &Joint) -> Self {
         let (most, top) = (joint.acceleration, joint.speed);
-        // Where it stands if it brakes at once.
+        // Distance at which the joint comes to rest if it brakes at once.
         let braked = w0 * w0.abs() / (2.0 * most);
         let s = if d < braked { -1.0 } else { 1.0 };
         let a = s * most;
@@ -284,8 +286,8 @@ impl LeastTime {
         }
     }
 
-    /// Returns the same without the edge where the joint only brakes: `d` is taken as `sqrt(x^2 + SMOOTH_DISTANCE^2)` away from there, so
-    /// that the time is never too short.
+    /// Returns a smooth upper bound of the least time, without the kink at the pure braking motion. The distance `x`
+    /// from that kink is replaced by `sqrt(x^2 + SMOOTH_DISTANCE^2)`.
     pub fn smooth(d: f64, w0: f64, joint: &Joint) -> Self {
         let braked = w0 * w0.abs() / (2.0 * joint.acceleration);
         let x = d - braked;
@@ -358,7 +360,7 @@ mod tests {
             let h = 1e-6;
             let near = |d, t| Acceleration::new(d, t, w0, speed);
             let others = [near(d + h, t), near(d - h, t), near(d, t + h), near(d, t - h)];
-            // At X = 0 the same motion has two names, a and -a.
+            // At X = 0 the motion has two representations, a and -a.
             prop_assume!(others.iter().all(|o| o.a.is_finite() && o.trapezoid == here.trapezoid && o.a.signum() == here.a.signum()));
             prop_assume!((2.0 * d - t * w0).hypot(t * w0) > 1e-3 && here.a.abs() < 1e3);
             let scale = 1.0 + here.a.abs() / t;

@@ -1,27 +1,28 @@
-//! Geometry of the robot: where hands and head are, how they move with the joints, and the closed-form way back.
+//! Geometry of the robot: forward kinematics of hands and head, Jacobians, and closed-form inverse kinematics.
 
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, Arm, JOINTS, Joint, RobotDescription, joint};
 
-/// Where a hand is held up, from the shoulder, m,
+/// Position of a raised hand relative to the shoulder, in m.
 const RAISED: Vector3<f64> = Vector3::new(0.4, 0.0, 0.6);
-/// and how far joints then are from the ends of their ranges, at least, as a share of those.
+/// Minimum distance of the raised arm's joints from the ends of their ranges, as a fraction of the range.
 const RAISED_MARGIN: f64 = 0.015;
-/// Steps of the way down that are looked at.
+/// Number of steps at which the way down is evaluated.
 const RAISED_STEPS: u32 = 6;
 
-/// Position and orientation of a catch frame.
+/// Pose of a catch frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandPose {
-    /// Middle of the opening, m.
+    /// Centre of the hand's opening, in m.
     pub position: Vector3<f64>,
-    /// From the catch frame to the frame of `position`; its third column is the hand's axis, which points away from the wrist.
+    /// Rotation from the catch frame to the frame of `position`. Its third column is the hand axis, which points away
+    /// from the wrist.
     pub rotation: Matrix3<f64>,
 }
 
-/// The robot's geometry and limits.
+/// Geometry and limits of the robot.
 #[derive(Debug, Clone)]
 pub struct Robot {
     description: RobotDescription,
@@ -30,7 +31,7 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// Prepares a description, which was checked when it was read.
+    /// Creates a robot from a validated description.
     pub fn new(description: RobotDescription) -> Self {
         Self {
             joints: description.joints(),
@@ -39,7 +40,7 @@ impl Robot {
         }
     }
 
-    /// Returns what the robot was made from.
+    /// Returns the description.
     pub fn description(&self) -> &RobotDescription {
         &self.description
     }
@@ -49,12 +50,12 @@ impl Robot {
         &self.joints
     }
 
-    /// Returns an arm's geometry, in the chest's frame; 0 left, 1 right.
+    /// Returns the kinematics of an arm in the chest frame: 0 left, 1 right.
     pub fn arm(&self, arm: usize) -> &ArmKinematics {
         &self.arms[arm]
     }
 
-    /// Returns the joints in which the robot waits: platform, torso and neck at zero, arms as [`Robot::ready`] says.
+    /// Returns the joints of the waiting pose: platform, torso and neck at zero, arms as in [`Robot::ready`].
     pub fn waiting(&self) -> [f64; JOINTS] {
         let mut q = [0.0; JOINTS];
         for arm in 0..ARMS {
@@ -63,8 +64,9 @@ impl Robot {
         q
     }
 
-    /// Returns joint angles in which an arm waits: hand half a metre ahead of its shoulder and a little below, open towards the thrower,
-    /// as far as can be from all ends of ranges.
+    /// Returns the joint angles of an arm in the waiting pose. The hand is half a metre in front of the shoulder,
+    /// slightly below it and open towards the thrower. Of all such configurations, this one is farthest from the ends
+    /// of the joint ranges.
     pub fn ready(&self, arm: usize) -> [f64; ARM_JOINTS] {
         self.held(
             arm,
@@ -74,8 +76,9 @@ impl Robot {
         )
     }
 
-    /// Returns joint angles in which an arm is held up while the head looks at what stands before the robot: hand above and ahead of the
-    /// shoulder, open inwards, from where the straight way to [`Robot::ready`] swings out least.
+    /// Returns the joint angles of a raised arm, used while the head looks at the space in front of the robot. The hand
+    /// is above and in front of the shoulder and open inwards. Of all such configurations, the straight way to
+    /// [`Robot::ready`] swings outwards least.
     pub fn raised(&self, arm: usize) -> [f64; ARM_JOINTS] {
         let ready = self.ready(arm);
         let kinematics = &self.arms[arm];
@@ -95,8 +98,8 @@ impl Robot {
         })
     }
 
-    /// Returns joint angles with the hand at `from_shoulder`, its axis along `axis`, that are best by a measure of the least distance to an
-    /// end of a range, as a share of it, and of the angles.
+    /// Returns the joint angles with the hand at `from_shoulder` and its axis along `axis` that maximise `measure`. Its
+    /// arguments are the minimum distance to an end of a range, as a fraction of the range, and the angles.
     fn held(
         &self,
         arm: usize,
@@ -135,7 +138,7 @@ impl Robot {
         best.1
     }
 
-    /// Returns the chest in the inertial frame, by the joints alone: what elasticity and slip add is not in it.
+    /// Returns the chest pose in the inertial frame from joint positions alone, without elasticity and slip.
     pub fn chest(&self, q: &[f64; JOINTS]) -> Isometry3<f64> {
         let torso = &self.description.torso;
         let [yaw, lower, upper] = [q[1], q[2], q[3]];
@@ -149,7 +152,7 @@ impl Robot {
         Isometry3::from_parts(Translation3::from(position), rotation)
     }
 
-    /// Returns the head in the chest's frame.
+    /// Returns the head pose in the chest frame.
     pub fn head(&self, q: &[f64; JOINTS]) -> Isometry3<f64> {
         let [pan, tilt] = [q[joint::NECK.start], q[joint::NECK.start + 1]];
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), pan)
@@ -160,25 +163,25 @@ impl Robot {
         )
     }
 
-    /// Returns pan and tilt with which the head looks at `point` (chest's frame), not limited.
+    /// Returns pan and tilt that point the head at `point` (chest frame), without limits.
     pub fn look_at(&self, point: &Vector3<f64>) -> [f64; 2] {
         let d = point - Vector3::new(0.0, 0.0, self.description.neck.height);
         [d.y.atan2(d.x), (-d.z).atan2(d.x.hypot(d.y))]
     }
 }
 
-/// The frame of an arm's link, in the chest's frame.
+/// Frame of an arm's link in the chest frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkFrame {
-    /// On the axis of the joint that moves it, m.
+    /// Origin on the axis of the joint that moves the link, in m.
     pub origin: Vector3<f64>,
-    /// From it to the chest's frame.
+    /// Rotation from the link frame to the chest frame.
     pub rotation: Matrix3<f64>,
-    /// That axis.
+    /// Axis of the joint that moves the link.
     pub axis: Vector3<f64>,
 }
 
-/// An arm with spherical shoulder and wrist: axes z -y z y z -y z.
+/// Kinematics of an arm with spherical shoulder and wrist and joint axes z, -y, z, y, z, -y, z.
 #[derive(Debug, Clone)]
 pub struct ArmKinematics {
     base: Isometry3<f64>,
@@ -206,27 +209,27 @@ impl ArmKinematics {
         }
     }
 
-    /// Returns the limits of the joints.
+    /// Returns the joint limits.
     pub fn joints(&self) -> &[Joint; ARM_JOINTS] {
         &self.joints
     }
 
-    /// Returns the shoulder, m, chest's frame.
+    /// Returns the shoulder position in the chest frame, in m.
     pub fn shoulder(&self) -> Vector3<f64> {
         self.shoulder
     }
 
-    /// Returns from the shoulder to the farthest catch frame, m.
+    /// Returns the distance from the shoulder to the farthest catch frame, in m.
     pub fn reach(&self) -> f64 {
         self.upper + self.fore + self.hand
     }
 
-    /// Returns where the arm is mounted, in the chest's frame.
+    /// Returns the mounting pose in the chest frame.
     pub fn base(&self) -> &Isometry3<f64> {
         &self.base
     }
 
-    /// Returns the catch frame for joint angles `q`, in the chest's frame.
+    /// Returns the catch frame at joint angles `q`, in the chest frame.
     pub fn forward(&self, q: &[f64; ARM_JOINTS]) -> HandPose {
         let frames = self.frames(q);
         HandPose {
@@ -235,13 +238,13 @@ impl ArmKinematics {
         }
     }
 
-    /// Returns shoulder, elbow, wrist and catch frame's middle, in the chest's frame.
+    /// Returns the positions of shoulder, elbow, wrist and catch frame in the chest frame.
     pub fn points(&self, q: &[f64; ARM_JOINTS]) -> [Vector3<f64>; 4] {
         let frames = self.frames(q);
         [self.shoulder, frames.elbow, frames.wrist, frames.catch]
     }
 
-    /// Returns what moves with the joints, chest's frame.
+    /// Returns the joint axes and joint positions in the chest frame.
     pub(crate) fn chain(&self, q: &[f64; ARM_JOINTS]) -> Chain {
         let frames = self.frames(q);
         Chain {
@@ -253,7 +256,8 @@ impl ArmKinematics {
         }
     }
 
-    /// Returns the catch frame and its geometric Jacobian `[6][7]`: velocity of the middle, then rotation rate, per joint rate.
+    /// Returns the catch frame and its geometric Jacobian `[6][7]`: linear velocity, then angular velocity, per joint
+    /// velocity.
     pub fn jacobian(&self, q: &[f64; ARM_JOINTS]) -> (HandPose, SMatrix<f64, 6, ARM_JOINTS>) {
         let frames = self.frames(q);
         let origins = [
@@ -280,7 +284,7 @@ impl ArmKinematics {
         (pose, jacobian)
     }
 
-    /// Returns the frames of the links behind the joints, in the chest's frame; the last one's origin is the wrist.
+    /// Returns the link frames behind the joints, in the chest frame. The origin of the last one is the wrist.
     pub fn links(&self, q: &[f64; ARM_JOINTS]) -> [LinkFrame; ARM_JOINTS] {
         let mut rotation = self.base_rotation;
         let mut origin = self.shoulder;
@@ -355,11 +359,12 @@ impl ArmKinematics {
         }
     }
 
-    /// Calls `found` with every set of joint angles, each within (-pi, pi], that puts the catch frame at `pose` (chest's frame) with the
-    /// elbow at `elbow_angle` on its circle about the line from shoulder to wrist: up to eight. Ranges are not looked at.
+    /// Calls `found` with each set of joint angles that puts the catch frame at `pose` (chest frame) and the elbow at
+    /// `elbow_angle` on its circle about the line from shoulder to wrist. There are up to eight sets, with angles in
+    /// (-pi, pi]. Joint ranges are not checked.
     ///
-    /// There is none where the wrist is out of reach, and where the arm is stretched or folded to less than a milliradian: there the
-    /// circle is a point.
+    /// There is no solution if the wrist is out of reach, or if the arm is stretched or folded to less than a
+    /// milliradian, where the circle degenerates to a point.
     pub fn inverse(
         &self,
         pose: &HandPose,
@@ -372,7 +377,8 @@ impl ArmKinematics {
         circle.each(self, elbow_angle, &mut found);
     }
 
-    /// Returns the circle on which the elbow may lie for a pose, in the arm's base; `None` out of reach.
+    /// Returns the circle of possible elbow positions for a pose, in the frame of the arm's base, or `None` if the pose
+    /// is out of reach.
     pub fn elbow_circle(&self, pose: &HandPose) -> Option<ElbowCircle> {
         let rotation = self.base_rotation.transpose() * pose.rotation;
         let wrist = self.base_rotation.transpose() * (pose.position - self.shoulder)
@@ -380,14 +386,14 @@ impl ArmKinematics {
         let distance = wrist.norm();
         let cos = (distance * distance - self.upper * self.upper - self.fore * self.fore)
             / (2.0 * self.upper * self.fore);
-        // A milliradian of stretch or fold.
+        // Limit of one milliradian from stretched or folded.
         if cos.is_nan() || cos.abs() >= 1.0 - 5e-7 || distance < 1e-6 {
             return None;
         }
         let axis = wrist / distance;
         let along = (distance * distance + self.upper * self.upper - self.fore * self.fore)
             / (2.0 * distance);
-        // Perpendicular to the line, whichever way that points.
+        // Any direction perpendicular to the line.
         let helper = if axis.z.abs() < 0.9 {
             Vector3::z()
         } else {
@@ -404,7 +410,7 @@ impl ArmKinematics {
         })
     }
 
-    /// Returns true if every joint is within its range.
+    /// Returns true if all joints are within their ranges.
     pub fn within_ranges(&self, q: &[f64; ARM_JOINTS]) -> bool {
         q.iter()
             .zip(&self.joints)
@@ -412,20 +418,20 @@ impl ArmKinematics {
     }
 }
 
-/// The joints of an arm and what they move.
+/// Joint axes and positions of an arm.
 #[derive(Debug, Clone)]
 pub(crate) struct Chain {
-    /// Of the joints.
+    /// Joint axes.
     pub axes: [Vector3<f64>; ARM_JOINTS],
     pub shoulder: Vector3<f64>,
     pub elbow: Vector3<f64>,
     pub wrist: Vector3<f64>,
-    /// From the catch frame to the chest's.
+    /// Rotation from the catch frame to the chest frame.
     pub rotation: Matrix3<f64>,
 }
 
 impl Chain {
-    /// Returns a point of a joint's axis.
+    /// Returns a point on a joint's axis.
     pub fn origin(&self, joint: usize) -> &Vector3<f64> {
         match joint {
             0..3 => &self.shoulder,
@@ -435,7 +441,7 @@ impl Chain {
     }
 }
 
-/// Where the elbow may lie while the hand stays.
+/// Circle of possible elbow positions for a fixed hand pose.
 #[derive(Debug, Clone)]
 pub struct ElbowCircle {
     rotation: Matrix3<f64>,
@@ -447,7 +453,7 @@ pub struct ElbowCircle {
 }
 
 impl ElbowCircle {
-    /// Calls `found` with the up to eight sets of joint angles for one elbow angle, as [`ArmKinematics::inverse`].
+    /// Calls `found` with the up to eight sets of joint angles of one elbow angle, like [`ArmKinematics::inverse`].
     pub fn each(
         &self,
         arm: &ArmKinematics,
@@ -461,7 +467,7 @@ impl ElbowCircle {
         let (bend_sin, bend_cos) = self.bend.sin_cos();
         let x = (fore - z * bend_cos) / bend_sin;
         for bend_sign in [1.0, -1.0] {
-            // Bent the other way, the upper arm is turned by half a turn about itself.
+            // With the opposite bend, the upper arm is rotated by pi about its axis.
             let x = x * bend_sign;
             let y = z.cross(&x);
             let upper = Matrix3::from_columns(&[x, y, z]);
@@ -493,7 +499,7 @@ struct Frames {
     rotation: Matrix3<f64>,
 }
 
-/// `rotation` times a turn about its y axis.
+/// Multiplies `rotation` by a rotation about its y axis.
 fn turn_y(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
     let (x, z) = (
         rotation.column(0).into_owned(),
@@ -503,7 +509,7 @@ fn turn_y(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
     rotation.set_column(2, &(x * sin + z * cos));
 }
 
-/// `rotation` times a turn about its z axis.
+/// Multiplies `rotation` by a rotation about its z axis.
 fn turn_z(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
     let (x, y) = (
         rotation.column(0).into_owned(),
@@ -513,7 +519,8 @@ fn turn_z(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
     rotation.set_column(1, &(y * cos - x * sin));
 }
 
-/// Returns both sets of angles with which turns about z, -y, z make `r`. Where the middle one is 0 or pi, the first is 0.
+/// Returns both sets of angles whose rotations about z, -y and z give `r`. If the middle angle is 0 or pi, the first
+/// one is 0.
 fn zyz(r: &Matrix3<f64>) -> [[f64; 3]; 2] {
     let sin = r[(0, 2)].hypot(r[(1, 2)]);
     if sin < 1e-9 {
@@ -525,7 +532,7 @@ fn zyz(r: &Matrix3<f64>) -> [[f64; 3]; 2] {
         let last = r[(1, 0)].atan2(r[(1, 1)]);
         return [[0.0, middle, last], [0.0, -middle, last]];
     }
-    // A turn by b about -y puts z at (-sin b cos a, -sin b sin a, cos b).
+    // A rotation by b about -y maps z to (-sin b cos a, -sin b sin a, cos b).
     let middle = sin.atan2(r[(2, 2)]);
     let first = (-r[(1, 2)]).atan2(-r[(0, 2)]);
     let last = (-r[(2, 1)]).atan2(r[(2, 0)]);
@@ -539,7 +546,7 @@ fn zyz(r: &Matrix3<f64>) -> [[f64; 3]; 2] {
     [[first, middle, last], [other(first), -middle, other(last)]]
 }
 
-/// Returns the rotation whose z axis is `axis` (of length 1), turned by `angle` about it.
+/// Returns a rotation whose z axis is the unit vector `axis`, rotated by `angle` about it.
 pub fn rotation_towards(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     let helper = if axis.z.abs() < 0.9 {
         Vector3::z()
@@ -553,7 +560,7 @@ pub fn rotation_towards(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     rotation
 }
 
-/// Returns the angle between two rotations, rad.
+/// Returns the angle between two rotations, in rad.
 pub fn angle_between(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
     Rotation3::from_matrix_unchecked(a.transpose() * b).angle()
 }

@@ -1,12 +1,12 @@
-//! Would the robot touch itself if it braked now? (Thesis, section 3.5.3.)
+//! Self-collision monitor: decides whether the robot could brake without touching itself (thesis, section 3.5.3).
 //!
-//! Bodies are convex hulls of points, grown by a radius. Where they may be while joints go through intervals is again such a hull, which
-//! holds all of that: a whole braking motion is proved to be free, not samples of it. A table holds a lower bound of the distance of each
-//! pair of bodies; every tick computes the least ones anew, and all others lose what they can have approached since, so that a tick takes
-//! a bounded time.
+//! Bodies are convex hulls of points with a radius. The space that they cover while joints move through intervals is
+//! bounded by such hulls, so the whole braking motion is proved to be free, not only samples of it. A table holds a
+//! lower bound of each pair's distance. Each tick recomputes the smallest bounds and reduces all others by the maximum
+//! possible approach since their computation. The computing time of a tick is therefore bounded.
 //!
 //! ```text
-//! command ─> intervals of braking ─> bounds of all pairs ─> least ones anew: swept hulls, GJK ─> least bound ─> go or brake
+//! command ─> braking intervals ─> bounds of all pairs ─> smallest recomputed: swept hulls, GJK ─> smallest bound ─> go or brake
 //! ```
 
 mod bodies;
@@ -30,7 +30,8 @@ mod tests {
     use tactnet_catching_packets::packets::JointCommand;
     use tactnet_catching_packets::{JOINTS, RobotDescription};
 
-    /// Joint positions and half intervals, shares of ranges and rad.
+    /// Returns joint positions as fractions of the ranges, half widths of intervals in rad or m, and positions within
+    /// them.
     fn motion() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, Vec<f64>)> {
         let of = |range: std::ops::Range<f64>| proptest::collection::vec(range, JOINTS);
         (of(0.0..1.0), of(0.0..0.5), of(-1.0..1.0))
@@ -39,7 +40,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(200))]
 
-        /// Wherever joints are in their intervals, bodies lie in their swept hulls, and are no nearer to each other than those.
+        /// For all joint positions within their intervals, bodies lie in their swept hulls.
         #[test]
         fn swept_hulls_hold_their_bodies((places, halves, inside) in motion()) {
             let description = RobotDescription::nominal();
@@ -57,7 +58,7 @@ mod tests {
                 let [a, b] = bodies.placed(pair, &q);
                 let [c, d] = bodies.swept(pair, &intervals);
                 for (body, swept) in [(a, c), (b, d)] {
-                    // A sphere lies in another body if its centre is no farther out than the difference of the radii.
+                    // A sphere lies in another body if its centre's distance is at most the difference of the radii.
                     let core = Hull::new(swept.points(), 0.0);
                     for point in body.points() {
                         let out = distance(&Hull::new(&[*point], 0.0), &core);
@@ -70,8 +71,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whenever drives begin to brake within the reaction, all joints are together in the intervals of a part of the motion, and no nearer
-        /// to each other than the bound that comes of parts.
+        /// For any start of braking within the reaction time, all joints are within the intervals of one part of the
+        /// motion, and the bound of parts holds.
         #[test]
         fn parts_of_braking_hold_the_motion(
             (places, _, speeds) in motion(), begun in 0.0..1.0f64, braked in 0.0..1.0f64, pair in 0..PAIRS, looks in 0..60_usize,
@@ -101,13 +102,14 @@ mod tests {
         }
     }
 
-    /// Where a joint is `time` after a command, if its drive begins to brake `begun` after it.
+    /// Returns the position of a joint `time` after a command if its drive starts to brake `begun` after it.
     fn at(q: f64, dq: f64, deceleration: f64, begun: f64, time: f64) -> f64 {
         let slowing = (time - begun).clamp(0.0, dq.abs() / deceleration);
         q + dq * (time.min(begun) + slowing) - 0.5 * dq.signum() * deceleration * slowing * slowing
     }
 
-    /// The least distance of all pairs while joints brake, looked at often, if drives begin to brake at once or at the end of the reaction.
+    /// Returns the minimum distance of all pairs during braking, sampled densely, for drives that brake at once or at
+    /// the end of the reaction time.
     fn least(
         monitor: &Monitor,
         joints: &[tactnet_catching_packets::Joint; JOINTS],
@@ -156,7 +158,7 @@ mod tests {
             dq,
         };
         assert!(monitor.judge(&command(q, [0.0; JOINTS])).go, "at rest");
-        // The left arm's first joints carry it across the body, a tick of a millisecond each time.
+        // The left arm's first joints move it across the body, one millisecond per step.
         let mut stopped = false;
         for direction in [-1.0, 1.0] {
             let (mut at, mut dq) = (q, [0.0; JOINTS]);
@@ -176,7 +178,7 @@ mod tests {
         assert!(stopped, "an arm that goes on turning comes to the body");
     }
 
-    /// A robot whose brakes were late stands within the margin. It may leave, slowly, and may not come nearer.
+    /// A robot that braked too late rests within the margin. It may leave slowly but must not come closer.
     #[test]
     fn what_stands_too_near_may_leave() {
         let description = RobotDescription::nominal();
@@ -203,7 +205,7 @@ mod tests {
             at[7] += by;
             at
         };
-        // As far as it may, then on, without a look at the monitor, until it is a quarter of the margin too near.
+        // Move to the margin, then on without the monitor until the distance is 75 % of the margin.
         let mut now = q;
         while monitor.judge(&command(now, 1.0)).go {
             now = step(1e-3);
@@ -213,13 +215,13 @@ mod tests {
         }
         assert!(!monitor.judge(&command(now, 0.5)).go, "fast");
         assert!(monitor.judge(&command(now, 0.0)).go, "it stands");
-        // On again: it is stopped before it touches.
+        // A further approach is stopped before contact.
         let place = now;
         while monitor.judge(&command(now, 0.05)).go {
             now = step(5e-5);
             assert!(least(&monitor, now) >= config.leaving);
         }
-        // Back, from where it was: it may all the way, and the margin holds again after it.
+        // The way back is permitted all along, and afterwards the margin holds again.
         monitor.judge(&command(place, 0.0));
         let mut now = step(place[6] - now[6]);
         while least(&monitor, now) < 2.0 * config.margin {
@@ -237,7 +239,8 @@ mod tests {
         );
     }
 
-    /// Both arms at full speed take so much from all bounds in a tick that four pairs anew are not enough: a robot with room is braked.
+    /// Fast motion of both arms reduces all bounds so much per tick that four recomputed pairs do not suffice and a
+    /// free robot is braked.
     #[test]
     fn fast_arms_with_room_are_not_braked() {
         use rand::{RngExt, SeedableRng};

@@ -1,13 +1,14 @@
-//! Throwing a ball back (thesis, section 3.5.4): arm and platform's turn swing the hand, the fingers open in time.
+//! Throwing a ball back (thesis, section 3.5.4): arm and torso rotation swing the hand, and the fingers open in time.
 //!
-//! Unknown are the joint angles at the release, the speeds with which joints turn then, and the time in which they get so fast from rest.
-//! Where the swing begins and ends follows: every joint speeds up evenly, keeps its speed around the release, and slows down as it sped up,
-//! within its range. The [`Thrower`] seeks the farthest flight in a direction, or the gentlest throw that comes down at a place, by
-//! sequential quadratic programming from many starts; flights have the drag of [`flight`](crate::flight). A [`ThrowMotion`] leads from
-//! wherever the robot stands to the swing and through it.
+//! The unknowns are the joint angles at the release, the joint velocities at that time, and the time in which the
+//! joints accelerate from rest. They determine the start and the end of the swing: each joint accelerates uniformly,
+//! keeps its velocity around the release, and decelerates symmetrically within its range. The [`Thrower`] computes the
+//! farthest flight in a direction, or the smoothest throw to a target, by sequential quadratic programming from many
+//! starts. Flights have the drag of [`flight`](crate::flight). A [`ThrowMotion`] leads from the current pose to the
+//! swing and through it.
 //!
 //! ```text
-//! release q, u, T ─> hand p, v ─> flight with drag ─> where it comes down      q -+ w u (T / 2 + coast) ─> ends of the swing
+//! release q, u, T ─> hand p, v ─> flight with drag ─> landing position      q -+ w u (T / 2 + coast) ─> ends of the swing
 //! ```
 
 mod beside;

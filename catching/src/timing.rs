@@ -1,28 +1,28 @@
-//! How long the parts of the stack take, in stepped time (thesis, figure 3.2).
+//! Delays of the processing chain in stepped time (thesis, figure 3.2).
 
 use serde::{Deserialize, Serialize};
 
-/// Pictures of a ball before there is a path.
+/// Number of pictures of a ball before the first path.
 const FIRST_PICTURES: f64 = 3.0;
 
-/// Times of the way from a picture to a path, s.
+/// Delays from a picture to a path, in s.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// From the exposure to the memory of the computer that sees.
+    /// Delay from the exposure to the memory of the vision computer, in s.
     pub camera: f64,
-    /// From there to the prediction.
+    /// Delay from there to the prediction, in s.
     pub tracking: f64,
-    /// To the planner and back.
+    /// Total transfer time to the planner and back, in s.
     pub transfers: f64,
-    /// Planning.
+    /// Planning time, in s.
     pub planning: f64,
-    /// From a joint command to its effect; known, so commands are given for that much later.
+    /// Delay from a joint command to its effect, in s. The controller compensates it.
     pub drives: f64,
 }
 
 impl Timing {
-    /// Returns the times of the thesis: 152 ms from exposure to path.
+    /// Returns the delays of the thesis: 152 ms from exposure to path.
     pub fn thesis() -> Self {
         Self {
             camera: 0.040,
@@ -33,7 +33,7 @@ impl Timing {
         }
     }
 
-    /// Returns the times that are to be kept here: 70 ms with the same camera.
+    /// Returns the target delays of this project: 70 ms with the same camera.
     pub fn ours() -> Self {
         Self {
             camera: 0.040,
@@ -44,19 +44,20 @@ impl Timing {
         }
     }
 
-    /// Returns the time from exposure to prediction, s.
+    /// Returns the time from exposure to prediction, in s.
     pub fn to_prediction(&self) -> f64 {
         self.camera + self.tracking
     }
 
-    /// Returns the time from a ball's release to the begin of the first path, s: three pictures, then from exposure to path.
+    /// Returns the time from a ball's release to the start of the first path, in s: three pictures, then the delay from
+    /// exposure to path.
     ///
-    /// - `rate`: pictures a second
+    /// - `rate`: frame rate, in Hz
     pub fn reaction(&self, rate: f64) -> f64 {
         FIRST_PICTURES / rate + self.to_prediction() + self.to_path()
     }
 
-    /// Returns the time from a prediction to the path that follows from it, s.
+    /// Returns the time from a prediction to the path that follows from it, in s.
     pub fn to_path(&self) -> f64 {
         self.transfers + self.planning
     }

@@ -1,17 +1,17 @@
-//! Where balls are and how they fly (thesis, section 3.4.1): unscented Kalman filters in a multiple hypothesis tracker.
+//! Ball tracking (thesis, section 3.4.1): unscented Kalman filters in a multiple hypothesis tracker.
 //!
 //! ```text
-//! circles of both cameras, head's pose ─> BallTracker ─> up to two balls: position, velocity, drag, covariance, existence
+//! circles of both cameras, head pose ─> BallTracker ─> up to two balls: position, velocity, drag, covariance, existence
 //! ```
 //!
-//! A picture's circles are balls that are tracked, balls that are new, or none at all. A hypothesis says of all circles so far which is
-//! which (Cox and Hingorani 1996); a [filter](BallState) for each of its balls says how probable that is. Both pictures of a pair are
-//! taken one after the other: the left circles are given to tracks or left over; then the right ones are given to tracks, left over, or
-//! make a pair with a left one that is left over, from which a new track is born. So an assignment never has more than two sides, and the
-//! k best ones are found exactly ([`murty`]).
+//! A circle is a tracked ball, a new ball, or clutter. A hypothesis assigns one of these to each circle so far (Cox and
+//! Hingorani 1996); a [filter](BallState) for each of its balls gives its probability. The two pictures of a pair are
+//! processed one after the other. First, left circles are assigned to tracks or left over. Then, right circles are
+//! assigned to tracks, left over, or paired with a left-over left circle, which creates a track. Each assignment
+//! therefore has only two sides, and the k best ones are computed exactly ([`murty`]).
 //!
-//! Estimates are in the inertial frame as it is, not as the head believes it to be: covariances hold the head's error, which is the
-//! same in all pictures but for its drift, as consider states (`ukf.rs`).
+//! Estimates refer to the true inertial frame. Covariances include the head's error as consider states (`ukf.rs`),
+//! because it is the same in all pictures except for its drift.
 
 mod birth;
 mod camera;

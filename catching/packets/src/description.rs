@@ -1,4 +1,5 @@
-//! The robot's description, `robot.toml`: geometry, limits, masses, sensors. Read with [`RobotDescription::parse`], which checks it.
+//! Robot description, `robot.toml`: geometry, limits, masses and sensors. [`RobotDescription::parse`] reads and
+//! validates it.
 
 use serde::Deserialize;
 
@@ -6,168 +7,171 @@ use crate::{ARM_JOINTS, ARMS, JOINTS, joint};
 
 const NOMINAL: &str = include_str!("robot.toml");
 
-/// What is wrong with a description.
+/// Error in a robot description.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DescriptionError {
-    /// Not TOML, an unknown or missing setting, a value of another kind.
+    /// Invalid TOML, an unknown or missing setting, or a value of the wrong type.
     #[error("{0}")]
     Syntax(String),
-    /// A value out of range.
+    /// Value out of range.
     #[error("`{setting}`: expected {expected}, found {found}")]
     Value {
-        /// Its name, with the tables that it is in.
+        /// Name of the setting, with its tables.
         setting: String,
-        /// What it must be.
+        /// Expected value.
         expected: &'static str,
-        /// What it is.
+        /// Actual value.
         found: String,
     },
 }
 
-/// A joint's limits; angles in radians, or metres for a sliding one.
+/// Limits of a joint, in rad for a rotating and m for a sliding joint.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
-    /// Least and greatest position.
+    /// Lowest and highest position, in rad or m.
     pub range: [f64; 2],
-    /// Greatest speed.
+    /// Maximum speed, in rad/s or m/s.
     pub speed: f64,
-    /// Greatest acceleration.
+    /// Maximum acceleration, in rad/s^2 or m/s^2.
     pub acceleration: f64,
 }
 
-/// A rigid body, in the frame of the joint that moves it.
+/// Rigid body, in the frame of the joint that moves it.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Link {
-    /// kg.
+    /// Mass, in kg.
     pub mass: f64,
-    /// Centre of mass, m.
+    /// Centre of mass, in m.
     pub centre: [f64; 3],
-    /// Principal moments about the centre of mass, axes parallel to the frame's, kg m^2.
+    /// Principal moments of inertia about the centre of mass, in kg m^2. The principal axes are parallel to the frame.
     pub inertia: [f64; 3],
 }
 
-/// A platform that rolls sideways, along y.
+/// Platform that moves sideways, along y.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Platform {
-    /// Its axis.
+    /// Limits of the axis.
     pub joint: Joint,
-    /// Its body.
+    /// Mass properties of the body.
     pub link: Link,
 }
 
-/// Three joints, about z, y, y, and a passive one that keeps the chest upright.
+/// Torso: three joints about z, y and y, and a passive joint that keeps the chest upright.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Torso {
-    /// Vertical axis, lower pitch, upper pitch.
+    /// Joint limits: vertical axis, lower pitch, upper pitch.
     pub joints: [Joint; 3],
-    /// Height of the lower pitch axis over the floor, m.
+    /// Height of the lower pitch axis above the floor, in m.
     pub lower_pitch_height: f64,
-    /// From the lower to the upper pitch axis, m.
+    /// Distance from the lower to the upper pitch axis, in m.
     pub lower_length: f64,
-    /// From the upper pitch axis to the chest's frame, m.
+    /// Distance from the upper pitch axis to the chest frame, in m.
     pub upper_length: f64,
     /// Bodies: column, lower part, upper part, chest.
     pub links: [Link; 4],
 }
 
-/// Pan about z, then tilt about y.
+/// Neck: pan about z, then tilt about y.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Neck {
-    /// Pan, tilt.
+    /// Joint limits: pan, tilt.
     pub joints: [Joint; 2],
-    /// Height of the tilt axis over the chest's frame, m.
+    /// Height of the tilt axis above the chest frame, in m.
     pub height: f64,
     /// Bodies: neck, head.
     pub links: [Link; 2],
 }
 
-/// The stereo pair: x forward, y left, z up in the head's frame, whose origin is where pan and tilt axis cross.
+/// Stereo cameras. The head frame has x forward, y left, z up and its origin at the intersection of pan and tilt axis.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cameras {
-    /// Middle between the cameras, m, head's frame.
+    /// Midpoint between the cameras in the head frame, in m.
     pub centre: [f64; 3],
-    /// Between the cameras, along y, m.
+    /// Distance between the cameras along y, in m.
     pub baseline: f64,
-    /// Picture, pixels.
+    /// Width of a picture, in pixels.
     pub width: u32,
-    /// Picture, pixels.
+    /// Height of a picture, in pixels.
     pub height: u32,
-    /// Focal length, pixels.
+    /// Focal length, in pixels.
     pub focal: f64,
-    /// Time that the shutter is open, s.
+    /// Exposure time, in s.
     pub exposure: f64,
-    /// Pictures a second.
+    /// Frame rate, in Hz.
     pub rate: f64,
-    /// Of the lens, k1 and k2: a ray through `(a, b)`, in focal lengths from the optical axis, falls on `(a, b) (1 + k1 s + k2 s^2)`,
-    /// `s = a^2 + b^2`.
+    /// Lens distortion k1 and k2. A ray through `(a, b)`, in focal lengths from the optical axis, is imaged at `(a, b)
+    /// (1 + k1 s + k2 s^2)` with `s = a^2 + b^2`.
     #[serde(default)]
     pub distortion: [f64; 2],
-    /// From where `centre` and `baseline` put the left and the right camera to where they are, m, head's frame.
+    /// Offsets of the left and the right camera from their nominal positions (`centre` and `baseline`), in the head
+    /// frame, in m.
     #[serde(default)]
     pub shifts: [[f64; 3]; 2],
 }
 
-/// The head's inertial unit, its axes parallel to the head's.
+/// Inertial measurement unit of the head, with axes parallel to the head frame.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Imu {
-    /// Where it sits, m, head's frame.
+    /// Position in the head frame, in m.
     pub position: [f64; 3],
-    /// Samples a second.
+    /// Sample rate, in Hz.
     pub rate: f64,
 }
 
-/// An arm of the type z -y z y z -y z with spherical shoulder and wrist.
+/// Arm with joint axes z, -y, z, y, z, -y, z and spherical shoulder and wrist.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
-    /// Where it is mounted, m, chest's frame.
+    /// Mounting position in the chest frame, in m.
     pub position: [f64; 3],
-    /// How far its first axis leans from the vertical, rad, about the chest's x axis; positive turns z towards -y.
+    /// Rotation of the first axis from the vertical about the chest's x axis, in rad. Positive values turn z towards
+    /// -y.
     pub lean: f64,
-    /// From the mounting to the shoulder, m.
+    /// Distance from the mounting to the shoulder, in m.
     pub base_to_shoulder: f64,
-    /// m.
+    /// Distance from shoulder to elbow, in m.
     pub shoulder_to_elbow: f64,
-    /// m.
+    /// Distance from elbow to wrist, in m.
     pub elbow_to_wrist: f64,
-    /// From the wrist to the catch frame, along the last axis, m.
+    /// Distance from the wrist to the catch frame along the last axis, in m.
     pub wrist_to_catch: f64,
-    /// From the shoulder.
+    /// Joint limits, from the shoulder.
     pub joints: [Joint; ARM_JOINTS],
-    /// One behind each joint.
+    /// Bodies, one behind each joint.
     pub links: [Link; ARM_JOINTS],
 }
 
-/// The whole robot.
+/// Description of the whole robot.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotDescription {
-    /// Sideways motion.
+    /// Platform.
     pub platform: Platform,
     /// Torso.
     pub torso: Torso,
     /// Neck and head.
     pub neck: Neck,
-    /// Eyes.
+    /// Stereo cameras.
     pub cameras: Cameras,
-    /// Inertial unit.
+    /// Inertial measurement unit.
     pub imu: Imu,
-    /// Left, right.
+    /// Arms: left, right.
     pub arms: [Arm; ARMS],
 }
 
 impl RobotDescription {
-    /// Reads a description.
+    /// Parses and validates a description.
     ///
     /// # Errors
-    /// Where a setting is missing, unknown or of another kind, and where a value makes no sense: a range upside down, a speed of 0.
+    /// Returns an error if a setting is missing, unknown or of the wrong type, or if a value is invalid, such as an
+    /// empty range or a speed of 0.
     pub fn parse(text: &str) -> Result<Self, DescriptionError> {
         let description: Self =
             toml::from_str(text).map_err(|error| DescriptionError::Syntax(error.to_string()))?;
@@ -175,12 +179,12 @@ impl RobotDescription {
         Ok(description)
     }
 
-    /// Returns the robot that simulations use where no other is named; its numbers and their sources stand in `robot.toml`.
+    /// Returns the nominal robot of the simulation. `robot.toml` states the sources of its numbers.
     pub fn nominal() -> Self {
         Self::parse(NOMINAL).expect("the description in the sources is right")
     }
 
-    /// Returns the text of [`RobotDescription::nominal`], to begin one's own with.
+    /// Returns the text of [`RobotDescription::nominal`] as a template for other robots.
     pub fn nominal_text() -> &'static str {
         NOMINAL
     }
@@ -291,7 +295,7 @@ impl Cameras {
         self.check_distortion()
     }
 
-    /// Out to a little beyond the picture's corners, the lens must not fold the picture or squeeze it much.
+    /// Checks that the lens neither folds nor strongly scales the picture, up to 1.2 times the corner's radius.
     fn check_distortion(&self) -> Result<(), DescriptionError> {
         let corner = f64::from(self.width).hypot(f64::from(self.height)) / (2.0 * self.focal);
         let [k1, k2] = self.distortion;

@@ -1,9 +1,9 @@
-//! What the catching stack and the world that judges it share: the [description of the robot](RobotDescription) and plain-data
-//! [packets]. Neither knows the other.
+//! Types that the catching stack and the simulated world share: the [robot description](RobotDescription) and
+//! plain-data [packets]. The stack and the world do not depend on each other.
 //!
-//! Units are SI, angles radians, times nanoseconds of one clock. The inertial frame has its origin on the floor below the platform's
-//! starting place, x forward (where balls come from), y left, z up. The chest's frame is turned about z only: a passive joint keeps the
-//! chest upright.
+//! All quantities are in SI units, angles in radians and times in nanoseconds of one common clock. The origin of the
+//! inertial frame is on the floor below the platform's start position. Its x axis points forward (towards the thrower),
+//! y left and z up. The chest frame is rotated about z only, because a passive joint keeps the chest upright.
 
 mod description;
 pub mod packets;
@@ -12,29 +12,29 @@ pub use description::{
     Arm, Cameras, DescriptionError, Imu, Joint, Link, Neck, Platform, RobotDescription, Torso,
 };
 
-/// Joints of platform, torso, neck and arms, in the order of [`joint`].
+/// Number of joints of platform, torso, neck and arms, in the order of [`joint`].
 pub const JOINTS: usize = 20;
-/// Joints of an arm.
+/// Number of joints per arm.
 pub const ARM_JOINTS: usize = 7;
-/// Joints that throw: the turn about the vertical, then an arm's.
+/// Number of joints that take part in a throw: the torso's vertical joint, then those of one arm.
 pub const THROW_JOINTS: usize = ARM_JOINTS + 1;
-/// Arms.
+/// Number of arms.
 pub const ARMS: usize = 2;
 
-/// Where joints stand in packets.
+/// Indices of joints in packets.
 pub mod joint {
     use std::ops::Range;
 
-    /// The platform's sideways axis, metres along y.
+    /// Index of the platform's sideways axis, in metres along y.
     pub const PLATFORM: usize = 0;
-    /// Torso: about the vertical, lower pitch, upper pitch.
+    /// Indices of the torso joints: vertical axis, lower pitch, upper pitch.
     pub const TORSO: Range<usize> = 1..4;
-    /// Neck: pan, tilt.
+    /// Indices of the neck joints: pan, tilt.
     pub const NECK: Range<usize> = 4..6;
-    /// Left arm, from the shoulder.
+    /// Indices of the left arm's joints, from the shoulder.
     pub const LEFT_ARM: Range<usize> = 6..13;
-    /// Right arm, from the shoulder.
+    /// Indices of the right arm's joints, from the shoulder.
     pub const RIGHT_ARM: Range<usize> = 13..20;
-    /// Both arms: left, right.
+    /// Indices of both arms' joints: left, right.
     pub const ARM: [Range<usize>; super::ARMS] = [LEFT_ARM, RIGHT_ARM];
 }

@@ -1,32 +1,32 @@
 //! Packets of the catching stack: plain data, little endian, without padding.
 //!
-//! | packet | who puts it | when |
+//! | packet | sender | rate |
 //! |---|---|---|
-//! | [`JointState`] | the drives | 1 kHz |
-//! | [`JointCommand`] | the controller | 1 kHz |
-//! | [`ImuSample`] | the head's inertial unit | 512 Hz |
-//! | [`Circles`] | a detector, one for each camera | 25 Hz |
-//! | [`HeadPose`] | the pose estimator | 512 Hz |
-//! | [`BallPredictions`] | the tracker | 25 Hz |
-//! | [`PlanRequest`] | the coordinator | with predictions, one for each arm and ball in question |
-//! | [`PlanResult`] | a planner | when it has answered |
-//! | [`ArmPath`] | the coordinator, one for each arm | when a plan is accepted |
-//! | [`BodyPath`] | the coordinator | with the first prediction of a ball |
-//! | [`Gaze`] | the coordinator | with every prediction |
-//! | [`HandCommand`] | the coordinator, and the hands' process for the hands | with every path, and when the closing time changes |
-//! | [`ControllerCommand`] | the coordinator, whoever watches the processes | when the robot is to brake or to go back |
-//! | [`ControllerState`] | the controller | when it changes, and 50 times a second |
-//! | [`SafetyState`] | the monitor of self-collisions | 1 kHz, for every command |
-//! | [`CatchStatus`] | the coordinator | when it changes, and 10 times a second |
-//! | [`CatchOutcome`] | the judge | when a throw is over, and the ball has been felt |
-//! | [`HandState`] | the hands | 50 Hz |
-//! | [`FeltMaterial`] | who lets the free hand sweep | when it is sure, or after three sweeps |
-//! | [`ThrowPath`] | the thrower | when a throw back is planned |
-//! | [`HandOpening`] | the thrower, and the hands' process for the hands | again and again in the last tenth of a second before a hand opens |
-//! | [`ThrowStatus`] | the thrower | when it changes, and 10 times a second |
-//! | [`ThrownBack`] | the judge | when a ball that was thrown back has come down |
-//! | [`MarkerFeatures`] | a detector | 25 Hz |
-//! | [`CalibrationState`] | who watches the calibration | when it changes, and twice a second |
+//! | [`JointState`] | drives | 1 kHz |
+//! | [`JointCommand`] | controller | 1 kHz |
+//! | [`ImuSample`] | IMU in the head | 512 Hz |
+//! | [`Circles`] | detectors, one per camera | 25 Hz |
+//! | [`HeadPose`] | pose estimator | 512 Hz |
+//! | [`BallPredictions`] | tracker | 25 Hz |
+//! | [`PlanRequest`] | coordinator | with each prediction, one per candidate pair of arm and ball |
+//! | [`PlanResult`] | planners | one per request |
+//! | [`ArmPath`] | coordinator, one channel per arm | when a plan is accepted |
+//! | [`BodyPath`] | coordinator | with the first prediction of a ball |
+//! | [`Gaze`] | coordinator | with each prediction |
+//! | [`HandCommand`] | coordinator; hand process to the hands | with each path and when the closing time changes |
+//! | [`ControllerCommand`] | coordinator, process supervisor | when the robot must brake or return |
+//! | [`ControllerState`] | controller | on change and at 50 Hz |
+//! | [`SafetyState`] | self-collision monitor | 1 kHz, one per command |
+//! | [`CatchStatus`] | coordinator | on change and at 10 Hz |
+//! | [`CatchOutcome`] | judge | after a throw and after the material was measured |
+//! | [`HandState`] | hands | 50 Hz |
+//! | [`FeltMaterial`] | sweep control of the free hand | when the posterior is high enough, or after three sweeps |
+//! | [`ThrowPath`] | thrower | when a throw is planned |
+//! | [`HandOpening`] | thrower; hand process to the hands | repeatedly during the last 0.1 s before a hand opens |
+//! | [`ThrowStatus`] | thrower | on change and at 10 Hz |
+//! | [`ThrownBack`] | judge | when a thrown ball has landed |
+//! | [`MarkerFeatures`] | marker detector | 25 Hz |
+//! | [`CalibrationState`] | calibration monitor | on change and at 2 Hz |
 
 mod calibration;
 mod motions;
@@ -42,419 +42,421 @@ pub use tactnet_packet::Text;
 
 use crate::JOINTS;
 
-/// Most circles of a picture.
+/// Maximum number of circles per picture.
 pub const MAX_CIRCLES: usize = 32;
-/// Most balls at once.
+/// Maximum number of balls at a time.
 pub const MAX_BALLS: usize = 2;
 
 packets! {
-    /// What joints measure.
+    /// Measurements of all joints.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct JointState {
-        /// Number of the sample; a gap is a lost one.
+        /// Sample number; a gap means lost samples.
         #[recorded(1)]
         pub number: u64,
-        /// When it was measured.
+        /// Time of the measurement, in ns.
         #[recorded(2)]
         pub sensor_ns: u64,
-        /// Positions at the motors, rad and m.
+        /// Motor-side positions, in rad and m.
         #[recorded(3)]
         pub q: [f64; JOINTS],
-        /// Velocities, rad/s and m/s.
+        /// Velocities, in rad/s and m/s.
         #[recorded(4)]
         pub dq: [f64; JOINTS],
-        /// Torques and forces at the links, Nm and N.
+        /// Link-side torques and forces, in Nm and N.
         #[recorded(5)]
         pub tau: [f64; JOINTS],
     }
 
-    /// Where joints are to be.
+    /// Commanded positions and velocities of all joints.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct JointCommand {
-        /// Number of the command.
+        /// Command number.
         #[recorded(1)]
         pub number: u64,
-        /// When it was given.
+        /// Time of the command, in ns.
         #[recorded(2)]
         pub command_ns: u64,
-        /// Positions, rad and m.
+        /// Positions, in rad and m.
         #[recorded(3)]
         pub q: [f64; JOINTS],
-        /// Velocities, rad/s and m/s.
+        /// Velocities, in rad/s and m/s.
         #[recorded(4)]
         pub dq: [f64; JOINTS],
     }
 
-    /// A sample of the head's inertial unit, in its own frame.
+    /// Sample of the head's inertial measurement unit (IMU), in the IMU frame.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct ImuSample {
-        /// Number of the sample.
+        /// Sample number.
         #[recorded(1)]
         pub number: u64,
-        /// When it was measured.
+        /// Time of the measurement, in ns.
         #[recorded(2)]
         pub sensor_ns: u64,
-        /// Specific force (acceleration minus gravity), m/s^2.
+        /// Specific force (acceleration minus gravity), in m/s^2.
         #[recorded(3)]
         pub acceleration: [f64; 3],
-        /// Rotation, rad/s.
+        /// Angular velocity, in rad/s.
         #[recorded(4)]
         pub rate: [f64; 3],
     }
 
-    /// A circle in a picture.
+    /// Circle detected in a picture.
     #[derive(PartialEq)]
     pub struct Circle {
-        /// Centre of the outline, pixels from the left.
+        /// Horizontal centre of the outline, in pixels from the left edge.
         #[recorded(1)]
         pub u: f64,
-        /// Centre of the outline, pixels from the top.
+        /// Vertical centre of the outline, in pixels from the top edge.
         #[recorded(2)]
         pub v: f64,
-        /// Mean radius, pixels.
+        /// Mean radius, in pixels.
         #[recorded(3)]
         pub r: f64,
-        /// The detector's answer, 0 to 1.
+        /// Detector response, 0 to 1.
         #[recorded(4)]
         pub response: f64,
     }
 
-    /// The circles of one picture.
+    /// Circles detected in one picture.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct Circles {
-        /// Number of the picture; both cameras count alike.
+        /// Picture number, the same for both cameras.
         #[recorded(1)]
         pub frame: u64,
-        /// Middle of the exposure.
+        /// Middle of the exposure, in ns.
         #[recorded(2)]
         pub exposure_ns: u64,
-        /// 0 left, 1 right.
+        /// Camera: 0 left, 1 right.
         #[recorded(3)]
         pub camera: u32,
-        /// How many of `circles` are valid.
+        /// Number of valid entries in `circles`.
         pub count: u32,
-        /// The circles.
+        /// Circles, of which the first `count` are valid.
         #[recorded(5, count)]
         pub circles: [Circle; MAX_CIRCLES],
     }
 
-    /// Where the head is.
+    /// Estimated pose of the head.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct HeadPose {
-        /// Of which moment.
+        /// Time of the estimate, in ns.
         #[recorded(1)]
         pub t_ns: u64,
-        /// Position of the head's frame, m.
+        /// Position of the head frame in the inertial frame, in m.
         #[recorded(2)]
         pub position: [f64; 3],
-        /// Rotation from the head's frame to the inertial one: x, y, z, w.
+        /// Rotation from the head frame to the inertial frame, as quaternion x, y, z, w.
         #[recorded(3)]
         pub quaternion: [f64; 4],
-        /// Velocity, m/s.
+        /// Velocity in the inertial frame, in m/s.
         #[recorded(4)]
         pub velocity: [f64; 3],
-        /// Bias of the accelerometer, m/s^2, in the head's frame.
+        /// Accelerometer bias in the head frame, in m/s^2.
         #[recorded(5)]
         pub accelerometer_bias: [f64; 3],
-        /// Bias of the gyroscope, rad/s, in the head's frame.
+        /// Gyroscope bias in the head frame, in rad/s.
         #[recorded(6)]
         pub gyroscope_bias: [f64; 3],
-        /// Covariance of the errors of position, velocity, rotation (inertial frame) and both biases, row by row. Biases belong to it: at
-        /// rest a tilt and a bias that feel alike cannot be told apart, and only together are they known to move the head little.
+        /// Error covariance of position, velocity, rotation (all in the inertial frame) and both biases, row by row. At
+        /// rest, tilt and accelerometer bias cannot be separated; their cross-covariance shows that together they move
+        /// the head only little.
         #[recorded(7)]
         pub covariance: [[f64; 15]; 15],
     }
 
-    /// Where a ball is and how it flies.
+    /// Estimated state of a flying ball.
     #[derive(PartialEq)]
     pub struct BallPrediction {
-        /// Number of the ball; kept as long as it is tracked.
+        /// Ball number, constant while the ball is tracked.
         #[recorded(1)]
         pub ball: u64,
-        /// Of which moment.
+        /// Time of the state, in ns.
         #[recorded(2)]
         pub t_ns: u64,
-        /// Position, m.
+        /// Position, in m.
         #[recorded(3)]
         pub p: [f64; 3],
-        /// Velocity, m/s.
+        /// Velocity, in m/s.
         #[recorded(4)]
         pub v: [f64; 3],
-        /// Drag coefficient `k` of `dv/dt = g - k |v| v + lift x v`, 1/m.
+        /// Drag coefficient `k` of `dv/dt = g - k |v| v + lift x v`, in 1/m.
         #[recorded(5)]
         pub k: f64,
-        /// Lift of the spin, `lift x v` in `dv/dt`, 1/s.
+        /// Lift vector of the spin (`lift x v` in `dv/dt`), in 1/s.
         #[recorded(6)]
         pub lift: [f64; 3],
-        /// Covariance of p, v, k, lift, row by row, as seen from the head: an error of the head's pose that moves ball and head alike does
-        /// not count.
+        /// Covariance of p, v, k and lift, row by row, relative to the head. It excludes errors of the head pose that
+        /// shift ball and head alike.
         #[recorded(7)]
         pub covariance: [[f64; 10]; 10],
-        /// Probability that there is such a ball.
+        /// Probability that the ball exists.
         #[recorded(8)]
         pub existence: f32,
-        /// Pictures that it was seen in by both cameras.
+        /// Number of exposures in which both cameras detected the ball.
         #[recorded(9)]
         pub frames: u32,
     }
 
-    /// The balls in the air.
+    /// Estimated states of all balls in flight.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct BallPredictions {
-        /// Exposure of the pictures that it follows from.
+        /// Exposure time of the latest pictures that the prediction uses, in ns.
         #[recorded(1)]
         pub exposure_ns: u64,
-        /// How many of `balls` are valid.
+        /// Number of valid entries in `balls`.
         pub count: u64,
-        /// The balls, by number.
+        /// Balls, sorted by number.
         #[recorded(3, count)]
         pub balls: [BallPrediction; MAX_BALLS],
     }
 
-    /// What the head is to look at.
+    /// Gaze target of the head.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct Gaze {
-        /// How many of `flights` are valid; the head turns to their middle.
+        /// Number of valid entries in `flights`. The head turns to their mean position.
         pub count: u64,
-        /// Inertial frame.
+        /// Flights in the inertial frame.
         #[recorded(2, count)]
         pub flights: [FlightPacket; MAX_BALLS],
     }
 
-    /// What the controller is to do.
+    /// Order to the controller.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct ControllerCommand {
-        /// When it was given.
+        /// Time of the command, in ns.
         #[recorded(1)]
         pub command_ns: u64,
-        /// 1 brake, 2 go back to where the robot waits.
+        /// A [`ControllerOrder`].
         #[recorded(2)]
         pub command: u64,
-        /// Why: text, filled up with zeros.
+        /// Reason, as text padded with zeros.
         #[recorded(3)]
         pub reason: Text<64>,
     }
 
-    /// What the controller does and carries out.
+    /// State of the controller and the paths that it executes.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct ControllerState {
-        /// When.
+        /// Time, in ns.
         #[recorded(1)]
         pub t_ns: u64,
         /// A [`ControllerMode`].
         #[recorded(2)]
         pub mode: u64,
-        /// Paths that were refused since it started.
+        /// Number of rejected paths since the start.
         #[recorded(3)]
         pub refused: u64,
-        /// Beats since it started.
+        /// Number of control cycles since the start.
         #[recorded(4)]
         pub beats: u64,
-        /// The longest time from a beat to its command since the last packet, ns.
+        /// Longest time from the start of a control cycle to its command since the previous packet, in ns.
         #[recorded(5)]
         pub loop_ns: u64,
-        /// Why it is in this mode.
+        /// Reason for the current mode.
         #[recorded(6)]
         pub reason: Text<64>,
-        /// What the arms carry out: left, right. `start_ns` is 0 while they stand.
+        /// Paths of the arms: left, right. `start_ns` is 0 for an arm at rest.
         #[recorded(7)]
         pub paths: [ArmPath; 2],
     }
 
-    /// The monitor's word on a command.
+    /// Result of the self-collision check of one command.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct SafetyState {
-        /// Number of the command.
+        /// Command number.
         #[recorded(1)]
         pub number: u64,
-        /// When it was given.
+        /// Time of the command, in ns.
         #[recorded(2)]
         pub command_ns: u64,
-        /// Least bound of a distance while the robot brakes, m.
+        /// Smallest lower bound of any distance during the braking motion, in m.
         #[recorded(3)]
         pub bound: f64,
-        /// What the judgement took, ns.
+        /// Computing time of the check, in ns.
         #[recorded(4)]
         pub computing_ns: u64,
-        /// The pair of bodies that has it.
+        /// Index of the pair of bodies with the smallest bound.
         #[recorded(5)]
         pub pair: u32,
-        /// 1 if the robot may go on, else 0.
+        /// 1 if the motion is safe, otherwise 0.
         #[recorded(6)]
         pub go: u32,
     }
 
-    /// What the robot is about, and why.
+    /// Phase of the catch and its reason.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct CatchStatus {
-        /// When.
+        /// Time, in ns.
         #[recorded(1)]
         pub t_ns: u64,
         /// A [`CatchPhase`].
         #[recorded(2)]
         pub phase: u64,
-        /// Since when.
+        /// Start of the phase, in ns.
         #[recorded(3)]
         pub since_ns: u64,
-        /// Plans that found nothing, so far.
+        /// Number of failed plans since the start.
         #[recorded(4)]
         pub no_plans: u64,
-        /// Why.
+        /// Reason for the phase.
         #[recorded(5)]
         pub reason: Text<64>,
     }
 
-    /// What became of a throw.
+    /// Outcome of a throw.
     #[derive(PartialEq)]
     #[version(2)]
     pub struct CatchOutcome {
-        /// Number of the throw.
+        /// Throw number.
         #[recorded(1)]
         pub throw: u64,
-        /// Number of the ball.
+        /// Ball number.
         #[recorded(2)]
         pub ball: u64,
-        /// When the ball was let go.
+        /// Time of the release, in ns.
         #[recorded(3)]
         pub release_ns: u64,
-        /// When it crossed a hand's plane; 0: never.
+        /// Time at which the ball crossed a hand's plane, in ns; 0 if it never did.
         #[recorded(4)]
         pub crossing_ns: u64,
-        /// From the hand's axis, m.
+        /// Distance from the hand axis at the crossing, in m.
         #[recorded(5)]
         pub across: f64,
-        /// From the crossing to the hand's closing, s.
+        /// Time from the crossing to the hand's closing, in s.
         #[recorded(6)]
         pub along: f64,
-        /// Between the hand's axis and the ball's reversed velocity, rad.
+        /// Angle between the hand axis and the ball's reversed velocity, in rad.
         #[recorded(7)]
         pub angle: f64,
-        /// 1 if it was caught, else 0.
+        /// 1 if the ball was caught, otherwise 0.
         #[recorded(8)]
         pub caught: u32,
-        /// Why not: 0 caught, 1 never came near, 2 no command, 3 across, 4 angle, 5 too early, 6 too late.
+        /// Cause of a miss: 0 caught, 1 never near, 2 no command, 3 across, 4 angle, 5 too early, 6 too late.
         #[recorded(9)]
         pub cause: u32,
-        /// Arms that can catch it: 1 left, 2 right, 3 both, 0 none.
+        /// Arms that were able to catch the ball: 0 none, 1 left, 2 right, 3 both.
         #[recorded(10)]
         pub arms: u32,
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         #[recorded(11)]
         pub arm: u32,
-        /// What the ball is made of, where it is felt after the catch; else empty.
+        /// True material of the ball if it was measured after the catch, otherwise empty.
         #[recorded(12)]
         pub material: Text<56>,
-        /// What it was felt to be made of; empty where it was not felt.
+        /// Predicted material; empty if not measured.
         #[recorded(13)]
         pub felt: Text<56>,
-        /// How sure that is, 0 to 1.
+        /// Posterior probability of the predicted material, 0 to 1.
         #[recorded(14)]
         pub posterior: f64,
-        /// Sweeps over it.
+        /// Number of sweeps over the ball.
         #[recorded(15)]
         pub sweeps: u32,
-        /// Zero.
+        /// Reserved; always zero.
         pub reserved: u32,
     }
 
-    /// What a hand feels.
+    /// Grip state of a hand.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct HandState {
-        /// When.
+        /// Time, in ns.
         #[recorded(1)]
         pub t_ns: u64,
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         #[recorded(2)]
         pub arm: u32,
-        /// 1 if it holds something, else 0.
+        /// 1 if the hand holds an object, otherwise 0.
         #[recorded(3)]
         pub holds: u32,
-        /// How often a hand has caught something so far.
+        /// Number of successful catches of all hands so far.
         #[recorded(4)]
         pub grip: u64,
     }
 
-    /// What a caught ball was felt to be made of.
+    /// Predicted material of a caught ball.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct FeltMaterial {
-        /// Which grip it is about, as [`HandState`] counts.
+        /// Number of the grip, as counted in [`HandState`].
         #[recorded(1)]
         pub grip: u64,
-        /// Its most probable material; empty where no sweep could be used.
+        /// Most probable material; empty if no sweep was usable.
         #[recorded(2)]
         pub material: Text<56>,
-        /// How sure that is, 0 to 1.
+        /// Posterior probability of the material, 0 to 1.
         #[recorded(3)]
         pub posterior: f64,
-        /// Sweeps that it follows from.
+        /// Number of sweeps used.
         #[recorded(4)]
         pub sweeps: u32,
-        /// Zero.
+        /// Reserved; always zero.
         pub reserved: u32,
     }
 
-    /// When a hand closes.
+    /// Closing command of a hand.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct HandCommand {
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         #[recorded(1)]
         pub arm: u64,
-        /// When the ball's centre is to be at the catch frame; the hand closes so that it encloses the ball then.
+        /// Time at which the ball's centre reaches the catch frame, in ns. The hand closes such that it encloses the
+        /// ball at this time.
         #[recorded(2)]
         pub catch_ns: u64,
     }
 }
 
 choices! {
-    /// What the controller does.
+    /// Mode of the controller.
     pub enum ControllerMode {
-        /// Stands where the robot waits, and follows paths.
+        /// Rests in the waiting pose and accepts paths.
         Ready = 1,
-        /// Follows paths.
+        /// Executes paths.
         Following = 2,
         /// Brakes.
         Braking = 3,
-        /// Stands anywhere, and follows nothing.
+        /// Rests outside the waiting pose and accepts no paths.
         Standing = 4,
-        /// Goes back to where the robot waits.
+        /// Returns to the waiting pose.
         GoingBack = 5,
-        /// Stands, and knows no way back.
+        /// Rests, because no collision-free way back was found.
         Stuck = 6,
-        /// Throws.
+        /// Executes a throw.
         Throwing = 7,
     }
 
-    /// What the robot is about.
+    /// Phase of the coordinator.
     pub enum CatchPhase {
-        /// Not all parts have been heard of yet.
+        /// At least one process has not reported yet.
         Starting = 1,
         /// Waits for a ball.
         Armed = 2,
-        /// A ball is valid, no catch is planned.
+        /// A ball is valid, but no catch is planned.
         Tracking = 3,
-        /// An arm is on its way.
+        /// At least one arm executes a catch motion.
         Reaching = 4,
-        /// The hands have been told for the last time.
+        /// The hands have received their last closing time.
         Closed = 5,
-        /// Goes back to where it waits.
+        /// Returns to the waiting pose.
         GoingBack = 6,
-        /// Brakes, or stands after it.
+        /// Brakes or rests after braking.
         Braking = 7,
-        /// Knows no way back.
+        /// No collision-free way back was found.
         Stuck = 8,
         /// Throws a ball back.
         Throwing = 9,
@@ -462,34 +464,34 @@ choices! {
 }
 
 impl ControllerState {
-    /// Returns what the controller does; `None` for a number that is no mode.
+    /// Returns the controller's mode, or `None` for an unknown number.
     pub fn mode(&self) -> Option<ControllerMode> {
         ControllerMode::of(u32::try_from(self.mode).ok()?)
     }
 }
 
 impl CatchStatus {
-    /// Returns what the robot is about; `None` for a number that is no phase.
+    /// Returns the phase, or `None` for an unknown number.
     pub fn phase(&self) -> Option<CatchPhase> {
         CatchPhase::of(u32::try_from(self.phase).ok()?)
     }
 }
 
 impl Circles {
-    /// Returns the valid ones.
+    /// Returns the valid circles.
     pub fn valid(&self) -> &[Circle] {
         &self.circles[..(self.count as usize).min(MAX_CIRCLES)]
     }
 }
 
 impl BallPredictions {
-    /// Returns the valid ones.
+    /// Returns the valid balls.
     pub fn valid(&self) -> &[BallPrediction] {
         &self.balls[..(self.count as usize).min(MAX_BALLS)]
     }
 }
 
-/// The packets for other languages.
+/// Description of the packets for code generators of other languages.
 pub const DESCRIPTION: Description = Description {
     project: "tactnet_catching",
     source: "catching/packets/src/packets.rs",
@@ -572,7 +574,8 @@ mod tests {
         assert_eq!(status.phase(), Some(CatchPhase::Stuck));
     }
 
-    /// A number that stands for two fields would lose one of them in recordings; parts come before what they are parts of.
+    /// A duplicate field number would lose a field in recordings. Nested packets must precede the packets that contain
+    /// them.
     #[test]
     fn the_description_is_in_order() {
         let mut before: Vec<&str> = Vec::new();

@@ -1,8 +1,9 @@
-//! Which configurations tell most: greedy D-optimal choice.
+//! Greedy D-optimal choice of informative configurations.
 //!
-//! What is known is the matrix `M = I + sum J^T J` of the normal equations, in standard deviations of the priors. A configuration with rows `J`
-//! adds `log det(I + J M^-1 J^T)` to `log det M`; the one that adds most is taken, again and again. What one adds never grows when others
-//! are taken, so values from before are upper bounds, and few have to be computed anew.
+//! The information matrix is `M = I + sum J^T J`, in standard deviations of the priors. A configuration with rows `J`
+//! adds `log det(I + J M^-1 J^T)` to `log det M`. The algorithm repeatedly takes the configuration that adds most. The
+//! gain of a configuration never increases when others are taken. Earlier values are therefore upper bounds, and only
+//! few must be recomputed.
 
 use nalgebra::{DMatrix, Point3, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
@@ -17,42 +18,43 @@ use crate::robot::Robot;
 use crate::safety::{Bodies, PAIRS, distance};
 use crate::track::CAMERAS;
 
-/// Part of the arms' ranges that is used.
+/// Fraction of the arms' joint ranges in which configurations are drawn.
 const OF_RANGE: f64 = 0.9;
-/// Nearest that a marker may come to the head's axes, and the farthest, m.
+/// Smallest and largest distance of a marker from the head frame along its x axis, in m.
 const AWAY: [f64; 2] = [0.35, 1.2];
-/// Room that the neck keeps to the ends of its ranges, for the sweep and wrong offsets, rad.
+/// Margins of pan and tilt to the ends of their ranges, for the neck sweep and joint offsets, in rad.
 const ROOM: [f64; 2] = [0.32, 0.24];
-/// Least distance of bodies on the way, m: more than the errors of a robot that was not calibrated.
+/// Minimum distance of bodies on the way, in m. It exceeds the errors of an uncalibrated robot.
 const CLEAR: f64 = 0.04;
-/// Places on the way from the waiting pose that are looked at.
+/// Number of checked positions on the way from the waiting pose.
 const PLACES: usize = 12;
-/// Parts of a picture's width and height at its edges in which markers are not relied upon.
+/// Margin at each picture edge, as a fraction of width or height, in which markers are ignored.
 const EDGE: f64 = 0.02;
 
-/// A configuration of an arm, and where the head looks.
+/// Configuration of an arm with the gaze towards its marker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
-    /// 0 left, 1 right.
+    /// Arm: 0 left, 1 right.
     pub arm: usize,
-    /// Of the arm, rad.
+    /// Joint angles of the arm, in rad.
     pub q: [f64; ARM_JOINTS],
-    /// Pan and tilt towards the marker, rad.
+    /// Pan and tilt towards the marker, in rad.
     pub gaze: [f64; 2],
 }
 
-/// Configurations that were chosen.
+/// Result of the choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chosen {
-    /// Their numbers among the candidates, as they were taken.
+    /// Indices of the candidates, in the order in which they were taken.
     pub numbers: Vec<usize>,
-    /// `log det M` with them.
+    /// `log det M` with the chosen candidates.
     pub log_det: f64,
 }
 
-/// Draws a configuration in which the marker is before the cameras and the way from the waiting pose is free; `None` if this draw is none.
+/// Draws a random configuration. Returns `None` if the marker is not visible or the way from the waiting pose is
+/// blocked.
 ///
-/// - `uniform`: numbers evenly from 0 to 1
+/// - `uniform`: source of numbers distributed uniformly in 0 to 1
 pub fn draw_candidate(
     model: &Model,
     bodies: &Bodies,
@@ -109,7 +111,7 @@ fn in_picture(model: &Model, x: &Unknowns, picture: &Picture, camera: usize) -> 
     })
 }
 
-/// Returns true if no bodies come near each other on the straight way from the waiting pose.
+/// Returns true if all bodies keep their distance on the straight joint-space way from the waiting pose.
 fn is_free(robot: &Robot, bodies: &Bodies, candidate: &Candidate) -> bool {
     let waiting = robot.waiting();
     let own = joint::ARM[candidate.arm].start;
@@ -126,12 +128,12 @@ fn is_free(robot: &Robot, bodies: &Bodies, candidate: &Candidate) -> bool {
     })
 }
 
-/// Takes `of_each_arm` configurations of each arm from candidates.
+/// Chooses `of_each_arm` configurations of each arm.
 ///
-/// - `views`: how the neck moves away from a gaze while pictures are taken
+/// - `views`: neck motions relative to the gaze while pictures are taken
 ///
 /// # Errors
-/// Where a setting makes no sense, and where there are fewer candidates of an arm.
+/// Returns an error if a setting is invalid or an arm has too few candidates.
 pub fn choose(
     model: &Model,
     config: &CalibrationConfig,
@@ -163,7 +165,7 @@ pub fn choose(
     while left != [0; ARMS] {
         let lower = lower_factor(&known);
         let mut fresh = vec![false; candidates.len()];
-        // Until the greatest bound is one of now.
+        // Recompute until the largest bound is up to date.
         let best = loop {
             let best = (0..candidates.len())
                 .filter(|i| left[candidates[*i].arm] > 0 && !chosen.numbers.contains(i))
@@ -183,10 +185,10 @@ pub fn choose(
     Ok(chosen)
 }
 
-/// Returns `log det M` with some candidates.
+/// Returns `log det M` with the given candidates.
 ///
 /// # Errors
-/// Where a setting makes no sense.
+/// Returns an error if a setting is invalid.
 pub fn gain(
     model: &Model,
     config: &CalibrationConfig,
@@ -213,7 +215,7 @@ fn log_det(lower: &DMatrix<f64>) -> f64 {
     2.0 * lower.diagonal().iter().map(|x| x.ln()).sum::<f64>()
 }
 
-/// Returns `log det(I + J M^-1 J^T)`; `rows` are the columns of `J^T`.
+/// Returns `log det(I + J M^-1 J^T)`. The columns of `rows` are the rows of `J`.
 fn added(lower: &DMatrix<f64>, rows: &DMatrix<f64>) -> f64 {
     let mut reduced = rows.clone();
     lower.solve_lower_triangular_mut(&mut reduced);
@@ -221,7 +223,7 @@ fn added(lower: &DMatrix<f64>, rows: &DMatrix<f64>) -> f64 {
     log_det(&lower_factor(&square))
 }
 
-/// Returns the transposed derivatives of a candidate's features: `[UNKNOWNS][rows]`.
+/// Returns the transposed scaled Jacobian of a candidate's features, `[UNKNOWNS][rows]`.
 fn rows(
     model: &Model,
     config: &CalibrationConfig,
@@ -282,7 +284,7 @@ mod tests {
         found
     }
 
-    /// Values from before are bounds: the lazy choice is the greedy one.
+    /// The lazy choice equals the plain greedy choice.
     #[test]
     fn the_choice_is_the_greedy_one_and_beats_the_first_candidates() {
         let model = Model::new(&Robot::new(RobotDescription::nominal()));
@@ -298,7 +300,7 @@ mod tests {
             numbers.iter().map(|i| candidates[*i]).collect()
         };
         let all = gain(&model, &config, &pick(&chosen.numbers), &views).unwrap();
-        // Sums of logarithms against one determinant.
+        // The tolerance covers rounding: a sum of logarithms against one determinant.
         assert!((all - chosen.log_det).abs() < 1e-6, "{all}");
         let first = gain(&model, &config, &candidates[..6], &views).unwrap();
         assert!(all > first, "{all} {first}");

@@ -1,5 +1,5 @@
-//! What a calibration does to measurements and commands, at the stack's border: behind it, joints are where links are, and cameras and
-//! inertial unit stand as described.
+//! Applies a calibration to measurements and commands. Behind these corrections, joint angles are link angles, and
+//! cameras and IMU are mounted as described.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 use tactnet_catching_packets::packets::{Circle, Circles, ImuSample, JointCommand, JointState};
@@ -11,17 +11,17 @@ use super::parameters::{Calibration, CameraCalibration};
 use crate::robot::Robot;
 use crate::track::CAMERAS;
 
-/// Steps in which a ray is found to a distorted pixel; each is about a hundredth of the one before.
+/// Fixed-point iterations that undo the lens distortion. Each reduces the error about 100-fold.
 const STEPS: usize = 6;
-/// Steps in which an arm's sag is found; each is about a hundredth of the one before.
+/// Fixed-point iterations that find an arm's sag. Each reduces the error about 100-fold.
 const SETTLING: usize = 4;
 
-/// Corrections, or none.
+/// Corrections of a calibration, or identity without one.
 #[derive(Debug, Clone)]
 pub struct Corrections {
-    /// The robot with cameras and arms where they are.
+    /// Robot with calibrated camera and arm geometry.
     robot: Robot,
-    /// Where the links of the robot as described wait.
+    /// Waiting pose of the robot as described, in link angles.
     waiting: [f64; JOINTS],
     known: Option<Known>,
 }
@@ -30,7 +30,7 @@ pub struct Corrections {
 struct Known {
     calibration: Calibration,
     optics: Cameras,
-    /// Limits of the sensors' angles.
+    /// Joint limits in sensor angles.
     joints: [Joint; JOINTS],
     turns: [Matrix3<f64>; CAMERAS],
     imu: Matrix3<f64>,
@@ -39,7 +39,7 @@ struct Known {
 }
 
 impl Corrections {
-    /// Prepares the corrections of a calibration; without one, everything stays as it is.
+    /// Creates the corrections of a calibration, or the identity if there is none.
     pub fn new(robot: &Robot, calibration: Option<&Calibration>) -> Self {
         let Some(calibration) = calibration else {
             return Self {
@@ -66,17 +66,17 @@ impl Corrections {
         }
     }
 
-    /// Returns the robot that the stack knows behind the corrections.
+    /// Returns the calibrated robot.
     pub fn robot(&self) -> &Robot {
         &self.robot
     }
 
-    /// Returns the joints in which links wait: those of the robot as described.
+    /// Returns the waiting pose in link angles, which is that of the robot as described.
     pub fn waiting(&self) -> &[f64; JOINTS] {
         &self.waiting
     }
 
-    /// Returns joints where the links are.
+    /// Converts measured joint states to link states.
     pub fn joints(&self, sensed: &JointState) -> JointState {
         let Some(known) = &self.known else {
             return *sensed;
@@ -85,7 +85,7 @@ impl Corrections {
         for (arm, own) in joint::ARM.into_iter().enumerate() {
             let parameters = &known.calibration.arms[arm];
             for (i, place) in own.enumerate() {
-                // Sensors say what drives carry; the load turns the other way.
+                // Sensors measure the torque of the drives, which is opposite to the load.
                 links.q[place] +=
                     parameters.offsets[i] - parameters.compliances[i] * sensed.tau[place];
             }
@@ -96,7 +96,7 @@ impl Corrections {
         links
     }
 
-    /// Returns the sensors' angles at which links stand at `q` under the weight of the arms, or the nearest ones in the joints' ranges.
+    /// Returns the sensor angles for link angles `q` under gravity, clamped to the joint ranges.
     pub fn sensors(&self, q: &[f64; JOINTS]) -> [f64; JOINTS] {
         let mut sensors = *q;
         let Some(known) = &self.known else {
@@ -119,8 +119,8 @@ impl Corrections {
         sensors
     }
 
-    /// Returns where links stand under the weight of the arms while sensors say `q`: what [`Corrections::sensors`] turns round. Unlike
-    /// [`Corrections::joints`] it needs no measured torques, so that what is commanded and what follows from a command fit to rounding.
+    /// Returns the link angles for sensor angles `q` under gravity; the inverse of [`Corrections::sensors`]. Unlike
+    /// [`Corrections::joints`] it uses no measured torques, so commands convert back to themselves up to rounding.
     pub fn links(&self, q: &[f64; JOINTS]) -> [f64; JOINTS] {
         let mut links = *q;
         let Some(known) = &self.known else {
@@ -144,7 +144,7 @@ impl Corrections {
         links
     }
 
-    /// Returns the command with which links go where `command` says.
+    /// Returns the drive command that moves the links as `command` specifies.
     pub fn command(&self, command: &JointCommand) -> JointCommand {
         JointCommand {
             q: self.sensors(&command.q),
@@ -152,7 +152,7 @@ impl Corrections {
         }
     }
 
-    /// Returns circles as described cameras would have seen them.
+    /// Returns the circles that ideal cameras, mounted as described, would have detected.
     pub fn circles(&self, seen: &Circles) -> Circles {
         let Some(known) = &self.known else {
             return *seen;
@@ -163,7 +163,7 @@ impl Corrections {
         rectified.count = 0;
         for circle in seen.valid() {
             let [u, v, r] = known.rectify(camera, [circle.u, circle.v, circle.r]);
-            // A ball on the lens, as described cameras would not have seen it.
+            // The ball almost touches the lens; the ideal camera has no such circle.
             if r <= f64::from(known.optics.width) {
                 rectified.circles[rectified.count as usize] = Circle { u, v, r, ..*circle };
                 rectified.count += 1;
@@ -172,13 +172,14 @@ impl Corrections {
         rectified
     }
 
-    /// Returns a picture's stamp by the clock of the joints, ns.
+    /// Converts the time stamp of a picture to the joint clock, in ns.
     pub fn exposure(&self, stamp_ns: u64) -> u64 {
         let known = self.known.as_ref();
         known.map_or(stamp_ns, |known| earlier(stamp_ns, known.camera_late))
     }
 
-    /// Returns a sample in the head's directions. Biases are left to the estimator of the head's pose, which finds them anew.
+    /// Rotates an IMU sample into the head frame and converts its time stamp. The pose estimator estimates the biases
+    /// itself.
     pub fn sample(&self, sample: &ImuSample) -> ImuSample {
         let Some(known) = &self.known else {
             return *sample;
@@ -247,7 +248,7 @@ mod tests {
     }
 
     proptest! {
-        /// A marker's feature, rectified, is where the corrected robot sees the marker with a described camera.
+        /// The rectified feature of a marker equals the projection by an ideal camera of the corrected robot.
         #[test]
         fn rectified_features_are_those_of_described_cameras(
             camera in 0..2usize,
@@ -261,7 +262,7 @@ mod tests {
             let corrections = Corrections::new(&robot, Some(&calibration));
             let mut sensed = JointState::zeroed();
             sensed.q = robot.waiting();
-            // Towards the hand, so that it is in the picture.
+            // Look at the hand, so that it is in the picture.
             let gaze = robot.look_at(&robot.arm(arm).forward(&robot.ready(arm)).position);
             let neck: [f64; 2] = std::array::from_fn(|i| gaze[i] + neck[i]);
             sensed.q[joint::NECK].copy_from_slice(&neck);
@@ -284,7 +285,7 @@ mod tests {
             (circles.count, circles.camera) = (1, camera as u32);
             circles.circles[0] = Circle { u: pixel.x, v: pixel.y, r: 10.0, response: 0.9 };
             let rectified = corrections.circles(&circles).circles[0];
-            // The same with nothing but the description, of the corrected robot.
+            // The same projection, computed with the description of the corrected robot alone.
             let links = corrections.joints(&sensed);
             let described = corrections.robot();
             let last = described
@@ -298,20 +299,20 @@ mod tests {
                 800.0 - eye.focal * seen.y / seen.x,
                 625.0 - eye.focal * seen.z / seen.x,
             ];
-            // Far outside of the picture, distortion folds it.
+            // The distortion model folds far outside of the picture.
             prop_assume!((-100.0..1700.0).contains(&expected[0]) && (-100.0..1350.0).contains(&expected[1]));
-            // What is left of the fixed point of the distortion.
+            // Remaining error of the distortion's fixed-point iteration.
             prop_assert!((rectified.u - expected[0]).abs() < 1e-3, "{rectified:?} {expected:?}");
             prop_assert!((rectified.v - expected[1]).abs() < 1e-3, "{rectified:?} {expected:?}");
             prop_assert!((rectified.r / 10.0 - 1.0).abs() < 0.1);
         }
 
-        /// Sensors at which links stand somewhere say, corrected, that they stand there.
+        /// Sensor angles of given link angles convert back to these link angles.
         #[test]
         fn commands_and_measurements_agree(parts in proptest::collection::vec(-2.0..2.0f64, UNKNOWNS)) {
             let robot = robot();
             let corrections = Corrections::new(&robot, Some(&calibration(&parts)));
-            // Away from the ends of ranges.
+            // Away from the ends of the joint ranges.
             let mut links = robot.waiting();
             links[9] -= 0.2;
             links[16] -= 0.2;
@@ -330,7 +331,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whoever begins with what sensors say commands what they say.
+        /// A command that starts at the measured sensor angles reproduces them.
         #[test]
         fn links_are_where_the_sensors_commands_come_from(
             parts in proptest::collection::vec(-2.0..2.0f64, UNKNOWNS),
@@ -339,12 +340,12 @@ mod tests {
             let robot = robot();
             let corrections = Corrections::new(&robot, Some(&calibration(&parts)));
             let mut q = robot.waiting();
-            // Away from the ends of ranges.
+            // Away from the ends of the joint ranges.
             (q[9], q[16]) = (q[9] - 0.2, q[16] - 0.2);
             q.iter_mut().zip(&aside).for_each(|(q, aside)| *q += aside);
             let again = corrections.sensors(&corrections.links(&q));
             for (joint, (found, expected)) in again.iter().zip(q).enumerate() {
-                // What is left of the sag: 0.02 rad, times 2e-4 rad/Nm and 70 Nm/rad in each step.
+                // Remaining error of the sag: 0.02 rad, times 2e-4 rad/Nm and 70 Nm/rad in each step.
                 prop_assert!((found - expected).abs() < 1e-7, "{joint}: {found} {expected}");
             }
         }

@@ -1,92 +1,92 @@
-//! Why a calibration fails. The last good one stays as it is.
+//! Errors of a calibration. The previous calibration stays valid after an error.
 
 use super::unknowns::ARM_NAMES;
 
-/// Why there is no calibration.
+/// Reason for a failed calibration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    /// A value that is no number.
+    /// A recorded value is not finite.
     #[error("{record} {number}: expected numbers, found {found}")]
     NotFinite {
         /// Kind of the record.
         record: &'static str,
-        /// Its place among those of its kind, from 0.
+        /// Index among the records of this kind, from 0.
         number: usize,
-        /// The value.
+        /// Recorded value.
         found: f64,
     },
-    /// An arm that is none.
+    /// An arm index is out of range.
     #[error("picture {number}: expected arm 0 or 1, found {found}")]
     Arm {
-        /// Its place among the pictures.
+        /// Index of the picture.
         number: usize,
-        /// The arm.
+        /// Recorded arm index.
         found: usize,
     },
-    /// A marker that one of the cameras never saw.
+    /// A camera saw a marker too rarely.
     #[error("the {camera} camera never saw the marker of the {} arm: expected at least {expected} features", ARM_NAMES[*arm])]
     NeverSeen {
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         arm: usize,
-        /// Which camera.
+        /// Name of the camera.
         camera: &'static str,
-        /// Least number of features.
+        /// Minimum number of features.
         expected: usize,
     },
-    /// Too few configurations of an arm.
+    /// An arm has too few configurations.
     #[error("expected at least {expected} configurations of the {} arm, found {found}", ARM_NAMES[*arm])]
     TooFew {
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         arm: usize,
-        /// At least.
+        /// Minimum number of configurations.
         expected: usize,
-        /// Those with features in both cameras.
+        /// Number of configurations with features in both cameras.
         found: usize,
     },
-    /// Left and right picture are exchanged.
+    /// Left and right pictures are swapped.
     #[error(
         "the cameras are exchanged: expected markers farther right in the left picture than in the right one, found them {found:.0} pixels farther left"
     )]
     Exchanged {
-        /// Median, pixels.
+        /// Median disparity with the wrong sign, in pixels.
         found: f64,
     },
-    /// A setting that makes no sense.
+    /// A setting is invalid.
     #[error("`{setting}`: expected a number greater than 0, found {found}")]
     Setting {
-        /// Its name.
+        /// Name of the setting.
         setting: &'static str,
-        /// What it is.
+        /// Value of the setting.
         found: f64,
     },
-    /// The solver did not come to an end.
+    /// The solver did not converge.
     #[error("no minimum after {iterations} iterations")]
     NoMinimum {
-        /// Iterations.
+        /// Number of iterations.
         iterations: usize,
     },
-    /// The solution does not explain the session.
+    /// The model does not fit the session.
     #[error(
         "the best fit leaves {found:.2} times the noise of features, expected at most {expected:.2}: something is not as the model says"
     )]
     Fit {
-        /// Median of the residuals' lengths over that of the noise alone.
+        /// Median residual norm, relative to the noise.
         found: f64,
-        /// At most.
+        /// Maximum of this ratio.
         expected: f64,
     },
-    /// An unknown that ended far from everything plausible.
+    /// An estimated parameter is implausible.
     #[error(
         "{unknown}: found {found:.4}, {sigmas:.0} standard deviations from what is plausible, expected at most {expected:.0}"
     )]
     Implausible {
-        /// Its name.
+        /// Name of the unknown.
         unknown: String,
-        /// What was found.
+        /// Estimated value.
         found: f64,
-        /// How far that is.
+        /// Deviation from the prior, in standard deviations.
         sigmas: f64,
-        /// At most.
+        /// Maximum deviation, in standard deviations.
         expected: f64,
     },
 }

@@ -1,21 +1,21 @@
-//! What an arm carries.
+//! Gravity torques of an arm.
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::{ARM_JOINTS, RobotDescription};
 
 use crate::robot::Robot;
 
-/// m/s^2.
+/// Gravitational acceleration, in m/s^2.
 pub(crate) const GRAVITY: f64 = 9.81;
 
-/// Returns the torques with which an arm's weight turns its joints, Nm, by the description's masses; the chest is upright.
+/// Returns the gravity torques about an arm's joints, in Nm, from the described masses. The chest is upright.
 ///
-/// - `q`: link angles, rad
+/// - `q`: link angles, in rad
 pub fn loads(robot: &Robot, arm: usize, q: &[f64; ARM_JOINTS]) -> [f64; ARM_JOINTS] {
     let description: &RobotDescription = robot.description();
     let frames = robot.arm(arm).links(q);
     let mut loads = [0.0; ARM_JOINTS];
-    // Of everything from a link on: mass and mass times centre.
+    // Mass and first moment of mass of all links from `i` on.
     let (mut mass, mut moment) = (0.0, Vector3::zeros());
     for i in (0..ARM_JOINTS).rev() {
         let link = &description.arms[arm].links[i];
@@ -51,7 +51,7 @@ mod tests {
     }
 
     proptest! {
-        /// A load is how fast the potential energy falls.
+        /// Gravity torques equal the negative gradient of the potential energy.
         #[test]
         fn loads_are_the_potentials_slope(
             arm in 0..2usize,
@@ -66,7 +66,7 @@ mod tests {
                     q[i] += step;
                     potential(&robot, arm, &q)
                 };
-                // Energies of 100 J: rounding 1e-14 / h, third derivatives h^2.
+                // Energies are about 100 J: rounding error 1e-14 / h, truncation error h^2.
                 prop_assert!((loads[i] + (at(h) - at(-h)) / (2.0 * h)).abs() < 1e-6);
             }
         }

@@ -1,13 +1,13 @@
-//! What robots and calibrations are known by: 16 hexadecimal digits of their numbers (FNV-1a). They tell files apart and protect nothing.
+//! Identities of robots and calibrations: 16 hexadecimal digits of an FNV-1a hash. They detect mix-ups, not tampering.
 
 use tactnet_catching_packets::RobotDescription;
 
-/// Start and factor of FNV-1a with 64 bits.
+/// Offset basis of 64-bit FNV-1a.
 const START: u64 = 0xcbf2_9ce4_8422_2325;
 const FACTOR: u64 = 0x0000_0100_0000_01b3;
 
-/// Returns what a robot is known by: the described geometry, optics and masses that calibrations are beside. Ranges, speeds and
-/// accelerations do not count, so that a calibration outlives them.
+/// Returns the identity of a robot. It depends on geometry, optics and masses, which calibrations refer to, but not on
+/// joint ranges, speeds and accelerations.
 pub fn robot_identity(description: &RobotDescription) -> String {
     let cameras = &description.cameras;
     let head = [cameras.centre, description.imu.position].concat();
@@ -38,10 +38,10 @@ pub fn robot_identity(description: &RobotDescription) -> String {
     identity_of(numbers.chain(arms))
 }
 
-/// Returns what numbers are known by.
+/// Returns the hash of a sequence of numbers.
 pub(crate) fn identity_of(numbers: impl Iterator<Item = f64>) -> String {
     let hash = numbers
-        // -0.0 and 0.0 are the same.
+        // Makes -0.0 and 0.0 equal.
         .flat_map(|number| (number + 0.0).to_le_bytes())
         .fold(START, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(FACTOR)
@@ -77,7 +77,7 @@ mod tests {
         assert_eq!(robot_identity(&faster), known);
     }
 
-    /// Files that exist stay valid: the value of FNV-1a's authors for no byte, and for eight bytes of zero.
+    /// Existing files stay valid. The values are those of FNV-1a's authors for an empty input and for eight zero bytes.
     #[test]
     fn identities_do_not_change_from_version_to_version() {
         assert_eq!(identity_of(std::iter::empty()), "cbf29ce484222325");

@@ -1,4 +1,4 @@
-//! What joints did in the last moments, at stamps between their samples.
+//! Recent joint states, interpolated between samples.
 
 use std::collections::VecDeque;
 
@@ -7,12 +7,12 @@ use tactnet_catching_packets::packets::JointState;
 
 use super::session::NeckMotion;
 
-/// Half of the time over which a velocity's change is an acceleration, ns.
+/// Half of the interval over which velocity differences give accelerations, in ns.
 pub(crate) const AROUND_NS: u64 = 4_000_000;
-/// Joint states that are kept.
+/// Number of stored joint states.
 const KEPT: usize = 400;
 
-/// The last states, one a millisecond.
+/// Ring buffer of joint states at 1 kHz.
 #[derive(Debug, Clone)]
 pub(crate) struct JointHistory {
     states: VecDeque<JointState>,
@@ -25,7 +25,7 @@ impl JointHistory {
         }
     }
 
-    /// Takes the joints' state. Joints whose clock goes back began again: what was before is forgotten.
+    /// Adds a joint state. A time stamp that goes back means a restart and clears the history.
     pub fn push(&mut self, state: &JointState) {
         if self
             .last()
@@ -39,12 +39,12 @@ impl JointHistory {
         self.states.push_back(*state);
     }
 
-    /// Returns the newest.
+    /// Returns the latest state.
     pub fn last(&self) -> Option<&JointState> {
         self.states.back()
     }
 
-    /// Returns the last state that is not later than a stamp, if one from before it is kept.
+    /// Returns the last state at or before a time stamp, if it is still stored.
     pub fn at(&self, stamp_ns: u64) -> Option<&JointState> {
         let place = self
             .states
@@ -52,7 +52,7 @@ impl JointHistory {
         self.states.get(place.checked_sub(1)?)
     }
 
-    /// Returns the neck at a stamp, if states around it are kept.
+    /// Returns the neck motion at a time stamp, if the states around it are stored.
     pub fn neck(&self, stamp_ns: u64) -> Option<NeckMotion> {
         let (before, now, after) = (
             self.at(stamp_ns.saturating_sub(AROUND_NS))?,

@@ -1,4 +1,4 @@
-//! A calibration as it is kept: a TOML file with the robot that it is of, its parameters, and how sure they are.
+//! Calibration file: a TOML file with the robot's identity, the parameters and their covariance.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -9,58 +9,58 @@ use super::parameters::Calibration;
 use super::unknowns::{UNKNOWNS, Unknowns, name};
 use crate::robot::Robot;
 
-/// Numbers of a lower triangle.
+/// Number of entries in the lower triangle of the covariance.
 const TRIANGLE: usize = UNKNOWNS * (UNKNOWNS + 1) / 2;
 
-/// Why a text is no calibration of a robot.
+/// Reason why a text is not a valid calibration of a robot.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum KeptError {
-    /// Not TOML; a setting that is missing, unknown or of another kind.
+    /// Invalid TOML, or a missing, unknown or mistyped setting.
     #[error(
         "no calibration, or not a whole one: line {line}: {reason}; `tactnet catch calibrate --out FILE` writes one"
     )]
     Syntax {
-        /// Counted from 1.
+        /// Line number, from 1.
         line: usize,
-        /// What is wrong there.
+        /// Error message of the parser.
         reason: String,
     },
-    /// A parameter that is no number.
+    /// A parameter is not finite.
     #[error("{unknown}: expected a number, found {found}")]
     NotFinite {
-        /// Its name.
+        /// Name of the parameter.
         unknown: String,
-        /// What it is.
+        /// Value of the parameter.
         found: f64,
     },
-    /// A covariance that is none.
+    /// The covariance is invalid.
     #[error(
         "certainty.covariance: expected {} numbers, the lower triangle of a positive definite matrix, found {found}",
         TRIANGLE
     )]
     Covariance {
-        /// What it is.
+        /// Description of the actual value.
         found: String,
     },
-    /// The calibration of another robot.
+    /// The calibration belongs to another robot.
     #[error(
         "a calibration of another robot: expected one of {expected}, which is described, found one of {found}; `tactnet catch calibrate` finds this one's"
     )]
     OtherRobot {
-        /// Identity of the robot as described.
+        /// Identity of the described robot.
         expected: String,
         /// Identity in the file.
         found: String,
     },
 }
 
-/// A calibration with what it is of and how sure it is.
+/// Calibration with the identity of its robot and the covariance of its parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeptCalibration {
-    /// What the robot is known by, see [`robot_identity`].
+    /// Identity of the robot, see [`robot_identity`].
     pub robot: String,
-    /// What was found.
+    /// Estimated parameters.
     pub parameters: Calibration,
     certainty: Certainty,
 }
@@ -68,18 +68,18 @@ pub struct KeptCalibration {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Certainty {
-    /// Of all unknowns in their order, lower triangle, row by row.
+    /// Lower triangle of the covariance of all unknowns, row by row.
     covariance: Vec<f64>,
 }
 
 impl KeptCalibration {
-    /// Returns a solution with what it is of.
+    /// Creates the file content of a solution.
     ///
     /// - `robot`: as described
     /// - `covariance`: `[UNKNOWNS][UNKNOWNS]`
     ///
     /// # Panics
-    /// Where there are not that many numbers.
+    /// Panics if the covariance is smaller.
     pub fn new(robot: &Robot, unknowns: &Unknowns, covariance: &DMatrix<f64>) -> Self {
         let rows = (0..UNKNOWNS).flat_map(|row| (0..=row).map(move |column| (row, column)));
         Self {
@@ -91,12 +91,12 @@ impl KeptCalibration {
         }
     }
 
-    /// Reads a file's text.
+    /// Parses and validates the text of a file.
     ///
-    /// - `robot`: that it has to be of, as described
+    /// - `robot`: description of the robot to which the calibration must belong
     ///
     /// # Errors
-    /// Where a setting is missing, unknown, of another kind or no number, and where it is of another robot.
+    /// Returns an error if a setting is missing, unknown, mistyped or not finite, or if the robot is a different one.
     pub fn parse(text: &str, robot: &RobotDescription) -> Result<Self, KeptError> {
         let kept: Self = toml::from_str(text).map_err(|error| {
             let before = error
@@ -131,7 +131,7 @@ impl KeptCalibration {
         toml::to_string(self).expect("tables of numbers can be written")
     }
 
-    /// Returns what it is known by: calibrations of one robot with the same numbers are the same.
+    /// Returns the identity of the calibration, a hash of robot identity and parameters.
     pub fn identity(&self) -> String {
         let unknowns = self.parameters.unknowns();
         let of = self.robot.bytes().map(f64::from);
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// As sure as a tenth of the priors.
+    /// Covariance with a tenth of the prior standard deviations.
     fn covariance() -> DMatrix<f64> {
         let sigmas = Priors::default().sigmas().unwrap() * 0.1;
         DMatrix::from_diagonal(&sigmas.component_mul(&sigmas))

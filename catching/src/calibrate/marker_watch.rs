@@ -1,5 +1,5 @@
-//! Watches, while the robot works, whether its calibration still holds: markers as the cameras find them beside where the calibration puts
-//! them. Only arms that stand are looked at, as in a calibration's session.
+//! Monitors the calibration during operation by comparing detected markers with their expected positions. Only arms at
+//! rest count, as in a calibration session.
 
 use std::collections::VecDeque;
 
@@ -21,14 +21,14 @@ use super::slip::{SlipConfig, SlipWatch};
 use super::unknowns::{Unknowns, at};
 use crate::robot::Robot;
 
-/// An arm stands if its joints are slower than this, rad/s,
+/// Maximum joint speed of an arm at rest, in rad/s.
 const STILL: f64 = 0.02;
-/// and were so long before the exposure, ns.
+/// Time for which an arm must rest before the exposure, in ns.
 const STILL_NS: u64 = 30_000_000;
-/// Pictures that wait for the joints' states around their exposures, at most.
+/// Maximum number of pictures that wait for joint states around their exposure.
 const WAITING: usize = 8;
 
-/// A watch for each arm.
+/// Monitor of both arms' markers.
 #[derive(Debug, Clone)]
 pub struct MarkerWatch {
     model: Model,
@@ -40,17 +40,17 @@ pub struct MarkerWatch {
     history: JointHistory,
     waiting: VecDeque<MarkerFeatures>,
     arms: [SlipWatch; ARMS],
-    /// 0: it holds, for all that is known.
+    /// Time of the first detected slip, in ns; 0 if none.
     since_ns: u64,
 }
 
 impl MarkerWatch {
-    /// Returns a watch that has seen nothing.
+    /// Creates a monitor without observations.
     ///
     /// - `robot`: as described
     ///
     /// # Errors
-    /// Where a setting makes no sense.
+    /// Returns an error if a setting is invalid.
     pub fn new(
         robot: &Robot,
         kept: &KeptCalibration,
@@ -71,7 +71,8 @@ impl MarkerWatch {
         })
     }
 
-    /// Takes the markers of a pair of pictures. They wait for the joints around their exposure.
+    /// Adds the markers of a pair of pictures. They are evaluated once the joint states around their exposure are
+    /// known.
     pub fn features(&mut self, seen: &MarkerFeatures) {
         if self.waiting.len() == WAITING {
             self.waiting.pop_front();
@@ -80,13 +81,13 @@ impl MarkerWatch {
         self.judge();
     }
 
-    /// Takes the joints' state, every millisecond, as their sensors say.
+    /// Adds the measured joint state, every millisecond.
     pub fn joints(&mut self, state: &JointState) {
         self.history.push(state);
         self.judge();
     }
 
-    /// Returns what is to be told at a time. What was found once stays so: no tendon slips back.
+    /// Returns the current state. A detected slip is permanent.
     pub fn state(&self, now_ns: u64) -> CalibrationState {
         let judges = self.arms.iter().any(SlipWatch::is_full);
         let hold = match (self.since_ns, judges) {
@@ -128,7 +129,8 @@ impl MarkerWatch {
         }
     }
 
-    /// Returns a marker's features with the joints of that moment; `None` while the arm moves, or where too little is known of it.
+    /// Returns a marker's features with the joint state at the exposure. Returns `None` while the arm moves or if the
+    /// history is incomplete.
     fn picture(
         &self,
         arm: usize,
@@ -155,7 +157,7 @@ impl MarkerWatch {
             arm,
             features,
             q: of_arm(&state.q),
-            // By the masses as described: measured ones swing with the torso.
+            // Loads follow from the described masses, because measured torques oscillate with the torso.
             loads: loads(self.corrections.robot(), arm, &of_arm(&links)),
             neck: self.history.neck(exposure_ns)?,
         })

@@ -1,4 +1,4 @@
-//! What is measured for given unknowns, and how it changes with them.
+//! Predicted measurements for given unknowns, with analytic derivatives.
 
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS};
@@ -9,21 +9,21 @@ use super::unknowns::{Unknowns, at};
 use crate::robot::Robot;
 use crate::track::CAMERAS;
 
-/// Most unknowns that one measurement depends on.
+/// Maximum number of unknowns that one measurement depends on.
 const MOST: usize = 36;
-/// Least distance of a marker before a camera, m.
+/// Minimum distance of a visible marker in front of a camera, in m.
 const NEAREST: f64 = 0.02;
 
-/// A measurement as predicted, with its derivatives by those unknowns that it depends on.
+/// Predicted measurement with its Jacobian with respect to the unknowns that it depends on.
 #[derive(Debug, Clone)]
 pub struct Block {
-    /// Rows.
+    /// Predicted values, of which the first `rows` are used.
     pub value: [f64; 3],
-    /// How many rows there are.
+    /// Number of rows.
     pub rows: usize,
-    /// Of the unknowns.
+    /// Indices of the unknowns.
     pub columns: Vec<usize>,
-    /// `[rows][columns]`.
+    /// Jacobian, `[rows][columns]`.
     pub jacobian: [[f64; MOST]; 3],
 }
 
@@ -39,12 +39,12 @@ impl Block {
         block
     }
 
-    /// Returns a row that depends on nothing.
+    /// Returns one row that depends on no unknown.
     pub(crate) fn constant(value: f64) -> Self {
         Self::new(&SMatrix::<f64, 1, 1>::new(value))
     }
 
-    /// Adds derivatives by unknown `first` and those after it.
+    /// Appends the derivatives with respect to unknown `first` and those after it.
     fn by<const R: usize, const C: usize>(&mut self, first: usize, slope: &SMatrix<f64, R, C>) {
         for column in 0..C {
             for row in 0..R {
@@ -55,38 +55,38 @@ impl Block {
     }
 }
 
-/// The model of a robot.
+/// Measurement model of a robot.
 #[derive(Debug, Clone)]
 pub struct Model {
     robot: Robot,
-    /// Where cameras are described, head's frame, m.
+    /// Described camera positions in the head frame, in m.
     eyes: [Vector3<f64>; CAMERAS],
-    /// Middle of the neck's axes, chest's frame, m.
+    /// Intersection of the neck axes in the chest frame, in m.
     neck: Vector3<f64>,
 }
 
-/// A marker on its way into a camera.
+/// Projection of a point of an arm's last link into a camera, with intermediate results.
 struct Way {
-    /// In the chest's frame, from the neck, m.
+    /// Position relative to the neck, in the chest frame, in m.
     from_neck: Vector3<f64>,
-    /// By link angles.
+    /// Derivative of the position with respect to link angles.
     by_joints: SMatrix<f64, 3, ARM_JOINTS>,
-    /// By the lengths from shoulder to elbow and from elbow to wrist.
+    /// Derivative with respect to the lengths shoulder to elbow and elbow to wrist.
     by_lengths: SMatrix<f64, 3, 2>,
-    /// From the last link's directions to the chest's.
+    /// Rotation from the last link's frame to the chest frame.
     hand: Matrix3<f64>,
     head: HeadTurn,
-    /// In the head's frame, from the camera, m.
+    /// Position relative to the camera, in the head frame, in m.
     from_camera: Vector3<f64>,
-    /// From the camera's directions to the head's.
+    /// Rotation from the camera frame to the head frame.
     camera: Matrix3<f64>,
-    /// In the camera's frame: ahead, left, up, m.
+    /// Position in the camera frame (forward, left, up), in m.
     seen: Vector3<f64>,
 }
 
-/// How the head stands in the chest's frame.
+/// Orientation of the head in the chest frame.
 struct HeadTurn {
-    /// From the head's directions to the chest's.
+    /// Rotation from the head frame to the chest frame.
     rotation: Matrix3<f64>,
 }
 
@@ -98,7 +98,8 @@ impl HeadTurn {
         }
     }
 
-    /// Returns a vector of the chest's directions in the head's, with its derivatives by pan and tilt.
+    /// Rotates a vector from the chest frame to the head frame. Also returns its derivatives with respect to pan and
+    /// tilt.
     fn inverse(&self, v: &Vector3<f64>) -> (Vector3<f64>, SMatrix<f64, 3, 2>) {
         let there = self.rotation.tr_mul(v);
         let by_pan = -self.rotation.tr_mul(&Vector3::z().cross(v));
@@ -111,7 +112,7 @@ impl HeadTurn {
 }
 
 impl Model {
-    /// Prepares a robot as described.
+    /// Creates the model of a robot as described.
     pub fn new(robot: &Robot) -> Self {
         let description = robot.description();
         let cameras = &description.cameras;
@@ -128,14 +129,14 @@ impl Model {
         &self.robot
     }
 
-    /// Returns a marker's feature, pixels; `None` if it is not before the camera.
+    /// Returns the projected marker in pixels, or `None` if it is not in front of the camera.
     pub fn feature(&self, x: &Unknowns, picture: &Picture, camera: usize) -> Option<Vector2<f64>> {
         let marker = three(x, at::marker(picture.arm));
         let seen = self.way(x, picture, camera, &marker).seen;
         (seen.x > NEAREST).then(|| self.lens(x, camera, &seen).0)
     }
 
-    /// The same with its derivatives.
+    /// Returns the projected marker with its derivatives, or `None` if it is not in front of the camera.
     pub fn feature_with_slope(
         &self,
         x: &Unknowns,
@@ -176,7 +177,7 @@ impl Model {
         Some(block)
     }
 
-    /// Returns the accelerometer at rest, m/s^2, with derivatives.
+    /// Returns the accelerometer measurement at rest, in m/s^2, with derivatives.
     pub fn rest(&self, x: &Unknowns, rest: &Rest) -> Block {
         let neck = std::array::from_fn(|i| rest.neck[i] + x[at::NECK + i]);
         let up = Vector3::new(0.0, 0.0, GRAVITY);
@@ -185,14 +186,14 @@ impl Model {
         self.inertial(x, at::ACCELEROMETER_BIAS, &felt, &by_neck, &bias)
     }
 
-    /// Returns the gyroscope while the head turns, rad/s, with derivatives.
+    /// Returns the gyroscope measurement while the head turns, in rad/s, with derivatives.
     pub fn turn(&self, x: &Unknowns, turn: &Turn) -> Block {
         let late = x[at::CAMERA_JOINTS] - x[at::CAMERA_IMU];
         let neck = turn.neck.before(late);
         let head = HeadTurn::new([0.0, neck.q[1] + x[at::NECK + 1]]);
         let (pan, by_tilt) = head.inverse(&Vector3::new(0.0, 0.0, neck.dq[0]));
         let rate = pan + Vector3::y() * neck.dq[1];
-        // Turning about the vertical by another pan changes nothing.
+        // The pan offset does not change a rotation about the vertical.
         let by_neck =
             SMatrix::<f64, 3, 2>::from_columns(&[Vector3::zeros(), by_tilt.column(1).into_owned()]);
         let bias = three(x, at::GYROSCOPE_BIAS);
@@ -225,7 +226,7 @@ impl Model {
         block
     }
 
-    /// Follows a point of the last link, `offset` from the wrist, into a camera.
+    /// Projects a point of the last link, at `offset` from the wrist, into a camera.
     fn way(&self, x: &Unknowns, picture: &Picture, camera: usize, offset: &Vector3<f64>) -> Way {
         let arm = picture.arm;
         let (offsets, compliances) = (at::offsets(arm), at::compliances(arm));
@@ -233,7 +234,7 @@ impl Model {
             picture.q[i] + x[offsets + i] + x[compliances + i] * picture.loads[i]
         });
         let mut links = self.robot.arm(arm).links(&q);
-        // Upper arm and forearm point along the axes of the third and the fifth joint.
+        // Upper arm and forearm are parallel to the third and the fifth joint axis.
         let by_lengths = SMatrix::<f64, 3, 2>::from_columns(&[links[2].axis, links[4].axis]);
         let lengths = x.fixed_rows::<2>(at::lengths(arm)).into_owned();
         let (elbow, wrist) = (links[2].axis * lengths[0], by_lengths * lengths);
@@ -264,7 +265,8 @@ impl Model {
         }
     }
 
-    /// Returns the pixel of a point in a camera's frame, its derivatives by the point, and by focal length, middle and distortion.
+    /// Projects a point of the camera frame to a pixel. Also returns the derivatives with respect to the point, and to
+    /// focal length, principal point and distortion.
     fn lens(
         &self,
         x: &Unknowns,
@@ -303,7 +305,8 @@ impl Model {
     }
 }
 
-/// Returns the middle of an arm's catch frame in a camera's frame (ahead, left, up), m, for measured joints and loads.
+/// Returns the origin of an arm's catch frame in a camera frame (forward, left, up), in m, for measured joints and
+/// loads.
 pub fn seen_from_camera(
     model: &Model,
     x: &Unknowns,
@@ -332,12 +335,12 @@ fn three(x: &Unknowns, first: usize) -> Vector3<f64> {
     x.fixed_rows::<3>(first).into_owned()
 }
 
-/// Returns the rotation of a rotation vector.
+/// Returns the rotation matrix of a rotation vector.
 pub(crate) fn exponential(w: &Vector3<f64>) -> Matrix3<f64> {
     nalgebra::Rotation3::new(*w).into_inner()
 }
 
-/// Returns how a rotation vector's change turns its rotation: `exp(w + dw) = exp(J dw) exp(w)`.
+/// Returns the left Jacobian `J` of the rotation group: `exp(w + dw) = exp(J dw) exp(w)`.
 fn left_jacobian(w: &Vector3<f64>) -> Matrix3<f64> {
     let angle = w.norm();
     let cross = w.cross_matrix();
@@ -365,7 +368,7 @@ mod tests {
         Model::new(&Robot::new(RobotDescription::nominal()))
     }
 
-    /// A hand before the head, and unknowns some standard deviations off.
+    /// Unknowns that deviate from the priors by `parts` standard deviations.
     fn moved(parts: &[f64]) -> Unknowns {
         let priors = Priors::default();
         let sigmas = priors.sigmas().unwrap();
@@ -375,7 +378,7 @@ mod tests {
     fn check(x: &Unknowns, at: impl Fn(&Unknowns) -> Option<Block>) -> Result<(), TestCaseError> {
         let sigmas = Priors::default().sigmas().unwrap();
         let Some(block) = at(x) else { return Ok(()) };
-        // Just before the lens pixels grow beyond all bounds.
+        // Pixels diverge directly in front of the lens.
         prop_assume!(block.value.iter().all(|value| value.abs() < 1e4));
         for unknown in 0..UNKNOWNS {
             let h = 1e-4 * sigmas[unknown];
@@ -391,7 +394,7 @@ mod tests {
             for row in 0..block.rows {
                 let slope = column.map_or(0.0, |column| block.jacobian[row][column]);
                 let difference = (after.value[row] - before.value[row]) / (2.0 * h);
-                // Pixels of 1e3: rounding 1e-13 / h, third derivatives h^2; both grow with the slope.
+                // Pixels are about 1e3: rounding error 1e-13 / h, truncation error h^2; both scale with the slope.
                 let slope_of_sigma = slope.abs() * sigmas[unknown];
                 prop_assert!(
                     (slope - difference).abs() * sigmas[unknown] < 2e-6 * (1.0 + slope_of_sigma),
@@ -447,7 +450,7 @@ mod tests {
         }
     }
 
-    /// The catch frame as the kinematics of the stack have it.
+    /// The catch frame agrees with the stack's forward kinematics.
     #[test]
     fn without_errors_a_hand_is_seen_where_kinematics_put_it() {
         let model = model();

@@ -1,4 +1,4 @@
-//! The result of a calibration.
+//! Result of a calibration.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -7,89 +7,89 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, RobotDescription};
 use super::unknowns::{UNKNOWNS, Unknowns, at};
 use crate::track::CAMERAS;
 
-/// What a robot has that its description lacks.
+/// Deviations of a robot from its description.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Left, right.
+    /// Cameras: left, right.
     pub cameras: [CameraCalibration; CAMERAS],
-    /// Left, right.
+    /// Arms: left, right.
     pub arms: [ArmCalibration; ARMS],
     /// Neck.
     pub neck: NeckCalibration,
-    /// Inertial unit.
+    /// Inertial measurement unit.
     pub imu: ImuCalibration,
-    /// Stamps.
+    /// Clock offsets.
     pub clocks: ClockCalibration,
 }
 
-/// A camera beside the described one.
+/// Deviations of a camera from its description.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraCalibration {
-    /// Focal length less the described one, pixels.
+    /// Focal length minus the described one, in pixels.
     pub focal: f64,
-    /// Optical axis less the middle of the picture, pixels.
+    /// Principal point minus the centre of the picture, in pixels.
     pub centre: [f64; 2],
-    /// What is left of the distortion after the described one is taken out: k1, k2.
+    /// Distortion k1 and k2 that remains after the described one is removed.
     pub distortion: [f64; 2],
-    /// Rotation vector from its directions to the head's, rad.
+    /// Rotation vector from the camera frame to the head frame, in rad.
     pub turn: [f64; 3],
-    /// From where it is described to where it is, m, head's frame.
+    /// Position minus the described one, in the head frame, in m.
     pub shift: [f64; 3],
 }
 
-/// An arm beside the described one.
+/// Deviations of an arm from its description.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArmCalibration {
-    /// Link less sensor without load, rad.
+    /// Link angle minus sensor angle without load, in rad.
     pub offsets: [f64; ARM_JOINTS],
-    /// rad/Nm.
+    /// Joint compliances, in rad/Nm.
     pub compliances: [f64; ARM_JOINTS],
-    /// From where it is described to where it is mounted, m, chest's frame.
+    /// Mounting position minus the described one, in the chest frame, in m.
     pub mount: [f64; 3],
-    /// Shoulder to elbow and elbow to wrist less the described lengths, m.
+    /// Lengths shoulder to elbow and elbow to wrist minus the described ones, in m.
     pub lengths: [f64; 2],
-    /// The marker in the frame of its last link, m.
+    /// Marker position in the frame of the last link, in m.
     pub marker: [f64; 3],
 }
 
-/// The neck beside the described one.
+/// Deviations of the neck from its description.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NeckCalibration {
-    /// Pan, tilt: link less sensor, rad.
+    /// Link angle minus sensor angle of pan and tilt, in rad.
     pub offsets: [f64; 2],
 }
 
-/// The inertial unit beside the described one.
+/// Deviations of the IMU from its description.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImuCalibration {
-    /// Rotation vector from its directions to the head's, rad.
+    /// Rotation vector from the IMU frame to the head frame, in rad.
     pub turn: [f64; 3],
-    /// m/s^2, its own directions.
+    /// Accelerometer bias in the IMU frame, in m/s^2.
     pub accelerometer_bias: [f64; 3],
-    /// rad/s, its own directions.
+    /// Gyroscope bias in the IMU frame, in rad/s.
     pub gyroscope_bias: [f64; 3],
 }
 
-/// By how much stamps are late.
+/// Delays of time stamps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClockCalibration {
-    /// Pictures' stamps less those of joints, s.
+    /// Picture time stamp minus joint time stamp of the same moment, in s.
     pub camera_joints: f64,
-    /// Pictures' stamps less those of the inertial unit, s.
+    /// Picture time stamp minus IMU time stamp of the same moment, in s.
     pub camera_imu: f64,
 }
 
 impl Calibration {
-    /// Returns the parameters of a solution.
+    /// Converts a solution to parameters.
     ///
     /// # Panics
-    /// Unless there are [`UNKNOWNS`] of them.
+    /// Panics unless there are [`UNKNOWNS`] values.
     pub fn of(x: &Unknowns) -> Self {
         assert_eq!(x.len(), UNKNOWNS, "unknowns");
         fn array<const N: usize>(x: &Unknowns, first: usize) -> [f64; N] {
@@ -160,8 +160,8 @@ impl Calibration {
         x
     }
 
-    /// Returns the description with cameras and arms where they are, arms as long as they are, and ranges of links instead of sensors. What cannot be described so, [`super::Corrections`] take out of measurements
-    /// and put into commands.
+    /// Returns a description with the calibrated positions of cameras and arms, arm lengths, and joint ranges in link
+    /// angles. [`super::Corrections`] applies the remaining parameters to measurements and commands.
     pub fn describe(&self, description: &RobotDescription) -> RobotDescription {
         let mut described = description.clone();
         for (shift, camera) in described.cameras.shifts.iter_mut().zip(&self.cameras) {

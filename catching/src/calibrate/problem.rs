@@ -1,7 +1,7 @@
-//! All residuals of a session as one problem.
+//! All residuals of a session as one least-squares problem.
 //!
-//! `cost = 1/2 sum z^2 + sum rho(r)`: `z` are the unknowns' distances from their priors and `r` the residuals, both in standard deviations,
-//! `rho` is Huber's loss, `r^2 / 2` up to its edge `d` and `d |r| - d^2 / 2` beyond.
+//! `cost = 1/2 sum z^2 + sum rho(r)`, with the deviations `z` of the unknowns from their priors and the residuals `r`,
+//! both in standard deviations. `rho` is Huber's loss: `r^2 / 2` up to its edge `d` and `d |r| - d^2 / 2` beyond.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -12,20 +12,20 @@ use super::session::{NeckMotion, Picture, Rest, Session, Turn};
 use super::unknowns::{Priors, UNKNOWNS, Unknowns};
 use crate::track::CAMERAS;
 
-/// Residual of a feature that the model does not see, pixels: no slope leads away from it.
+/// Residual of a feature that the model cannot see, in pixels. Its gradient is zero.
 const UNSEEN: f64 = 1000.0;
 
-/// Standard deviations of what is measured.
+/// Standard deviations of the measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Noise {
-    /// Of a feature, each way, pixels.
+    /// Standard deviation of a feature per coordinate, in pixels.
     pub feature: f64,
-    /// Of an accelerometer's mean at rest, errors of scale included, m/s^2.
+    /// Standard deviation of an accelerometer mean at rest, including scale errors, in m/s^2.
     pub acceleration: f64,
-    /// Of a gyroscope's sample in motion, rad/s.
+    /// Standard deviation of a gyroscope sample in motion, in rad/s.
     pub rate: f64,
-    /// Of a gyroscope's mean at rest, rad/s.
+    /// Standard deviation of a gyroscope mean at rest, in rad/s.
     pub rest_rate: f64,
 }
 
@@ -44,19 +44,19 @@ impl Default for Noise {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CalibrationConfig {
-    /// What is known before.
+    /// Priors of the unknowns.
     pub priors: Priors,
-    /// Of measurements.
+    /// Measurement noise.
     pub noise: Noise,
-    /// Edge of Huber's loss, standard deviations.
+    /// Edge of Huber's loss, in standard deviations.
     pub huber: f64,
-    /// Least number of configurations of each arm.
+    /// Minimum number of configurations per arm.
     pub configurations: usize,
-    /// Most iterations.
+    /// Maximum number of iterations.
     pub iterations: usize,
-    /// Most that the median residual of features may be, in that of the noise alone.
+    /// Maximum median feature residual, relative to the median of the noise.
     pub fit: f64,
-    /// Most that an unknown may be away from its prior, standard deviations.
+    /// Maximum deviation of an unknown from its prior, in standard deviations.
     pub plausible: f64,
 }
 
@@ -79,13 +79,13 @@ impl Default for CalibrationConfig {
 pub struct Normal {
     /// Cost.
     pub cost: f64,
-    /// `[UNKNOWNS]`.
+    /// Gradient of the cost, `[UNKNOWNS]`.
     pub gradient: DVector<f64>,
-    /// `[UNKNOWNS][UNKNOWNS]`.
+    /// Gauss-Newton Hessian, `[UNKNOWNS][UNKNOWNS]`.
     pub hessian: DMatrix<f64>,
 }
 
-/// A session to be explained.
+/// Least-squares problem of a session.
 #[derive(Debug, Clone)]
 pub struct Problem<'a> {
     model: &'a Model,
@@ -96,10 +96,10 @@ pub struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    /// Puts a problem together.
+    /// Creates the problem.
     ///
     /// # Errors
-    /// Where a setting makes no sense.
+    /// Returns an error if a setting is invalid.
     pub fn new(
         model: &'a Model,
         session: &'a Session,
@@ -132,22 +132,22 @@ impl<'a> Problem<'a> {
         self.config
     }
 
-    /// Returns the priors' standard deviations.
+    /// Returns the standard deviations of the priors.
     pub fn sigmas(&self) -> &Unknowns {
         &self.sigmas
     }
 
-    /// Returns unknowns that stand `z` standard deviations off their priors.
+    /// Returns the unknowns at `z` standard deviations from their priors.
     pub fn unknowns(&self, z: &DVector<f64>) -> Unknowns {
         &self.guess + self.sigmas.component_mul(z)
     }
 
-    /// Returns how far unknowns are from their priors, standard deviations.
+    /// Returns the deviations of unknowns from their priors, in standard deviations.
     pub fn deviations(&self, x: &Unknowns) -> DVector<f64> {
         (x - &self.guess).component_div(&self.sigmas)
     }
 
-    /// Returns the cost alone.
+    /// Returns the cost.
     pub fn cost(&self, z: &DVector<f64>) -> f64 {
         let x = self.unknowns(z);
         let mut cost = z.norm_squared() / 2.0;
@@ -158,7 +158,7 @@ impl<'a> Problem<'a> {
         cost
     }
 
-    /// Returns cost, gradient and the matrix of the normal equations, in which rows beyond Huber's edge count less.
+    /// Returns cost, gradient and Hessian. Rows beyond Huber's edge have a reduced weight.
     pub fn normal(&self, z: &DVector<f64>) -> Normal {
         let x = self.unknowns(z);
         let mut normal = Normal {
@@ -186,7 +186,7 @@ impl<'a> Problem<'a> {
         normal
     }
 
-    /// Returns the lengths of features' residuals, pixels, in the order of the pictures.
+    /// Returns the norms of the features' residuals in pixels, in the order of the pictures.
     pub fn feature_residuals(&self, x: &Unknowns) -> Vec<f64> {
         self.features()
             .map(|(picture, camera, found)| {
@@ -206,7 +206,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// Calls `take` with all residuals, not scaled, and their standard deviations.
+    /// Calls `take` with each unscaled residual and its standard deviation.
     fn each(&self, x: &Unknowns, mut take: impl FnMut(&Block, f64)) {
         let noise = &self.config.noise;
         for (picture, camera, found) in self.features() {

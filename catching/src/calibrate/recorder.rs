@@ -1,7 +1,7 @@
-//! Makes a session out of what sensors say.
+//! Creates a calibration session from sensor data.
 //!
-//! Features and samples carry stamps of their own clocks. Each waits until the joints' states around its stamp are known, and gets the neck's
-//! position, velocity and acceleration there.
+//! Features and samples have time stamps of their own clocks. Each waits until the joint states around its time stamp
+//! are known. It then gets the neck's position, velocity and acceleration at that time.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -14,10 +14,10 @@ use super::routine::Phase;
 use super::session::{NeckMotion, Picture, Rest, Session, Turn};
 use crate::track::CAMERAS;
 
-/// Samples of the inertial unit that are taken together while the head turns.
+/// Number of IMU samples that are averaged while the head turns.
 const TOGETHER: usize = 8;
 
-/// Sums of samples.
+/// Sums of IMU samples.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     acceleration: Vector3<f64>,
@@ -40,7 +40,7 @@ enum Waiting {
     Turn([f64; 3]),
 }
 
-/// Records a session.
+/// Recorder of a session.
 pub struct Recorder {
     session: Session,
     history: JointHistory,
@@ -50,9 +50,9 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Returns a recorder that has seen nothing.
+    /// Creates an empty recorder.
     ///
-    /// - `robot_seconds`: how long the session takes the robot
+    /// - `robot_seconds`: duration of the session's motion, in s
     pub fn new(robot_seconds: f64) -> Self {
         Self {
             session: Session {
@@ -66,7 +66,7 @@ impl Recorder {
         }
     }
 
-    /// Takes the joints' state, every millisecond.
+    /// Adds the joint state, every millisecond.
     pub fn joints(&mut self, state: &JointState) {
         self.history.push(state);
         while let Some((stamp_ns, waiting)) = self
@@ -85,7 +85,7 @@ impl Recorder {
         }
     }
 
-    /// Takes a sample of the inertial unit.
+    /// Adds an IMU sample.
     pub fn sample(&mut self, sample: &ImuSample, phase: Phase) {
         if let Some((number, sums)) = self.rest
             && phase != Phase::Rest(number)
@@ -110,7 +110,8 @@ impl Recorder {
         }
     }
 
-    /// Takes the features of a pair of pictures: of the left and the right marker, in the left and the right picture, pixels.
+    /// Adds the features of a pair of pictures, in pixels. First index: left and right arm's marker; second index: left
+    /// and right picture.
     pub fn features(
         &mut self,
         stamp_ns: u64,
@@ -136,7 +137,7 @@ impl Recorder {
         self.wait(stamp_ns, Waiting::Picture(picture));
     }
 
-    /// Returns what was recorded.
+    /// Returns the recorded session.
     pub fn finish(mut self) -> Session {
         if let Some((_, sums)) = self.rest {
             self.finish_rest(&sums);
@@ -145,7 +146,8 @@ impl Recorder {
         self.session
     }
 
-    /// Gives the pictures of a configuration their mean load: the torso still swings, and arms with it.
+    /// Replaces the loads of each configuration's pictures by their mean, because the torso still oscillates and moves
+    /// the arms.
     fn mean_loads(&mut self) {
         let mut sums: BTreeMap<usize, ([f64; ARM_JOINTS], f64)> = BTreeMap::new();
         for picture in &self.session.pictures {
@@ -176,7 +178,7 @@ impl Recorder {
     }
 
     fn wait(&mut self, stamp_ns: u64, what: Waiting) {
-        // Two clocks: what came later may have been stamped earlier.
+        // The time stamps come from two clocks, so they may arrive out of order.
         let place = self
             .waiting
             .partition_point(|(other, _)| *other <= stamp_ns);
@@ -190,7 +192,7 @@ mod tests {
 
     use super::*;
 
-    /// Pan is `2 t^2`, stamps of pictures fall between those of joints.
+    /// Pan follows `2 t^2`; picture time stamps fall between joint time stamps.
     #[test]
     fn features_get_the_necks_motion_at_their_stamps() {
         let mut recorder = Recorder::new(1.0);

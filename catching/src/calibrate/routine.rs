@@ -1,5 +1,5 @@
-//! How the robot moves in a session: the head alone, at rest and turning, for the inertial unit; then one arm after the other goes out to each
-//! of its configurations and back the same way, while the head looks at the marker and sweeps around it.
+//! Robot motion in a calibration session. First the head alone rests and turns, for the IMU. Then each arm in turn
+//! moves to each of its configurations and back the same way, while the head follows the marker and sweeps around it.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,7 +11,7 @@ use super::session::NeckMotion;
 use crate::ramp::{LeastTime, Ramp};
 use crate::robot::Robot;
 
-/// Where the head rests for the inertial unit, pan and tilt, rad.
+/// Resting positions of pan and tilt for the IMU, in rad.
 const RESTS: [[f64; 2]; 7] = [
     [0.0, 0.0],
     [0.6, 0.5],
@@ -21,24 +21,24 @@ const RESTS: [[f64; 2]; 7] = [
     [0.6, -0.5],
     [0.0, -0.8],
 ];
-/// Rounds of pan and tilt in the turn for the inertial unit.
+/// Periods of pan and tilt during the turn for the IMU.
 const TURN_ROUNDS: [f64; 2] = [3.0, 4.0];
 
-/// Settings of a session's motion.
+/// Settings of the session's motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RoutineConfig {
-    /// Part of the joints' speeds that is used.
+    /// Fraction of the joints' maximum speeds.
     pub speed: f64,
-    /// Part of the joints' accelerations that is used.
+    /// Fraction of the joints' maximum accelerations.
     pub acceleration: f64,
-    /// From the end of an arm's motion to the first picture, s.
+    /// Time from the end of an arm's motion to the first picture, in s.
     pub settle: f64,
-    /// How long the head rests in a place, s; only its second half is used.
+    /// Duration of each rest of the head, in s. Only the second half is used.
     pub rest: f64,
-    /// The head's turn for the inertial unit.
+    /// Head motion for the IMU.
     pub turn: Sweep,
-    /// The head's sweep around a marker.
+    /// Head motion around a marker.
     pub sweep: Sweep,
 }
 
@@ -65,22 +65,22 @@ impl Default for RoutineConfig {
     }
 }
 
-/// A smooth motion of the neck away from where it looks, and back: `pan sin^2(pi t / T) sin(tau rounds t / T)`, tilt with a cosine.
+/// Smooth neck motion away from a gaze and back: `pan sin^2(pi t / T) sin(tau rounds t / T)`; tilt uses a cosine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sweep {
-    /// Amplitude, rad.
+    /// Amplitude of pan, in rad.
     pub pan: f64,
-    /// Amplitude, rad.
+    /// Amplitude of tilt, in rad.
     pub tilt: f64,
-    /// How long it takes, s.
+    /// Duration, in s.
     pub seconds: f64,
-    /// Rounds of pan and tilt.
+    /// Number of periods of pan and tilt.
     pub rounds: [f64; 2],
 }
 
 impl Sweep {
-    /// Returns how far the neck is away at time `t`, s from the start, and how it moves.
+    /// Returns the neck motion relative to the gaze at time `t`, in s from the start.
     pub fn at(&self, t: f64) -> NeckMotion {
         let half = PI / self.seconds;
         let (window, slope, bend) = (
@@ -106,7 +106,7 @@ impl Sweep {
         }
     }
 
-    /// Returns `count` of its places, evenly over its time.
+    /// Returns `count` samples, evenly spaced over the duration.
     pub fn views(&self, count: usize) -> Vec<NeckMotion> {
         (0..count)
             .map(|view| self.at((view as f64 + 0.5) / count as f64 * self.seconds))
@@ -114,20 +114,20 @@ impl Sweep {
     }
 }
 
-/// What is recorded at a moment.
+/// Kind of data to record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Nothing: on the way.
+    /// Nothing is recorded during transfer motions.
     Way,
-    /// The inertial unit at rest, in a place of that number.
+    /// IMU at rest, in the resting position of this index.
     Rest(usize),
-    /// The inertial unit while the head turns.
+    /// IMU while the head turns.
     Turn,
-    /// The marker of an arm in a configuration.
+    /// Marker of an arm in a configuration.
     Marker {
-        /// Number of the configuration.
+        /// Index of the configuration.
         configuration: usize,
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         arm: usize,
     },
 }
@@ -138,7 +138,7 @@ enum Motion {
     Sweep(Sweep),
 }
 
-/// A part of the motion.
+/// Segment of the motion.
 #[derive(Debug, Clone)]
 struct Leg {
     begin: f64,
@@ -148,7 +148,7 @@ struct Leg {
     phase: Phase,
 }
 
-/// The motion of a session.
+/// Motion of a session.
 #[derive(Debug, Clone)]
 pub struct Routine {
     legs: Vec<Leg>,
@@ -157,7 +157,8 @@ pub struct Routine {
 }
 
 impl Routine {
-    /// Plans a session from the waiting pose and back to it: the left arm's configurations, then the right arm's, in the order given.
+    /// Plans a session that starts and ends in the waiting pose: first the left arm's configurations, then the right
+    /// arm's, each in the given order.
     pub fn new(robot: &Robot, config: &RoutineConfig, configurations: &[Candidate]) -> Self {
         let waiting = robot.waiting();
         let limits = robot.joints().map(|joint| Joint {
@@ -200,12 +201,12 @@ impl Routine {
         routine
     }
 
-    /// Returns how long it takes, s: what the robot needs at its joints' speeds.
+    /// Returns the duration of the session, in s.
     pub fn seconds(&self) -> f64 {
         self.end
     }
 
-    /// Returns positions and velocities of all joints at time `t`, s, and what is recorded then.
+    /// Returns positions and velocities of all joints at time `t`, in s, and the kind of data to record.
     pub fn at(&self, t: f64) -> ([f64; JOINTS], [f64; JOINTS], Phase) {
         let number = self.legs.partition_point(|leg| leg.begin <= t);
         let Some(leg) = number.checked_sub(1).map(|number| &self.legs[number]) else {
@@ -244,7 +245,7 @@ impl Routine {
         self.end += seconds;
     }
 
-    /// Goes straight to `q`, all joints arriving together.
+    /// Moves all joints straight to `q` such that they arrive at the same time.
     fn go(&mut self, q: &[f64; JOINTS], limits: &[Joint; JOINTS]) {
         let least = |i: usize| LeastTime::exact(q[i] - self.q[i], 0.0, &limits[i]).t;
         let seconds = (0..JOINTS).map(least).fold(0.0, f64::max);
@@ -285,7 +286,7 @@ mod tests {
             }
         };
         let config = RoutineConfig::default();
-        // The right arm's configuration is given first.
+        // The right arm's configuration comes first.
         let routine = Routine::new(&robot, &config, &[away(1), away(0)]);
         (robot, config, routine)
     }

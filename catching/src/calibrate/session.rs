@@ -1,4 +1,4 @@
-//! What a calibration session recorded.
+//! Recorded data of a calibration session.
 
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
@@ -6,20 +6,20 @@ use tactnet_catching_packets::ARM_JOINTS;
 use super::error::CalibrationError;
 use crate::track::CAMERAS;
 
-/// Pan and tilt by their sensors, at a stamp.
+/// Measured motion of pan and tilt at a time stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NeckMotion {
-    /// rad.
+    /// Positions, in rad.
     pub q: [f64; 2],
-    /// rad/s.
+    /// Velocities, in rad/s.
     pub dq: [f64; 2],
-    /// rad/s^2.
+    /// Accelerations, in rad/s^2.
     pub ddq: [f64; 2],
 }
 
 impl NeckMotion {
-    /// Returns a neck that stands.
+    /// Returns a neck at rest.
     pub fn standing(q: [f64; 2]) -> Self {
         Self {
             q,
@@ -28,7 +28,7 @@ impl NeckMotion {
         }
     }
 
-    /// Returns the motion `late` s before the stamp.
+    /// Extrapolates the motion to `late` s before the time stamp.
     pub(crate) fn before(&self, late: f64) -> Self {
         let back = |i: usize| self.q[i] - late * (self.dq[i] - late / 2.0 * self.ddq[i]);
         let rate = |i: usize| self.dq[i] - late * self.ddq[i];
@@ -40,65 +40,65 @@ impl NeckMotion {
     }
 }
 
-/// A marker in a pair of pictures, while the arm stands.
+/// Marker in a pair of pictures while the arm is at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Picture {
-    /// Number of the arm's configuration.
+    /// Index of the arm's configuration.
     pub configuration: usize,
-    /// 0 left, 1 right.
+    /// Arm: 0 left, 1 right.
     pub arm: usize,
-    /// Where the marker was found in the left and the right picture, pixels; the described lens's distortion is taken out.
+    /// Marker position in the left and the right picture, in pixels, with the described lens distortion removed.
     pub features: [Option<[f64; 2]>; CAMERAS],
-    /// The arm's joints by their sensors, rad.
+    /// Measured joint angles of the arm, in rad.
     pub q: [f64; ARM_JOINTS],
-    /// Torques with which the arm's load turns its joints, Nm: what sensors say that drives carry, the other way; the mean of the
-    /// configuration.
+    /// Load torques about the arm's joints, in Nm, averaged over the configuration. They are the negatives of the
+    /// measured drive torques.
     pub loads: [f64; ARM_JOINTS],
-    /// The neck at the picture's stamp.
+    /// Neck motion at the picture's time stamp.
     pub neck: NeckMotion,
 }
 
-/// The inertial unit while the head stands still: means.
+/// Mean of IMU samples while the head is at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rest {
-    /// Pan and tilt by their sensors, rad.
+    /// Measured pan and tilt, in rad.
     pub neck: [f64; 2],
-    /// Specific force, m/s^2.
+    /// Specific force, in m/s^2.
     pub acceleration: [f64; 3],
-    /// Rotation, rad/s.
+    /// Angular velocity, in rad/s.
     pub rate: [f64; 3],
-    /// Samples that the means are of.
+    /// Number of averaged samples.
     pub samples: usize,
 }
 
-/// The inertial unit while the head turns and the arms stand.
+/// IMU sample while the head turns and the arms are at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Turn {
-    /// The neck at the sample's stamp.
+    /// Neck motion at the sample's time stamp.
     pub neck: NeckMotion,
-    /// Rotation, rad/s.
+    /// Angular velocity, in rad/s.
     pub rate: [f64; 3],
 }
 
-/// A calibration session.
+/// Calibration session.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Session {
-    /// Markers before the cameras.
+    /// Markers seen by the cameras.
     pub pictures: Vec<Picture>,
-    /// The head at rest.
+    /// IMU means with the head at rest.
     pub rests: Vec<Rest>,
-    /// The head in motion.
+    /// IMU samples with the head in motion.
     pub turns: Vec<Turn>,
-    /// Time that the robot needs for it at its joints' speeds, s.
+    /// Duration of the robot's motion, in s.
     pub robot_seconds: f64,
 }
 
 impl Session {
-    /// Returns how many configurations of an arm were seen by both cameras, not necessarily in the same pictures.
+    /// Returns the number of an arm's configurations that both cameras saw, not necessarily in the same pictures.
     pub fn configurations(&self, arm: usize) -> usize {
         let seen = |camera: usize| {
             self.pictures
@@ -110,10 +110,10 @@ impl Session {
         seen(0).intersection(&seen(1)).count()
     }
 
-    /// Looks for what no solver can mend.
+    /// Checks that the session can determine a calibration.
     ///
     /// # Errors
-    /// The first thing that is wrong.
+    /// Returns the first problem found.
     pub(crate) fn check(&self, configurations: usize) -> Result<(), CalibrationError> {
         self.check_numbers()?;
         for arm in 0..2 {

@@ -1,10 +1,10 @@
-//! Does the calibration still hold? Tendons slip and stretch (thesis, section 3.3.2): a joint's zero jumps, and features no longer fall where
-//! they should.
+//! Detects an invalid calibration. Tendons slip and stretch (thesis, section 3.3.2), so a joint's zero jumps and
+//! features deviate from their expected positions.
 //!
-//! Every innovation is a feature (or a ball's circle) less its prediction, with the covariance that calibration and noise give it. Its normalised square
-//! is chi-square of 2 degrees; one that is beyond `clip` counts as `clip`, so that a few wrong features ask for nothing. Errors of a
-//! calibration are the same in picture after picture, so single squares are not independent and their mean over a window need not be near
-//! 2: the limit is a multiple of it.
+//! An innovation is a feature (or a ball's circle) minus its prediction, with the covariance of calibration and noise.
+//! Its normalised square follows a chi-square distribution with 2 degrees of freedom. Squares are limited to `clip`, so
+//! that a few outliers cause no alarm. Calibration errors persist from picture to picture, so the squares are not
+//! independent and their mean over a window may exceed 2. The alarm limit is therefore a multiple of 2.
 
 use std::collections::VecDeque;
 
@@ -17,15 +17,15 @@ use super::problem::Noise;
 use super::session::Picture;
 use super::unknowns::Unknowns;
 
-/// How a watch works.
+/// Settings of a slip detector.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SlipConfig {
-    /// Innovations that are judged together.
+    /// Number of innovations per window.
     pub window: usize,
-    /// Greatest normalised square that counts.
+    /// Upper limit of a normalised square.
     pub clip: f64,
-    /// Mean of the window that asks for calibration.
+    /// Mean over the window above which the calibration counts as invalid.
     pub limit: f64,
 }
 
@@ -39,14 +39,14 @@ impl Default for SlipConfig {
     }
 }
 
-/// A calibration is asked for.
+/// Alarm: a new calibration is needed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Slip {
-    /// Mean of the normalised squares; 2 if the calibration holds.
+    /// Mean of the normalised squares. Its expected value is 2 for a valid calibration.
     pub mean: f64,
 }
 
-/// Watches innovations.
+/// Slip detector.
 #[derive(Debug, Clone)]
 pub struct SlipWatch {
     config: SlipConfig,
@@ -55,10 +55,10 @@ pub struct SlipWatch {
 }
 
 impl SlipWatch {
-    /// Returns a watch that has seen nothing.
+    /// Creates a detector without innovations.
     ///
     /// # Errors
-    /// Where a setting makes no sense.
+    /// Returns an error if a setting is invalid.
     pub fn new(config: SlipConfig) -> Result<Self, CalibrationError> {
         for (setting, found) in [
             ("slip.window", config.window as f64),
@@ -76,23 +76,24 @@ impl SlipWatch {
         })
     }
 
-    /// Returns how many innovations it has taken.
+    /// Returns the number of innovations so far.
     pub fn innovations(&self) -> u64 {
         self.innovations
     }
 
-    /// Returns true once it has taken enough to judge.
+    /// Returns true if the window is full.
     pub fn is_full(&self) -> bool {
         self.squares.len() == self.config.window
     }
 
-    /// Returns the mean normalised square of the window; `None` before the first innovation.
+    /// Returns the mean normalised square of the window, or `None` before the first innovation.
     pub fn mean(&self) -> Option<f64> {
         let count = self.squares.len();
         (count > 0).then(|| self.squares.iter().sum::<f64>() / count as f64)
     }
 
-    /// Takes an innovation, pixels, with its covariance; says whether to calibrate anew. One that is no number counts as nothing.
+    /// Adds an innovation, in pixels, with its covariance. Returns an alarm if the mean exceeds the limit. Non-finite
+    /// values are ignored.
     pub fn push(&mut self, innovation: &Vector2<f64>, covariance: &Matrix2<f64>) -> Option<Slip> {
         let square = covariance
             .cholesky()
@@ -107,9 +108,9 @@ impl SlipWatch {
         (mean > self.config.limit).then_some(Slip { mean })
     }
 
-    /// Takes a marker's features of a pair of pictures.
+    /// Adds a marker's features in a pair of pictures.
     ///
-    /// - `x`, `covariance`: what the calibration found, and how sure it is, `[UNKNOWNS][UNKNOWNS]`
+    /// - `x`, `covariance`: parameters of the calibration and their covariance, `[UNKNOWNS][UNKNOWNS]`
     pub fn picture(
         &mut self,
         model: &Model,
@@ -155,7 +156,7 @@ mod tests {
 
     use super::*;
 
-    /// Sums of twelve uniform numbers are near enough to normal.
+    /// Returns an approximately normal number: the sum of twelve uniform ones.
     fn normal(rng: &mut ChaCha8Rng) -> f64 {
         (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
     }

@@ -1,4 +1,4 @@
-//! Levenberg-Marquardt, and what its end is worth.
+//! Levenberg-Marquardt solver with covariance and quality of the solution.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -10,40 +10,40 @@ use super::problem::{CalibrationConfig, Problem};
 use super::session::Session;
 use super::unknowns::{UNKNOWNS, Unknowns, name};
 
-/// Damping at the start, part of the diagonal.
+/// Initial damping, relative to the diagonal.
 const DAMPING: f64 = 1e-3;
-/// A step that would lessen the cost by less than this part of it is the last.
+/// Relative decrease of the cost below which the solver has converged.
 const LEAST_GAIN: f64 = 1e-9;
-/// Components of a direction that are named.
+/// Minimum absolute component of an eigenvector that is reported.
 const NAMED: f64 = 0.25;
-/// Median length of two-dimensional noise of standard deviation 1.
+/// Median norm of two-dimensional normal noise with standard deviation 1.
 const RAYLEIGH_MEDIAN: f64 = 1.177_410;
 
-/// A minimum.
+/// Solution of a calibration.
 #[derive(Debug, Clone)]
 pub struct Solved {
-    /// All unknowns.
+    /// Values of all unknowns.
     pub unknowns: Unknowns,
-    /// Of the minimum.
+    /// Cost at the minimum.
     pub cost: f64,
-    /// Steps that were tried.
+    /// Number of iterations.
     pub iterations: usize,
-    /// Of the unknowns, `[UNKNOWNS][UNKNOWNS]`.
+    /// Covariance of the unknowns, `[UNKNOWNS][UNKNOWNS]`.
     pub covariance: DMatrix<f64>,
-    /// Directions of which the session says least, the least determined first.
+    /// Least-determined directions, worst first.
     pub worst: Vec<Determined>,
-    /// Median length of a feature's residual, in that of the noise alone.
+    /// Median feature residual, relative to the median of the noise.
     pub fit: f64,
-    /// Share of features more than five standard deviations off.
+    /// Fraction of features with residuals above five standard deviations.
     pub outlying: f64,
 }
 
-/// A direction in the space of unknowns, measured in standard deviations of their priors.
+/// Direction in the space of unknowns, in standard deviations of their priors.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Determined {
-    /// Standard deviation along it after the session, of that before: 1 says that the session told nothing.
+    /// Standard deviation along the direction, relative to the prior; 1 means that the session carries no information.
     pub left: f64,
-    /// Its greatest components: unknowns and their parts of a vector of length 1.
+    /// Largest components of the unit vector: name of the unknown and its component.
     pub unknowns: Vec<(String, f64)>,
 }
 
@@ -59,13 +59,13 @@ impl Solved {
     }
 }
 
-/// Calibrates a robot from a session, or says why not; what was known before is not touched.
+/// Calibrates a robot from a session.
 ///
-/// - `last`: the last good calibration, to begin from
+/// - `last`: previous calibration, used as the initial guess
 ///
 /// # Errors
-/// Where the session cannot determine a calibration, where the solver finds none, and where what it finds explains the session badly or is
-/// implausible.
+/// Returns an error if the session cannot determine a calibration, the solver does not converge, the fit is poor, or a
+/// parameter is implausible.
 pub fn calibrate(
     model: &Model,
     session: &Session,
@@ -89,10 +89,10 @@ pub fn calibrate(
     Ok(solved)
 }
 
-/// Finds the minimum from `start`, or from the priors.
+/// Finds the minimum, starting from `start` or from the priors.
 ///
 /// # Errors
-/// After too many iterations, and where the last of them explains the session badly.
+/// Returns an error if the solver does not converge.
 pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, CalibrationError> {
     let mut z = start.map_or_else(|| DVector::zeros(UNKNOWNS), |x| problem.deviations(x));
     let mut normal = problem.normal(&z);
@@ -103,7 +103,7 @@ pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, 
         for i in 0..UNKNOWNS {
             damped[(i, i)] *= 1.0 + damping;
         }
-        // The priors keep it positive definite.
+        // The priors make the matrix positive definite unless rounding interferes.
         let Some(factor) = damped.cholesky() else {
             damping *= 10.0;
             continue;
@@ -123,7 +123,7 @@ pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, 
             damping *= 10.0;
         }
     }
-    // What the model cannot explain has a flat minimum; then that is the reason.
+    // A model that does not fit has a flat minimum; report the fit as the cause.
     let last = ended(problem, &z, &normal.hessian, normal.cost, most);
     judge_fit(&last, problem.config())?;
     Err(CalibrationError::NoMinimum { iterations: most })

@@ -1,4 +1,4 @@
-//! The unknowns, their order, names and priors.
+//! The unknowns: order, names and priors.
 
 use nalgebra::{DVector, Vector3};
 use serde::{Deserialize, Serialize};
@@ -7,68 +7,68 @@ use tactnet_catching_packets::ARMS;
 use super::error::CalibrationError;
 use crate::track::CAMERAS;
 
-/// How many there are.
+/// Number of unknowns.
 pub const UNKNOWNS: usize = 79;
-/// Of arms and cameras, in messages.
+/// Names of arms and cameras in messages.
 pub(crate) const ARM_NAMES: [&str; 2] = ["left", "right"];
 
 /// Values of all unknowns, in the order of [`at`].
 pub type Unknowns = DVector<f64>;
 
-/// Where unknowns stand.
+/// Indices of the unknowns.
 pub mod at {
-    /// Focal length, pixels; then the others of the camera.
+    /// Index of a camera's focal length in pixels, its first unknown.
     pub const fn camera(camera: usize) -> usize {
         11 * camera
     }
-    /// Within a camera: middle of the picture (2), pixels.
+    /// Offset within a camera: principal point (2), in pixels.
     pub const CENTRE: usize = 1;
-    /// Within a camera: what is left of distortion, k1 and k2.
+    /// Offset within a camera: remaining distortion k1 and k2.
     pub const DISTORTION: usize = 3;
-    /// Within a camera: rotation vector from its directions to the head's, rad.
+    /// Offset within a camera: rotation vector from the camera frame to the head frame, in rad.
     pub const TURN: usize = 5;
-    /// Within a camera: from where it is described to where it is, m, head's frame.
+    /// Offset within a camera: position minus the described one, in the head frame, in m.
     pub const SHIFT: usize = 8;
-    /// Unknowns of a camera.
+    /// Number of unknowns per camera.
     pub const OF_CAMERA: usize = 11;
-    /// The marker in the frame of the arm's last link (3), m.
+    /// Index of the marker position in the frame of the arm's last link (3), in m.
     pub const fn marker(arm: usize) -> usize {
         22 + 3 * arm
     }
-    /// Offsets of the arm's joints (7), rad.
+    /// Index of the joint offsets of an arm (7), in rad.
     pub const fn offsets(arm: usize) -> usize {
         28 + 7 * arm
     }
-    /// Compliances of the arm's joints (7), rad/Nm.
+    /// Index of the joint compliances of an arm (7), in rad/Nm.
     pub const fn compliances(arm: usize) -> usize {
         42 + 7 * arm
     }
-    /// From where the arm is described to where it is mounted (3), m, chest's frame.
+    /// Index of the mounting position minus the described one (3), in the chest frame, in m.
     pub const fn mount(arm: usize) -> usize {
         56 + 3 * arm
     }
-    /// Offsets of pan and tilt, rad.
+    /// Index of the offsets of pan and tilt, in rad.
     pub const NECK: usize = 62;
-    /// Rotation vector from the inertial unit's directions to the head's (3), rad.
+    /// Index of the rotation vector from the IMU frame to the head frame (3), in rad.
     pub const IMU_TURN: usize = 64;
-    /// Of the accelerometer (3), m/s^2.
+    /// Index of the accelerometer bias (3), in m/s^2.
     pub const ACCELEROMETER_BIAS: usize = 67;
-    /// Of the gyroscope (3), rad/s.
+    /// Index of the gyroscope bias (3), in rad/s.
     pub const GYROSCOPE_BIAS: usize = 70;
-    /// By how much the arm's lengths from shoulder to elbow and from elbow to wrist are greater than described (2), m.
+    /// Index of the lengths shoulder to elbow and elbow to wrist minus the described ones (2), in m.
     pub const fn lengths(arm: usize) -> usize {
         75 + 2 * arm
     }
-    /// By how much pictures' stamps are later than those of joints, s.
+    /// Index of the delay of picture time stamps relative to joint time stamps, in s.
     pub const CAMERA_JOINTS: usize = 73;
-    /// By how much pictures' stamps are later than those of the inertial unit, s.
+    /// Index of the delay of picture time stamps relative to IMU time stamps, in s.
     pub const CAMERA_IMU: usize = 74;
 }
 
 /// Returns an unknown's name with its unit.
 ///
 /// # Panics
-/// Unless `unknown` is less than [`UNKNOWNS`].
+/// Panics unless `unknown` is less than [`UNKNOWNS`].
 pub fn name(unknown: usize) -> String {
     assert!(unknown < UNKNOWNS, "there are {UNKNOWNS} unknowns");
     let axis = |i: usize| ["x", "y", "z"][i % 3];
@@ -109,43 +109,43 @@ pub fn name(unknown: usize) -> String {
     }
 }
 
-/// What is known before a session: a guess of each unknown and its standard deviation.
+/// Priors of the unknowns: initial guesses and standard deviations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Priors {
-    /// Where markers were glued, m, frame of the arm's last link.
+    /// Marker positions in the frame of the arm's last link, in m.
     pub markers: [[f64; 3]; ARMS],
-    /// How exactly, m.
+    /// Standard deviation of the marker positions, in m.
     pub marker: f64,
-    /// Compliance of an arm's joint, rad/Nm.
+    /// Guess of an arm joint's compliance, in rad/Nm.
     pub compliance_guess: f64,
-    /// How exactly, rad/Nm.
+    /// Standard deviation of the compliances, in rad/Nm.
     pub compliance: f64,
-    /// Pixels.
+    /// Standard deviation of the focal length, in pixels.
     pub focal: f64,
-    /// Pixels.
+    /// Standard deviation of the principal point, in pixels.
     pub centre: f64,
-    /// k1, k2 alike.
+    /// Standard deviation of distortion k1 and k2.
     pub distortion: f64,
-    /// rad.
+    /// Standard deviation of a camera's rotation, in rad.
     pub camera_turn: f64,
-    /// m.
+    /// Standard deviation of a camera's position, in m.
     pub camera_shift: f64,
-    /// rad.
+    /// Standard deviation of an arm's joint offsets, in rad.
     pub arm_offset: f64,
-    /// m.
+    /// Standard deviation of an arm's mounting position, in m.
     pub arm_mount: f64,
-    /// m.
+    /// Standard deviation of an arm's lengths, in m.
     pub arm_length: f64,
-    /// rad.
+    /// Standard deviation of the offsets of pan and tilt, in rad.
     pub neck_offset: f64,
-    /// rad.
+    /// Standard deviation of the IMU's rotation, in rad.
     pub imu_turn: f64,
-    /// m/s^2.
+    /// Standard deviation of the accelerometer bias, in m/s^2.
     pub accelerometer_bias: f64,
-    /// rad/s.
+    /// Standard deviation of the gyroscope bias, in rad/s.
     pub gyroscope_bias: f64,
-    /// s.
+    /// Standard deviation of the clock delays, in s.
     pub clock: f64,
 }
 
@@ -174,7 +174,7 @@ impl Default for Priors {
 }
 
 impl Priors {
-    /// Returns guesses of all unknowns: those of the description, but for markers and compliances.
+    /// Returns the initial guesses, which are zero except for markers and compliances.
     pub fn guess(&self) -> Unknowns {
         let mut guess = Unknowns::zeros(UNKNOWNS);
         for arm in 0..ARMS {
@@ -189,10 +189,10 @@ impl Priors {
         guess
     }
 
-    /// Returns the standard deviations of the guesses.
+    /// Returns the standard deviations of all unknowns.
     ///
     /// # Errors
-    /// Where one is not greater than 0.
+    /// Returns an error if one is not greater than 0.
     pub fn sigmas(&self) -> Result<Unknowns, CalibrationError> {
         for (setting, found) in [
             ("priors.marker", self.marker),

@@ -1,22 +1,23 @@
-//! Contrast-normalised edges, and how much more of them lies along each of twelve directions than across it.
+//! Contrast-normalised edges, projected onto twelve directions.
 
 use super::Window;
 
-/// Directions, 15 degrees apart; opposite ones are the same. Six farther is the one across.
+/// Number of directions, 15 degrees apart, with opposite ones equal. Direction `k + 6` is perpendicular to `k`.
 pub(super) const DIRECTIONS: usize = 12;
-/// An edge of pure contrast.
+/// Value of an edge with full contrast.
 const FULL: f32 = 127.0;
-/// The same, squared, in planes: small enough for four of them to add up in eight bits.
+/// Value of a squared edge with full contrast in the planes. Sums of four fit into eight bits.
 pub(super) const SHARE: f64 = 31.5;
 
-/// Working memory for a row.
+/// Working memory of one row.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rows {
-    /// Sums down a column with weights 1 2 1, of brightness and of its square; difference of the rows below and above.
+    /// Sums over a column with weights 1 2 1, of brightness and squared brightness, and the difference between the rows
+    /// below and above.
     sums: Vec<i32>,
     squares: Vec<i32>,
     differences: Vec<i32>,
-    /// The edge, times [`FULL`].
+    /// Edge times [`FULL`].
     x: Vec<i16>,
     y: Vec<i16>,
 }
@@ -31,10 +32,11 @@ impl Rows {
     }
 }
 
-/// Writes `(n . C)^2 - (t . C)^2`, times [`SHARE`], for every pixel of a window and direction `n`, `t` across it:
-/// `planes[direction]`, `[height][width]` of the window. The window's rim has no edges.
+/// Writes `(n . C)^2 - (t . C)^2`, times [`SHARE`], for each pixel of a window and each direction `n` with its
+/// perpendicular `t`. The output is `planes[direction]`, each `[height][width]` of the window. The outermost pixels
+/// have no edges.
 ///
-/// - `noise`: contrast of noise, digits
+/// - `noise`: contrast of noise, in grey levels
 pub(super) fn directed(
     pixels: &[u8],
     stride: usize,
@@ -44,7 +46,7 @@ pub(super) fn directed(
     planes: &mut [Vec<i8>; DIRECTIONS],
 ) {
     rows.resize(window.width);
-    // Of the sums' scale: the weights are 16 together.
+    // Scaled like the sums, whose weights add up to 16.
     let floor = (256.0 * noise * noise) as f32;
     let turns: [[i16; 2]; DIRECTIONS] = std::array::from_fn(|k| {
         let angle = std::f64::consts::PI * k as f64 / DIRECTIONS as f64;
@@ -61,7 +63,7 @@ pub(super) fn directed(
     });
 }
 
-/// A call of [`lines`], compiled for each vector width that a processor may have.
+/// Arguments of [`lines`], which is compiled for each vector width.
 struct Lines<'a> {
     pixels: &'a [u8],
     stride: usize,
@@ -182,7 +184,7 @@ mod tests {
     }
 
     proptest! {
-        /// As the formula says, in doubles.
+        /// The integer result equals the formula in double precision up to rounding.
         #[test]
         fn edges_are_shares_of_the_contrast(pixels in proptest::collection::vec(any::<u8>(), 25), noise in 0.5..20.0f64) {
             let planes = planes_of(&pixels, 5, noise);
@@ -208,7 +210,7 @@ mod tests {
                     let across = cy * angle.cos() - cx * angle.sin();
                     let exact = along * along - across * across;
                     let found = f64::from(plane[v * 5 + u]) / SHARE;
-                    // Whole numbers up to 127, squared.
+                    // Rounding of integers up to 127, squared.
                     prop_assert!((found - exact).abs() < 0.06, "{found} {exact}");
                 }
             }

@@ -1,4 +1,4 @@
-//! Where balls are expected in the next picture.
+//! Gates: regions of the next picture in which balls are expected.
 
 use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::Cameras;
@@ -7,29 +7,29 @@ use tactnet_catching_packets::packets::{BallPredictions, HeadPose};
 use crate::flight::Flight;
 use crate::track::{Camera, Head, View};
 
-/// Standard deviations that a gate holds.
+/// Radius of a gate, in standard deviations of the prediction.
 const DEVIATIONS: f64 = 4.0;
-/// Beyond that, pixels: of the detector, and of what the head's pose is wrong by.
+/// Additional radius for errors of detector and head pose, in pixels.
 const MARGIN: f64 = 8.0;
-/// Widest gate, pixels.
+/// Maximum radius of a gate, in pixels.
 const WIDEST: f64 = 80.0;
 
-/// Where a ball is expected: a circle as a lens without distortion would show it.
+/// Expected circle of a ball, in a picture without lens distortion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gate {
-    /// Pixels from the left.
+    /// Horizontal position, in pixels from the left edge.
     pub u: f64,
-    /// Pixels from the top.
+    /// Vertical position, in pixels from the top edge.
     pub v: f64,
-    /// Radius, pixels.
+    /// Radius, in pixels.
     pub r: f64,
-    /// How far its centre may be from there, pixels.
+    /// Maximum distance of the circle's centre from the expected position, in pixels.
     pub reach: f64,
 }
 
-/// Returns the gates of a camera (0 left, 1 right) for a picture taken when the head is at `pose`.
+/// Returns the gates of a camera (0 left, 1 right) for a picture taken at head pose `pose`.
 ///
-/// Balls that will not be before the camera have none; neither has any if the pose makes no sense.
+/// Balls outside of the camera's view get no gate. There are no gates if the pose is invalid.
 pub fn gates(
     cameras: &Cameras,
     camera: usize,
@@ -55,7 +55,7 @@ pub fn gates(
             let c = &ball.covariance;
             c[i][j] + dt * (c[i][j + 3] + c[i + 3][j]) + dt * dt * c[i + 3][j + 3]
         });
-        // Metres to pixels, as at the ball's distance.
+        // Pixels per metre at the ball's distance.
         let pixels = circle.z / crate::flight::BALL_RADIUS;
         let reach = MARGIN + DEVIATIONS * pixels * variance.trace().max(0.0).sqrt();
         Some(Gate {

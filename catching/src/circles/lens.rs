@@ -1,12 +1,12 @@
-//! The lens: from circles as they are seen to those that a lens without distortion would show.
+//! Removes the lens distortion from circles.
 
 use tactnet_catching_packets::Cameras;
 use tactnet_catching_packets::packets::Circle;
 
-/// Steps of the fixed point that undoes the distortion; each is a tenth of the one before.
+/// Number of fixed-point iterations that undo the distortion. Each reduces the error about tenfold.
 const STEPS: usize = 12;
 
-/// Distortion of the cameras.
+/// Lens distortion of the cameras.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lens {
     focal: f64,
@@ -26,14 +26,14 @@ impl Lens {
         }
     }
 
-    /// Returns where a lens with this distortion shows a place, pixels.
+    /// Returns the distorted position of an undistorted one, in pixels.
     pub(super) fn distorted(&self, place: [f64; 2]) -> [f64; 2] {
         let ray = self.ray_of(place);
         let factor = self.factor(ray);
         self.place_of(ray.map(|x| x * factor))
     }
 
-    /// Returns a circle as it would be seen without distortion: through the four ends of its axes.
+    /// Returns the undistorted circle, computed from the end points of its horizontal and vertical diameter.
     pub(super) fn undistorted(&self, circle: &Circle) -> Circle {
         let Circle { u, v, r, response } = *circle;
         let ends = [[u - r, v], [u + r, v], [u, v - r], [u, v + r]].map(|end| self.undone(end));

@@ -1,43 +1,45 @@
-//! Circles to a fraction of a pixel: edges on rays from the centre, and a circle through them that outliers do not move.
+//! Sub-pixel refinement of circles: edges on rays from the centre, and a robust fit of a circle.
 
 use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::packets::Circle;
 
 use super::votes::Peak;
 
-/// Rays from the centre.
+/// Number of rays from the centre.
 const RAYS: usize = 48;
-/// Most samples of a ray.
+/// Maximum number of samples per ray.
 const MOST_SAMPLES: usize = 64;
-/// How far from the circle edges are looked for, shares of the radius, pass by pass, and at least this many pixels.
+/// Search range around the circle in each pass, as a fraction of the radius and as a minimum in pixels.
 const REACH: [(f64, f64); 3] = [(0.35, 3.5), (0.2, 2.5), (0.12, 2.0)];
-/// Scale of the Cauchy weights, pixels, and share of the radius.
+/// Scale of the Cauchy weights: a constant in pixels plus a fraction of the radius.
 const SCALE: (f64, f64) = (0.5, 0.01);
-/// Band around a circle in which its edges have to be the strongest, share of the radius, and at least so many pixels.
+/// Band around a circle in which its edges must be the strongest, as a fraction of the radius and as a minimum in
+/// pixels.
 const BAND: (f64, f64) = (0.4, 4.0);
-/// How far from the circle they may lie, share of the radius, and at least so many pixels.
+/// Maximum distance of an edge from the circle, as a fraction of the radius and as a minimum in pixels.
 const TOLERANCE: (f64, f64) = (0.05, 0.9);
-/// The same after the first pass, and the share of the rays that are asked for in the end.
+/// Check after the first pass: maximum distance as in [`TOLERANCE`], then the required fraction of the final share of
+/// rays.
 const FIRST: (f64, f64, f64) = (0.1, 1.2, 0.6);
-/// How far from a known circle its edges are looked for at twice the resolution, share of the radius, and at least so many pixels; least
-/// share of rays on which they lie on it.
+/// Refinement at twice the resolution: search range as a fraction of the radius and as a minimum in pixels, then the
+/// minimum share of rays whose edge lies on the circle.
 const POLISH: (f64, f64, f64) = (0.1, 2.5, 0.4);
-/// Distance of samples on a ray, pixels: for a first look, and for a closer one.
+/// Minimum distance between samples on a ray in the first and in later passes, in pixels.
 const FINEST: [f64; 2] = [0.75, 0.5];
-/// Difference of brightness across an edge that counts half, digits.
+/// Brightness difference at which an edge has weight 0.5, in grey levels.
 const HALF: f64 = 8.0;
 
-/// The edge on a ray.
+/// Edge on a ray.
 #[derive(Debug, Clone, Copy, Default)]
 struct Edge {
     cos: f64,
     sin: f64,
-    /// Distance from the centre, pixels.
+    /// Distance from the centre, in pixels.
     distance: f64,
     weight: f64,
 }
 
-/// Directions of rays: cosine and sine.
+/// Unit vectors of the rays: cosine and sine.
 #[derive(Debug, Clone)]
 pub(super) struct Rays([[f64; 2]; RAYS]);
 
@@ -50,9 +52,9 @@ impl Default for Rays {
     }
 }
 
-/// Returns the circle of a peak; `None` if the edges around it lie on none, or beyond the picture.
+/// Returns the circle at a peak, or `None` if the surrounding edges do not form one or it exceeds the picture.
 ///
-/// - `inliers`: least share of rays whose strongest edge around the circle lies on it
+/// - `inliers`: minimum share of rays whose strongest edge lies on the circle
 pub(super) fn refined(
     directions: &Rays,
     pixels: &[u8],
@@ -69,7 +71,7 @@ pub(super) fn refined(
         if !(inside(u, size[0]) && inside(v, size[1]) && r > 2.0) {
             return None;
         }
-        // Most peaks are none of a ball, which every third ray tells.
+        // Most peaks are false; every third ray suffices to reject them.
         let stride = if pass == 0 { 3 } else { 1 };
         let rays = &mut edges[..RAYS / stride];
         for (i, edge) in rays.iter_mut().enumerate() {
@@ -102,7 +104,7 @@ pub(super) fn refined(
         }
         (u, v, r) = (u + step.x, v + step.y, r + step.z);
     }
-    // Looked for again over a wider band: edges of a texture lie anywhere in it, those of a circle lie on the circle.
+    // Search again in a wider band. Edges of texture lie anywhere in it, edges of a circle lie on the circle.
     let reach = (BAND.0 * r).max(BAND.1);
     let margin = r + reach + 2.0;
     let inside = |x: f64, size: usize| x - margin >= 0.0 && x + margin < size as f64;
@@ -134,7 +136,7 @@ pub(super) fn refined(
     })
 }
 
-/// Returns a circle that is known, looked at once more at a higher resolution; `None` if it cannot be seen there, or is another one.
+/// Refines a known circle at a higher resolution. Returns `None` if it is not visible there or is a different one.
 pub(super) fn polished(
     directions: &Rays,
     pixels: &[u8],
@@ -174,15 +176,15 @@ pub(super) fn polished(
 }
 
 impl Edge {
-    /// Distance from the circle of radius `r` that a step has moved.
+    /// Returns the distance of the edge from the circle of radius `r` after `step`.
     fn residual(&self, r: f64, step: &Vector3<f64>) -> f64 {
         self.distance - r - (step.x * self.cos + step.y * self.sin + step.z)
     }
 }
 
-/// The strongest edge within `reach` of the circle; one a `width` away counts half.
+/// Returns the strongest edge within `reach` of the circle. An edge at distance `width` has half the weight.
 ///
-/// - `finest`: least distance of samples, pixels
+/// - `finest`: minimum distance between samples, in pixels
 #[inline]
 fn edge_on_ray(
     pixels: &[u8],
@@ -196,7 +198,7 @@ fn edge_on_ray(
     let step = (2.0 * (reach + 1.5) / (MOST_SAMPLES - 1) as f64).max(finest);
     let count = ((2.0 * (reach + 1.5) / step) as usize + 1).min(MOST_SAMPLES);
     let first = r - reach - 1.5;
-    // Sums of the samples before each place.
+    // Prefix sums of the samples.
     let mut sums = [0_i32; MOST_SAMPLES + 1];
     let mut place = [u + first * cos - 0.5, v + first * sin - 0.5].map(fixed);
     let move_on = [step * cos, step * sin].map(fixed);
@@ -204,7 +206,7 @@ fn edge_on_ray(
         sums[i + 1] = sums[i] + bilinear(pixels, stride, place);
         place = [place[0] + move_on[0], place[1] + move_on[1]];
     }
-    // Means of a pixel and a half, or a sample where those are farther apart, before and behind a place.
+    // Compare means over 1.5 pixels (at least one sample) before and behind each position.
     let half = ((1.5 / step).round() as usize).max(1);
     let mean = 1.0 / (half as f32 * (SUB * SUB) as f32);
     let (from, each) = (((first - r) / width) as f32, (step / width) as f32);
@@ -230,7 +232,7 @@ fn edge_on_ray(
             weight: 0.0,
         };
     }
-    // The middle of what rises above half of the peak.
+    // Centroid of the part above half of the peak.
     let peak = differences[i];
     let (mut mass, mut moment) = (0.0, 0.0);
     for (k, difference) in differences[i - half..=i + half].iter().enumerate() {
@@ -247,10 +249,10 @@ fn edge_on_ray(
     }
 }
 
-/// The step from a circle of radius `r` around the rays' origin to the one through the edges.
+/// Returns the step from a circle of radius `r` around the rays' origin to the fitted circle.
 fn fitted(edges: &[Edge], r: f64, scale: f64) -> Option<Vector3<f64>> {
     let mut step = Vector3::zeros();
-    // Wide at first, so that a shifted centre makes no outliers.
+    // Start with a wide scale, so that a shifted centre causes no outliers.
     for widen in [4.0, 2.0, 1.0, 1.0] {
         let (mut normal, mut right) = (Matrix3::<f64>::zeros(), Vector3::<f64>::zeros());
         for edge in edges {
@@ -265,19 +267,19 @@ fn fitted(edges: &[Edge], r: f64, scale: f64) -> Option<Vector3<f64>> {
     Some(step)
 }
 
-/// Parts of a pixel that are told apart.
+/// Number of sub-pixel positions per pixel.
 const SUB: i32 = 256;
-/// Bits of a fixed-point coordinate below the pixel.
+/// Fraction bits of fixed-point coordinates.
 const BITS: u32 = 16;
 
-/// A coordinate in fixed point.
+/// Converts a coordinate to fixed point.
 fn fixed(x: f64) -> i32 {
     (x * f64::from(1 << BITS)) as i32
 }
 
-/// The brightness between four pixels, times [`SUB`] squared.
+/// Returns the bilinearly interpolated brightness times [`SUB`] squared.
 ///
-/// - `place`: pixels from the middle of the picture's upper left one, in fixed point
+/// - `place`: fixed-point position relative to the centre of the upper left pixel
 #[inline(always)]
 fn bilinear(pixels: &[u8], stride: usize, [u, v]: [i32; 2]) -> i32 {
     let (column, line) = ((u >> BITS) as usize, (v >> BITS) as usize);

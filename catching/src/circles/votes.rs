@@ -1,16 +1,16 @@
-//! Votes of edges for circles: for each pixel and radius, the mean over 24 points around it of how much more edge lies along the normal
-//! than along the circle.
+//! Hough votes for circles. For each pixel and radius, the vote is the mean over 24 points of the edge along the normal
+//! minus the edge along the tangent.
 
 use tactnet_catching_packets::packets::Circle;
 
 use super::Window;
 use super::edges::{DIRECTIONS, Rows, SHARE, directed};
 
-/// Points of a circle.
+/// Number of points on a circle.
 const POINTS: usize = 24;
-/// Radii that are voted for together.
+/// Number of radii per vote.
 pub(super) const COUNT: usize = 6;
-/// An octave of them.
+/// Radii within one octave, relative to the smallest.
 pub(super) const RADII: [f64; COUNT] = [
     1.0,
     1.12246,
@@ -19,14 +19,14 @@ pub(super) const RADII: [f64; COUNT] = [
     1.5874,
     1.7818,
 ];
-/// Full votes: a third of all points'.
+/// Full vote in the stored responses: a third of the sum over all points.
 const FULL: f64 = POINTS as f64 / 3.0 * SHARE;
-/// Pixels that are summed up together.
+/// Number of pixels that are summed in one run.
 const RUN: usize = 32;
-/// Peaks that are looked for in one window.
+/// Maximum number of peaks per window.
 const MOST: usize = 1024;
 
-/// A circle that many edges vote for, in pixels of the whole picture.
+/// Local maximum of the votes, in pixels of the whole picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Peak {
     pub(super) u: f64,
@@ -45,7 +45,7 @@ impl Peak {
         }
     }
 
-    /// The same in pixels that are so many times smaller.
+    /// Returns the peak with all lengths multiplied by `by`.
     pub(super) fn scaled(&self, by: f64) -> Self {
         Self {
             u: self.u * by,
@@ -55,7 +55,7 @@ impl Peak {
         }
     }
 
-    /// Returns true if both lead to the same circle.
+    /// Returns true if both peaks lead to the same circle.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         let ratio = self.r / other.r;
         (self.u - other.u).hypot(self.v - other.v) < 0.2 * self.r.min(other.r)
@@ -63,7 +63,7 @@ impl Peak {
     }
 }
 
-/// A point of a circle: a shift of pixels, and the direction that it is seen in.
+/// Point of a circle: offset in pixels and index of its normal direction.
 #[derive(Debug, Clone, Copy, Default)]
 struct Point {
     right: isize,
@@ -71,7 +71,7 @@ struct Point {
     direction: usize,
 }
 
-/// Working memory.
+/// Working memory of the vote.
 #[derive(Debug, Clone)]
 pub(super) struct Votes {
     rows: Rows,
@@ -83,7 +83,9 @@ pub(super) struct Votes {
 }
 
 impl Votes {
-    /// - `room`: pixels of the largest window
+    /// Allocates the working memory.
+    ///
+    /// - `room`: number of pixels of the largest window
     pub(super) fn new(room: usize) -> Self {
         Self {
             rows: Rows::default(),
@@ -104,7 +106,7 @@ impl Votes {
         self.room
     }
 
-    /// Finds the edges of a window.
+    /// Computes the edges of a window.
     pub(super) fn edges(&mut self, pixels: &[u8], stride: usize, window: Window, noise: f64) {
         self.window = window;
         directed(
@@ -117,7 +119,8 @@ impl Votes {
         );
     }
 
-    /// Lets the edges vote for circles of these radii, pixels of the window; those that reach over its rim have no votes.
+    /// Computes the votes for circles of these radii, in pixels of the window. Circles that exceed the window have no
+    /// votes.
     pub(super) fn cast(&mut self, radii: [f64; COUNT]) {
         self.radii = radii;
         let (width, height) = (self.window.width, self.window.height);
@@ -130,9 +133,9 @@ impl Votes {
         });
     }
 
-    /// Adds the circles with more votes than their neighbours.
+    /// Appends the local maxima of the votes to `peaks`.
     ///
-    /// - `scale`: pixels of the picture in one of the window
+    /// - `scale`: pixels of the picture per pixel of the window
     pub(super) fn peaks(&self, threshold: f64, window: Window, scale: f64, peaks: &mut Vec<Peak>) {
         let least = (threshold * FULL).clamp(1.0, 255.0) as u8;
         let (width, height) = (window.width, window.height);
@@ -163,8 +166,9 @@ impl Votes {
         }
     }
 
-    /// No neighbour in place has more votes for the radius; of equal ones the first is the peak. Neighbours in radius do not count: the votes
-    /// of a ball that is lit from one side are a ridge, from a circle within its lit half to its outline, which is not the top of it.
+    /// Returns true if no neighbouring position has more votes for this radius; of equal ones, the first is the peak.
+    /// Neighbouring radii are not compared: the votes of a ball lit from one side form a ridge from a circle inside its
+    /// lit half to its outline, and the outline is not the maximum.
     fn is_peak(&self, radius: usize, at: usize, value: u8) -> bool {
         let responses = &self.responses[radius];
         let width = self.window.width;
@@ -177,7 +181,7 @@ impl Votes {
     }
 }
 
-/// A call of [`cast`], compiled for each vector width that a processor may have.
+/// Arguments of [`cast`], which is compiled for each vector width.
 struct Cast<'a> {
     planes: &'a [Vec<i8>; DIRECTIONS],
     responses: &'a mut [Vec<u8>; COUNT],
@@ -217,8 +221,8 @@ fn cast(
 
 /// Writes the mean votes of a row of centres.
 ///
-/// - `from`: where the row begins in the planes
-/// - `margin`: columns at both ends that have no votes
+/// - `from`: index of the row's start in the planes
+/// - `margin`: number of columns without votes at both ends
 #[inline(always)]
 fn sum(
     planes: &[Vec<i8>; DIRECTIONS],
@@ -237,7 +241,7 @@ fn sum(
         column += RUN;
     }
     if column < end && end >= margin + RUN {
-        // The last run overlaps the one before.
+        // The last run overlaps the previous one.
         run(
             planes,
             &shifts,
@@ -253,7 +257,7 @@ fn sum(
     }
 }
 
-/// Writes the votes of [`RUN`] centres from `at` on.
+/// Writes the votes of [`RUN`] centres from index `at`.
 #[inline(always)]
 fn run(
     planes: &[Vec<i8>; DIRECTIONS],
@@ -282,7 +286,7 @@ fn run(
 
 #[inline(always)]
 fn third(sum: i16) -> u8 {
-    // At most 24 times 31, so that 16 bits hold the product's upper half.
+    // The sum is at most 24 times 31, so the product fits into 32 bits and its upper half is the third.
     ((u32::from(sum.max(0) as u16) * 21846) >> 16) as u8
 }
 

@@ -1,4 +1,4 @@
-//! What all joints are to do, tick by tick.
+//! Commands of all joints, tick by tick.
 
 use tactnet_catching_packets::packets::{
     ArmPath, BodyPath, ControllerMode, ControllerState, Gaze, Text, ThrowPath,
@@ -13,72 +13,72 @@ use crate::ramp::Ramp;
 use crate::robot::Robot;
 use crate::safety::Bodies;
 
-/// A path goes on from where the arm is then, rad,
+/// Maximum position difference between a path's start and the current motion, in rad.
 pub(super) const SAME_PLACE: f64 = 1e-4;
-/// and rad/s.
+/// Maximum velocity difference between a path's start and the current motion, in rad/s.
 pub(super) const SAME_SPEED: f64 = 1e-3;
-/// Limits are kept to rounding.
+/// Tolerance of limit checks for rounding, absolute in rad or m and relative for speeds.
 const ROUNDING: f64 = 1e-6;
-/// A path that begins later than this has a wrong clock, ns.
+/// Maximum time from now to the start of a path, in ns. A later start indicates a wrong clock.
 pub(super) const FARTHEST_NS: u64 = 2_000_000_000;
-/// A robot this near to where it waits, at its start, is there, rad and m.
+/// Maximum distance from the waiting pose at which a starting robot counts as waiting, in rad and m.
 const THERE: f64 = 2e-3;
 
-/// Why a path is refused.
+/// Reason why a path is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PathError {
-    /// The robot brakes, goes back or stands elsewhere.
+    /// The robot brakes, returns or rests outside the waiting pose.
     #[error("a path while the robot does not follow any")]
     NotFollowing,
-    /// The robot does not stand where it waits.
+    /// The robot is not in the waiting pose.
     #[error("a throw while the robot does not stand where it waits")]
     NotReady,
-    /// There are two arms.
+    /// The arm index is out of range.
     #[error("a path of no arm")]
     Arm,
-    /// A number that is none.
+    /// A value is not finite.
     #[error("a path with numbers that are not finite")]
     NotFinite,
-    /// Its begin is over, or far ahead.
+    /// The start is in the past or too far in the future.
     #[error("a path that came {late_us} us late")]
     Time {
-        /// Less than 0: early.
+        /// Delay in us; negative if the path is early.
         late_us: i64,
     },
-    /// Another one waits for its begin, which is earlier.
+    /// Another path with an earlier start is still waiting.
     #[error("a path behind one that has not begun yet")]
     Waiting,
-    /// A throw's way, swing and release do not follow each other.
+    /// Approach, swing and release of a throw are out of order.
     #[error("a throw whose way, swing and release are not in order")]
     Order,
-    /// It does not go on from what the arm does.
+    /// The path does not continue the current motion.
     #[error("a path that jumps at joint {joint}")]
     Jump {
-        /// Counted from 0.
+        /// Index of the joint within the path.
         joint: usize,
     },
-    /// Outside ranges, speeds or accelerations.
+    /// The path exceeds a range, speed or acceleration.
     #[error("a path outside the limits of joint {joint}")]
     Limits {
-        /// Counted from 0.
+        /// Index of the joint within the path.
         joint: usize,
     },
 }
 
-/// Commands all joints. Nothing allocates after [`Controller::new`].
+/// Controller of all joints. Does not allocate after [`Controller::new`].
 #[derive(Debug, Clone)]
 pub struct Controller {
     robot: Robot,
-    /// Carried out.
+    /// Current paths.
     arms: [ArmPath; ARMS],
-    /// Begin later.
+    /// Paths that start later.
     next: [Option<ArmPath>; ARMS],
     body: BodyMotion,
     neck: Neck,
     throwing: Option<Throwing>,
     brakes: [Ramp; JOINTS],
     braking_ns: u64,
-    /// Brakes on the way back.
+    /// True if it brakes on the way back.
     on_trail: bool,
     trail: Trail,
     mode: ControllerMode,
@@ -91,7 +91,8 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Begins with a robot that stands in `q`; where that is not where it waits, it knows a way back only if the straight one is free.
+    /// Creates a controller for a robot at rest in `q`. Outside of the waiting pose `ready`, it can return only if the
+    /// straight way is collision-free.
     pub fn new(robot: Robot, ready: [f64; JOINTS], q: &[f64; JOINTS]) -> Self {
         let bodies = Bodies::new(robot.description());
         let mut trail = Trail::new(&ready);
@@ -136,12 +137,12 @@ impl Controller {
         }
     }
 
-    /// Returns what it does.
+    /// Returns the mode.
     pub fn mode(&self) -> ControllerMode {
         self.mode
     }
 
-    /// Returns what it does, as it travels.
+    /// Returns the state as a packet.
     pub fn state(&self, now_ns: u64) -> ControllerState {
         let throwing = self.throwing.map(|throwing| throwing.arm_path(now_ns));
         let carried_out = |arm: usize| {
@@ -159,10 +160,10 @@ impl Controller {
         }
     }
 
-    /// Takes a path of an arm.
+    /// Accepts a path of an arm.
     ///
     /// # Errors
-    /// Where it does not go on from what the arm does, or is outside limits; nothing changes then.
+    /// Returns an error and changes nothing if the path does not continue the arm's motion or exceeds limits.
     pub fn arm_path(&mut self, now_ns: u64, path: &ArmPath) -> Result<(), PathError> {
         let taken = self.check(now_ns, path);
         match taken {
@@ -179,10 +180,10 @@ impl Controller {
         taken.map(|_| ())
     }
 
-    /// Takes a throw; it is carried out only from where the robot waits, and nothing else is taken until it is over.
+    /// Accepts a throw. It must start in the waiting pose, and nothing else is accepted until it ends.
     ///
     /// # Errors
-    /// Where it does not begin there, or is outside limits; nothing changes then.
+    /// Returns an error and changes nothing if the throw starts elsewhere or exceeds limits.
     pub fn throw_path(&mut self, now_ns: u64, path: &ThrowPath) -> Result<(), PathError> {
         let since_ns = self.last.unwrap_or(now_ns).max(now_ns);
         let taken = match self.mode {
@@ -235,7 +236,7 @@ impl Controller {
         Ok(arm)
     }
 
-    /// Takes a motion of platform and torso; it is followed only from standstill, and within limits.
+    /// Accepts a motion of platform and torso if it starts at rest and keeps the limits. Returns false otherwise.
     pub fn body_path(&mut self, path: &BodyPath) -> bool {
         let motion = BodyMotion {
             start_ns: path.start_ns,
@@ -262,21 +263,21 @@ impl Controller {
                 && ramp.a.abs() <= limits.acceleration * (1.0 + 1e-3)
         });
         let on_time = self.last.is_none_or(|last| {
-            // What has begun a little before is a small step; more would be a jump.
+            // A start slightly in the past causes a small step; a larger delay would cause a jump.
             path.start_ns + 3_000_000 >= last && path.start_ns <= last + FARTHEST_NS
         });
         if !(follows && goes_on && on_time) {
             self.refused += 1;
             return false;
         }
-        // From now on at the earliest.
+        // Start no earlier than now.
         let start_ns = motion.start_ns.max(self.last.unwrap_or(0));
         self.body = BodyMotion { start_ns, ..motion };
         self.mode = ControllerMode::Following;
         true
     }
 
-    /// Takes what the head is to look at.
+    /// Sets the gaze target.
     pub fn gaze(&mut self, now_ns: u64, gaze: &Gaze) {
         if !matches!(self.mode, ControllerMode::Ready | ControllerMode::Following) {
             return;
@@ -290,7 +291,7 @@ impl Controller {
                 .chain(&flight.v)
                 .chain(&flight.lift)
                 .all(|n| n.is_finite());
-            // Integration takes steps of 10 ms.
+            // Limits the integration, which takes steps of 10 ms.
             let near = flight.t_ns.abs_diff(now_ns) < 3_000_000_000;
             (finite && flight.k.is_finite() && near).then(|| {
                 let packet = Flight {
@@ -308,7 +309,8 @@ impl Controller {
         }
     }
 
-    /// Brakes all joints as fast as they may, from the last command; on the way back together, so that they stay on it.
+    /// Brakes all joints with maximum deceleration from the last command. On the way back, all joints brake together
+    /// and stay on the trail.
     pub fn brake(&mut self, why: &str) {
         if matches!(
             self.mode,
@@ -332,7 +334,7 @@ impl Controller {
         self.next = [None; ARMS];
     }
 
-    /// Goes back to where the robot waits; what still moves is braked first, and the command is to be given again.
+    /// Starts the return to the waiting pose. A moving robot brakes first, and the caller must repeat the order.
     pub fn go_back(&mut self) {
         let moves = self.dq.iter().any(|dq| dq.abs() > SAME_SPEED);
         match self.mode {
@@ -351,7 +353,7 @@ impl Controller {
         }
     }
 
-    /// Returns where all joints are to be at a time, and how fast. To be called a thousand times a second.
+    /// Returns the commanded positions and velocities of all joints. Must be called at 1 kHz.
     pub fn tick(&mut self, now_ns: u64) -> (&[f64; JOINTS], &[f64; JOINTS]) {
         self.beats += 1;
         self.last = Some(now_ns);
@@ -433,7 +435,7 @@ impl Controller {
         }
     }
 
-    /// Follows nothing any more, from where it is.
+    /// Ends all motions at the current position.
     fn stand(&mut self) {
         self.arms = std::array::from_fn(|arm| standing(arm, &self.q));
         self.next = [None; ARMS];
@@ -444,7 +446,7 @@ impl Controller {
     }
 }
 
-/// True of numbers that are a motion of at most 10 s.
+/// Returns true if all values are finite and describe a motion of at most 10 s.
 pub(super) fn is_whole(ramp: &Ramp) -> bool {
     [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end]
         .iter()
@@ -454,7 +456,7 @@ pub(super) fn is_whole(ramp: &Ramp) -> bool {
         && ramp.end < 10.0
 }
 
-/// True if a motion is within range, speed and acceleration of its joint, and comes to rest.
+/// Returns true if a motion keeps range, speed and acceleration of its joint and ends at rest.
 pub(super) fn keeps(ramp: &Ramp, limits: &Joint) -> bool {
     let [low, high] = ramp.extent();
     let stands = (ramp.w0 + ramp.a * (ramp.t1 + ramp.t2 - ramp.end)).abs();

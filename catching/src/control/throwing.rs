@@ -1,4 +1,4 @@
-//! A throw that is carried out: the way to the swing, a rest, the swing.
+//! Execution of a throw: approach to the swing, rest, swing.
 
 use tactnet_catching_packets::packets::{ArmPath, RampPacket, ThrowPath};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, THROW_JOINTS};
@@ -8,10 +8,10 @@ use crate::ramp::Ramp;
 use crate::robot::Robot;
 use crate::throw::throw_joint;
 
-/// A swing that begins so long after its way has a wrong clock, ns.
+/// Maximum time from the start of the approach to the swing, in ns. A longer time indicates a wrong clock.
 const LONGEST_NS: u64 = 20_000_000_000;
 
-/// A throw within limits.
+/// Validated throw.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Throwing {
     path: ThrowPath,
@@ -20,9 +20,9 @@ pub(super) struct Throwing {
 }
 
 impl Throwing {
-    /// Takes a throw that begins at rest in `q`.
+    /// Validates a throw that starts at rest in `q`.
     ///
-    /// - `since_ns`: it begins no earlier
+    /// - `since_ns`: earliest start, in ns
     pub fn new(
         path: &ThrowPath,
         robot: &Robot,
@@ -70,7 +70,7 @@ impl Throwing {
         })
     }
 
-    /// Writes where the joints that throw are to be, and how fast; returns false once it is over.
+    /// Writes the commands of the throwing joints. Returns false after the end of the throw.
     pub fn write(&self, now_ns: u64, q: &mut [f64; JOINTS], dq: &mut [f64; JOINTS]) -> bool {
         let (from_ns, ramps) = self.leg(now_ns);
         let t = (now_ns as f64 - from_ns as f64) * 1e-9;
@@ -81,7 +81,7 @@ impl Throwing {
         now_ns < self.end_ns
     }
 
-    /// Returns what its arm does, as it travels.
+    /// Returns the current motion of the throwing arm as a packet.
     pub fn arm_path(&self, now_ns: u64) -> ArmPath {
         let (start_ns, ramps) = self.leg(now_ns);
         ArmPath {
@@ -121,7 +121,7 @@ mod tests {
         Robot::new(RobotDescription::nominal())
     }
 
-    /// A throw to 4 m that begins after 20 ms.
+    /// Returns a throw to 4 m that starts after 20 ms.
     fn throw(robot: &Robot) -> ThrowPath {
         let target = Vector3::new(4.0, 0.0, 1.2);
         let plan = Thrower::new(robot, ThrowPlanConfig::live())
@@ -178,12 +178,12 @@ mod tests {
             let state = controller.state(now);
             assert_eq!(state.paths[0].start_ns, 0, "the other arm stands");
         }
-        // From the tick before the release to the release itself.
+        // Extrapolate from the tick before the release to the release.
         let (at_ns, (q, dq)) = released.unwrap();
         let late = (path.open_ns - at_ns) as f64 * 1e-9;
         let (p, v) = Swing::new(&robot, ARM, &robot.waiting()).hand(&of_throw(&q), &of_throw(&dq));
         let landing = Landing::of(&(p + v * late), &v, DRAG, path.target[2]).unwrap();
-        // The hand turns by 5 mrad in a millisecond.
+        // The hand turns by 5 mrad per millisecond.
         let beside = (landing.p - Vector3::from(path.target)).norm();
         assert!(beside < 0.03, "{beside}");
         assert_eq!(controller.mode(), ControllerMode::Standing);
@@ -200,7 +200,7 @@ mod tests {
     fn a_throw_that_is_braked_stands_and_goes_back() {
         let robot = robot();
         let path = throw(&robot);
-        // On the way, and in the middle of the swing.
+        // During the approach, and in the middle of the swing.
         for at_ns in [path.start_ns + 400 * TICK_NS, path.open_ns] {
             let mut controller = ready(&robot);
             controller.throw_path(TICK_NS, &path).unwrap();

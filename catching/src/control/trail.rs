@@ -1,41 +1,41 @@
-//! The way from where the robot waits to where it is, for going back.
+//! Trail from the waiting pose to the current pose, for returning.
 
 use tactnet_catching_packets::{JOINTS, Joint};
 
 use crate::safety::{Bodies, Interval, PAIRS, distance};
 
-/// Ticks that are kept, of motion only: 20 s.
+/// Maximum number of ticks in the trail: 20 s of motion.
 const LONGEST: usize = 20_000;
-/// Seconds of a tick.
+/// Duration of a tick, in s.
 pub(super) const TICK: f64 = 1e-3;
-/// Share of the speed that it came with.
+/// Speed on the way back, relative to the original speed.
 const BACK: f64 = 0.5;
-/// By how much that changes in a tick: in a fifth of a second it is reached.
+/// Change of the relative speed per tick; full speed is reached after 0.2 s.
 const CHANGE: f64 = BACK / 200.0;
-/// The same while it brakes on the way: in a sixteenth of a second it stands.
+/// Change of the relative speed per tick while braking; the robot rests after 1/16 s.
 const STOP: f64 = BACK / 62.0;
-/// What was halved when it had to brake grows by so much in a tick: doubled after a second.
+/// Growth per tick of a speed that was halved by braking; it doubles in one second.
 const REGAINED: f64 = 1.000_693_4;
-/// Bodies keep this distance on a straight way, m.
+/// Minimum distance between bodies on a straight way, in m.
 const MARGIN: f64 = 0.02;
-/// Joint angles of a straight way are looked at so densely, rad and m.
+/// Maximum step between collision checks on a straight way, in rad and m.
 const DENSE: f64 = 0.02;
 
-/// Joint positions, tick by tick, without those at which nothing moved.
+/// Sequence of joint positions, one per tick, without ticks at rest.
 #[derive(Debug, Clone)]
 pub struct Trail {
     points: Vec<[f64; JOINTS]>,
-    /// Where on it the robot is while it goes back, ticks from its begin.
+    /// Current position on the trail during the return, in ticks from its start.
     place: f64,
     rate: f64,
-    /// Share of [`BACK`]: half after every time that it had to brake on the way, and growing again.
+    /// Factor on [`BACK`]: halved by each braking on the way back, then growing again.
     share: f64,
-    /// It has stopped at `place`, between two points, which stay.
+    /// True if the robot rests at `place`, between two points that are kept.
     stopped: bool,
 }
 
 impl Trail {
-    /// Begins where the robot waits.
+    /// Creates a trail that starts in the waiting pose.
     pub fn new(ready: &[f64; JOINTS]) -> Self {
         let mut points = Vec::with_capacity(LONGEST);
         points.push(*ready);
@@ -48,7 +48,7 @@ impl Trail {
         }
     }
 
-    /// Takes where the robot is. Returns false if no more can be kept.
+    /// Appends the current position. Returns false if the trail is full.
     pub fn push(&mut self, q: &[f64; JOINTS]) -> bool {
         let stands = self.stopped || self.points.last() == Some(q);
         if stands {
@@ -61,7 +61,7 @@ impl Trail {
         true
     }
 
-    /// Begins to go back, or goes on with it.
+    /// Starts or resumes the return.
     pub fn turn_round(&mut self) {
         if !self.stopped {
             self.place = (self.points.len() - 1) as f64;
@@ -70,16 +70,16 @@ impl Trail {
         self.rate = 0.0;
     }
 
-    /// The next attempt is half as fast.
+    /// Halves the speed of the next attempt.
     pub fn slower(&mut self) {
         self.share *= 0.5;
     }
 
-    /// Goes back by a tick; returns positions and velocities, and true once it is there.
+    /// Moves back by one tick. Returns positions, velocities, and true on arrival.
     pub fn back(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
         self.share = (self.share * REGAINED).min(1.0);
         let (fastest, change) = (BACK * self.share, CHANGE * self.share);
-        // So that it stands at the begin.
+        // Decelerate such that the motion ends at the start of the trail.
         let left = (2.0 * change * self.place).sqrt();
         self.rate = (self.rate + change).min(fastest).min(left);
         self.place = (self.place - self.rate).max(0.0);
@@ -94,7 +94,7 @@ impl Trail {
         (q, dq, false)
     }
 
-    /// Slows down on the way; returns positions and velocities, and true once it stands.
+    /// Brakes on the trail. Returns positions, velocities, and true at rest.
     pub fn stop(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
         self.rate = (self.rate - STOP).max(0.0).min(self.place);
         self.place -= self.rate;
@@ -102,12 +102,12 @@ impl Trail {
         if self.rate > 0.0 {
             return (q, dq, false);
         }
-        // Where it stands is no point of its own: a shorter step among others would be a jump of the velocity.
+        // The stopping position is not added as a point: one shorter step would cause a velocity jump.
         self.stopped = true;
         (q, [0.0; JOINTS], true)
     }
 
-    /// Positions and velocities where it is.
+    /// Returns positions and velocities at the current position.
     fn here(&self) -> ([f64; JOINTS], [f64; JOINTS]) {
         let before = self.place.floor() as usize;
         let after = (before + 1).min(self.points.len() - 1);
@@ -118,7 +118,8 @@ impl Trail {
         (q, dq)
     }
 
-    /// Replaces the trail by a straight way from where the robot waits to `q`, if bodies stay apart on it. Returns false otherwise.
+    /// Replaces the trail by a straight way from the waiting pose to `q` if it is collision-free. Returns false
+    /// otherwise.
     pub fn straight(
         &mut self,
         q: &[f64; JOINTS],
@@ -134,7 +135,7 @@ impl Trail {
         if !free {
             return false;
         }
-        // A cosine in time: speed and acceleration at most those of the joint.
+        // Cosine profile whose speed and acceleration keep the joint limits.
         let seconds = way
             .iter()
             .zip(joints)
@@ -155,7 +156,7 @@ impl Trail {
     }
 }
 
-/// True if all pairs of bodies are apart by the margin.
+/// Returns true if all pairs of bodies keep the margin.
 fn is_free(q: &[f64; JOINTS], bodies: &Bodies) -> bool {
     let still = q.map(|q| Interval { low: q, high: q });
     (0..PAIRS).all(|pair| {

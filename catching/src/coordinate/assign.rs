@@ -1,13 +1,13 @@
-//! Which arm catches which ball.
+//! Assignment of balls to arms.
 
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::MAX_BALLS;
 
-/// The ball of every arm, by its place among the balls.
+/// Index of the ball assigned to each arm.
 pub type Assignment = [Option<usize>; ARMS];
 
-/// Returns the assignment that catches most balls and, of those, costs least. `costs[ball][arm]` is `None` where there is no catch.
-/// Of equal ones the first arm with the first ball is chosen.
+/// Returns the assignment with the most catches and, among those, the least cost. `costs[ball][arm]` is `None` if there
+/// is no catch. Ties go to the first arm with the first ball.
 pub fn assign(costs: &[[Option<f64>; ARMS]; MAX_BALLS]) -> Assignment {
     let mut best: (usize, f64, Assignment) = (0, 0.0, [None; ARMS]);
     for left in [None, Some(0), Some(1)] {
@@ -40,7 +40,7 @@ mod tests {
 
     #[test]
     fn two_balls_that_can_be_caught_are_caught_whatever_it_costs() {
-        // The left arm is better for both.
+        // The left arm is better for both balls.
         let costs = [[Some(0.1), Some(0.9)], [Some(0.2), None]];
         assert_eq!(assign(&costs), [Some(1), Some(0)]);
         let costs = [[Some(0.1), Some(0.9)], [Some(0.2), Some(0.3)]];

@@ -1,8 +1,9 @@
-//! Platform and torso: once, with the first valid prediction, they move the arms' starting places towards the ball.
+//! Motion of platform and torso. It happens once, at the first valid prediction, and moves the arms' start positions
+//! towards the ball.
 //!
-//! The thesis names a rule of thumb and does not give it. Here: the platform rolls sideways until the arm's best reach point (0.55 m ahead
-//! of the shoulder) is level with the ball's path where that comes nearest, as far as it can and be at rest in time; what is left, the
-//! torso turns.
+//! The thesis mentions a rule of thumb without details. Here, the platform moves sideways until the arm's best reach
+//! point (0.55 m in front of the shoulder) aligns with the closest point of the ball's path, as far as it can and still
+//! come to rest in time. The torso turns by the rest.
 
 use nalgebra::{Isometry3, Vector3};
 use tactnet_catching_packets::{JOINTS, joint};
@@ -12,28 +13,28 @@ use crate::plan::ChestWay;
 use crate::ramp::{Ramp, Reach};
 use crate::robot::Robot;
 
-/// Where an arm reaches best, ahead of its shoulder, m.
+/// Distance of an arm's best reach point in front of its shoulder, in m.
 const BEST_REACH: f64 = 0.55;
-/// Standstill before the ball is there, s.
+/// Time at rest before the ball arrives, in s.
 const REST: f64 = 0.15;
-/// Less than this is not worth a motion, m.
+/// Minimum displacement that justifies a motion, in m.
 const WORTH: f64 = 0.05;
-/// The torso turns no farther, rad.
+/// Maximum turn of the torso, in rad.
 const MAX_TURN: f64 = 0.5;
 
-/// The motion of platform and torso's vertical axis.
+/// Motion of the platform and the torso's vertical joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyMotion {
-    /// When it begins.
+    /// Start of the motion, in ns.
     pub start_ns: u64,
-    /// The platform's motion.
+    /// Motion of the platform.
     pub platform: Ramp,
-    /// The torso's turn.
+    /// Motion of the torso's vertical joint.
     pub turn: Ramp,
 }
 
 impl BodyMotion {
-    /// Returns a body that stands.
+    /// Returns a body at rest.
     pub fn standing(q: &[f64; JOINTS]) -> Self {
         Self {
             start_ns: 0,
@@ -42,11 +43,12 @@ impl BodyMotion {
         }
     }
 
-    /// Returns the motion towards a ball, from standstill at joint angles `q`, for the arm whose best reach point is nearer to its path;
-    /// `path` is in the chest's frame and begins at `start_ns`.
+    /// Returns the motion from rest at joint angles `q` towards a ball, for the arm whose best reach point is closer to
+    /// its path. `path` is in the chest frame and starts at `start_ns`.
     pub fn towards(robot: &Robot, q: &[f64; JOINTS], path: &FlightPath, start_ns: u64) -> Self {
         let standing = Self::standing(q);
-        // Nearest approach: of both arms, over all times that leave room for a motion.
+        // Closest approach over both arms and all times that leave room for a motion: distance, time, ball, reach
+        // point.
         let mut nearest: Option<(f64, f64, Vector3<f64>, Vector3<f64>)> = None;
         for arm in 0..2 {
             let best = robot.arm(arm).shoulder() + Vector3::new(BEST_REACH, 0.0, 0.0);
@@ -70,12 +72,12 @@ impl BodyMotion {
         let limits = robot.joints();
         let within = |index: usize, wanted: f64| {
             let joint = &limits[index];
-            // What is possible in half of that time: greater accelerations shake chest and head.
+            // Plan for half of that time, because larger accelerations shake chest and head.
             let reach = Reach::new(available * 0.5, 0.0, joint).high;
             (q[index] + wanted.clamp(-reach, reach)).clamp(joint.range[0], joint.range[1])
                 - q[index]
         };
-        // The chest may be turned: sideways for it is not along the platform's axis.
+        // A turned chest has its sideways direction at an angle to the platform's axis.
         let turned = q[joint::TORSO.start];
         let roll = within(joint::PLATFORM, aside * turned.cos());
         let left = aside - roll * turned.cos();
@@ -97,7 +99,7 @@ impl BodyMotion {
         }
     }
 
-    /// Returns a motion over a share of the way in the same time.
+    /// Returns a motion over a fraction of the distance in the same time.
     pub fn shortened(&self, robot: &Robot, share: f64) -> Self {
         let limits = robot.joints();
         let shorter = |ramp: &Ramp, index: usize| {
@@ -115,10 +117,10 @@ impl BodyMotion {
         }
     }
 
-    /// Returns how the chest moves from a time on.
+    /// Returns the motion of the chest from `start_ns` on.
     ///
-    /// - `joints`: those of the torso that it does not move
-    /// - `deviation`: from where joints put the chest to where it is
+    /// - `joints`: torso joints that do not move
+    /// - `deviation`: transform from the chest pose by joint angles to the measured one
     pub fn chest_way(
         &self,
         robot: &Robot,
@@ -137,12 +139,12 @@ impl BodyMotion {
         }
     }
 
-    /// Returns when it stands.
+    /// Returns the time at which the body comes to rest, in ns.
     pub fn end_ns(&self) -> u64 {
         self.start_ns + (self.platform.end.max(self.turn.end) * 1e9) as u64
     }
 
-    /// Puts its positions and velocities at a time into those of all joints.
+    /// Writes the positions and velocities at a time into those of all joints.
     pub fn write(&self, now_ns: u64, q: &mut [f64; JOINTS], dq: &mut [f64; JOINTS]) {
         let t = (now_ns as f64 - self.start_ns as f64) * 1e-9;
         (q[joint::PLATFORM], dq[joint::PLATFORM]) = self.platform.at(t);

@@ -1,4 +1,4 @@
-//! The coordinator: state, requests to the planner, commands to joints and hands.
+//! The coordinator: state machine, requests to the planner, commands to joints and hands.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -18,19 +18,19 @@ use crate::robot::Robot;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CoordinatorConfig {
-    /// What plans seek.
+    /// Objective of the plans.
     pub objective: Objective,
-    /// A ball is worth a motion from this probability that it exists,
+    /// Minimum existence probability of a ball that triggers a motion.
     pub existence: f32,
-    /// and from so many pictures of both cameras.
+    /// Minimum number of pictures, seen by both cameras, of a ball that triggers a motion.
     pub frames: u32,
-    /// From a prediction to the moment at which a plan for it begins: travelling there and back and computing, s.
+    /// Time from a prediction to the start of the planned motion, including transfers and computing, in s.
     pub plan_delay: f64,
-    /// Plans are corrected with every prediction; otherwise the first is carried out.
+    /// If true, each prediction corrects the plan; otherwise the first plan is executed unchanged.
     pub replan: bool,
-    /// Platform and torso move towards the ball.
+    /// If true, platform and torso move towards the ball.
     pub lower_body: bool,
-    /// No path is corrected later than this before its catch, s.
+    /// Minimum time between a correction and the catch, in s.
     pub last_correction: f64,
 }
 
@@ -48,49 +48,49 @@ impl Default for CoordinatorConfig {
     }
 }
 
-/// What the robot is about.
+/// State of the coordinator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CatchState {
     /// Waits for a ball.
     Armed,
-    /// A ball is valid, no catch is planned.
+    /// A ball is valid, but no catch is planned.
     Tracking,
-    /// An arm is on its way.
+    /// At least one arm executes a catch motion.
     Reaching,
-    /// All hands that were to close have been told for the last time.
+    /// All hands have received their last closing time.
     Closed,
 }
 
-/// A question to the planner.
+/// Request to the planner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanRequest {
-    /// Number of the ball.
+    /// Ball number.
     pub ball: u64,
-    /// 0 left, 1 right.
+    /// Arm: 0 left, 1 right.
     pub arm: usize,
-    /// When the motion would begin.
+    /// Start of the planned motion, in ns.
     pub start_ns: u64,
-    /// The plan that is carried out, its time counted from `start_ns`.
+    /// Current plan: joint angles at the catch and its time in s after `start_ns`.
     pub last: Option<([f64; ARM_JOINTS], f64)>,
-    /// In the frame of the chest at the catch.
+    /// Catch request, in the chest frame at the catch time.
     pub catch: CatchRequest,
 }
 
-/// A question with its answer.
+/// Request with its result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Planned {
-    /// The question.
+    /// Request.
     pub request: PlanRequest,
-    /// The answer.
+    /// Result.
     pub plan: Result<CatchPlan, NoPlan>,
 }
 
-/// Requests at once, at most.
+/// Maximum number of simultaneous requests.
 const MAX_REQUESTS: usize = ARMS * MAX_BALLS;
-/// A hand takes no new closing time later than this before it, ns.
+/// Minimum time between a change of the closing time and the closing, in ns.
 const LAST_CLOSING_NS: u64 = 10_000_000;
-/// What an answer takes at least, ns: a path that begins within this has begun when the next one is there.
+/// Minimum time of an answer, in ns. A path that starts within this time has started when the next one arrives.
 const ANSWER_NS: u64 = 1_000_000;
 
 #[derive(Debug, Clone, Copy)]
@@ -106,7 +106,7 @@ struct ArmMotion {
     ramps: [Ramp; ARM_JOINTS],
 }
 
-/// What an arm does, and for what.
+/// Motion of an arm and its purpose.
 #[derive(Debug, Clone, Copy)]
 struct Task {
     motion: ArmMotion,
@@ -114,7 +114,7 @@ struct Task {
     hand: Option<HandCommand>,
 }
 
-/// Decides who catches what, and when.
+/// Coordinator, which decides the arm and time of each catch.
 #[derive(Debug, Clone)]
 pub struct Coordinator {
     robot: Robot,
@@ -124,20 +124,20 @@ pub struct Coordinator {
     arms: [ArmMotion; ARMS],
     reaching: [Option<Reaching>; ARMS],
     hands: [Option<HandCommand>; ARMS],
-    /// What the controller said last that it carries out.
+    /// Last task of each arm that the controller confirmed.
     taken: [Option<Task>; ARMS],
     neck: Neck,
     state: CatchState,
     pending: bool,
     no_plans: u64,
-    /// What platform and torso keep away from, if there is a map.
+    /// Free space for platform and torso, if there is a map.
     room: Option<Room>,
-    /// From where joints put the chest to where it was measured last.
+    /// Transform from the chest pose by joint angles to the last measured one.
     deviation: Isometry3<f64>,
 }
 
 impl Coordinator {
-    /// Begins armed, at rest at joint positions `ready`.
+    /// Creates an armed coordinator with joints at rest in `ready`.
     pub fn new(robot: Robot, config: CoordinatorConfig, ready: [f64; JOINTS]) -> Self {
         let standing = |arm: usize| ArmMotion {
             start_ns: 0,
@@ -161,33 +161,34 @@ impl Coordinator {
         }
     }
 
-    /// Keeps platform and torso away from what stands about, from now on. Arms are kept away by whoever plans their paths.
+    /// Keeps platform and torso away from the obstacles of `room` from now on. The arms' planner must avoid them
+    /// itself.
     pub fn stay_in(&mut self, room: Room) {
         self.room = Some(room);
     }
 
-    /// Returns how the chest moves from a time on, as far as it is planned, in the frame in which it is measured.
+    /// Returns the planned motion of the chest from `start_ns` on, in the frame of its measurement.
     pub fn chest_way(&self, start_ns: u64) -> ChestWay {
         self.body
             .chest_way(&self.robot, &self.ready, &self.deviation, start_ns)
     }
 
-    /// Returns what the robot is about.
+    /// Returns the state.
     pub fn state(&self) -> CatchState {
         self.state
     }
 
-    /// Returns how many plans found nothing, although a ball was valid.
+    /// Returns the number of failed plans for valid balls.
     pub fn no_plans(&self) -> u64 {
         self.no_plans
     }
 
-    /// Returns what the hands are told: when to close.
+    /// Returns the closing commands of the hands.
     pub fn hands(&self) -> &[Option<HandCommand>; ARMS] {
         &self.hands
     }
 
-    /// Returns the ball that an arm is on its way to, with the catch's time.
+    /// Returns number and catch time of the ball that an arm is reaching for.
     pub fn target(&self, arm: usize) -> Option<(u64, u64)> {
         self.reaching[arm].map(|reaching| (reaching.ball, reaching.catch_ns))
     }
@@ -197,18 +198,18 @@ impl Coordinator {
         &self.body
     }
 
-    /// Returns what the head looks at.
+    /// Returns the gaze target of the head.
     pub fn looked_at(&self) -> &Looked {
         self.neck.looked_at()
     }
 
-    /// Returns what an arm is to carry out: when it begins, and its joints.
+    /// Returns the motion of an arm: its start in ns and the ramps of its joints.
     pub fn arm(&self, arm: usize) -> (u64, &[Ramp; ARM_JOINTS]) {
         (self.arms[arm].start_ns, &self.arms[arm].ramps)
     }
 
-    /// Takes what a controller carries out with an arm. Where that is not what was planned, the plan was refused: the arm is on its way to what it
-    /// was on its way to before, or to nothing.
+    /// Processes the motion that the controller executes. If it differs from the planned one, the plan was rejected and
+    /// the arm resumes its previous task or none.
     pub fn carried_out(&mut self, arm: usize, start_ns: u64, ramps: [Ramp; ARM_JOINTS]) {
         let motion = ArmMotion { start_ns, ramps };
         if self.arms[arm] == motion {
@@ -228,9 +229,9 @@ impl Coordinator {
         }
     }
 
-    /// Takes a prediction and returns what the planner is to answer, at the end of [`CoordinatorConfig::plan_delay`]
-    /// ([`Coordinator::planned`]). `chest` is where the chest is measured to be, in the inertial frame; what it differs by from where its
-    /// joints put it now, it will differ by at the catch.
+    /// Processes predictions and returns requests to the planner. Their answers are due after
+    /// [`CoordinatorConfig::plan_delay`] ([`Coordinator::planned`]). `chest` is the measured pose of the chest in the
+    /// inertial frame. Its deviation from the pose by joint angles is assumed constant until the catch.
     pub fn predictions(
         &mut self,
         now_ns: u64,
@@ -240,7 +241,7 @@ impl Coordinator {
         self.predictions_for([true; ARMS], now_ns, predictions, chest)
     }
 
-    /// As [`Coordinator::predictions`], and asks for these arms alone.
+    /// Does the same as [`Coordinator::predictions`], with requests for the selected arms only.
     pub fn predictions_for(
         &mut self,
         arms: [bool; ARMS],
@@ -278,7 +279,7 @@ impl Coordinator {
                 };
             }
         }
-        // Where the chest will stand.
+        // Chest pose at the end of the body's motion.
         let end_ns = self.body.end_ns().max(start_ns);
         let (q_then, _) = self.joints_of_body(end_ns);
         let to_chest = (self.robot.chest(&q_then) * deviation).inverse();
@@ -296,11 +297,11 @@ impl Coordinator {
                 continue;
             }
             for arm in (0..ARMS).filter(|&arm| arms[arm]) {
-                // A path behind one that has not begun is refused.
+                // The controller rejects a path behind one that has not started yet.
                 if self.arms[arm].start_ns > now_ns + ANSWER_NS {
                     continue;
                 }
-                // A ball that an arm is on its way to is its own; an arm that is on its way has no time for another.
+                // Each ball and each arm keeps its assignment.
                 let mine = holder == Some(arm);
                 if !mine && (holder.is_some() || self.reaching[arm].is_some()) {
                     continue;
@@ -337,7 +338,7 @@ impl Coordinator {
         requests
     }
 
-    /// Returns what the other arm does from a time on, as far as it is planned.
+    /// Returns the planned motion of the other arm from `start_ns` on.
     fn meanwhile(&self, arm: usize, start_ns: u64) -> OtherArm {
         let other = &self.arms[(arm + 1) % ARMS];
         OtherArm {
@@ -346,7 +347,7 @@ impl Coordinator {
         }
     }
 
-    /// Takes the planner's answers to one call of [`Coordinator::predictions`], at the time that they are for.
+    /// Processes the planner's answers to one call of [`Coordinator::predictions`] at their due time.
     pub fn planned(&mut self, answers: &[Planned]) {
         self.pending = false;
         self.no_plans += answers.iter().filter(|answer| answer.plan.is_err()).count() as u64;
@@ -394,15 +395,15 @@ impl Coordinator {
         }
     }
 
-    /// Returns where all joints are to be at a time, and how fast.
+    /// Returns the commanded positions and velocities of all joints.
     pub fn command(&self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
         let (mut q, mut dq) = self.joints_of_body(now_ns);
         self.neck.write(&mut q, &mut dq);
         (q, dq)
     }
 
-    /// Turns the head towards the middle of the balls that were predicted last, as fast as the neck may, and returns [`Coordinator::command`]. To be called at
-    /// every tick of the controller.
+    /// Turns the head towards the mean direction of the predicted balls and returns [`Coordinator::command`]. Must be
+    /// called at each tick of the controller.
     pub fn tick(&mut self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
         let (q, _) = self.joints_of_body(now_ns);
         self.neck.turn(now_ns, &self.robot, &q);
@@ -428,7 +429,8 @@ impl Coordinator {
         (q, dq)
     }
 
-    /// A hand closes when the ball crosses the plane of its catch frame, whether or not its arm's path is corrected.
+    /// Adjusts the closing times to the time at which the ball crosses the plane of the catch frame, even without a
+    /// path correction.
     fn follow_closing_times(
         &mut self,
         now_ns: u64,
@@ -452,7 +454,7 @@ impl Coordinator {
             let pose = self.robot.arm(arm).forward(&reaching.q);
             let axis: Vector3<f64> = pose.rotation.column(2).into_owned();
             let planned = in_frame(&flight_at(ball, hand.catch_ns), to_chest);
-            // Newton's method; the ball's speed hardly changes over some milliseconds.
+            // Newton's method; the ball's speed is almost constant over some milliseconds.
             let mut shift = 0.0;
             for _ in 0..3 {
                 let there = planned.after(shift);

@@ -1,4 +1,4 @@
-//! The head turns towards the middle of the balls that were predicted last, as fast as the neck may.
+//! Gaze control: the head turns towards the mean direction of the predicted balls, within the limits of the neck.
 
 use nalgebra::Point3;
 use tactnet_catching_packets::packets::MAX_BALLS;
@@ -7,10 +7,10 @@ use tactnet_catching_packets::{JOINTS, joint};
 use crate::flight::Flight;
 use crate::robot::Robot;
 
-/// Balls to look at, each with the moment at which its flight is known; inertial frame.
+/// Balls to look at: time in ns and flight at that time, in the inertial frame.
 pub type Looked = [Option<(u64, Flight)>; MAX_BALLS];
 
-/// Pan and tilt.
+/// Gaze control of pan and tilt.
 #[derive(Debug, Clone)]
 pub struct Neck {
     looked: Looked,
@@ -19,7 +19,7 @@ pub struct Neck {
 }
 
 impl Neck {
-    /// Stands as in `q`, and looks at nothing.
+    /// Creates a neck at rest in `q` without a target.
     pub fn standing(q: &[f64; JOINTS]) -> Self {
         Self {
             looked: [None; MAX_BALLS],
@@ -28,12 +28,12 @@ impl Neck {
         }
     }
 
-    /// Returns what it looks at.
+    /// Returns the current targets.
     pub fn looked_at(&self) -> &Looked {
         &self.looked
     }
 
-    /// Looks at other flights from now on.
+    /// Replaces the targets.
     pub fn look_at(&mut self, now_ns: u64, balls: Looked) {
         if self.looked == [None; MAX_BALLS] {
             self.turned_ns = now_ns;
@@ -41,16 +41,16 @@ impl Neck {
         self.looked = balls;
     }
 
-    /// Puts angles and rates into those of all joints.
+    /// Writes angles and velocities into those of all joints.
     pub fn write(&self, q: &mut [f64; JOINTS], dq: &mut [f64; JOINTS]) {
         for (i, index) in joint::NECK.enumerate() {
             (q[index], dq[index]) = self.joints[i];
         }
     }
 
-    /// Turns on to a moment. To be called at every tick of the controller.
+    /// Advances the motion to `now_ns`. Must be called at each tick of the controller.
     ///
-    /// - `q`: where platform and torso are then
+    /// - `q`: positions of all joints, of which platform and torso are used
     pub fn turn(&mut self, now_ns: u64, robot: &Robot, q: &[f64; JOINTS]) {
         if self.looked == [None; MAX_BALLS] {
             return;
@@ -61,12 +61,12 @@ impl Neck {
             return;
         }
         let to_chest = robot.chest(q).inverse();
-        // Between the balls, so that none leaves the pictures.
+        // Look at the mean direction, so that all balls stay in the pictures.
         let (mut sum, mut count) = ([0.0; 2], 0.0);
         for (t_ns, flight) in self.looked.iter().flatten() {
             let ball = flight.after((now_ns as f64 - *t_ns as f64) * 1e-9);
             let seen = to_chest * Point3::from(ball.p);
-            // Beside or behind the head there is nothing to look at any more.
+            // Ignore balls beside or behind the head.
             if seen.x > 0.3 {
                 let angles = robot.look_at(&seen.coords);
                 sum = [sum[0] + angles[0], sum[1] + angles[1]];
@@ -81,7 +81,7 @@ impl Neck {
         for (i, (angle, rate)) in self.joints.iter_mut().enumerate() {
             let limits = &robot.joints()[joint::NECK.start + i];
             let wanted = wanted[i].clamp(limits.range[0], limits.range[1]);
-            // As fast as can still be braked.
+            // Maximum speed from which the joint can still brake.
             let away = wanted - *angle;
             let most = (2.0 * 0.5 * limits.acceleration * away.abs())
                 .sqrt()

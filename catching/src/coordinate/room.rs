@@ -1,5 +1,5 @@
-//! Room for the whole robot among what a map shows: platform and torso move no farther than it allows, with the arms as they wait, and arms
-//! go straight from one place to another only where that is clear.
+//! Free space of the whole robot in a map. Platform and torso move only as far as it allows, with the arms in their
+//! waiting pose. Arms move straight between two poses only if the way is clear.
 
 use std::sync::Arc;
 
@@ -12,23 +12,25 @@ use crate::plan::{ChestWay, TOO_NEAR_ALREADY};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 
-/// Moments of a motion at which it is looked at.
+/// Number of checks along a motion.
 const CHECKS: usize = 40;
-/// Shares of a motion that are tried, the longest first.
+/// Fractions of a motion that are tried, in this order.
 const SHARES: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
 
-/// What stands about, and how far to keep away.
+/// Obstacles and the required distance to them.
 #[derive(Debug, Clone)]
 pub struct Room {
     field: Arc<DistanceField>,
-    /// m.
+    /// Minimum distance, in m.
     apart: f64,
     still: StillSpheres,
     arms: [ArmSpheres; ARMS],
 }
 
 impl Room {
-    /// - `apart`: nothing of the robot comes nearer to an obstacle, m, unless it is nearer already
+    /// Creates the free space of a robot.
+    ///
+    /// - `apart`: minimum distance of the robot from obstacles, in m, unless it is closer already
     pub fn new(robot: &Robot, field: Arc<DistanceField>, apart: f64) -> Self {
         Self {
             field,
@@ -38,7 +40,8 @@ impl Room {
         }
     }
 
-    /// Returns the longest part of a motion of platform and torso on which the robot keeps away; where none does, it stands.
+    /// Returns the longest part of a motion of platform and torso that keeps the distance, or a body at rest if none
+    /// does.
     pub fn within(
         &self,
         robot: &Robot,
@@ -76,7 +79,7 @@ impl Room {
             .unwrap_or_else(|| wanted.shortened(robot, 0.0))
     }
 
-    /// Returns true if an arm keeps away while it moves along ramps, with the chest where it is.
+    /// Returns true if an arm keeps the distance while it moves along `ramps` with the chest at rest.
     pub fn is_clear(
         &self,
         robot: &Robot,
@@ -106,7 +109,7 @@ mod tests {
     use super::*;
     use crate::map::VoxelGrid;
 
-    /// A wall of solid cells to the left of `y`.
+    /// Returns the field of a solid wall to the left of `y`.
     fn wall(y: f64) -> Arc<DistanceField> {
         let grid = VoxelGrid {
             voxel: 0.04,
@@ -134,7 +137,7 @@ mod tests {
             assert_eq!(motion.start_ns, 5);
             motion.platform.at(motion.platform.end).0
         };
-        // The elbow is the outermost.
+        // The elbow is the outermost part.
         let outermost = (0..ARMS)
             .flat_map(|arm| ArmSpheres::new(&robot, arm).placed(&robot, arm, &robot.ready(arm)))
             .map(|sphere| sphere.centre.y + sphere.radius)
@@ -156,7 +159,7 @@ mod tests {
         let hand = chest * Point3::from(robot.arm(0).forward(&down).position);
         let clear = |y: f64| Room::new(&robot, wall(y), 0.05).is_clear(&robot, 0, &ramps, &chest);
         assert!(clear(hand.y + 1.0));
-        // Nothing at the raised arm, a wall where the lowered one is.
+        // The raised arm is free, and one solid cell is at the lowered hand.
         let grid = VoxelGrid {
             voxel: 0.04,
             cells: [64; 3],

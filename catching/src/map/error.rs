@@ -1,42 +1,42 @@
-//! What can be wrong with a map or with a picture for it.
+//! Errors of maps and depth pictures.
 
-/// Why there is no map, or a picture does not go into it.
+/// Reason why a map or a depth picture is invalid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MapError {
-    /// A setting out of range.
+    /// A setting is out of range.
     #[error("`{setting}`: expected {expected}, found {found}")]
     Setting {
-        /// Its name.
+        /// Name of the setting.
         setting: &'static str,
-        /// What it must be.
+        /// Expected value.
         expected: &'static str,
-        /// What it is.
+        /// Actual value.
         found: String,
     },
-    /// A picture of another size.
+    /// The picture has the wrong size.
     #[error("the depth picture has {found} pixels, expected {width} x {height}")]
     Size {
-        /// Pixels that it has.
+        /// Actual number of pixels.
         found: usize,
-        /// Pixels across that it should have.
+        /// Expected width, in pixels.
         width: usize,
-        /// Pixels down.
+        /// Expected height, in pixels.
         height: usize,
     },
-    /// A depth that is none.
+    /// A depth is invalid.
     #[error(
         "pixel {pixel} of the depth picture is {found} m, expected a number that is 0 (nothing measured) or greater"
     )]
     Depth {
-        /// Counted row by row from the top left.
+        /// Index of the pixel, row by row from the top left.
         pixel: usize,
-        /// What it says.
+        /// Actual value, in m.
         found: f32,
     },
-    /// Nothing was measured anywhere.
+    /// The picture has no measured pixel.
     #[error("the depth picture has no measured pixel: is the camera covered?")]
     Blind,
-    /// A head that is nowhere.
+    /// The head pose is not finite.
     #[error("the head's pose has numbers that are not finite")]
     Pose,
 }

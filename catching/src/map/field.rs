@@ -5,14 +5,14 @@ use nalgebra::Vector3;
 use super::grid::VoxelGrid;
 use super::transform::squared_distances;
 
-/// The distance to the nearest obstacle at every point, m: positive in free space, negative inside.
+/// Signed distance to the nearest obstacle, in m: positive in free space, negative inside.
 ///
-/// Surfaces lie halfway between a solid cell and a free one. Between the middles of cells the distance is trilinear. Outside the grid, of
-/// which nothing is known, it is that of the nearest point of the grid.
+/// Surfaces lie halfway between a solid and a free cell. The distance is trilinear between cell centres. Outside of the
+/// grid, it is that of the nearest point of the grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DistanceField {
     grid: VoxelGrid,
-    /// m, a number for each cell.
+    /// Distance at the centre of each cell, in m.
     distances: Vec<f32>,
 }
 
@@ -20,9 +20,9 @@ impl DistanceField {
     /// Computes the distances to solid cells.
     ///
     /// # Panics
-    /// If `solid` has not as many entries as the grid has cells.
+    /// Panics if `solid` does not have one entry per cell.
     pub fn new(grid: VoxelGrid, solid: &[bool]) -> Self {
-        // No distance within a grid is longer than its diagonal; that stands for 'none at all'.
+        // The diagonal of the grid replaces infinite distances.
         let farthest = grid
             .cells
             .iter()
@@ -44,22 +44,22 @@ impl DistanceField {
         Self { grid, distances }
     }
 
-    /// Returns a field without any obstacle.
+    /// Returns a field without obstacles.
     pub fn empty(grid: VoxelGrid) -> Self {
         Self::new(grid, &vec![false; grid.count()])
     }
 
-    /// Returns where its cells lie.
+    /// Returns the grid.
     pub fn grid(&self) -> &VoxelGrid {
         &self.grid
     }
 
-    /// Returns the distance in the middle of a cell, m.
+    /// Returns the distance at the centre of a cell, in m.
     pub fn of_cell(&self, cell: [usize; 3]) -> f64 {
         f64::from(self.distances[self.grid.number(cell)])
     }
 
-    /// Returns the distance at a point, m.
+    /// Returns the distance at a point, in m.
     pub fn distance(&self, p: &Vector3<f64>) -> f64 {
         let (cell, [u, v, w]) = self.place(p).0;
         let [along_x, _] = self.corners(cell, u);
@@ -67,7 +67,7 @@ impl DistanceField {
         along_y[0] * (1.0 - w) + along_y[1] * w
     }
 
-    /// Returns the distance at a point, m, and its gradient.
+    /// Returns the distance at a point, in m, and its gradient.
     pub fn gradient(&self, p: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let ((cell, [u, v, w]), inside) = self.place(p);
         let [along_x, by_x] = self.corners(cell, u);
@@ -87,8 +87,8 @@ impl DistanceField {
         (over_z(value), Vector3::from(gradient))
     }
 
-    /// Returns the cell whose middle is before a point in each direction, how far the point is on the way to the next, and whether it lies
-    /// between middles in that direction.
+    /// Returns the cell whose centre precedes the point in each direction and the fraction of the way to the next
+    /// centre. The flags are true in directions in which the point lies between cell centres.
     #[allow(clippy::type_complexity)]
     fn place(&self, p: &Vector3<f64>) -> (([usize; 3], [f64; 3]), [bool; 3]) {
         let mut cell = [0; 3];
@@ -105,7 +105,7 @@ impl DistanceField {
         ((cell, part), inside)
     }
 
-    /// Returns values interpolated along x, and their differences along x, at the four corners [z][y].
+    /// Returns values interpolated along x and their differences along x, at the four corners `[z][y]`.
     fn corners(&self, cell: [usize; 3], u: f64) -> [[[f64; 2]; 2]; 2] {
         let first = self.grid.number(cell);
         let [nx, ny, _] = self.grid.cells;
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A box of solid cells.
+    /// Returns the field of a box of solid cells.
     pub(crate) fn boxed() -> (VoxelGrid, DistanceField) {
         let grid = VoxelGrid {
             corner: [-0.4, -0.3, 0.0],
@@ -159,7 +159,7 @@ mod tests {
         assert!(at(surface).abs() < 1e-6);
         assert!((at(surface - 0.1) - 0.1).abs() < 1e-6);
         assert!((at(surface + 0.05) + 0.05).abs() < 1e-6);
-        // No obstacle, no gradient, and a distance longer than the grid.
+        // Without obstacles the gradient is zero and the distance exceeds the grid.
         let (distance, gradient) = DistanceField::empty(grid).gradient(&middle);
         assert!(distance > 0.8 && gradient.norm() == 0.0);
     }

@@ -1,8 +1,8 @@
-//! Depth pictures become a truncated signed distance function (Curless and Levoy 1996; KinectFusion, Newcombe et al. 2011), cell by cell
-//! a weighted mean over the views.
+//! Fusion of depth pictures into a truncated signed distance function (Curless and Levoy 1996; KinectFusion, Newcombe
+//! et al. 2011). Each cell holds a weighted mean over the views.
 //!
-//! Of a cell at depth `z` on a ray that was measured to be `m` long along the camera's axis, a view says `clamp((m - z) / truncation, -1, 1)`
-//! with the weight `1 / z^2`, and nothing if it lies farther behind the surface than the truncation.
+//! For a cell at depth `z` on a ray with measured depth `m`, a view contributes `clamp((m - z) / truncation, -1, 1)`
+//! with weight `1 / z^2`. It contributes nothing if the cell is farther behind the surface than the truncation.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -13,21 +13,22 @@ use super::grid::VoxelGrid;
 use super::own_body::mask;
 use super::spheres::Sphere;
 
-/// A camera that measures depth: along its axis, m, in the head's frame, whose axes it has (x ahead, y left, z up).
+/// Depth camera. It measures depth along its axis, in m. Its axes are those of the head frame (x forward, y left, z
+/// up).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DepthCamera {
-    /// m, head's frame.
+    /// Position in the head frame, in m.
     pub position: [f64; 3],
-    /// Pixels.
+    /// Width of a picture, in pixels.
     pub width: usize,
-    /// Pixels.
+    /// Height of a picture, in pixels.
     pub height: usize,
-    /// Focal length, pixels.
+    /// Focal length, in pixels.
     pub focal: f64,
 }
 
-/// 0.5 megapixels, 70 degrees across, between the eyes.
+/// 0.5 megapixels and a horizontal field of view of 70 degrees, mounted between the stereo cameras.
 impl Default for DepthCamera {
     fn default() -> Self {
         Self {
@@ -40,7 +41,7 @@ impl Default for DepthCamera {
 }
 
 impl DepthCamera {
-    /// Returns where the axis meets the picture, pixels.
+    /// Returns the principal point, in pixels.
     pub fn middle(&self) -> [f64; 2] {
         [0.5 * self.width as f64, 0.5 * self.height as f64]
     }
@@ -50,15 +51,16 @@ impl DepthCamera {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FusionConfig {
-    /// Where cells lie, in the frame in which the head's pose is given.
+    /// Grid of cells, in the frame of the head pose.
     pub grid: VoxelGrid,
-    /// What takes the pictures.
+    /// Depth camera.
     pub camera: DepthCamera,
-    /// Distances are kept up to this, m.
+    /// Truncation of the distances, in m.
     pub truncation: f64,
-    /// What earlier looks said counts at most as much as a picture from 1 m with this weight: what moved is forgotten.
+    /// Maximum weight of earlier looks, relative to a picture from 1 m. It lets moved objects disappear from their old
+    /// position.
     pub memory: f64,
-    /// Points this near to the robot's own spheres are the robot, m.
+    /// Points closer than this to the robot's own spheres count as robot, in m.
     pub own_margin: f64,
 }
 
@@ -97,7 +99,7 @@ impl FusionConfig {
                 found: format!("{:?}", self.camera.position),
             });
         }
-        // Thinner, and a surface could lie between the cells that know of it.
+        // With a thinner band, a surface could lie between the cells.
         if !(self.truncation >= self.grid.voxel && self.truncation.is_finite()) {
             return Err(MapError::Setting {
                 setting: "truncation",
@@ -110,28 +112,28 @@ impl FusionConfig {
     }
 }
 
-/// Looked at from in front in this look.
+/// Flag: seen from the front in this look.
 const SEEN: u8 = 1;
-/// In view in this look, far behind a surface.
+/// Flag: in view in this look, far behind a surface.
 const HIDDEN: u8 = 2;
 
-/// What depth pictures say of the cells.
+/// Fused depth pictures.
 #[derive(Debug, Clone)]
 pub struct Fusion {
     config: FusionConfig,
-    /// From -1 (inside) to 1, of the truncation.
+    /// Truncated distances, from -1 (inside) to 1, relative to the truncation.
     values: Vec<f32>,
     weights: Vec<f32>,
-    /// Of this look.
+    /// Flags of the current look.
     views: Vec<u8>,
     masked: Vec<f32>,
 }
 
 impl Fusion {
-    /// Begins with cells of which nothing is known.
+    /// Creates a map of unknown cells.
     ///
     /// # Errors
-    /// Names the first setting that is out of range.
+    /// Returns the first setting that is out of range.
     pub fn new(config: FusionConfig) -> Result<Self, MapError> {
         config.check()?;
         let count = config.grid.count();
@@ -144,12 +146,12 @@ impl Fusion {
         })
     }
 
-    /// Returns its settings.
+    /// Returns the settings.
     pub fn config(&self) -> &FusionConfig {
         &self.config
     }
 
-    /// Begins to look again: what is known from before counts less, so that what has been moved is seen where it is.
+    /// Starts a new look and reduces the weights of earlier ones, so that moved objects appear at their new position.
     pub fn look_again(&mut self) {
         let most = self.config.memory as f32;
         for weight in &mut self.weights {
@@ -158,13 +160,14 @@ impl Fusion {
         self.views.fill(0);
     }
 
-    /// Takes a depth picture, m, row by row from the top left, 0 where nothing was measured.
+    /// Adds a depth picture: depths in m, row by row from the top left, 0 for unmeasured pixels.
     ///
-    /// - `head`: where the head was, in the map's frame
-    /// - `own`: the robot's spheres then, in the map's frame
+    /// - `head`: head pose in the map frame
+    /// - `own`: spheres of the robot in the map frame
     ///
     /// # Errors
-    /// Where the picture has another size, numbers that are no depths, or no measured pixel. The map remains as it was.
+    /// Returns an error and leaves the map unchanged if the picture has the wrong size, invalid depths or no measured
+    /// pixel.
     pub fn push(
         &mut self,
         depth: &[f32],
@@ -209,7 +212,7 @@ impl Fusion {
             let values = &mut self.values[cells.clone()];
             let weights = &mut self.weights[cells.clone()];
             let views = &mut self.views[cells];
-            // Behind the camera's eye and outside the picture are linear bounds along the row; a cell more on each side for rounding.
+            // Visibility is bounded linearly along a row. One more cell on each side covers rounding.
             let bounds = [
                 Vector3::new(1.0, 0.0, 0.0),
                 Vector3::new(middle_u, -focal, 0.0),
@@ -245,7 +248,8 @@ impl Fusion {
         }
     }
 
-    /// Returns which cells are solid: those behind the surface that was seen, and those that this look saw only from far behind one.
+    /// Returns the solid cells: those behind a seen surface, and those that this look saw only from far behind a
+    /// surface.
     pub fn solid(&self) -> Vec<bool> {
         self.values
             .iter()
@@ -258,13 +262,13 @@ impl Fusion {
             .collect()
     }
 
-    /// Returns the distances to all that is solid.
+    /// Returns the distances to all solid cells.
     pub fn field(&self) -> DistanceField {
         DistanceField::new(self.config.grid, &self.solid())
     }
 }
 
-/// Returns the steps from `first` along `step` at which all `bounds` have a product with the place that is not negative, and one more on
+/// Returns the steps from `first` along `step` at which the products with all `bounds` are non-negative, plus one on
 /// each side.
 fn where_positive(
     first: &Vector3<f32>,
@@ -330,7 +334,8 @@ mod tests {
         }
     }
 
-    /// A wall at `wall` m, before which a square of half width `half` stands at `near`, about the camera's axis.
+    /// Returns a picture of a wall at `wall` m with a square of half width `half` in front of it at `near` m, centred
+    /// on the camera axis.
     fn wall_and_square(camera: &DepthCamera, wall: f32, near: f32, half: f64) -> Vec<f32> {
         let [u, v] = camera.middle();
         (0..camera.width * camera.height)
@@ -362,7 +367,7 @@ mod tests {
             let found = field.distance(&Vector3::new(x, y, 0.0));
             assert!((found - expected).abs() < 0.015, "{x} {y}: {found}");
         }
-        // The square hides what is behind it, up to the wall; the sides of the picture show nothing.
+        // The square hides the region behind it up to the wall. Cells outside of the picture are free.
         assert!(sees(&fusion, [1.1, 0.0, 0.0]) && sees(&fusion, [1.49, 0.0, 0.0]));
         assert!(!sees(&fusion, [0.3, 0.45, 0.0]));
     }
@@ -380,7 +385,7 @@ mod tests {
         }
         fusion.look_again();
         for _ in 0..4 {
-            // The same square, seen by a head that is turned: 8 cm to the left.
+            // The same square, seen by a rotated head: 8 cm to the left.
             fusion
                 .push(
                     &wall_and_square(&config.camera, 1.5, 0.8, 0.04),
@@ -391,7 +396,7 @@ mod tests {
         }
         assert!(!sees(&fusion, [0.83, -0.07, 0.0]));
         assert!(sees(&fusion, [0.83, 0.08, 0.0]));
-        // Deep inside, where there was free space before.
+        // Deep inside, in formerly free space.
         assert!(sees(&fusion, [1.1, 0.11, 0.0]));
     }
 
@@ -413,7 +418,7 @@ mod tests {
                 middle_u - camera.focal * p.y / p.x,
                 middle_v - camera.focal * p.z / p.x,
             );
-            // A thousandth of a pixel is left to rounding.
+            // Allow a thousandth of a pixel for rounding.
             let within = |slack: f64| {
                 p.x >= 0.1 + slack
                     && (slack..camera.width as f64 - slack).contains(&u)

@@ -1,26 +1,26 @@
-//! Cells of equal size, in rows along x, then y, then z.
+//! Grid of equal cells, in rows along x, then y, then z.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::error::MapError;
 
-/// Most cells of a grid: 256 in each direction.
+/// Maximum number of cells of a grid: 256 in each direction.
 const MOST_CELLS: usize = 1 << 24;
 
-/// Where cells lie.
+/// Position and size of a grid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VoxelGrid {
-    /// The corner with the least coordinates, m.
+    /// Corner with the lowest coordinates, in m.
     pub corner: [f64; 3],
-    /// Edge of a cell, m.
+    /// Edge length of a cell, in m.
     pub voxel: f64,
-    /// Cells along x, y and z.
+    /// Number of cells along x, y and z.
     pub cells: [usize; 3],
 }
 
-/// 2.56 m in each direction about what the robot can reach, in steps of 2 cm.
+/// 2.56 m in each direction around the robot's workspace, in steps of 2 cm.
 impl Default for VoxelGrid {
     fn default() -> Self {
         Self {
@@ -32,8 +32,10 @@ impl Default for VoxelGrid {
 }
 
 impl VoxelGrid {
+    /// Validates the grid.
+    ///
     /// # Errors
-    /// Names the first setting that is out of range.
+    /// Returns the first setting that is out of range.
     pub fn check(&self) -> Result<(), MapError> {
         let wrong = |setting, expected, found| {
             Err(MapError::Setting {
@@ -62,24 +64,24 @@ impl VoxelGrid {
         Ok(())
     }
 
-    /// Returns how many cells there are.
+    /// Returns the number of cells.
     pub fn count(&self) -> usize {
         self.cells.iter().product()
     }
 
-    /// Returns the middle of a cell, m.
+    /// Returns the centre of a cell, in m.
     pub fn middle(&self, cell: [usize; 3]) -> Vector3<f64> {
         Vector3::from(std::array::from_fn(|i| {
             self.corner[i] + (cell[i] as f64 + 0.5) * self.voxel
         }))
     }
 
-    /// Returns the number of a cell.
+    /// Returns the index of a cell.
     pub fn number(&self, [x, y, z]: [usize; 3]) -> usize {
         x + self.cells[0] * (y + self.cells[1] * z)
     }
 
-    /// Returns the cell that a point lies in; `None` outside the grid.
+    /// Returns the cell that contains a point, or `None` outside of the grid.
     pub fn cell_at(&self, p: &Vector3<f64>) -> Option<[usize; 3]> {
         let mut cell = [0; 3];
         for i in 0..3 {

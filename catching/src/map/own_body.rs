@@ -1,13 +1,13 @@
-//! What of a depth picture is the robot itself.
+//! Removal of the robot's own body from depth pictures.
 
 use nalgebra::Isometry3;
 
 use super::fusion::DepthCamera;
 use super::spheres::Sphere;
 
-/// Sets pixels to 0 (nothing measured) whose points lie in a sphere of the robot, or nearer to one than `margin`, m.
+/// Sets pixels to 0 (unmeasured) whose points lie within `margin` m of a sphere of the robot.
 ///
-/// - `to_camera`: from the frame of the spheres to the camera's: x ahead, y left, z up
+/// - `to_camera`: transform from the frame of the spheres to the camera frame (x forward, y left, z up)
 pub(super) fn mask(
     depth: &mut [f32],
     camera: &DepthCamera,
@@ -44,7 +44,7 @@ pub(super) fn mask(
     }
 }
 
-/// Returns the pixels along a side of the picture that a sphere can be on; all where it reaches behind the camera.
+/// Returns the range of pixels along one picture axis that a sphere can cover, or all if it reaches behind the camera.
 fn span(
     ahead: f64,
     aside: f64,
@@ -57,7 +57,7 @@ fn span(
     if near < 0.05 {
         return 0..count;
     }
-    // Of all slopes in the box about the sphere.
+    // Extreme slopes of the box around the sphere.
     let slopes =
         [aside - radius, aside + radius].map(|side| [side / near, side / (ahead + radius)]);
     let slopes = slopes.as_flattened();

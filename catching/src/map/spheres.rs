@@ -1,7 +1,7 @@
-//! The robot as spheres, by forward kinematics with derivatives: 42 of both arms, 14 of what carries them.
+//! Sphere model of the robot by forward kinematics with derivatives: 42 spheres for both arms and 14 for the body.
 //!
-//! Upper arm and forearm are rows of spheres that hold the capsules of the monitor of self-collisions; the hand is three spheres of the
-//! palm and a ring of six about the open fingers.
+//! Upper arm and forearm are rows of spheres that contain the capsules of the self-collision monitor. The hand consists
+//! of three spheres for the palm and a ring of six around the open fingers.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS};
@@ -9,49 +9,50 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS};
 use super::field::DistanceField;
 use crate::robot::{Chain, Robot};
 
-/// Spheres of an arm.
+/// Number of spheres per arm.
 pub const ARM_SPHERES: usize = 21;
-/// Spheres of trunk, head, torso and the arms' mounts.
+/// Number of spheres for trunk, head, torso and the arms' mounts.
 pub const STILL_SPHERES: usize = 14;
 
-/// Of upper arm and of forearm.
+/// Number of spheres of the upper arm, and of the forearm.
 const OF_LINK: usize = 6;
-/// Upper arm and forearm, m: capsules of 7.5 and 6.5 cm, with steps of 8 cm.
+/// Sphere radius of upper arm and forearm, in m: capsules of 7.5 and 6.5 cm, with steps of 8 cm.
 const LINK_RADIUS: [f64; 2] = [0.085, 0.076];
-/// Of the palm, from the wrist along the hand's axis, m.
+/// Positions of the palm's spheres along the hand axis, in m from the wrist.
 const PALM: [f64; 3] = [0.04, 0.1, 0.16];
 const PALM_RADIUS: f64 = 0.07;
-/// About the fingers: radius of the ring, along the axis from the catch frame, radius of a sphere, m.
+/// Ring of spheres around the fingers: radius of the ring, offset from the catch frame along the hand axis, and radius
+/// of a sphere, in m.
 const RING: [f64; 3] = [0.07, 0.005, 0.08];
 const OF_RING: usize = ARM_SPHERES - 2 * OF_LINK - PALM.len();
 
-/// A sphere.
+/// Sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
-    /// m.
+    /// Centre, in m.
     pub centre: Vector3<f64>,
-    /// m.
+    /// Radius, in m.
     pub radius: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Place {
-    /// Share of the way from shoulder to elbow.
+    /// Fraction of the way from shoulder to elbow.
     Upper(f64),
-    /// Share of the way from elbow to wrist.
+    /// Fraction of the way from elbow to wrist.
     Fore(f64),
-    /// From the wrist, in the catch frame's axes, m.
+    /// Position relative to the wrist, along the axes of the catch frame, in m.
     Hand(Vector3<f64>),
 }
 
-/// The spheres of an arm.
+/// Spheres of an arm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmSpheres {
     places: [(Place, f64); ARM_SPHERES],
 }
 
 impl ArmSpheres {
-    /// Makes the spheres of an arm: 0 left, 1 right.
+    /// Creates the spheres of an arm: 0 left, 1 right.
     pub fn new(robot: &Robot, arm: usize) -> Self {
         let to_catch = robot.description().arms[arm].wrist_to_catch;
         let places = std::array::from_fn(|i| {
@@ -74,12 +75,12 @@ impl ArmSpheres {
         Self { places }
     }
 
-    /// Returns radius of a sphere, m.
+    /// Returns the radius of a sphere, in m.
     pub fn radius(&self, sphere: usize) -> f64 {
         self.places[sphere].1
     }
 
-    /// Returns the middle of a sphere, m, chest's frame.
+    /// Returns the centre of a sphere in the chest frame, in m.
     pub(crate) fn centre(&self, sphere: usize, chain: &Chain) -> Vector3<f64> {
         match &self.places[sphere].0 {
             Place::Upper(share) => chain.shoulder + (chain.elbow - chain.shoulder) * *share,
@@ -88,7 +89,7 @@ impl ArmSpheres {
         }
     }
 
-    /// Returns the derivatives by the joints of a function of a sphere's middle whose gradient there is `gradient`.
+    /// Returns the derivatives with respect to the joints of a function of a sphere's centre with the given gradient.
     pub(crate) fn slopes(
         &self,
         sphere: usize,
@@ -110,9 +111,9 @@ impl ArmSpheres {
         })
     }
 
-    /// Returns the least distance of the spheres from what a map shows, m.
+    /// Returns the minimum distance between the spheres and the obstacles of a map, in m.
     ///
-    /// - `chest`: in the map
+    /// - `chest`: pose of the chest in the map frame
     pub(crate) fn distance(
         &self,
         chain: &Chain,
@@ -125,7 +126,7 @@ impl ArmSpheres {
         })
     }
 
-    /// Returns all spheres with the arm at `q`, chest's frame.
+    /// Returns all spheres at arm angles `q`, in the chest frame.
     pub fn placed(
         &self,
         robot: &Robot,
@@ -140,15 +141,15 @@ impl ArmSpheres {
     }
 }
 
-/// What does not move in the chest's frame while platform and torso turn: trunk, head, the arms' mounts, and the torso below, upright.
+/// Spheres fixed to the chest frame: trunk, head, the arms' mounts, and the torso below, which is assumed upright.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StillSpheres {
-    /// Chest's frame.
+    /// Spheres in the chest frame.
     pub spheres: [Sphere; STILL_SPHERES],
 }
 
 impl StillSpheres {
-    /// Makes them for a robot.
+    /// Creates the spheres of a robot.
     pub fn new(robot: &Robot) -> Self {
         let description = robot.description();
         let mut spheres = Vec::with_capacity(STILL_SPHERES);
@@ -222,7 +223,7 @@ mod tests {
             }
         }
 
-        /// What the monitor of self-collisions takes for upper arm, forearm and hand lies within the spheres, but for a centimetre between
+        /// The spheres contain the monitor's bodies of upper arm, forearm and hand, except for one centimetre between
         /// the fingers.
         #[test]
         fn spheres_hold_the_bodies_of_the_monitor(q in proptest::array::uniform7(-2.0..2.0f64), arm in 0..ARMS, to in proptest::array::uniform3(-1.0..1.0f64)) {

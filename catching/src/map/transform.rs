@@ -1,11 +1,12 @@
-//! The exact Euclidean distance transform in linear time: P. F. Felzenszwalb and D. P. Huttenlocher, Distance transforms of sampled
-//! functions, Theory of Computing 8 (2012). One dimension after the other, the squared distance is the lower envelope of parabolas.
+//! Exact Euclidean distance transform in linear time: P. F. Felzenszwalb and D. P. Huttenlocher, Distance transforms of
+//! sampled functions, Theory of Computing 8 (2012). In each dimension, the squared distance is the lower envelope of
+//! parabolas.
 
-/// Returns for each cell the squared distance, in cells, from its middle to that of the nearest cell for which `solid` is true, or infinity
-/// if there is none. Rows go along x, then y, then z; squared distances are whole numbers and exact.
+/// Returns the squared distance, in cells, from each cell's centre to that of the nearest solid cell, or infinity if
+/// there is none. Rows go along x, then y, then z. Squared distances are exact integers.
 ///
 /// # Panics
-/// If `solid` has not as many entries as there are cells.
+/// Panics if `solid` does not have one entry per cell.
 pub fn squared_distances(cells: [usize; 3], solid: &[bool]) -> Vec<f32> {
     let [nx, ny, nz] = cells;
     assert_eq!(solid.len(), nx * ny * nz, "an entry for each cell");
@@ -24,7 +25,7 @@ pub fn squared_distances(cells: [usize; 3], solid: &[bool]) -> Vec<f32> {
     squared
 }
 
-/// Squared distance to the nearest solid cell of the same row: one sweep each way.
+/// Computes the squared distance to the nearest solid cell of the same row, with one sweep in each direction.
 fn along_a_row(row: &mut [f32], solid: &[bool]) {
     let mut steps = f32::INFINITY;
     for (distance, solid) in row.iter_mut().zip(solid) {
@@ -39,17 +40,17 @@ fn along_a_row(row: &mut [f32], solid: &[bool]) {
     }
 }
 
-/// Lines that are taken at once: neighbours in memory, so that what is fetched is used.
+/// Number of lines per block. They are adjacent in memory, which uses the cache well.
 const LINES: usize = 16;
 
-/// The lower envelope of parabolas with their vertices at the cells of a line.
+/// Lower envelope of parabolas whose vertices are the cells of a line.
 struct Envelope {
-    /// Line by line.
+    /// Block of lines, one after the other.
     block: Vec<f32>,
     values: Vec<f32>,
-    /// Cells whose parabolas are part of it, from left to right.
+    /// Cells whose parabolas belong to the envelope, from left to right.
     vertices: Vec<usize>,
-    /// From where on each is the lowest.
+    /// Coordinates from which each parabola is the lowest.
     from: Vec<f64>,
 }
 
@@ -63,7 +64,7 @@ impl Envelope {
         }
     }
 
-    /// Replaces the values of `stride` lines that lie beside each other, each with `count` cells that are `stride` apart.
+    /// Transforms `stride` adjacent lines of `count` cells each; neighbouring cells of a line are `stride` apart.
     fn replace_all(&mut self, all: &mut [f32], stride: usize, count: usize) {
         let mut block = std::mem::take(&mut self.block);
         for first in (0..stride).step_by(LINES) {
@@ -87,7 +88,7 @@ impl Envelope {
         self.block = block;
     }
 
-    /// Replaces each value by the least of value and squared distance along the line.
+    /// Replaces each value by the minimum over the line of value plus squared distance.
     fn replace(&mut self, line: &mut [f32]) {
         let values = &mut self.values[..line.len()];
         values.copy_from_slice(line);
@@ -165,7 +166,7 @@ mod tests {
         }
     }
 
-    /// From `tests/golden/distances_with_scipy.py`: `scipy.ndimage.distance_transform_edt`.
+    /// Golden values from `tests/golden/distances_with_scipy.py` (`scipy.ndimage.distance_transform_edt`).
     #[test]
     fn distances_are_those_of_scipy() {
         let golden: serde_json::Value = serde_json::from_str(include_str!(
@@ -186,7 +187,7 @@ mod tests {
             let theirs = case["distances"].as_array().unwrap();
             assert_eq!(ours.len(), theirs.len());
             for (ours, theirs) in ours.iter().zip(theirs) {
-                // SciPy takes the root in double precision; ours is exact before the root.
+                // SciPy computes the root in double precision; this transform is exact before the root.
                 let apart = (f64::from(*ours).sqrt() - theirs.as_f64().unwrap()).abs();
                 assert!(apart < 1e-6, "{ours} {theirs}");
                 compared += 1;

@@ -1,11 +1,11 @@
-//! The approximation of a Hessian from steps and changes of the gradient.
+//! Quasi-Newton approximation of a Hessian from steps and gradient changes.
 
-/// Broyden, Fletcher, Goldfarb and Shanno's update, damped by Powell so that the matrix stays positive definite. A step that says nothing
-/// changes nothing.
+/// Updates the matrix by the formula of Broyden, Fletcher, Goldfarb and Shanno with Powell's damping, which keeps it
+/// positive definite. A step without information changes nothing.
 ///
-/// - `b`: the approximation, symmetric
-/// - `s`: the step
-/// - `y`: by how much the gradient changed
+/// - `b`: approximation of the Hessian, symmetric
+/// - `s`: step
+/// - `y`: change of the gradient
 pub(crate) fn update<const N: usize>(b: &mut [[f64; N]; N], s: &[f64; N], y: &[f64; N]) {
     let bs: [f64; N] = std::array::from_fn(|i| (0..N).map(|k| b[i][k] * s[k]).sum());
     let sbs: f64 = (0..N).map(|i| s[i] * bs[i]).sum();

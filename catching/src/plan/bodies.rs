@@ -1,34 +1,34 @@
-//! Simple bodies that the hand stays out of (thesis, figure 3.1: a virtual cylinder and walls), in the chest's frame.
+//! Simple bodies that the hand must avoid (thesis, figure 3.1: a virtual cylinder and walls), in the chest frame.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Bodies of a problem, as in the thesis.
+/// Number of bodies of a problem, as in the thesis.
 pub const BODIES: usize = 8;
 
-/// Something that the middle of the catch frame stays out of.
+/// Body that the origin of the catch frame must stay out of.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Body {
-    /// An upright cylinder without ends.
+    /// Vertical cylinder of infinite length.
     Cylinder {
-        /// x and y of its axis, m.
+        /// x and y of its axis, in m.
         centre: [f64; 2],
-        /// m.
+        /// Radius, in m.
         radius: f64,
     },
-    /// Everything behind a plane: points with `normal . p < offset`.
+    /// Half space behind a plane: points with `normal . p < offset`.
     Wall {
-        /// Of length 1, away from the body.
+        /// Unit normal that points away from the body.
         normal: [f64; 3],
-        /// m.
+        /// Offset of the plane along its normal, in m.
         offset: f64,
     },
 }
 
 impl Body {
-    /// Returns the bodies about a chest for the left (0) or the right arm: the trunk, the space behind, floor and ceiling, the sides, what is
-    /// too far, and the other arm's side.
+    /// Returns the bodies around the chest for the left (0) or the right arm: trunk, rear, front limit, sides, floor,
+    /// ceiling, and the other arm's side.
     pub fn around_chest(arm: usize) -> [Self; BODIES] {
         let side = if arm == 0 { 1.0 } else { -1.0 };
         let wall = |normal, offset| Self::Wall { normal, offset };
@@ -47,7 +47,7 @@ impl Body {
         ]
     }
 
-    /// Returns the distance of a point from the body, m, negative inside, and its gradient.
+    /// Returns the signed distance of a point from the body, in m, negative inside, and its gradient.
     pub fn distance(&self, p: &Vector3<f64>) -> (f64, Vector3<f64>) {
         match self {
             Self::Cylinder { centre, radius } => {

@@ -1,15 +1,15 @@
-//! What descents found, and the choice among it.
+//! Feasible points found by descents, and the choice among them.
 
 use super::problem::Point;
 use super::seeds::MAX_SEEDS;
 use super::sqp::Found;
 
-/// One from the last plan, each seed, and each seed's descent.
+/// Maximum number of candidates: one from the previous plan, one per seed and one per descent.
 const MAX_CANDIDATES: usize = 2 * MAX_SEEDS + 1;
-/// Points that are no farther apart, rad and s, are one.
+/// Maximum distance between equal points, per component, in rad and s.
 const SAME: f64 = 1e-3;
 
-/// Feasible points, the cheapest first.
+/// Feasible points, sorted by increasing cost.
 pub(crate) struct Candidates {
     found: [Option<Found>; MAX_CANDIDATES],
     count: usize,
@@ -23,7 +23,7 @@ impl Candidates {
         }
     }
 
-    /// Takes one in; of several that cost the same the first stays before the others.
+    /// Adds a point. Points of equal cost keep their order.
     pub fn offer(&mut self, found: Option<Found>) {
         let Some(found) = found else { return };
         if self.count == MAX_CANDIDATES {
@@ -38,12 +38,12 @@ impl Candidates {
         self.count += 1;
     }
 
-    /// Returns the cheapest.
+    /// Returns the cheapest point.
     pub fn cheapest(&self) -> Option<Found> {
         self.found[0]
     }
 
-    /// Returns those that differ from all cheaper ones, the cheapest first.
+    /// Returns the points that differ from all cheaper ones, sorted by increasing cost.
     pub fn distinct(&self) -> impl Iterator<Item = &Found> {
         let found = &self.found[..self.count];
         found.iter().flatten().enumerate().filter_map(|(i, here)| {

@@ -1,7 +1,7 @@
-//! How far an arm is away from the trunk and the torso at a catch.
+//! Distance of an arm from trunk and torso at a catch.
 //!
-//! The bodies of [`Body`](super::Body) keep the middle of the hand away, as in the thesis; forearm and elbow may still come near. The way to
-//! the catch is looked at in [`way`](super::way).
+//! The bodies of [`Body`](super::Body) keep only the hand away, as in the thesis; forearm and elbow may still come
+//! close. The way to the catch is checked in [`way`](super::way).
 
 use nalgebra::{SMatrix, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, JOINTS, joint};
@@ -9,24 +9,24 @@ use tactnet_catching_packets::{ARM_JOINTS, JOINTS, joint};
 use crate::robot::{HandPose, Robot};
 use crate::safety::{Bodies, Hull, Nearest, nearest};
 
-/// Joints of the arm that move upper arm, forearm and hand.
+/// Number of joints that move upper arm, forearm and hand.
 const MOVED_BY: [usize; 3] = [3, 5, 7];
-/// The part that is nearest most often.
+/// Index of the part that is closest most often.
 const FOREARM: usize = 1;
 
-/// An arm beside a trunk and a torso that stand as the robot waits.
+/// Arm next to a trunk and a torso in the waiting pose.
 #[derive(Debug, Clone)]
 pub(crate) struct Clearance {
     bodies: Bodies,
     torso: [Hull; 3],
-    /// Balls around those.
+    /// Bounding spheres of the torso hulls: centre and radius.
     around: [(Vector3<f64>, f64); 3],
     arm: usize,
     waiting: [f64; JOINTS],
 }
 
 impl Clearance {
-    /// Prepares an arm: 0 left, 1 right.
+    /// Creates the model of an arm: 0 left, 1 right.
     pub fn new(robot: &Robot, arm: usize) -> Self {
         let bodies = Bodies::new(robot.description());
         let waiting = robot.waiting();
@@ -40,7 +40,8 @@ impl Clearance {
         }
     }
 
-    /// Returns the least distance of the arm's bodies from trunk and torso, m, and its derivative by joint.
+    /// Returns the minimum distance between the arm and trunk or torso, in m, and its derivative with respect to each
+    /// joint.
     ///
     /// - `pose`, `jacobian`: of the hand, with the arm at `q`
     pub fn nearest(
@@ -50,7 +51,7 @@ impl Clearance {
         jacobian: &SMatrix<f64, 6, ARM_JOINTS>,
     ) -> (f64, [f64; ARM_JOINTS]) {
         let (part, found) = self.pair(q);
-        // A point that moves with the hand would do so; joints beyond its own body do not move it.
+        // The point moves rigidly with the hand for joints of its own body and does not move for joints beyond it.
         let from_hand = found.point - pose.position;
         let slope = std::array::from_fn(|i| {
             if i >= MOVED_BY[part] {
@@ -63,12 +64,12 @@ impl Clearance {
         (found.distance, slope)
     }
 
-    /// Returns the least distance of the arm's bodies from trunk and torso, m.
+    /// Returns the minimum distance between the arm and trunk or torso, in m.
     pub fn at(&self, q: &[f64; ARM_JOINTS]) -> f64 {
         self.pair(q).1.distance
     }
 
-    /// Returns the part of the arm that is nearest to trunk or torso, and where.
+    /// Returns the part of the arm that is closest to trunk or torso, and the closest points.
     fn pair(&self, q: &[f64; ARM_JOINTS]) -> (usize, Nearest) {
         let mut whole = self.waiting;
         whole[joint::ARM[self.arm].clone()].copy_from_slice(q);
@@ -104,7 +105,7 @@ mod tests {
             let clearance = Clearance::new(&robot, arm);
             let ready = robot.ready(arm);
             assert!(clearance.at(&ready) > 0.05);
-            // One joint turns on, as far as it goes, until the forearm lies at the trunk.
+            // Turn one joint to an end of its range, until the forearm touches the trunk.
             let joints = robot.arm(arm).joints();
             let nearest = (0..ARM_JOINTS)
                 .flat_map(|joint| joints[joint].range.map(|end| (joint, end)))
@@ -138,7 +139,7 @@ mod tests {
             };
             for i in 0..ARM_JOINTS {
                 let (less, more) = (moved(i, -1e-5), moved(i, 1e-5));
-                // Where another pair is the nearest one, or bodies reach into each other, there is no slope.
+                // The distance has a kink where the closest pair changes, and no slope where bodies penetrate.
                 prop_assume!(least > -0.1 && (less + more - 2.0 * least).abs() < 1e-8);
                 prop_assert!(((more - less) / 2e-5 - slope[i]).abs() < 1e-3, "{i}: {} {}", (more - less) / 2e-5, slope[i]);
             }

@@ -1,14 +1,15 @@
-//! The nearest miss: where no exact catch is possible any more, the motion that comes closest to one.
+//! Nearest miss: the motion that comes closest to a catch if no exact catch exists.
 //!
-//! Equation 3.2 of the thesis wants the hand exactly at the ball and exactly against its flight, but a hand catches a ball that is 2 cm off
-//! and 25 degrees aslant. An arm that is on its way at the limit of its joints, and hears that the ball comes a little farther out, has no
-//! exact catch left and yet must not carry on as if it had not heard. So the equations become a sum of squares,
+//! Equation 3.2 of the thesis demands the hand exactly at the ball and exactly against its flight. A hand catches a
+//! ball that is 2 cm off and 25 degrees aslant. An arm that already moves at its limits may have no exact catch left
+//! after a small change of the prediction, but should still correct its motion. The equations therefore become a sum of
+//! squares,
 //!
 //! ```text
 //! minimise  |p(q) - b(t)|^2 / (5 mm)^2 + (u_x^2 + u_y^2) / 0.15^2      subject to all 31 inequalities,
 //! ```
 //!
-//! by Gauss-Newton steps with the same quadratic programmes and limits as an exact plan.
+//! which Gauss-Newton steps minimise with the same quadratic programs and limits as an exact plan.
 
 use tactnet_catching_packets::ARM_JOINTS;
 
@@ -16,24 +17,24 @@ use super::problem::{EQUALITIES, Linearised, Point, Problem, ROWS, UNKNOWNS};
 use super::qp;
 use super::sqp::Found;
 
-/// What counts as far: 1/m^2 for the position, 1/sin^2 for the axis.
+/// Weights of the squared errors: 1/m^2 for the position, dimensionless for the axis.
 const WEIGHTS: [f64; EQUALITIES] = [4e4, 4e4, 4e4, 44.4, 44.4];
-/// Half width of the box that a step stays in, rad and s.
+/// Half width of a step's trust region, in rad and s.
 const TRUST: f64 = 0.3;
-/// Steps at most.
+/// Maximum number of steps.
 const STEPS: usize = 12;
-/// A step that takes away less than this share ends the search.
+/// Relative decrease below which the search ends.
 const SMALL_GAIN: f64 = 1e-3;
-/// Keeps steps along which nothing changes short.
+/// Regularisation that limits steps along directions without effect.
 const RIDGE: f64 = 1e-2;
-/// A miss by more, m, is not worth a motion; nor one aslant by more, rad.
+/// Maximum position error in m and angle error in rad of a useful miss.
 const MOST: [f64; 2] = [0.15, 0.6];
-/// No miss is as good as the worst catch.
+/// Base cost of a miss, which exceeds the cost of any catch.
 const WORSE: f64 = 10.0;
-/// Cost of a metre.
+/// Additional cost of a miss per metre.
 const BY_METRE: f64 = 100.0;
 
-/// Returns the nearest miss that is found from `start`, `None` if it is a wide one.
+/// Returns the nearest miss found from `start`, or `None` if it misses by too much.
 pub(crate) fn approach(
     problem: &Problem,
     start: &Point,
@@ -88,7 +89,7 @@ pub(crate) fn approach(
 }
 
 fn square(at: &Linearised) -> f64 {
-    // The bound of an equation is what it lacks.
+    // The bound of an equation is its negative error.
     at.rows[..EQUALITIES]
         .iter()
         .zip(WEIGHTS)
@@ -113,7 +114,7 @@ fn normal_equations(at: &Linearised) -> ([[f64; UNKNOWNS]; UNKNOWNS], [f64; UNKN
     (curvature, slope)
 }
 
-/// Returns a point with every joint where it can be by then; `None` if one can be nowhere.
+/// Clamps each joint to its reachable interval. Returns `None` if an interval is empty.
 fn within_limits(problem: &Problem, x: &Point) -> Option<Point> {
     let mut x = *x;
     if !x.iter().all(|x| x.is_finite()) {
@@ -130,7 +131,7 @@ fn within_limits(problem: &Problem, x: &Point) -> Option<Point> {
     Some(x)
 }
 
-/// True if the motion stays within ranges, outside bodies and away from obstacles.
+/// Returns true if the motion keeps ranges, bodies and obstacles.
 fn is_kept(problem: &Problem, x: &Point) -> bool {
     problem.violation(x).limits <= 1e-7 && problem.is_clear(x)
 }

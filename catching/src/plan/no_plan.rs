@@ -1,58 +1,58 @@
-//! Why there is no plan.
+//! Reasons for the failure of a plan.
 
-/// Why there is no plan.
+/// Reason why there is no plan.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoPlan {
-    /// The request makes no sense.
+    /// The request is invalid.
     #[error("{0}")]
     Request(#[from] RequestError),
     /// The ball stays out of reach.
     #[error("the ball does not come within reach")]
     OutOfReach,
-    /// The arm cannot be there in time, or only outside its ranges or inside a body.
+    /// The arm cannot arrive in time, or only outside its ranges or inside a body.
     #[error("no catch within ranges, speeds and accelerations")]
     NoCatch,
-    /// There are catches, but all that were found come too near to what the map shows.
+    /// All catches that were found come too close to obstacles of the map.
     #[error("obstacles are in the way of every catch that was found")]
     Obstructed,
-    /// Time was up before anything was found.
+    /// The time limit expired before a catch was found.
     #[error("time was up")]
     OutOfTime,
 }
 
-/// What is wrong with a request.
+/// Reason why a request is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RequestError {
-    /// A number that is none.
+    /// A value is not finite.
     #[error("the request has numbers that are not finite")]
     NotFinite,
-    /// A joint begins outside its range.
+    /// A joint starts outside its range.
     #[error("joint {joint} begins at {found}, outside its range")]
     Range {
-        /// Counted from 0.
+        /// Index of the joint.
         joint: usize,
-        /// rad.
+        /// Joint angle, in rad.
         found: f64,
     },
-    /// A joint begins faster than it may be.
+    /// A joint starts above its maximum speed.
     #[error("joint {joint} begins with {found} rad/s, faster than it may be")]
     Speed {
-        /// Counted from 0.
+        /// Index of the joint.
         joint: usize,
-        /// rad/s.
+        /// Joint velocity, in rad/s.
         found: f64,
     },
-    /// Not a moment in the future.
+    /// The catch times are out of range.
     #[error(
         "the catch is to be between {earliest} and {latest} s, expected 0 <= earliest < latest <= 2"
     )]
     Times {
-        /// s.
+        /// Earliest catch time, in s.
         earliest: f64,
-        /// s.
+        /// Latest catch time, in s.
         latest: f64,
     },
-    /// The ball does not fly, or its drag is negative.
+    /// The ball's speed or drag is out of range.
     #[error("the ball's velocity or drag makes no sense")]
     Ball,
 }

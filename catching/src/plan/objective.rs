@@ -1,4 +1,4 @@
-//! What makes one catch better than another (thesis, section 3.5.2).
+//! Objectives of a plan (thesis, section 3.5.2).
 
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
@@ -6,20 +6,20 @@ use tactnet_catching_packets::ARM_JOINTS;
 use super::problem::{Point, Problem, UNKNOWNS};
 use crate::ramp::{Acceleration, LeastTime};
 
-/// The objective of a plan; the least is best.
+/// Objective of a plan, which is minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Objective {
-    /// The gentlest motion: root mean square of the joints' accelerations, each as a share of what it may be.
+    /// Smoothest motion: root mean square of the joints' accelerations, relative to their limits.
     #[default]
     Soft,
-    /// The latest catch: `-t`.
+    /// Latest catch: `-t`.
     Latest,
-    /// Move at once and wait: fourth-power mean of the joints' least times. The arm is there before the ball.
+    /// Early arrival: fourth-power mean of the joints' least times. The arm waits for the ball.
     Cool,
 }
 
-/// Below this share of the acceleration, [`Objective::Soft`] is a parabola: its root has an edge where nothing moves.
+/// Relative acceleration below which [`Objective::Soft`] is smoothed. Its root has a kink at rest.
 const STILL: f64 = 1e-3;
 
 impl Objective {

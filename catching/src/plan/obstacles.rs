@@ -1,15 +1,17 @@
-//! Keeping an arm away from what stands about, on the whole of its way.
+//! Keeps an arm away from obstacles on its whole way.
 //!
 //! ```text
 //! cost = weight / samples  sum over samples, spheres  max(0, soft + r - d(p))^2
 //! ```
 //!
-//! with `d` the map's distance, positive in free space, at the middle `p` of a sphere of radius `r`. The thesis adds the sum of distances
-//! that are positive inside obstacles and writes 'maximise'; that must be minimised, and so is this. The ramps are sampled at even shares of
-//! their time, so the gradient by joint angles and by time is that of [`Passing`], kinematics and map.
+//! Here `d` is the distance of the map, positive in free space, at the centre `p` of a sphere of radius `r`. The thesis
+//! adds the sum of distances that are positive inside obstacles and writes 'maximise'; that sum must be minimised, as
+//! here. The ramps are sampled at equal fractions of their duration, so the gradient follows from [`Passing`],
+//! kinematics and map.
 //!
-//! A cost does not forbid. Where a motion ends as the best one, [`Obstacles::clear_along`] has the last word: on a fine walk along the ramps no
-//! sphere may come nearer than `hard`, or, if the arm begins nearer, nearer than where it begins. Otherwise there is no plan.
+//! A cost does not enforce a distance. [`Obstacles::clear_along`] checks the best motion on a fine walk along its
+//! ramps: no sphere may come closer than `hard`, or than at the start if the arm starts closer. Otherwise the motion is
+//! rejected.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -21,26 +23,27 @@ use crate::flight::FlightPath;
 use crate::map::{ARM_SPHERES, ArmSpheres, DistanceField};
 use crate::ramp::Ramp;
 
-/// An arm that begins too near may come so much nearer, m: a tenth of a voxel.
+/// Amount by which an arm that starts too close may come closer, in m: a tenth of a voxel.
 pub(crate) const TOO_NEAR_ALREADY: f64 = 2e-3;
-/// Step of the look along the ball's flight, s: 3 cm.
+/// Step of the check along the ball's flight, in s, which is about 3 cm.
 const FLIGHT_STEP: f64 = 5e-3;
 
-/// How far from obstacles plans stay.
+/// Distances that plans keep from obstacles.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObstacleConfig {
-    /// Nearer than this costs something, m.
+    /// Distance below which the motion has a cost, in m.
     pub soft: f64,
-    /// Nearer than this there is no plan, m. It holds what the map does not know: half a voxel, the camera's noise, a torso that gives way.
+    /// Minimum distance of a plan, in m. It covers errors of the map: half a voxel, the camera's noise, the torso's
+    /// elasticity.
     pub hard: f64,
-    /// Of the squared hinge, 1/m^2.
+    /// Weight of the squared hinge, in 1/m^2.
     pub weight: f64,
-    /// A ball's flight ends where its middle comes so near to an obstacle, m.
+    /// Distance between the ball's centre and an obstacle at which the flight ends, in m.
     pub ball: f64,
-    /// Shares of the motion at which the cost is computed; at least 1, its end.
+    /// Number of samples for the cost along the motion, at least 1 (its end).
     pub samples: usize,
-    /// Shares of the motion at which a plan is checked in the end; at least 1, its end.
+    /// Number of samples for the final check along the motion, at least 1 (its end).
     pub checks: usize,
 }
 
@@ -57,21 +60,21 @@ impl Default for ObstacleConfig {
     }
 }
 
-/// How the chest moves in the map while an arm moves: platform and torso's vertical axis by ramps.
+/// Motion of the chest in the map during an arm motion, by ramps of platform and torso's vertical joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChestWay {
-    /// Sideways, m.
+    /// Sideways motion, in m.
     pub platform: Ramp,
-    /// About the vertical axis, rad.
+    /// Rotation about the vertical axis, in rad.
     pub turn: Ramp,
-    /// From the begin of those to the begin of the arm's motion, s.
+    /// Time from the start of these ramps to the start of the arm's motion, in s.
     pub since: f64,
-    /// The chest with platform and turn at zero, with what it is measured to differ by from where joints put it.
+    /// Chest pose with platform and turn at zero, including the measured deviation from the pose by joint angles.
     pub chest: Isometry3<f64>,
 }
 
 impl ChestWay {
-    /// Returns a chest that stands.
+    /// Returns a chest at rest.
     pub fn standing(chest: Isometry3<f64>) -> Self {
         Self {
             platform: Ramp::standing(0.0),
@@ -81,12 +84,12 @@ impl ChestWay {
         }
     }
 
-    /// Returns the chest in the map at a time, s from the begin of the arm's motion.
+    /// Returns the chest pose in the map at a time, in s from the start of the arm's motion.
     pub fn at(&self, t: f64) -> Isometry3<f64> {
         self.moving(t).0
     }
 
-    /// Returns the chest, the platform's place and rate, and the turn's rate.
+    /// Returns the chest pose, the platform's position and velocity, and the angular velocity of the turn.
     fn moving(&self, t: f64) -> (Isometry3<f64>, [f64; 2], f64) {
         let t = t + self.since;
         let (platform, rate) = self.platform.at(t);
@@ -97,12 +100,12 @@ impl ChestWay {
     }
 }
 
-/// What stands about, for one request.
+/// Map and chest motion for one request.
 #[derive(Debug, Clone, Copy)]
 pub struct Surroundings<'a> {
-    /// The map.
+    /// Map.
     pub field: &'a DistanceField,
-    /// Where the chest is in it.
+    /// Motion of the chest in the map.
     pub chest: ChestWay,
 }
 
@@ -152,7 +155,7 @@ impl Obstacles<'_> {
                     gradient[i] += pull * by_joint[i] * joints[i].by_distance;
                     by_end += pull * by_joint[i] * joints[i].by_end;
                 }
-                // The chest carries the sphere along.
+                // The chest moves the sphere.
                 let lever = in_map.coords - Vector3::new(0.0, platform, 0.0);
                 let carried =
                     Vector3::new(0.0, rate, 0.0) + Vector3::new(0.0, 0.0, turn_rate).cross(&lever);
@@ -165,10 +168,11 @@ impl Obstacles<'_> {
         (cost, gradient)
     }
 
-    /// Returns when the ball's flight ends at an obstacle, s, if that is before `latest`. What is outside the map is free.
+    /// Returns the time at which an obstacle stops the ball, in s, if it is before `latest`. Space outside of the map
+    /// is free.
     pub fn ball_stops(&self, path: &FlightPath, latest: f64) -> Option<f64> {
         let Surroundings { field, chest } = self.surroundings;
-        // The path is in the frame of the chest that stands.
+        // The path is in the frame of the chest at its final rest.
         let chest = chest.at(chest.platform.end.max(chest.turn.end));
         let mut t = 0.0;
         while t <= latest {
@@ -181,7 +185,7 @@ impl Obstacles<'_> {
         None
     }
 
-    /// Returns true if the arm keeps its distance on ramps that take `end` seconds, and after them.
+    /// Returns true if the arm keeps its distance along the ramps and at their end.
     pub fn clear_along(&self, problem: &Problem, ramps: &[Ramp; ARM_JOINTS]) -> bool {
         let end = ramps.iter().map(|ramp| ramp.end).fold(0.0, f64::max);
         let at = |t: f64| {
@@ -209,12 +213,12 @@ mod tests {
     use crate::plan::{CatchRequest, NoPlan, Objective, PlanConfig, Planner};
     use crate::robot::Robot;
 
-    /// Where the chest is when the robot waits.
+    /// Returns the chest pose of the waiting robot.
     fn chest() -> Isometry3<f64> {
         Isometry3::translation(0.0, 0.0, 1.2)
     }
 
-    /// A map with one box, given by two corners, m.
+    /// Returns a map with one box, given by two corners in m.
     fn field(least: [f64; 3], greatest: [f64; 3]) -> DistanceField {
         let grid = VoxelGrid {
             corner: [-0.8, -1.3, 0.0],
@@ -274,7 +278,7 @@ mod tests {
             request.w0 = w;
             let (bodies, clearance) = (Body::around_chest(0), Clearance::new(&robot, 0));
             let mut problem = Problem::new(&request, robot.arm(0), &bodies, &clearance, 0.0);
-            // A distance without the edges of trilinear cells: the map is so coarse that an arm stays within few.
+            // A coarse map whose trilinear cells cause no kinks within the arm's range.
             let grid = VoxelGrid { corner: [-20.0, -20.0, -20.0], voxel: 20.0, cells: [2, 2, 3] };
             let field = DistanceField::new(grid, &[true, false, false, false, false, false, false, true, false, false, false, false]);
             let spheres = ArmSpheres::new(&robot, 0);
@@ -288,7 +292,7 @@ mod tests {
             let obstacles = Obstacles { surroundings: Surroundings { field: &field, chest: way }, spheres: &spheres, config: &config };
             problem.obstacles = Some(obstacles);
             let x: Point = std::array::from_fn(|i| if i < 7 { request.q0[i] + 0.5 * q[i] } else { t });
-            // Not where a joint would have to be faster than it may be.
+            // Exclude motions with extreme accelerations.
             prop_assume!((0..7).all(|i| crate::ramp::Acceleration::new(x[i] - request.q0[i], t, w[i], problem.joints[i].speed).a.abs() < 60.0));
             let (cost, gradient) = obstacles.cost(&problem, &x);
             prop_assert!(cost > 0.0);
@@ -296,7 +300,7 @@ mod tests {
                 let moved = |h: f64| { let mut y = x; y[i] += h; obstacles.cost(&problem, &y).0 };
                 let h = 1e-5;
                 let (more, less) = (moved(h), moved(-h));
-                // Edges: another joint is the slowest, a part of a ramp begins at a sample.
+                // The cost has kinks where another joint becomes the slowest or a part of a ramp starts at a sample.
                 prop_assume!((more + less - 2.0 * cost).abs() < 1e-7);
                 let slope = (more - less) / (2.0 * h);
                 prop_assert!((slope - gradient[i]).abs() < 2e-3 * (1.0 + slope.abs()), "{objective:?} {i}: {slope} {}", gradient[i]);
@@ -310,7 +314,7 @@ mod tests {
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let request = request(&robot, Objective::Soft);
         let free = planner.plan(&request, None, || false).unwrap();
-        // Beside the catch, where the arm of the free plan is.
+        // Next to the catch, at the arm's position in the unobstructed plan.
         let field = field([0.2, 0.55, 0.8], [0.7, 0.9, 1.12]);
         let without = least_on_the_way(&robot, &field, &free.ramps);
         assert!(without < 0.0, "{without}");
@@ -350,7 +354,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(40))]
 
-        /// Wherever a box stands: no plan and no near miss comes nearer to it than it may.
+        /// For any box, plans and near misses keep the minimum distance.
         #[test]
         fn plans_keep_their_distance_or_there_is_none(
             x in 0.0..0.8f64, y in -0.2..1.0f64, z in 0.6..1.7f64, size in proptest::array::uniform3(0.08..0.5f64),
@@ -367,7 +371,7 @@ mod tests {
                 planner.nearest_miss_among(&request, &among, None, || false),
             ].into_iter().flatten() {
                 let least = least_on_the_way(&robot, &field, &plan.ramps);
-                // 2 mm are granted, and between two checks some more are possible.
+                // 2 mm are permitted, and between two checks slightly more is possible.
                 prop_assert!(least > bound - 6e-3, "{least} {bound}");
             }
         }

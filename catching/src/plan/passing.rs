@@ -1,33 +1,34 @@
-//! Where a joint is on its way, and how that depends on where it goes and how long it takes.
+//! State of a joint during its motion, with derivatives with respect to distance and duration.
 
 use crate::ramp::Acceleration;
 
-/// A joint at a share of its motion.
+/// Joint at a fraction of its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Passing {
-    /// rad.
+    /// Position, in rad.
     pub q: f64,
-    /// rad/s.
+    /// Velocity, in rad/s.
     pub rate: f64,
-    /// Derivative of `q` by the distance that the joint goes in all.
+    /// Derivative of `q` with respect to the total distance.
     pub by_distance: f64,
-    /// Derivative of `q`, at the same share, by the time that the motion takes, rad/s.
+    /// Derivative of `q` at the same fraction with respect to the duration, in rad/s.
     pub by_end: f64,
-    /// Derivative of `rate` by the distance, 1/s.
+    /// Derivative of `rate` with respect to the distance, in 1/s.
     pub rate_by_distance: f64,
-    /// Derivative of `rate`, at the same share, by the time that the motion takes, rad/s^2.
+    /// Derivative of `rate` at the same fraction with respect to the duration, in rad/s^2.
     pub rate_by_end: f64,
 }
 
 impl Passing {
-    /// Returns a joint after a `share` of the motion of [`Ramp::between`](crate::ramp::Ramp::between) from `q0`, with `w0`, over a distance
-    /// `d` in `end` > 0 seconds.
+    /// Returns the joint after a fraction `share` of the motion [`Ramp::between`](crate::ramp::Ramp::between) from `q0`
+    /// with velocity `w0` over a distance `d` in `end` > 0 seconds.
     pub fn new(q0: f64, w0: f64, d: f64, end: f64, speed: f64, share: f64) -> Self {
         let shape = Acceleration::new(d, end, w0, speed);
         let a = shape.a;
         let t = share * end;
         if a == 0.0 || !a.is_finite() {
-            // At rest: half of the way in half of the time, a parabola each; out of reach, nothing is known.
+            // At rest, use the limit of a vanishing motion: two parabolas, half of the distance each. The same values
+            // apply out of reach.
             let (part, slope) = if share < 0.5 {
                 (2.0 * share * share, 4.0 * share)
             } else {
@@ -43,7 +44,7 @@ impl Passing {
                 rate_by_end: 0.0,
             };
         }
-        // t1 and t2 with their derivatives by `a` and by the end.
+        // t1 and t2 with their derivatives with respect to `a` and the duration.
         let ([t1, t1_by_a, t1_by_end], [t2, t2_by_a, t2_by_end]) = if shape.trapezoid {
             let t1 = (shape.peak - w0) / a;
             let braking = shape.peak / a;
@@ -87,7 +88,7 @@ mod tests {
         fn it_passes_where_the_ramp_does_and_slopes_are_differences(
             speed in 0.5..3.0f64, w in -0.9..0.9f64, q0 in -2.0..2.0f64, way in -0.9..0.9f64, end in 0.1..1.5f64, share in 0.02..1.0f64,
         ) {
-            // As far as it can be at that speed, about.
+            // About the reachable distance at that speed.
             let (w0, d) = (w * speed, way * speed * end);
             let ramp = Ramp::between(q0, w0, q0 + d, end, speed);
             prop_assume!(ramp.a.is_finite() && ramp.a.abs() < 1e3);
@@ -97,11 +98,11 @@ mod tests {
             let h = 1e-6;
             let by_distance = (at(d + h, end).q - at(d - h, end).q) / (2.0 * h);
             let by_end = (at(d, end + h).q - at(d, end - h).q) / (2.0 * h);
-            // The second derivative has edges where triangles become trapezoids and where parts begin.
+            // The second derivative jumps where triangles become trapezoids and where parts start.
             let scale = 1.0 + ramp.a.abs();
             prop_assert!((by_distance - here.by_distance).abs() < 1e-4 * scale, "{by_distance} {}", here.by_distance);
             prop_assert!((by_end - here.by_end).abs() < 1e-4 * scale, "{by_end} {}", here.by_end);
-            // The rate has edges where parts begin, and where it is a triangle that becomes a trapezoid.
+            // The velocity has kinks where parts start and where a triangle becomes a trapezoid.
             prop_assert!((here.rate - ramp.at(share * end).1).abs() < 1e-9 || share > 1.0 - 1e-9);
             let rates = |d: f64, end: f64| at(d, end).rate;
             let edge = |more: f64, less: f64| (more + less - 2.0 * here.rate).abs() > 1e-7 * scale;

@@ -1,4 +1,4 @@
-//! The planner of one arm: grid, descents, the best feasible catch when time is up.
+//! Planner of one arm: grid search, descents, and the best feasible catch within the time limit.
 
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
@@ -24,19 +24,19 @@ use crate::robot::{ArmKinematics, Robot};
 pub struct PlanConfig {
     /// Grid of a first plan.
     pub first: Grid,
-    /// Grid beside the last plan.
+    /// Grid of a replan.
     pub again: Grid,
-    /// Descents from the best candidates of a first plan.
+    /// Number of descents from grid candidates in a first plan.
     pub starts: usize,
-    /// Descents from candidates beside the one from the last plan.
+    /// Number of descents from grid candidates in a replan.
     pub starts_again: usize,
-    /// Quadratic programmes of a descent, at most.
+    /// Maximum number of QP iterations per descent.
     pub iterations: usize,
-    /// At a catch the whole arm is at least so far from trunk and torso, m; 0: only the hand is kept away.
+    /// Minimum distance of the arm from trunk and torso at the catch, in m. With 0, only the hand keeps its distance.
     pub clearance: f64,
-    /// How far plans stay from what a map shows; of no account without one.
+    /// Distances from obstacles; ignored without a map.
     pub obstacles: ObstacleConfig,
-    /// How far ways stay from the robot's own bodies.
+    /// Distances from the robot's own bodies on the way.
     pub way: WayConfig,
 }
 
@@ -55,20 +55,20 @@ impl Default for PlanConfig {
     }
 }
 
-/// A catch.
+/// Plan of a catch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatchPlan {
-    /// Joint angles at the catch, rad.
+    /// Joint angles at the catch, in rad.
     pub q: [f64; ARM_JOINTS],
-    /// When the ball is in the hand, s after the motion begins.
+    /// Catch time, in s after the start of the motion.
     pub t: f64,
-    /// The motion of every joint. It ends at `t`, or before ([`Objective::Cool`](super::Objective::Cool)).
+    /// Motion of each joint. It ends at `t`, or earlier with [`Objective::Cool`](super::Objective::Cool).
     pub ramps: [Ramp; ARM_JOINTS],
-    /// The objective's value.
+    /// Value of the objective.
     pub cost: f64,
-    /// How exactly it is a catch.
+    /// Residuals of the catch constraints at the solution.
     pub violation: Violation,
-    /// What it took.
+    /// Computational effort.
     pub effort: Effort,
 }
 
@@ -85,20 +85,20 @@ impl CatchPlan {
     }
 }
 
-/// What a plan took.
+/// Computational effort of one plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Effort {
-    /// Feasible candidates on the grid.
+    /// Number of feasible candidates on the grid.
     pub candidates: usize,
-    /// Descents.
+    /// Number of descents.
     pub starts: usize,
-    /// Quadratic programmes of all descents.
+    /// Number of quadratic programs solved in all descents.
     pub iterations: usize,
-    /// True if time was up before all descents had ended.
+    /// True if the time limit expired before all descents ended.
     pub cut_short: bool,
 }
 
-/// Plans catches with one arm.
+/// Planner of catches with one arm.
 #[derive(Debug, Clone)]
 pub struct Planner {
     arm: ArmKinematics,
@@ -110,7 +110,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Prepares the planner of an arm: 0 left, 1 right.
+    /// Creates the planner of an arm: 0 left, 1 right.
     pub fn new(robot: &Robot, arm: usize, config: PlanConfig) -> Self {
         Self {
             arm: robot.arm(arm).clone(),
@@ -208,7 +208,7 @@ impl Planner {
         let found = self.choose(&mut problem, &candidates, &mut effort, &mut out_of_time);
         let Some(found) = found else {
             return Err(if problem.times[1] < request.latest {
-                // The ball does not come that far.
+                // An obstacle stops the ball.
                 NoPlan::Obstructed
             } else if !seeds.within_reach {
                 NoPlan::OutOfReach
@@ -292,8 +292,9 @@ impl Planner {
             })
     }
 
-    /// Returns the cheapest candidate if the robot keeps away from itself on the way there, which it nearly always does. Otherwise the cheapest
-    /// whose way is clear, of all candidates and of what is found from the cheapest ones where nearness on the way costs.
+    /// Returns the cheapest candidate if its way keeps clear of the robot's own bodies, which is almost always the
+    /// case. Otherwise returns the cheapest candidate with a clear way, including descents from the cheapest candidates
+    /// with a cost for close ways.
     fn choose<'a>(
         &'a self,
         problem: &mut Problem<'a>,
@@ -339,20 +340,20 @@ impl Planner {
         self.own.is_clear(way, problem, &problem.ramps(x))
     }
 
-    /// Returns the best catch on a grid, without descents and without a limit of time: what a planner is compared with.
+    /// Returns the best catch on a grid, without descents and time limit, as a reference for planners.
     ///
     /// # Errors
-    /// As [`Planner::plan`].
+    /// Same as [`Planner::plan`].
     pub fn best_on_grid(&self, request: &CatchRequest, grid: Grid) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
         self.search_grid(&self.problem(request, None), grid)
     }
 
-    /// The same for a ball that flies along a given path, whatever model that follows.
+    /// Returns the best catch on a grid for a ball that follows a given path.
     ///
     /// # Errors
-    /// As [`Planner::plan`].
+    /// Same as [`Planner::plan`].
     pub fn best_on_path(
         &self,
         request: &CatchRequest,
@@ -407,10 +408,10 @@ impl Planner {
         }
     }
 
-    /// Returns the starts of a first plan, the best first: joint angles and time of the catch.
+    /// Returns the start points of a first plan, sorted by quality: joint angles and time of the catch.
     ///
     /// # Errors
-    /// Says what is wrong with the request.
+    /// Returns an error if the request is invalid.
     pub fn starts(
         &self,
         request: &CatchRequest,
@@ -425,7 +426,7 @@ impl Planner {
             .collect())
     }
 
-    /// Takes away what rounding puts a joint outside its range, or beyond its speed.
+    /// Clamps joint positions and velocities that exceed their limits by rounding.
     fn within_limits(&self, request: &CatchRequest) -> CatchRequest {
         let mut request = *request;
         for (joint, limits) in self.arm.joints().iter().enumerate() {
@@ -466,7 +467,7 @@ impl Planner {
             });
         }
         for (joint, limits) in self.arm.joints().iter().enumerate() {
-            // Rounding of a ramp that is interrupted.
+            // Rounding of an interrupted ramp.
             let slack = 1e-6;
             if q0[joint] < limits.range[0] - slack || q0[joint] > limits.range[1] + slack {
                 return Err(RequestError::Range {

@@ -1,11 +1,12 @@
-//! The nonlinear programme of one catch: 8 unknowns, 5 equations, 31 inequalities (thesis, equation 3.2).
+//! Nonlinear program of one catch: 8 unknowns, 5 equations, 31 inequalities (thesis, equation 3.2).
 //!
-//! Two things differ from the printed form, neither changes the set of catches. "The least time of every joint is no longer than `t`" has
-//! an infinite slope where a joint only brakes; the same set is an interval of positions that grows smoothly with `t`
-//! ([`Reach`]). The two angles that turn the ball's velocity into the hand's axis are `u_x = u_y = 0` of `u = -R'v/|v|`, with `u_z > 0`.
+//! Two constraints differ from the printed form without changing the set of catches. "The least time of each joint is
+//! at most `t`" has an infinite slope at a pure braking motion; the equivalent interval of positions is smooth in `t`
+//! ([`Reach`]). The two angles between the ball's velocity and the hand axis are replaced by `u_x = u_y = 0` of `u =
+//! -R'v/|v|`, with `u_z > 0`.
 //!
-//! Two things are added: a joint that turns round on its way stays in its range where it turns, and at the catch the whole arm, not only the
-//! hand, is away from trunk and torso ([`Clearance`]).
+//! Two constraints are added. A joint that reverses its direction stays within its range at the turning point. At the
+//! catch, the whole arm keeps its distance from trunk and torso ([`Clearance`]).
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::{ARM_JOINTS, Joint};
@@ -21,81 +22,82 @@ use crate::flight::{Flight, FlightPath};
 use crate::ramp::{Acceleration, LeastTime, Ramp, Reach};
 use crate::robot::ArmKinematics;
 
-/// Joint angles and the time of the catch.
+/// Number of unknowns: joint angles and catch time.
 pub const UNKNOWNS: usize = ARM_JOINTS + 1;
-/// Hand at the ball (3), hand against its flight (2).
+/// Number of equations: hand at the ball (3), hand against its flight (2).
 pub const EQUALITIES: usize = 5;
-/// Ranges (14), time (2), least times (7), bodies (8).
+/// Number of inequalities: ranges (14), times (2), least times (7), bodies (8).
 pub const INEQUALITIES: usize = 2 * ARM_JOINTS + 2 + ARM_JOINTS + BODIES;
-/// Rows of the linear form at most: a least time is two of them, a joint that turns round one more, the whole arm one.
+/// Maximum number of rows of the linear form. A least time needs two rows, a reversing joint one more, the arm's
+/// distance one, and the trust region two per unknown.
 pub(crate) const ROWS: usize = EQUALITIES + INEQUALITIES + 2 * ARM_JOINTS + 1 + 2 * UNKNOWNS;
-/// An arm that is so much farther from trunk and torso than it has to be has no row for that, m: no step goes so far.
+/// Distance beyond the required one above which the arm has no row, in m. It exceeds the effect of any step.
 const FAR: f64 = 0.3;
 
-/// `q` and `t`.
+/// Values of the unknowns: `q` and `t`.
 pub(crate) type Point = [f64; UNKNOWNS];
 
-/// A catch that is asked for, in the chest's frame, which is taken as standing still.
+/// Request of a catch, in the chest frame, which is assumed at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CatchRequest {
-    /// The ball when the motion begins.
+    /// Ball at the start of the motion.
     pub ball: Flight,
-    /// Joint angles when the motion begins, rad.
+    /// Joint angles at the start, in rad.
     pub q0: [f64; ARM_JOINTS],
-    /// Joint rates when the motion begins, rad/s.
+    /// Joint velocities at the start, in rad/s.
     pub w0: [f64; ARM_JOINTS],
-    /// No catch before, s.
+    /// Earliest catch time, in s.
     pub earliest: f64,
-    /// No catch after, s; 1.8 in the thesis.
+    /// Latest catch time, in s; 1.8 in the thesis.
     pub latest: f64,
-    /// What is sought.
+    /// Objective.
     pub objective: Objective,
-    /// What the other arm does meanwhile; `None`: it stands where it waits.
+    /// Motion of the other arm; `None` if it rests in its waiting pose.
     pub other: Option<OtherArm>,
 }
 
-/// How far a point is from a catch.
+/// Residuals of the catch constraints.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Violation {
-    /// Hand from ball, m.
+    /// Distance between hand and ball, in m.
     pub position: f64,
-    /// Hand's axis from the ball's flight, rad.
+    /// Angle between the hand axis and the ball's reversed velocity, in rad.
     pub angle: f64,
-    /// The worst inequality, in its unit (rad, m or s); 0 if all hold.
+    /// Largest violation of an inequality in its unit (rad, m or s); 0 if all hold.
     pub limits: f64,
 }
 
 impl Violation {
-    /// Returns true within a hundredth of a millimetre, a ten thousandth of a radian, and limits to rounding.
+    /// Returns true if the residuals are at most 0.01 mm, 1e-4 rad and, for limits, 1e-7.
     pub fn is_feasible(&self) -> bool {
         self.position <= 1e-5 && self.angle <= 1e-4 && self.limits <= 1e-7
     }
 }
 
-/// A request with what does not change while it is solved.
+/// Request with all quantities that stay constant during its solution.
 pub(crate) struct Problem<'a> {
     pub request: &'a CatchRequest,
     pub arm: &'a ArmKinematics,
     pub joints: &'a [Joint; ARM_JOINTS],
     pub bodies: &'a [Body; BODIES],
     pub clearance: &'a Clearance,
-    /// Least distance of the arm from trunk and torso at the catch, m; 0: none is asked for.
+    /// Minimum distance of the arm from trunk and torso at the catch, in m; 0 disables it.
     pub apart: f64,
-    /// What stands about, if there is a map.
+    /// Obstacles, if there is a map.
     pub obstacles: Option<Obstacles<'a>>,
-    /// What the way's nearness to the robot's own bodies costs, if it costs.
+    /// Cost of close ways to the robot's own bodies, if it is active.
     pub own: Option<(&'a OwnBodies, &'a WayConfig)>,
     pub path: FlightPath,
-    /// Least and greatest time.
+    /// Earliest and latest catch time, in s.
     pub times: [f64; 2],
 }
 
-/// A problem's functions at a point, with their derivatives.
+/// Values of a problem's functions at a point, with their derivatives.
 pub(crate) struct Linearised {
-    /// The equations, then the inequalities: `row . d` against `bound` for a step `d`.
+    /// The equations, then the inequalities: `row . d` compared with `bound` for a step `d`.
     pub rows: [Row<UNKNOWNS>; ROWS],
     pub count: usize,
-    /// Sum of what equations and inequalities lack.
+    /// Sum of the violations of equations and inequalities.
     pub lack: f64,
 }
 
@@ -108,7 +110,7 @@ impl<'a> Problem<'a> {
         apart: f64,
     ) -> Self {
         let joints = arm.joints();
-        // A joint cannot stand before it has braked.
+        // A joint cannot be at rest before it has braked.
         let braking = (0..ARM_JOINTS).map(|i| request.w0[i].abs() / joints[i].acceleration);
         let least = braking.fold(request.earliest.max(1e-3), f64::max);
         Self {
@@ -125,10 +127,10 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Leaves no time for catches after the ball has met an obstacle.
+    /// Ends the catch times when the ball hits an obstacle.
     ///
     /// # Errors
-    /// Where it meets one before anything can be caught.
+    /// Returns an error if that leaves no time for a catch.
     pub fn end_flight_at_obstacles(&mut self) -> Result<(), NoPlan> {
         let Some(obstacles) = &self.obstacles else {
             return Ok(());
@@ -142,7 +144,8 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Returns the cost of a point and its gradient: the objective, and what comes near to obstacles and to the robot itself.
+    /// Returns the cost of a point and its gradient: the objective plus the costs of closeness to obstacles and to the
+    /// robot itself.
     pub fn cost(&self, x: &Point) -> (f64, [f64; UNKNOWNS]) {
         let (mut cost, mut gradient) = self.request.objective.cost(self, x);
         let mut add = |(near, slope): (f64, [f64; UNKNOWNS])| {
@@ -158,14 +161,15 @@ impl<'a> Problem<'a> {
         (cost, gradient)
     }
 
-    /// Returns true if the way to a point keeps its distance from obstacles, or there is no map.
+    /// Returns true if the way to a point keeps its distance from obstacles or there is no map.
     pub fn is_clear(&self, x: &Point) -> bool {
         self.obstacles
             .as_ref()
             .is_none_or(|obstacles| obstacles.clear_along(self, &self.ramps(x)))
     }
 
-    /// Returns where joint `i` may be at time `t`: its range, and what it reaches. Empty if the first is the greater.
+    /// Returns the interval of joint `i` at time `t`: the intersection of its range and its reach. It is empty if the
+    /// first value is greater.
     pub fn interval(&self, i: usize, t: f64) -> [f64; 2] {
         let joint = &self.joints[i];
         let q0 = self.request.q0[i];
@@ -176,7 +180,8 @@ impl<'a> Problem<'a> {
         ]
     }
 
-    /// Returns the ramps to a point. With [`Objective::Cool`] they end when the slowest joint is there, otherwise at `t`.
+    /// Returns the ramps to a point. With [`Objective::Cool`] they end when the slowest joint can arrive, otherwise at
+    /// `t`.
     pub fn ramps(&self, x: &Point) -> [Ramp; ARM_JOINTS] {
         let request = self.request;
         let mut end = x[ARM_JOINTS];
@@ -196,7 +201,7 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// Returns how far a point and the ramps to it are from a catch.
+    /// Returns the residuals of a point and its ramps.
     pub fn violation(&self, x: &Point) -> Violation {
         let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
         let t = x[ARM_JOINTS];
@@ -215,7 +220,7 @@ impl<'a> Problem<'a> {
         for body in self.bodies {
             limits = limits.max(-body.distance(&pose.position).0);
         }
-        // The most work, and worth it only where nothing else lacks.
+        // The most expensive check, needed only if all others hold.
         if limits <= 0.0 {
             limits = self.too_near(&q);
         }
@@ -226,7 +231,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Returns by how much the arm is nearer to trunk and torso than it may be, m, or 0.
+    /// Returns the amount by which the arm is too close to trunk and torso, in m, or 0.
     pub fn too_near(&self, q: &[f64; ARM_JOINTS]) -> f64 {
         if self.apart > 0.0 {
             (self.apart - self.clearance.at(q)).max(0.0)
@@ -235,7 +240,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Returns all functions at `x` in linear form, and the box of half width `trust` about it.
+    /// Linearises all functions at `x` and adds the trust region of half width `trust`.
     pub fn linearise(&self, x: &Point, trust: f64) -> Linearised {
         let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
         let t = x[ARM_JOINTS];
@@ -277,7 +282,7 @@ impl<'a> Problem<'a> {
             if self.request.objective != Objective::Cool {
                 let shape = Acceleration::new(x[i] - q0, t, w0, joint.speed);
                 if w0 * shape.a < 0.0 && shape.a.is_finite() {
-                    // It turns round at q0 - w0^2 / (2 a).
+                    // The turning point is q0 - w0^2 / (2 a).
                     let turn = q0 - w0 * w0 / (2.0 * shape.a);
                     let slope = w0 * w0 / (2.0 * shape.a * shape.a);
                     let (slack, sign) = if w0 > 0.0 {
@@ -322,7 +327,7 @@ impl<'a> Problem<'a> {
         linearised
     }
 
-    /// Returns `x` moved as little as it takes to satisfy the equations: two Gauss-Newton steps at fixed time.
+    /// Projects `x` onto the equations with up to three Gauss-Newton steps at fixed time.
     pub fn retract(&self, x: &Point) -> Point {
         let mut x = *x;
         let ball = self.path.at(x[ARM_JOINTS]);
@@ -363,7 +368,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Returns when the ramps to a point end, s, and the derivatives of that.
+/// Returns the end of the ramps to a point, in s, and its derivatives.
 pub(crate) fn end_of_motion(problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
     let mut by = [0.0; UNKNOWNS];
     let t = x[ARM_JOINTS];
@@ -447,7 +452,7 @@ mod tests {
             proptest::array::uniform3(-1.0..1.0f64),
         )
             .prop_map(|(aim, k, time, speed)| {
-                // At the chest's front after `time` seconds, with about 6 m/s.
+                // Towards the chest's front after `time` seconds, at about 6 m/s.
                 let target = Vector3::new(0.6 + 0.3 * aim[0], 0.9 * aim[1], 0.5 * aim[2]);
                 let v = Vector3::new(-5.5 + 0.5 * speed[0], 0.4 * speed[1], -2.5 + speed[2]);
                 Flight {
@@ -484,7 +489,7 @@ mod tests {
             for i in 0..UNKNOWNS {
                 let moved = |h: f64| { let mut y = x; y[i] += h; problem.linearise(&y, 0.1) };
                 let (more, less) = (moved(h), moved(-h));
-                // Joints that turn round where they did not before have a row more.
+                // A joint that reverses only after the step adds a row.
                 prop_assume!(more.count == here.count && less.count == here.count);
                 for row in 0..here.count - 2 * UNKNOWNS {
                     let slope = (less.rows[row].bound - more.rows[row].bound) / (2.0 * h);
@@ -514,7 +519,7 @@ mod tests {
             for seed in seeds.best() {
                 let violation = problem.violation(&seed.x);
                 prop_assert!(violation.position < 1e-9 && violation.angle < 1e-9, "{violation:?}");
-                // Near misses leave their intervals by what they lack, and by no more.
+                // Near misses exceed their intervals by at most their lack.
                 let q = std::array::from_fn(|i| seed.x[i]);
                 prop_assert!(violation.limits <= seed.lack.max(problem.too_near(&q)) + 1e-9, "{violation:?} {}", seed.lack);
                 prop_assert!(seed.lack > 0.0 || violation.is_feasible(), "{violation:?}");

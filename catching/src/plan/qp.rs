@@ -1,52 +1,52 @@
-//! Small dense quadratic programmes by the dual active-set method (Goldfarb & Idnani 1983), on the stack.
+//! Solver for small dense quadratic programs with the dual active-set method (Goldfarb & Idnani 1983), on the stack.
 //!
 //! ```text
 //! minimise  x'Bx / 2 + g'x      subject to  n_i'x = b_i (the first rows),   n_i'x >= b_i (the others)
 //! ```
 //!
-//! The method begins at the unconstrained minimum and adds violated rows one by one, so it needs no feasible point, and a row that is not
-//! active costs one product.
+//! The method starts at the unconstrained minimum and adds violated rows one by one. It needs no feasible start, and an
+//! inactive row costs one scalar product.
 
-/// A row: `normal . x` against `bound`.
+/// Constraint: `normal . x` compared with `bound`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row<const N: usize> {
-    /// `n_i`.
+    /// Normal `n_i`.
     pub normal: [f64; N],
-    /// `b_i`.
+    /// Bound `b_i`.
     pub bound: f64,
 }
 
-/// Why there is no solution.
+/// Reason why there is no solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoSolution {
-    /// The matrix is not positive definite, or a number is not finite.
+    /// The matrix is not positive definite, or a value is not finite.
     NotConvex,
-    /// No point satisfies all rows, or an equality follows from the others.
+    /// No point satisfies all rows, or an equality depends on the others.
     Infeasible,
-    /// Rounding keeps it from ending.
+    /// Rounding prevents convergence.
     Cycles,
 }
 
-/// A solution.
+/// Solution of a quadratic program.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solution<const N: usize, const ROWS: usize> {
-    /// The minimum.
+    /// Minimum.
     pub x: [f64; N],
-    /// A multiplier a row; of inequalities none is negative, 0 for those that are not active.
+    /// Lagrange multiplier of each row. Multipliers of inequalities are non-negative, and 0 if inactive.
     pub multipliers: [f64; ROWS],
-    /// Rows added and dropped.
+    /// Number of rows added and dropped.
     pub steps: usize,
 }
 
-/// A violation of less counts as none, against rows of about unit length.
+/// Tolerance for violations, for rows of about unit length.
 const FEASIBLE: f64 = 1e-10;
-/// A direction shorter than this is none.
+/// Squared length below which a direction counts as zero.
 const NO_DIRECTION: f64 = 1e-14;
 
-/// Solves a programme of which the first `equalities` rows are equations. `ROWS` is the most rows.
+/// Solves a quadratic program whose first `equalities` rows are equations. `ROWS` is the maximum number of rows.
 ///
 /// # Errors
-/// Says why there is no solution.
+/// Returns the reason if there is no solution.
 pub fn solve<const N: usize, const ROWS: usize>(
     b: &[[f64; N]; N],
     g: &[f64; N],
@@ -79,7 +79,7 @@ pub fn solve<const N: usize, const ROWS: usize>(
                 return Err(NoSolution::Cycles);
             }
             let direction = set.direction(&row.normal);
-            // How far until the multiplier of an active inequality is 0.
+            // Step length at which the multiplier of an active inequality becomes 0.
             let mut partial = f64::INFINITY;
             let mut dropped = 0;
             for k in equalities..set.count {
@@ -152,7 +152,8 @@ fn most_violated<const N: usize>(
     worst.0
 }
 
-/// The active rows in factors: `J = L^-T Q`, where `B = L L'` and `Q` makes the active normals upper triangular, `R`.
+/// Factors of the active rows: `J = L^-T Q`, where `B = L L'` and `Q` transforms the active normals to the upper
+/// triangular `R`.
 struct ActiveSet<const N: usize> {
     x: [f64; N],
     j: [[f64; N]; N],
@@ -162,7 +163,7 @@ struct ActiveSet<const N: usize> {
     count: usize,
 }
 
-/// Where the minimum goes if one row more is pulled.
+/// Direction of the minimum when one more row is enforced.
 struct Direction<const N: usize> {
     d: [f64; N],
     z: [f64; N],
@@ -234,7 +235,7 @@ impl<const N: usize> ActiveSet<N> {
         }
     }
 
-    /// Takes in a row with `J'n = d`; false if it depends on the others.
+    /// Adds a row with `J'n = d`. Returns false if it depends on the others.
     fn add(&mut self, d: &[f64; N], row: usize, multiplier: f64) -> bool {
         if self.count == N {
             return false;
@@ -322,7 +323,7 @@ mod tests {
         proptest::array::uniform8(-1.0..1.0f64)
     }
 
-    /// With a point that satisfies all rows, some of them without slack.
+    /// Problems with a point that satisfies all rows, some of them without slack.
     fn feasible() -> impl Strategy<Value = Problem> {
         (
             proptest::collection::vec(vector(), N),
@@ -368,7 +369,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
 
-        /// Of a convex programme these conditions hold at the minimum and nowhere else.
+        /// For a convex program, these conditions are necessary and sufficient.
         #[test]
         fn the_solution_satisfies_the_conditions_of_karush_kuhn_and_tucker(problem in feasible()) {
             let Problem { b, g, rows, equalities } = problem;

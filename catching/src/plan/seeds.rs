@@ -1,4 +1,4 @@
-//! Candidates for a catch on a grid of what its equations leave free: time, angle of the hand about its axis, angle of the elbow.
+//! Catch candidates on a grid of the remaining freedom: time, rotation of the hand about its axis, elbow angle.
 
 use std::f64::consts::TAU;
 
@@ -8,20 +8,20 @@ use tactnet_catching_packets::ARM_JOINTS;
 use super::problem::{Point, Problem};
 use crate::robot::{HandPose, rotation_towards};
 
-/// Closed-form branches: either way of elbow, shoulder and wrist.
+/// Number of closed-form branches: two each for elbow, shoulder and wrist.
 const BRANCHES: usize = 8;
-/// Most candidates that are kept.
+/// Maximum number of candidates.
 pub(crate) const MAX_SEEDS: usize = 16;
 
-/// How fine the grid is.
+/// Resolution of the grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grid {
-    /// Catch times while the ball is within reach.
+    /// Number of catch times while the ball is within reach.
     pub times: usize,
-    /// Angles of the hand about its axis.
+    /// Number of rotations of the hand about its axis.
     pub hands: usize,
-    /// Angles of the elbow.
+    /// Number of elbow angles.
     pub elbows: usize,
 }
 
@@ -35,7 +35,7 @@ impl Grid {
         }
     }
 
-    /// Returns the grid beside a plan that is already there.
+    /// Returns the grid of a replan.
     pub fn again() -> Self {
         Self {
             times: 8,
@@ -45,16 +45,16 @@ impl Grid {
     }
 }
 
-/// A candidate leaves intervals by less than this, rad, summed over joints; descents draw it in, if that is possible.
+/// Maximum sum of interval violations of a candidate, in rad. Descents may make it feasible.
 const MAX_LACK: f64 = 1.5;
 
-/// A candidate: hand at the ball and against its flight, joints where they can be in time, or nearly.
+/// Candidate: hand at the ball and against its flight, joints within their intervals or close to them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Seed {
     pub x: Point,
-    /// By how much joints leave the intervals that they can be in, rad, summed.
+    /// Sum of the joints' interval violations, in rad.
     pub lack: f64,
-    /// The objective's value; infinite where something lacks.
+    /// Value of the objective; infinite for an infeasible candidate.
     pub cost: f64,
 }
 
@@ -68,18 +68,18 @@ impl Seed {
     }
 }
 
-/// The best candidates, the best first, no two of them close together.
+/// Best candidates, sorted by quality, with a minimum distance between them.
 pub(crate) struct Seeds {
     seeds: [Seed; MAX_SEEDS],
     count: usize,
-    /// Feasible candidates that were seen.
+    /// Number of feasible candidates on the grid.
     pub feasible: usize,
     /// True if the ball comes within reach of the shoulder.
     pub within_reach: bool,
 }
 
 impl Seeds {
-    /// Searches a grid, until `out_of_time` (asked once a time and hand angle).
+    /// Searches a grid until `out_of_time`, which is called once per time and hand angle.
     pub fn search(problem: &Problem, grid: Grid, mut out_of_time: impl FnMut() -> bool) -> Self {
         let mut seeds = Self {
             seeds: [Seed {
@@ -116,7 +116,7 @@ impl Seeds {
                     rotation: rotation_towards(&axis, hand as f64 * TAU / grid.hands as f64),
                 };
                 let Some(circle) = problem.arm.elbow_circle(&pose) else {
-                    // Neither depends on the hand's angle.
+                    // Independent of the hand angle.
                     break;
                 };
                 for elbow in 0..grid.elbows {
@@ -140,12 +140,12 @@ impl Seeds {
         seeds
     }
 
-    /// Returns the candidates, the best first.
+    /// Returns the candidates, sorted by quality.
     pub fn best(&self) -> &[Seed] {
         &self.seeds[..self.count]
     }
 
-    /// Returns the lack from which on a candidate is not worth a look.
+    /// Returns the lack above which a candidate is not considered.
     fn worth(&self) -> f64 {
         if self.count == MAX_SEEDS {
             self.seeds[MAX_SEEDS - 1]
@@ -168,7 +168,7 @@ impl Seeds {
             if !seed.cost.is_finite() || turns_outside(problem, &x) {
                 return;
             }
-            // A metre too near as a radian outside.
+            // One metre of missing distance counts as one radian outside of the interval.
             seed.lack = problem.too_near(q);
             if seed.lack > 0.0 {
                 seed.cost = f64::INFINITY;
@@ -178,7 +178,8 @@ impl Seeds {
             } else {
                 self.feasible += 1;
                 if let Some(obstacles) = &problem.obstacles {
-                    // Obstacles only add to the cost: what is too dear without them need not be looked at.
+                    // Obstacles only increase the cost, so candidates that are too expensive without them can be
+                    // skipped.
                     if self.place_for(&seed).is_none() {
                         return;
                     }
@@ -197,7 +198,8 @@ impl Seeds {
         }
     }
 
-    /// Returns where a candidate goes: in place of a worse one nearby, or else of the worst; `None` if it is not worth a place.
+    /// Returns the index for a candidate: that of a worse one close to it, or of the worst. Returns `None` if the
+    /// candidate is not good enough.
     fn place_for(&self, seed: &Seed) -> Option<usize> {
         let near = self.seeds[..self.count].iter().position(|other| {
             other.x[..ARM_JOINTS]
@@ -242,5 +244,5 @@ fn while_within_reach(problem: &Problem) -> Option<[f64; 2]> {
     span
 }
 
-/// Seeds in all branches are possible: none is left out for want of room.
+/// All branches of one pose fit into the list.
 const _: () = assert!(MAX_SEEDS >= BRANCHES);

@@ -1,4 +1,5 @@
-//! Sequential quadratic programming from one start: linearised problems one after the other, each step drawn back onto the equations.
+//! Sequential quadratic programming from one start. Each step solves a linearised problem and projects the result onto
+//! the equations.
 
 use tactnet_catching_packets::ARM_JOINTS;
 
@@ -7,7 +8,7 @@ use super::objective::Objective;
 use super::problem::{EQUALITIES, Linearised, Point, Problem, ROWS, UNKNOWNS, Violation};
 use super::qp;
 
-/// A point with its cost.
+/// Feasible point with its cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Found {
     pub x: Point,
@@ -15,23 +16,25 @@ pub(crate) struct Found {
     pub violation: Violation,
 }
 
-/// What one start gave.
+/// Result of one descent.
 pub(crate) struct Descent {
-    /// The best feasible point on the way.
+    /// Best feasible point of the descent.
     pub best: Option<Found>,
-    /// Quadratic programmes that were solved.
+    /// Number of quadratic programs solved.
     pub iterations: usize,
 }
 
-/// Half width of the box that a step stays in, rad and s.
+/// Half width of a step's trust region, in rad and s.
 const TRUST: f64 = 0.4;
-/// A step or a gain below this ends the search; costs are of order one.
-/// Steps that draw a start into the limits, at most; and from which sum of violations on.
+/// Maximum number of steps that restore feasibility at the start.
 const RESTORATIONS: usize = 10;
+/// Sum of violations below which no feasibility is restored, in mixed units (rad, m, s).
 const DRAWN_IN: f64 = 1e-6;
-/// How far inside the limits they aim, rad, m or s.
+/// Distance inside the limits that restoring steps aim at, in rad, m or s.
 const MARGIN: f64 = 1e-4;
+/// Step length below which the descent ends, in rad and s.
 const SMALL_STEP: f64 = 1e-6;
+/// Relative decrease of the merit function below which a step counts as small; costs are about 1.
 const SMALL_GAIN: f64 = 1e-6;
 
 /// Descends from `start`.
@@ -147,7 +150,7 @@ pub(crate) fn descend(
     Descent { best, iterations }
 }
 
-/// Returns the step that takes away most of what violated inequalities lack, in the least squares, and violates no other.
+/// Returns the step that minimises the violations of inequalities in the least-squares sense without violating others.
 fn draw_in(problem: &Problem, here: &Linearised, x: &Point) -> Option<Point> {
     let mut b = [[0.0; UNKNOWNS]; UNKNOWNS];
     let mut g = [0.0; UNKNOWNS];
@@ -160,7 +163,7 @@ fn draw_in(problem: &Problem, here: &Linearised, x: &Point) -> Option<Point> {
     }; ROWS];
     let mut count = 0;
     for (i, row) in here.rows[..here.count].iter().enumerate() {
-        // The bound is what lacks, where it is positive.
+        // A positive bound is the violation.
         if i < EQUALITIES || row.bound <= 0.0 {
             rows[count] = *row;
             count += 1;
@@ -176,12 +179,12 @@ fn draw_in(problem: &Problem, here: &Linearised, x: &Point) -> Option<Point> {
     }
     let step = qp::solve::<UNKNOWNS, ROWS>(&b, &g, &rows[..count], EQUALITIES).ok()?;
     let mut next: Point = std::array::from_fn(|i| x[i] + step.x[i]);
-    // Limits are drawn to, not kept, but no ball flies back in time.
+    // Limits may still be violated, but the time must stay valid.
     next[ARM_JOINTS] = next[ARM_JOINTS].max(problem.times[0]);
     Some(next)
 }
 
-/// The part of the objective's curvature that its first derivatives tell, and a ridge.
+/// Returns the Gauss-Newton part of the objective's Hessian plus a ridge.
 fn initial_curvature(problem: &Problem, x: &Point, cost: f64) -> [[f64; UNKNOWNS]; UNKNOWNS] {
     let mut b = [[0.0; UNKNOWNS]; UNKNOWNS];
     for (i, line) in b.iter_mut().enumerate() {

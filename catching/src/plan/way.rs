@@ -1,15 +1,18 @@
-//! Keeping an arm away from its own robot on the whole of its way: from trunk, head and torso, and from the other arm on its own way.
+//! Keeps an arm away from its own robot on its whole way: from trunk, head and torso, and from the other arm during its
+//! motion.
 //!
 //! ```text
 //! cost = weight / samples  sum over samples, pairs  max(0, soft - d(q))^2 + max(0, soft - d(q_stop))^2
 //! q_stop = q + dq reaction + dq |dq| / (2 a_max)
 //! ```
 //!
-//! with `d` the distance of two bodies. A monitor brakes a robot that could no longer stand still in time, and a robot that brakes leaves its
-//! path, each joint by as much as its speed tells; so where the joints would stand if they braked counts as much as where they are. Samples are
-//! at even shares of the motion, so the gradient by joint angles and time is that of [`Passing`] and of the nearest points of the bodies.
+//! Here `d` is the distance between two bodies. The safety monitor brakes a robot that could otherwise not stop in
+//! time, and a braking robot leaves its path. The stopping positions of the joints therefore count like their
+//! positions. Samples are at equal fractions of the motion, so the gradient follows from [`Passing`] and the closest
+//! points of the bodies.
 //!
-//! Most ways are clear without: the cost is only computed for requests whose cheapest plan is not ([`super::Planner`]).
+//! Most ways are clear without this cost. It is computed only if the way of the cheapest plan is not
+//! ([`super::Planner`]).
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -21,34 +24,34 @@ use crate::ramp::Ramp;
 use crate::robot::{Chain, Robot};
 use crate::safety::{Bodies, Hull, nearest};
 
-/// Joints of the arm that move upper arm, forearm and hand.
+/// Number of joints that move upper arm, forearm and hand.
 const MOVED_BY: [usize; 3] = [3, 5, 7];
-/// Trunk, head, two of the torso.
+/// Number of fixed bodies: trunk, head, two of the torso.
 const STILL: usize = 4;
-/// Upper arm, forearm, hand.
+/// Number of arm parts: upper arm, forearm, hand.
 const PARTS: usize = 3;
-/// An arm that begins too near may come so much nearer, m.
+/// Amount by which an arm that starts too close may come closer, in m.
 const TOO_NEAR_ALREADY: f64 = 1e-3;
 
-/// How far plans stay from the robot's own bodies.
+/// Distances that plans keep from the robot's own bodies.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WayConfig {
-    /// Nearer than this the way is not clear, m; 0: the way is not looked at.
+    /// Minimum distance of a clear way, in m; 0 disables the check.
     pub hard: f64,
-    /// Nearer than this costs something, m.
+    /// Distance below which the way has a cost, in m.
     pub soft: f64,
-    /// Of the squared hinge, 1/m^2.
+    /// Weight of the squared hinge, in 1/m^2.
     pub weight: f64,
-    /// From a command to the moment at which drives brake, s.
+    /// Delay from a brake command to the braking of the drives, in s.
     pub reaction: f64,
-    /// Shares of the motion at which the cost is computed; at least 1, its end.
+    /// Number of samples for the cost along the motion, at least 1 (its end).
     pub samples: usize,
-    /// Shares of the motion at which a plan is checked; at least 1, its end.
+    /// Number of samples for the check along the motion, at least 1 (its end).
     pub checks: usize,
-    /// Descents with the cost, where the cheapest plan's way is not clear.
+    /// Number of descents with this cost if the way of the cheapest plan is not clear.
     pub starts: usize,
-    /// Quadratic programmes of such a descent, at most.
+    /// Maximum number of QP iterations per such descent.
     pub iterations: usize,
 }
 
@@ -67,17 +70,17 @@ impl Default for WayConfig {
     }
 }
 
-/// What the other arm does meanwhile.
+/// Motion of the other arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OtherArm {
-    /// Its motion; it stands after it.
+    /// Ramps of its joints.
     pub ramps: [Ramp; ARM_JOINTS],
-    /// From the begin of that to the begin of the motion that is planned, s.
+    /// Time from the start of these ramps to the start of the planned motion, in s.
     pub since: f64,
 }
 
 impl OtherArm {
-    /// Returns an arm that stands.
+    /// Returns an arm at rest.
     pub fn standing(q: &[f64; ARM_JOINTS]) -> Self {
         Self {
             ramps: q.map(Ramp::standing),
@@ -95,21 +98,21 @@ impl OtherArm {
     }
 }
 
-/// One arm among the robot's other bodies.
+/// Bodies of the robot around one arm.
 #[derive(Debug, Clone)]
 pub(crate) struct OwnBodies {
     bodies: Bodies,
     still: [Body; STILL],
     arm: usize,
     waiting: [f64; JOINTS],
-    /// Of the other arm.
+    /// Kinematics of the other arm.
     other: crate::robot::ArmKinematics,
     other_joints: [Joint; ARM_JOINTS],
-    /// The other arm as it waits.
+    /// Waiting pose of the other arm.
     other_waits: [f64; ARM_JOINTS],
 }
 
-/// A body with a ball around it.
+/// Body with its bounding sphere.
 #[derive(Debug, Clone, Copy)]
 struct Body {
     hull: Hull,
@@ -125,14 +128,14 @@ impl Body {
     }
 }
 
-/// An arm at one configuration, with how its joints change by the unknowns.
+/// Pose of the arm with the derivatives of its joints.
 struct Posture {
     q: [f64; ARM_JOINTS],
     by_distance: [f64; ARM_JOINTS],
     by_end: [f64; ARM_JOINTS],
 }
 
-/// The other arm at one configuration, with how its joints change in time.
+/// Pose of the other arm with its joint velocities.
 struct OtherPosture {
     parts: [Body; PARTS],
     chain: Chain,
@@ -140,7 +143,7 @@ struct OtherPosture {
 }
 
 impl OwnBodies {
-    /// Prepares an arm: 0 left, 1 right.
+    /// Creates the bodies for an arm: 0 left, 1 right.
     pub fn new(robot: &Robot, arm: usize) -> Self {
         let bodies = Bodies::new(robot.description());
         let waiting = robot.waiting();
@@ -171,7 +174,7 @@ impl OwnBodies {
             .unwrap_or_else(|| OtherArm::standing(&self.other_waits))
     }
 
-    /// The other arm where it is at a time, and where it would stand if it braked then.
+    /// Returns the other arm's pose at a time, and its stopping pose if it brakes then.
     fn other_at(&self, other: &OtherArm, t: f64, reaction: f64) -> [OtherPosture; 2] {
         let t = t + other.since;
         let motion: [(f64, f64, f64); ARM_JOINTS] = std::array::from_fn(|i| {
@@ -251,7 +254,7 @@ impl OwnBodies {
                             by_end += slope * posture.by_end[i];
                         }
                         let Some(its_part) = of_other else { return };
-                        // The other arm goes on while the share of a longer motion comes later.
+                        // A longer motion shifts the sample in time while the other arm continues.
                         let its_point = found.point - found.normal * (found.distance + radii);
                         for i in 0..MOVED_BY[its_part] {
                             let lever = its_point - other.chain.origin(i);
@@ -268,8 +271,8 @@ impl OwnBodies {
         (cost, gradient)
     }
 
-    /// Tells of every pair of bodies that is nearer than `soft`: the arm's part, where they are nearest, the sum of their radii, and the other
-    /// arm's part if it is one.
+    /// Calls `tell` for each pair of bodies closer than `soft`, with the arm's part, the closest points, the sum of the
+    /// radii, and the other arm's part if it is one.
     fn each_near(
         &self,
         posture: &Posture,
@@ -297,8 +300,8 @@ impl OwnBodies {
         }
     }
 
-    /// Returns the least distance on ramps of the arm from the robot's other bodies, m, if that is below `enough`, otherwise something no less
-    /// than `enough`: where joints are at `checks` moments, and where they would stand if they braked there.
+    /// Returns the minimum distance between the arm's motion along ramps and the robot's other bodies, in m, limited to
+    /// `enough`. It considers the joint positions and stopping positions at `checks` samples.
     pub fn least(
         &self,
         config: &WayConfig,
@@ -324,7 +327,7 @@ impl OwnBodies {
         least
     }
 
-    /// Returns the least distance of the arm at `q` from the other bodies, m, as far as it is below `enough`.
+    /// Returns the minimum distance between the arm at `q` and the other bodies, in m, limited to `enough`.
     fn distance(&self, q: &[f64; ARM_JOINTS], other: &[Body; PARTS], enough: f64) -> f64 {
         let mut least = enough;
         for body in &self.parts(self.arm, q) {
@@ -337,7 +340,8 @@ impl OwnBodies {
         least
     }
 
-    /// Returns true if ramps of the arm keep `hard` from the robot's other bodies, or, if the arm begins nearer, come no nearer.
+    /// Returns true if the motion keeps the distance `hard` from the robot's other bodies, or, if the arm starts
+    /// closer, does not come closer.
     pub fn is_clear(
         &self,
         config: &WayConfig,
@@ -360,12 +364,12 @@ impl OwnBodies {
     }
 }
 
-/// A distance that two bodies do not fall below.
+/// Returns a lower bound of the distance between two bodies.
 fn apart_at_least(a: &Body, b: &Body) -> f64 {
     (a.around.0 - b.around.0).norm() - a.around.1 - b.around.1
 }
 
-/// Where a joint stands if it brakes after `reaction` seconds.
+/// Returns the stopping position of a joint that brakes after `reaction` seconds.
 fn stop(q: f64, w: f64, reaction: f64, most: f64) -> f64 {
     q + w * reaction + w * w.abs() / (2.0 * most)
 }
@@ -374,7 +378,7 @@ fn stop_by_rate(w: f64, reaction: f64, most: f64) -> f64 {
     reaction + w.abs() / most
 }
 
-/// Where the joints are, and where they would stand if they braked.
+/// Returns the pose of the joints, and their stopping pose.
 fn postures(problem: &Problem, joints: &[Passing; ARM_JOINTS], reaction: f64) -> [Posture; 2] {
     let most = |i: usize| problem.joints[i].acceleration;
     let by_rate = |i: usize| stop_by_rate(joints[i].rate, reaction, most(i));
@@ -452,7 +456,7 @@ mod tests {
                 let moved = |h: f64| { let mut y = x; y[i] += h; own.cost(&config, &problem, &y).0 };
                 let h = 1e-5;
                 let (more, less) = (moved(h), moved(-h));
-                // Edges: parts of ramps begin at a sample, another corner of a hull is the nearest.
+                // The cost has kinks where parts of ramps start at a sample or the closest corner of a hull changes.
                 prop_assume!((more + less - 2.0 * cost).abs() < 1e-8);
                 let slope = (more - less) / (2.0 * h);
                 prop_assert!((slope - gradient[i]).abs() < 2e-3 * (1.0 + slope.abs()), "{i}: {slope} {}", gradient[i]);
@@ -460,7 +464,8 @@ mod tests {
         }
     }
 
-    /// The other arm goes to many places; where that is in the way of the plan without it, there is another plan or none.
+    /// The other arm moves to many positions. If it blocks the plan computed without it, the result is another plan or
+    /// none.
     #[test]
     fn a_plan_keeps_away_from_the_other_arms_way() {
         use rand::{RngExt, SeedableRng};

@@ -1,40 +1,40 @@
-//! Settings of the pose estimator, and what can be wrong with what it is given.
+//! Settings and errors of the pose estimator.
 
 use serde::{Deserialize, Serialize};
 
-/// Settings of a [`PoseEstimator`](super::PoseEstimator); standard deviations along one axis.
+/// Settings of a [`PoseEstimator`](super::PoseEstimator). Standard deviations are per axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoseConfig {
-    /// White noise of a sample of the accelerometer, m/s^2.
+    /// White noise of an accelerometer sample, in m/s^2.
     pub accelerometer_noise: f64,
-    /// White noise of a sample of the gyroscope, rad/s.
+    /// White noise of a gyroscope sample, in rad/s.
     pub gyroscope_noise: f64,
-    /// Bias of the accelerometer at the start, errors of scale under gravity included, m/s^2.
+    /// Initial standard deviation of the accelerometer bias, including scale errors under gravity, in m/s^2.
     pub accelerometer_bias: f64,
-    /// Bias of the gyroscope at the start, rad/s.
+    /// Initial standard deviation of the gyroscope bias, in rad/s.
     pub gyroscope_bias: f64,
-    /// Random walk of the accelerometer's bias, m/s^2 per square root of a second.
+    /// Random walk of the accelerometer bias, in m/s^2 per square root of a second.
     pub accelerometer_walk: f64,
-    /// Random walk of the gyroscope's bias, rad/s per square root of a second.
+    /// Random walk of the gyroscope bias, in rad/s per square root of a second.
     pub gyroscope_walk: f64,
-    /// Position by kinematics while the robot stands still, m.
+    /// Standard deviation of the kinematic position at rest, in m.
     pub rest_position: f64,
-    /// Attitude by kinematics while the robot stands still, rad.
+    /// Standard deviation of the kinematic attitude at rest, in rad.
     pub rest_attitude: f64,
-    /// Velocity of a head that stands still, m/s.
+    /// Standard deviation of the velocity at rest, in m/s.
     pub rest_velocity: f64,
-    /// For how long kinematics are wrong by the same amount while the robot stands still, s.
+    /// Correlation time of kinematic errors at rest, in s.
     pub rest_correlation: f64,
-    /// Position by kinematics in motion, m.
+    /// Standard deviation of the kinematic position in motion, in m.
     pub motion_position: f64,
-    /// Attitude by kinematics in motion, rad.
+    /// Standard deviation of the kinematic attitude in motion, in rad.
     pub motion_attitude: f64,
-    /// For how long kinematics are wrong by the same amount in motion, s.
+    /// Correlation time of kinematic errors in motion, in s.
     pub motion_correlation: f64,
-    /// Longest time between two samples that is bridged, s.
+    /// Maximum time between two samples, in s.
     pub longest_gap: f64,
-    /// How long poses are kept, s.
+    /// Time for which poses are stored, in s.
     pub ring: f64,
 }
 
@@ -89,57 +89,58 @@ impl PoseConfig {
     }
 }
 
-/// What is wrong with what a pose estimator was given. None of it changes an estimate.
+/// Error of a pose estimator. Invalid input does not change the estimate.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PoseError {
-    /// A setting that makes no sense.
+    /// A setting is out of range.
     #[error("`{setting}`: expected a number between 0 and 1000, found {found}")]
     Setting {
-        /// Its name.
+        /// Name of the setting.
         setting: &'static str,
-        /// What it is.
+        /// Value of the setting.
         found: f64,
     },
-    /// A value that is no number or beyond what such a sensor can measure; the sample is ignored.
+    /// A value is not a number or exceeds the sensor's range. The sample is ignored.
     #[error("sample {number}: expected numbers within the sensor's range, found {found}")]
     Value {
-        /// Number of the sample.
+        /// Sample number.
         number: u64,
-        /// The first one that is wrong.
+        /// First invalid value.
         found: f64,
     },
-    /// A pose by kinematics that is none; it is ignored, with its sample.
+    /// The kinematic pose is not finite. It is ignored together with its sample.
     #[error("expected a pose by kinematics, found one that is not finite")]
     Kinematics,
-    /// A sample from before the last one; it is ignored, or, from more than a second before, taken as a clock that was set: lost.
+    /// The sample is older than the last one and is ignored. A difference of more than one second means that the clock
+    /// was set; the pose is then lost.
     #[error("expected a sample after {last_ns} ns, found one of {found_ns} ns")]
     Backwards {
-        /// Of the last sample.
+        /// Time of the last sample, in ns.
         last_ns: u64,
-        /// Of this one.
+        /// Time of this sample, in ns.
         found_ns: u64,
     },
-    /// Too long after the last sample: how the head moved meanwhile is unknown. The pose is lost, the biases are kept.
+    /// Too much time has passed since the last sample. The pose is lost, the biases are kept.
     #[error(
         "no sample between {last_ns} ns and {found_ns} ns; the pose is lost until the robot stands still"
     )]
     Gap {
-        /// Of the last sample.
+        /// Time of the last sample, in ns.
         last_ns: u64,
-        /// Of this one.
+        /// Time of this sample, in ns.
         found_ns: u64,
     },
-    /// No pose yet, or none since it was lost: the robot has to stand still first.
+    /// The pose is unknown or lost. The robot must first be at rest.
     #[error("the pose is unknown until the robot stands still")]
     Unknown,
-    /// Asked for a moment that no pose is kept of.
+    /// No pose is stored for this time.
     #[error("expected a time from {first_ns} ns to {last_ns} ns, found {found_ns} ns")]
     NotKept {
-        /// Earliest one kept.
+        /// Earliest stored time, in ns.
         first_ns: u64,
-        /// Latest one kept.
+        /// Latest stored time, in ns.
         last_ns: u64,
-        /// What was asked for.
+        /// Requested time, in ns.
         found_ns: u64,
     },
 }

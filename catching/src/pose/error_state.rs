@@ -1,18 +1,18 @@
-//! The filter's state, how it moves on with a sample, how a measurement changes it.
+//! State of the filter, its prediction and its correction.
 
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
 use super::PoseConfig;
 
-/// Gravity, m/s^2, as an inertial unit feels it.
+/// Gravity as measured by the IMU, in m/s^2.
 const GRAVITY: f64 = 9.81;
 
-/// Errors of position, velocity, rotation, biases.
+/// Number of error states: position, velocity, rotation and two biases, three each.
 pub(super) const STATES: usize = 15;
-/// A covariance of all errors.
+/// Covariance of all error states.
 pub(super) type Covariance = SMatrix<f64, STATES, STATES>;
 
-/// Three errors that belong together, by the place of the first.
+/// Block of three error states, identified by the index of its first one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Block {
     Position = 0,
@@ -22,7 +22,7 @@ pub(super) enum Block {
     GyroscopeBias = 12,
 }
 
-/// Motion of the inertial unit in the inertial frame, its biases, and how wrong all that may be.
+/// Motion of the IMU in the inertial frame, its biases, and their error covariance.
 #[derive(Debug, Clone)]
 pub(super) struct ErrorState {
     pub p: Vector3<f64>,
@@ -48,7 +48,7 @@ impl ErrorState {
         state
     }
 
-    /// Puts it to rest where kinematics say; biases stay.
+    /// Initialises the pose at rest; biases are kept.
     pub fn start(&mut self, p: Vector3<f64>, q: UnitQuaternion<f64>, config: &PoseConfig) {
         self.p = p;
         self.v = Vector3::zeros();
@@ -58,7 +58,7 @@ impl ErrorState {
         self.forget(Block::Rotation, config.rest_attitude);
     }
 
-    /// Makes an error independent of all others, with a standard deviation of its own.
+    /// Decorrelates a block from all others and sets its standard deviation.
     fn forget(&mut self, block: Block, sigma: f64) {
         let i = block as usize;
         self.covariance.fixed_rows_mut::<3>(i).fill(0.0);
@@ -68,7 +68,7 @@ impl ErrorState {
         }
     }
 
-    /// Returns the greatest standard deviation of a block.
+    /// Returns the largest standard deviation of a block.
     pub fn sigma(&self, block: Block) -> f64 {
         let i = block as usize;
         (i..i + 3)
@@ -77,7 +77,8 @@ impl ErrorState {
             .sqrt()
     }
 
-    /// Moves on by `dt` s with the mean of the samples at both ends: specific force, m/s^2, and rate, rad/s.
+    /// Integrates over `dt` s with the mean of the samples at both ends: specific force in m/s^2 and angular velocity
+    /// in rad/s.
     pub fn integrate(
         &mut self,
         force: &Vector3<f64>,
@@ -116,7 +117,7 @@ impl ErrorState {
         );
         set(Block::Rotation, Block::GyroscopeBias, middle * -dt);
         let mut moved = phi * self.covariance * phi.transpose();
-        // A sample stands for the time from half a step before it to half a step after it.
+        // A sample represents the time from half a step before it to half a step after it.
         let shake = (config.accelerometer_noise * dt).powi(2);
         let turn = (config.gyroscope_noise * dt).powi(2);
         for i in 0..3 {
@@ -131,8 +132,8 @@ impl ErrorState {
         self.covariance = (moved + moved.transpose()) * 0.5;
     }
 
-    /// Takes a measurement of one block: `difference` from the estimate to what was measured, with a standard deviation each way. The
-    /// covariance by Joseph's form, which stays positive whatever the gain.
+    /// Processes a measurement of one block: its difference from the estimate and its standard deviation per axis. The
+    /// covariance update uses Joseph's form, which stays positive for any gain.
     pub fn measure(&mut self, block: Block, difference: &Vector3<f64>, sigma: f64) {
         let i = block as usize;
         let noise = Matrix3::identity() * (sigma * sigma);

@@ -1,4 +1,4 @@
-//! The estimator: checks samples, moves the filter on, keeps the poses of the last moments.
+//! The estimator: validates samples, updates the filter and stores recent poses.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use tactnet_catching_packets::RobotDescription;
@@ -8,33 +8,33 @@ use super::error_state::{Block, Covariance, ErrorState};
 use super::ring::PoseRing;
 use super::{PoseConfig, PoseError};
 
-/// What no such accelerometer measures, m/s^2.
+/// Largest plausible accelerometer value, in m/s^2.
 const MAX_ACCELERATION: f64 = 500.0;
-/// What no such gyroscope measures, rad/s.
+/// Largest plausible gyroscope value, in rad/s.
 const MAX_RATE: f64 = 100.0;
-/// A sample from so long before the last one is not late: a clock was set. ns.
+/// Step back in time, in ns, from which a sample counts as a clock change instead of a late sample.
 const CLOCK_SET_NS: u64 = 1_000_000_000;
-/// Beyond these, m and rad, a pose at rest is not a correction but a new beginning.
+/// Standard deviations of position (m) and rotation (rad) above which a pose at rest restarts the estimate.
 const LOST: [f64; 2] = [0.5, 0.2];
 
-/// Says where the head is.
+/// Estimator of the head pose.
 #[derive(Debug, Clone)]
 pub struct PoseEstimator {
     config: PoseConfig,
-    /// Inertial unit, head's frame, m.
+    /// Position of the IMU in the head frame, in m.
     lever: Vector3<f64>,
     rate: f64,
     state: ErrorState,
-    /// The last sample, while the pose is known.
+    /// Last sample, while the pose is known.
     last: Option<ImuSample>,
     ring: PoseRing,
 }
 
 impl PoseEstimator {
-    /// Returns an estimator that knows no pose yet.
+    /// Creates an estimator without a pose.
     ///
     /// # Errors
-    /// Where a setting is not a number greater than 0.
+    /// Returns an error if a setting is not greater than 0.
     pub fn new(robot: &RobotDescription, config: PoseConfig) -> Result<Self, PoseError> {
         config.check()?;
         Ok(Self {
@@ -47,11 +47,12 @@ impl PoseEstimator {
         })
     }
 
-    /// Takes a sample and returns the pose of its moment. `at_rest` is where kinematics put the head, inertial frame, while the robot
-    /// stands still; `None` while it moves. Does not allocate.
+    /// Processes a sample and returns the pose at its time. `at_rest` is the kinematic head pose in the inertial frame
+    /// while the robot rests, and `None` while it moves. Does not allocate.
     ///
     /// # Errors
-    /// Where a sample is not to be used ([`PoseError`]), and as long as there is no pose: the first one comes from kinematics.
+    /// Returns an error for an invalid sample ([`PoseError`]) or while the pose is unknown. The first pose needs
+    /// `at_rest`.
     pub fn push(
         &mut self,
         sample: &ImuSample,
@@ -77,10 +78,11 @@ impl PoseEstimator {
         Ok(pose)
     }
 
-    /// Takes where kinematics put the head at the moment of the last sample, weakly: 2 cm and 2 deg, once a correlation time.
+    /// Corrects the pose weakly with the kinematic head pose at the time of the last sample: 2 cm and 2 deg per
+    /// correlation time.
     ///
     /// # Errors
-    /// Where that is no pose, and as long as there is none to correct.
+    /// Returns an error if the pose is not finite or the estimate is unknown.
     pub fn correct(&mut self, kinematics: &Isometry3<f64>) -> Result<HeadPose, PoseError> {
         if !finite(kinematics) {
             return Err(PoseError::Kinematics);
@@ -95,10 +97,10 @@ impl PoseEstimator {
         Ok(self.pose(&last))
     }
 
-    /// Returns the pose at a time of the last 0.3 s ([`PoseConfig::ring`]), between samples as well.
+    /// Returns the pose at a time in the last 0.3 s ([`PoseConfig::ring`]), interpolated between samples.
     ///
     /// # Errors
-    /// Where no pose of that time is kept.
+    /// Returns an error if no pose is stored for this time.
     pub fn at(&self, t_ns: u64) -> Result<HeadPose, PoseError> {
         self.ring.at(t_ns)
     }
@@ -135,7 +137,7 @@ impl PoseEstimator {
         {
             self.start(pose);
         }
-        // Wrong by the same amount all the time, they cannot make an estimate better than they are.
+        // The kinematic error is constant, so repeated measurements must not improve the estimate beyond it.
         let (position, attitude) = (self.config.rest_position, self.config.rest_attitude);
         if self.state.sigma(Block::Position) > position
             || self.state.sigma(Block::Rotation) > attitude
@@ -159,7 +161,7 @@ impl PoseEstimator {
         self.state.measure(Block::Rotation, &turn, attitude);
     }
 
-    /// Returns the pose of the head, which the inertial unit sits in at the end of a lever.
+    /// Converts the state of the IMU to the pose of the head, across the lever between them.
     fn pose(&self, sample: &ImuSample) -> HeadPose {
         let state = &self.state;
         let rotation = state.q.to_rotation_matrix().into_inner();
@@ -262,14 +264,15 @@ mod tests {
             } = run(seed, config);
             let at_rest = poses[((REST - 0.02) * 512.0) as usize];
             let missing = accelerometer_bias - Vector3::from(at_rest.accelerometer_bias);
-            // Gravity times the attitude's 1e-4 rad, three standard deviations, and what noise leaves after two seconds.
+            // Gravity times an attitude error of 1e-4 rad, three standard deviations, plus the remaining noise after
+            // two seconds.
             assert!(missing.amax() < 9.81 * 3e-4 + 1e-3, "{missing}");
             assert!(estimator.state.sigma(Block::GyroscopeBias) < 2e-4);
             assert!(estimator.state.sigma(Block::AccelerometerBias) < 2e-3);
         }
     }
 
-    /// Error after a second without kinematics, in units of its own covariance: 9 numbers in each of 30 runs.
+    /// Normalised squared error after one second without kinematics: 9 values in each of 30 runs.
     #[test]
     fn a_shaking_head_stays_within_its_own_covariance() {
         let runs = 30;
@@ -302,10 +305,10 @@ mod tests {
         assert!((band[0]..band[1]).contains(&nees), "{nees} {band:?}");
     }
 
-    /// A left-over bias of 0.02 m/s^2 moves a head by 10 mm in a second: the covariance has to say so.
+    /// A remaining bias of 0.02 m/s^2 moves the head by 10 mm in one second. The covariance must contain that.
     #[test]
     fn a_bias_that_is_left_over_is_in_the_covariance() {
-        // No time at rest to find it, and nothing else that is uncertain.
+        // No time at rest to estimate the bias, and no other uncertainty.
         let config = PoseConfig {
             accelerometer_bias: 0.02,
             gyroscope_bias: 1e-6,
@@ -326,7 +329,7 @@ mod tests {
         let mut pose = estimator
             .push(&sample(0), Some(Isometry3::identity()))
             .unwrap();
-        // One sample at rest tells velocity, not bias.
+        // One sample at rest determines the velocity, not the bias.
         for number in 1..=512 {
             pose = estimator.push(&sample(number), None).unwrap();
         }
@@ -445,7 +448,8 @@ mod tests {
         } = run(2, PoseConfig::default());
         let middle = poses[poses.len() - 51];
         assert_eq!(estimator.at(middle.t_ns).unwrap(), middle);
-        // Half a step of 2 ms at 20 m/s^2 is bridged to a micrometre: truth moves just so.
+        // Interpolation over half a step of 2 ms at 20 m/s^2 is exact to a micrometre; the tolerance covers the true
+        // motion.
         let pose = estimator.at(middle.t_ns + DT_NS / 2).unwrap();
         let moved = error(&pose) - error(&middle);
         assert!(moved.fixed_rows::<3>(0).norm() < 2e-5, "{moved}");

@@ -1,20 +1,20 @@
-//! The poses of the last moments, for pictures that come later than they were taken.
+//! Ring buffer of recent poses, for pictures that arrive later than they were taken.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use tactnet_catching_packets::packets::HeadPose;
 
 use super::PoseError;
 
-/// Poses by time; the oldest is overwritten.
+/// Poses by time. New poses overwrite the oldest.
 #[derive(Debug, Clone)]
 pub struct PoseRing {
     poses: Vec<HeadPose>,
-    /// Where the oldest stands, once all places are taken.
+    /// Index of the oldest pose once the buffer is full.
     oldest: usize,
 }
 
 impl PoseRing {
-    /// Keeps so many poses.
+    /// Creates a buffer for `places` poses.
     pub fn new(places: usize) -> Self {
         Self {
             poses: Vec::with_capacity(places.max(2)),
@@ -22,13 +22,13 @@ impl PoseRing {
         }
     }
 
-    /// Forgets all.
+    /// Removes all poses.
     pub fn clear(&mut self) {
         self.poses.clear();
         self.oldest = 0;
     }
 
-    /// Keeps a pose; its time is to be later than those before.
+    /// Stores a pose, which must be later than all stored ones.
     pub fn put(&mut self, pose: HeadPose) {
         if self.poses.len() < self.poses.capacity() {
             self.poses.push(pose);
@@ -42,10 +42,10 @@ impl PoseRing {
         &self.poses[(self.oldest + i) % self.poses.len()]
     }
 
-    /// Returns the pose at a time between the oldest and the latest.
+    /// Returns the interpolated pose at a time between the oldest and the latest.
     ///
     /// # Errors
-    /// Where no pose of that time is kept.
+    /// Returns an error if the time is out of range.
     pub fn at(&self, t_ns: u64) -> Result<HeadPose, PoseError> {
         let count = self.poses.len();
         if count == 0 {
@@ -59,7 +59,7 @@ impl PoseRing {
                 found_ns: t_ns,
             });
         }
-        // The first one after it.
+        // Binary search for the first later pose.
         let (mut low, mut high) = (0, count);
         while low < high {
             let middle = (low + high) / 2;
@@ -78,8 +78,8 @@ impl PoseRing {
     }
 }
 
-/// Returns the pose at a time between two: a cubic through both positions and velocities, a turn of constant rate, and covariance and
-/// biases in proportion.
+/// Interpolates between two poses: cubic in position and velocity, constant angular velocity, linear in covariance and
+/// biases.
 fn between(a: &HeadPose, b: &HeadPose, t_ns: u64) -> HeadPose {
     let span = (b.t_ns - a.t_ns) as f64 * 1e-9;
     let s = (t_ns - a.t_ns) as f64 * 1e-9 / span;

@@ -1,4 +1,4 @@
-//! A head that stands, then shakes, with an inertial unit that errs as the settings say; for tests.
+//! Test data: a head at rest that then shakes, measured by an IMU with errors as configured.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -8,9 +8,9 @@ use tactnet_catching_packets::packets::{HeadPose, ImuSample};
 
 use super::{PoseConfig, PoseEstimator};
 
-/// Time between two samples.
+/// Time between two samples, in ns.
 pub(crate) const DT_NS: u64 = 1_953_125;
-/// When it begins to shake, s.
+/// Start of the shaking, in s.
 pub(crate) const REST: f64 = 2.0;
 
 pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
@@ -22,13 +22,13 @@ pub(crate) fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| normal(rng) * sigma)
 }
 
-/// Quantile of chi square, `z` standard deviations of a normal distribution from the median, by Wilson and Hilferty; within 0.1 % at the
-/// sizes of tests.
+/// Returns the chi-square quantile at `z` standard deviations of a normal distribution, by the approximation of Wilson
+/// and Hilferty. It is accurate to 0.1 % at the sizes used in tests.
 pub(crate) fn chi_square(freedom: f64, z: f64) -> f64 {
     freedom * (1.0 - 2.0 / (9.0 * freedom) + z * (2.0 / (9.0 * freedom)).sqrt()).powi(3)
 }
 
-/// Where the head is at time `t`, s: from second [`REST`] on it shakes by 2 cm and 1.5 deg at 3 to 5 Hz.
+/// Returns the head pose at time `t`, in s. After [`REST`] it shakes by 2 cm and 1.5 deg at 3 to 5 Hz.
 pub(crate) fn head(t: f64) -> Isometry3<f64> {
     let s = ((t - REST) / 0.3).clamp(0.0, 1.0);
     let begun = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
@@ -42,7 +42,7 @@ pub(crate) fn head(t: f64) -> Isometry3<f64> {
     )
 }
 
-/// What a perfect inertial unit at the end of its lever feels: by differences.
+/// Returns the measurement of a perfect IMU at the end of its lever, by finite differences.
 fn felt(t: f64, lever: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let h = 1e-4;
     let at = |t: f64| head(t).translation.vector + head(t).rotation * lever;
@@ -52,7 +52,7 @@ fn felt(t: f64, lever: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     (force, turn.scaled_axis() / (2.0 * h))
 }
 
-/// What became of it.
+/// Result of a run.
 pub(crate) struct Run {
     pub estimator: PoseEstimator,
     pub poses: Vec<HeadPose>,
@@ -60,7 +60,7 @@ pub(crate) struct Run {
     pub accelerometer_bias: Vector3<f64>,
 }
 
-/// Rests and shakes for a second, with errors drawn as the settings say.
+/// Simulates the rest and one second of shaking, with random errors as configured.
 pub(crate) fn run(seed: u64, config: PoseConfig) -> Run {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let robot = RobotDescription::nominal();

@@ -9,7 +9,7 @@ fn angles() -> impl Strategy<Value = [f64; ARM_JOINTS]> {
     proptest::array::uniform7(-3.0..3.0f64)
 }
 
-/// The product of homogeneous transformations, written out as the description words it.
+/// Returns the product of homogeneous transformations, following the description literally.
 fn by_transformations(arm: &Arm, q: &[f64; ARM_JOINTS]) -> Isometry3<f64> {
     let about = |axis: nalgebra::Unit<Vector3<f64>>, angle: f64| {
         Isometry3::from_parts(

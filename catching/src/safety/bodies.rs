@@ -1,4 +1,4 @@
-//! The robot's bodies as hulls, each at the end of a chain of joints from the chest.
+//! Bodies of the robot as hulls, each at the end of a chain of joints from the chest.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
@@ -6,27 +6,28 @@ use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
 use super::hull::Hull;
 use super::sweep::{Interval, Step, placed, reaches, swept};
 
-/// Bodies: trunk, head, two of the torso below the chest, then upper arm, forearm and hand, left and right.
+/// Number of bodies: trunk, head, two of the torso below the chest, then upper arm, forearm and hand, left and right.
 pub const BODIES: usize = 10;
-/// Bodies that are no arm's.
+/// Number of bodies that belong to no arm.
 const STILL: usize = 4;
-/// Bodies of an arm.
+/// Number of bodies per arm.
 const OF_ARM: usize = 3;
-/// Pairs that may touch: each body of an arm with trunk, head and torso, and with each of the other arm.
+/// Number of pairs that can collide: each body of an arm with trunk, head and torso, and with each body of the other
+/// arm.
 pub const PAIRS: usize = ARMS * OF_ARM * STILL + OF_ARM * OF_ARM;
 
-/// A body with its chain.
+/// Body with its joint chain.
 #[derive(Debug, Clone)]
 struct Body {
     name: &'static str,
     hull: Hull,
-    /// From the chest's frame outwards.
+    /// Chain from the chest frame outwards.
     chain: Vec<Step>,
-    /// For each joint, how far its points can be from that joint's axis, m; 0 for those that do not move it.
+    /// Maximum distance of the body's points from each joint's axis, in m; 0 for joints that do not move it.
     reaches: [f64; JOINTS],
 }
 
-/// The robot's bodies, in the chest's frame. The sizes are ours: the thesis gives none.
+/// Bodies of the robot in the chest frame. The sizes are assumed, because the thesis states none.
 #[derive(Debug, Clone)]
 pub struct Bodies {
     bodies: Vec<Body>,
@@ -34,7 +35,7 @@ pub struct Bodies {
 }
 
 impl Bodies {
-    /// Makes the bodies of a robot.
+    /// Creates the bodies of a robot.
     pub fn new(robot: &RobotDescription) -> Self {
         let mut bodies = Vec::with_capacity(BODIES);
         let mut add = |name, points: &[[f64; 3]], radius, chain: Vec<Step>| {
@@ -55,7 +56,7 @@ impl Bodies {
         let turn = |joint, axis, sign| Step::Turn { joint, axis, sign };
         let along_z =
             |length: f64| Step::Fixed(Isometry3::from(Translation3::new(0.0, 0.0, length)));
-        // Rounded boxes; the arms' mounts stand out of the trunk on both sides, before their first joint.
+        // Rounded boxes. The arms' mounts protrude from the trunk on both sides, in front of their first joint.
         add(
             "trunk",
             &corners([-0.1, 0.1], [-0.14, 0.14], [-0.12, 0.08]),
@@ -70,7 +71,7 @@ impl Bodies {
             vec![along_z(neck.height), turn(pan, z, 1.0), turn(tilt, y, 1.0)],
         );
         let [lower, upper] = [joint::TORSO.start + 1, joint::TORSO.start + 2];
-        // Downwards from the chest, which stays upright.
+        // Downwards from the upright chest.
         let to_upper = [turn(lower, y, 1.0), turn(upper, y, 1.0)];
         add(
             "upper torso",
@@ -125,7 +126,7 @@ impl Bodies {
                 turn(q + 5, y, -1.0),
                 turn(q + 6, z, 1.0),
             ]);
-            // Palm, and fingers that are open as a basket around the catch frame.
+            // Palm and open fingers around the catch frame.
             let catch = arm.wrist_to_catch;
             let ring = 0.085;
             add(
@@ -161,7 +162,7 @@ impl Bodies {
         self.pairs[pair].map(|body| self.bodies[body].name)
     }
 
-    /// Returns a pair's bodies with joints at `q`, chest's frame.
+    /// Returns a pair's bodies at joint positions `q`, in the chest frame.
     pub fn placed(&self, pair: usize, q: &[f64; JOINTS]) -> [Hull; 2] {
         self.pairs[pair].map(|body| {
             let body = &self.bodies[body];
@@ -169,7 +170,7 @@ impl Bodies {
         })
     }
 
-    /// Returns the trunk and the two bodies of the torso with joints at `q`, chest's frame.
+    /// Returns the trunk and the two torso bodies at joint positions `q`, in the chest frame.
     pub fn torso(&self, q: &[f64; JOINTS]) -> [Hull; 3] {
         [0, 2, 3].map(|body: usize| {
             let body = &self.bodies[body];
@@ -177,12 +178,12 @@ impl Bodies {
         })
     }
 
-    /// Returns the head with joints at `q`, chest's frame.
+    /// Returns the head at joint positions `q`, in the chest frame.
     pub fn head(&self, q: &[f64; JOINTS]) -> Hull {
         placed(&self.bodies[1].hull, &self.bodies[1].chain, q)
     }
 
-    /// Returns upper arm, forearm and hand of an arm (0 left, 1 right) with joints at `q`, chest's frame.
+    /// Returns upper arm, forearm and hand of an arm (0 left, 1 right) at joint positions `q`, in the chest frame.
     pub fn arm(&self, arm: usize, q: &[f64; JOINTS]) -> [Hull; OF_ARM] {
         std::array::from_fn(|part| {
             let body = &self.bodies[STILL + arm * OF_ARM + part];
@@ -190,7 +191,7 @@ impl Bodies {
         })
     }
 
-    /// Returns hulls that hold a pair's bodies wherever joints are in their intervals.
+    /// Returns hulls that contain a pair's bodies for all joint positions within the intervals.
     pub fn swept(&self, pair: usize, intervals: &[Interval; JOINTS]) -> [Hull; 2] {
         self.pairs[pair].map(|body| {
             let body = &self.bodies[body];
@@ -198,7 +199,7 @@ impl Bodies {
         })
     }
 
-    /// Returns by how much a pair's distance can shrink per radian of a joint, m.
+    /// Returns the maximum decrease of a pair's distance per radian of a joint, in m.
     pub fn reach(&self, pair: usize, joint: usize) -> f64 {
         self.pairs[pair]
             .iter()

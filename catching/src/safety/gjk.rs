@@ -4,12 +4,13 @@ use nalgebra::Vector3;
 
 use super::hull::Hull;
 
-/// Most steps; convergence takes a handful, and what is left then is said as a bound from below.
+/// Maximum number of iterations. Convergence takes only a few; otherwise the result is a lower bound.
 const MOST_STEPS: usize = 64;
-/// Relative gap between the distance found and its bound from below at which it is found.
+/// Relative gap between distance and lower bound at which the iteration ends.
 const GAP: f64 = 1e-13;
 
-/// Points of the difference of two hulls whose hull holds the point nearest to the origin, and the first hull's points that they are of.
+/// Simplex of the Minkowski difference of two hulls that contains the point closest to the origin, with the
+/// corresponding points of the first hull.
 #[derive(Debug, Clone, Copy)]
 struct Simplex {
     points: [Vector3<f64>; 4],
@@ -17,24 +18,25 @@ struct Simplex {
     count: usize,
 }
 
-/// Where two hulls are nearest.
+/// Closest points of two hulls.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Nearest {
-    /// As [`distance`], m.
+    /// Distance as in [`distance`], in m.
     pub distance: f64,
-    /// Of length 1, from the second hull to the first; zero where their points' hulls touch.
+    /// Unit normal from the second hull to the first; zero if the hulls without radii touch.
     pub normal: Vector3<f64>,
-    /// The point of the first points' hull that is nearest to the second one.
+    /// Point of the first hull without radius that is closest to the second hull.
     pub point: Vector3<f64>,
 }
 
-/// Returns the distance of two hulls, m: a bound from below where it is not exact, to 1e-12 m for hulls of robots' size. Hulls whose points'
-/// hulls touch have the negative sum of their radii: how deep they reach into each other is not asked.
+/// Returns the distance of two hulls, in m. An inexact result is a lower bound, accurate to 1e-12 m for hulls of the
+/// robot's size. If the hulls without radii touch, the result is the negative sum of the radii, not the penetration
+/// depth.
 pub fn distance(a: &Hull, b: &Hull) -> f64 {
     core_distance(a, b) - a.radius - b.radius
 }
 
-/// Returns the distance of two hulls, and where they are nearest.
+/// Returns the distance of two hulls and their closest points.
 pub(crate) fn nearest(a: &Hull, b: &Hull) -> Nearest {
     let ([below, above], simplex, v) = search(a, b);
     let count = simplex.count;
@@ -54,7 +56,7 @@ pub(crate) fn nearest(a: &Hull, b: &Hull) -> Nearest {
     }
 }
 
-/// The shares of corners in a point of their hull's inside.
+/// Returns the barycentric coordinates of a point in the interior of a simplex.
 fn shares(corners: &[Vector3<f64>], v: &Vector3<f64>) -> [f64; 4] {
     match *corners {
         [a, b] => {
@@ -74,17 +76,17 @@ fn shares(corners: &[Vector3<f64>], v: &Vector3<f64>) -> [f64; 4] {
     }
 }
 
-/// The distance without radii, from below; 0 where they touch.
+/// Returns a lower bound of the distance without radii; 0 if they touch.
 pub(super) fn core_distance(a: &Hull, b: &Hull) -> f64 {
     core_bounds(a, b)[0]
 }
 
-/// Bounds of the distance without radii, from below and from above; 0 where they touch.
+/// Returns lower and upper bound of the distance without radii; 0 if they touch.
 pub(super) fn core_bounds(a: &Hull, b: &Hull) -> [f64; 2] {
     search(a, b).0
 }
 
-/// Those bounds, the simplex whose inside holds the point of the difference nearest to the origin, and that point.
+/// Returns these bounds, the simplex that contains the point of the difference closest to the origin, and that point.
 fn search(a: &Hull, b: &Hull) -> ([f64; 2], Simplex, Vector3<f64>) {
     let mut v = a.points()[0] - b.points()[0];
     let mut simplex = Simplex {
@@ -100,7 +102,7 @@ fn search(a: &Hull, b: &Hull) -> ([f64; 2], Simplex, Vector3<f64>) {
         }
         let of_a = a.support(&-v);
         let w = of_a - b.support(&v);
-        // The plane through w across v holds the origin apart from the difference.
+        // The plane through w perpendicular to v separates the origin from the difference.
         bound = bound.max(v.dot(&w) / squared.sqrt());
         let is_known = simplex.points[..simplex.count].contains(&w);
         if is_known || squared - v.dot(&w) <= GAP * squared {
@@ -122,11 +124,12 @@ fn search(a: &Hull, b: &Hull) -> ([f64; 2], Simplex, Vector3<f64>) {
 }
 
 impl Simplex {
-    /// Keeps the face that is nearest to the origin and returns its nearest point; `None` if the origin is inside.
+    /// Reduces the simplex to the face closest to the origin and returns its closest point, or `None` if the origin is
+    /// inside.
     fn nearest(&mut self) -> Option<Vector3<f64>> {
         let mut best = (f64::INFINITY, Vector3::zeros(), 0_usize);
         for subset in 1_usize..(1 << self.count) {
-            // The newest point is always on the nearest face.
+            // The latest point always belongs to the closest face.
             if subset >> (self.count - 1) == 0 {
                 continue;
             }
@@ -164,7 +167,7 @@ impl Simplex {
     }
 }
 
-/// The point of a corner, an edge or a triangle that is nearest to the origin, if it is not on its rim.
+/// Returns the closest point to the origin of a corner, an edge or a triangle if it lies in the interior.
 fn inner_nearest(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     match *corners {
         [a] => Some(a),
@@ -177,11 +180,11 @@ fn inner_nearest(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
             let (ab, ac) = (b - a, c - a);
             let normal = ab.cross(&ac);
             let squared = normal.norm_squared();
-            // A triangle without area is its edges.
+            // A degenerate triangle is covered by its edges.
             if squared <= 1e-28 * ab.norm_squared() * ac.norm_squared() {
                 return None;
             }
-            // The foot of the perpendicular, in shares of the corners.
+            // Foot of the perpendicular in barycentric coordinates.
             let of_b = -a.cross(&ac).dot(&normal) / squared;
             let of_c = -ab.cross(&a).dot(&normal) / squared;
             let inside = of_b > 0.0 && of_c > 0.0 && of_b + of_c < 1.0;
@@ -191,7 +194,7 @@ fn inner_nearest(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     }
 }
 
-/// The origin is on the inner side of all four faces.
+/// Returns true if the origin is on the inner side of all four faces.
 fn holds_origin(corners: &[Vector3<f64>; 4]) -> bool {
     (0..4).all(|i| {
         let [a, b, c] = [1, 2, 3].map(|k| corners[(i + k) % 4]);
@@ -212,14 +215,14 @@ mod tests {
     }
 
     proptest! {
-        /// No points of both are nearer, and a plane stands between them as far apart as was said.
+        /// The result is symmetric and agrees with a simple reference method.
         #[test]
         fn distances_are_exact(a in vectors(1..30), b in vectors(1..30), away in 0.0..3.0f64) {
             let b: Vec<Vector3<f64>> = b.iter().map(|p| p + Vector3::new(away, 0.2 * away, 0.0)).collect();
             let (a, b) = (Hull::new(&a, 0.0), Hull::new(&b, 0.0));
             let found = distance(&a, &b);
             prop_assert!((found - distance(&b, &a)).abs() < 1e-11);
-            // Frank and Wolfe's own way to the same: slow, and simple.
+            // Reference: Frank and Wolfe's method, which is slow but simple.
             let mut v = a.points()[0] - b.points()[0];
             for _ in 0..4000 {
                 let w = a.support(&-v) - b.support(&v);
@@ -234,7 +237,7 @@ mod tests {
             prop_assert!((distance(&grown, &b) - (found - 0.1)).abs() < 1e-12);
         }
 
-        /// Boxes beside each other, turned by nothing: known exactly.
+        /// Axis-aligned boxes, whose distance is known exactly.
         #[test]
         fn boxes_are_as_far_as_their_faces(gap in proptest::array::uniform3(-0.09..1.0f64), half in proptest::array::uniform3(0.05..0.5f64)) {
             let corners = |centre: Vector3<f64>| -> Vec<Vector3<f64>> {

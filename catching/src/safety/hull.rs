@@ -1,24 +1,24 @@
-//! Convex hulls of points, grown by a radius.
+//! Convex hulls of points with a radius.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-/// Most points of a hull.
+/// Maximum number of points of a hull.
 pub const MAX_POINTS: usize = 72;
 
-/// The convex hull of points, grown by a radius, m.
+/// Convex hull of points, enlarged by a radius in m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hull {
     points: [Vector3<f64>; MAX_POINTS],
     count: usize,
-    /// m.
+    /// Radius, in m.
     pub radius: f64,
 }
 
 impl Hull {
-    /// Makes a hull.
+    /// Creates a hull.
     ///
     /// # Panics
-    /// Of no points, or of more than [`MAX_POINTS`].
+    /// Panics if there are no points or more than [`MAX_POINTS`].
     pub fn new(points: &[Vector3<f64>], radius: f64) -> Self {
         assert!((1..=MAX_POINTS).contains(&points.len()), "points of a hull");
         let mut hull = Self {
@@ -30,12 +30,12 @@ impl Hull {
         hull
     }
 
-    /// Returns its points.
+    /// Returns the points.
     pub fn points(&self) -> &[Vector3<f64>] {
         &self.points[..self.count]
     }
 
-    /// Returns centre and radius of a ball that holds it.
+    /// Returns centre and radius of a bounding sphere.
     pub fn ball(&self) -> (Vector3<f64>, f64) {
         let centre = self.points().iter().sum::<Vector3<f64>>() / self.count as f64;
         let farthest = self
@@ -46,7 +46,7 @@ impl Hull {
         (centre, farthest.sqrt() + self.radius)
     }
 
-    /// Returns the point that is farthest along a direction.
+    /// Returns the farthest point in a direction.
     pub fn support(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         let mut best = (f64::NEG_INFINITY, self.points[0]);
         for point in self.points() {

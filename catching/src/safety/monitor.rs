@@ -1,4 +1,4 @@
-//! The table of pairs' distances, and the word that follows from it.
+//! Table of pair distances and the decisions that follow from it.
 
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{JOINTS, Joint};
@@ -8,27 +8,27 @@ use super::gjk::distance;
 use super::parts::least_in_parts;
 use super::sweep::{Braking, Interval, braking};
 
-/// Moments of a braking motion that are looked at.
+/// Number of samples of a braking motion.
 const SAMPLES: usize = 48;
-/// Joints that are slower stand, rad/s and m/s.
+/// Maximum speed of a joint at rest, in rad/s and m/s.
 const STANDS: f64 = 1e-3;
 
-/// How the monitor works.
+/// Settings of the monitor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MonitorConfig {
-    /// Least distance that is allowed, m.
+    /// Minimum distance, in m.
     pub margin: f64,
-    /// Least distance that is allowed to a robot that was braked and stands, m, until it is out of the margin again: what stands nearer than
-    /// the margin, because its brakes were late, must be able to leave.
+    /// Minimum distance for a robot that was braked and rests within the margin, in m. It applies until the robot has
+    /// left the margin, so that a robot that braked too late can leave.
     pub leaving: f64,
-    /// From a command to the moment at which drives brake, s.
+    /// Delay from a brake command to the braking of the drives, in s.
     pub reaction: f64,
-    /// Pairs that a tick computes anew, those with the least bounds.
+    /// Number of pairs recomputed in each tick, those with the smallest bounds.
     pub updates: usize,
-    /// Pairs that a tick computes anew at most: beyond `updates` those whose bounds are too near, because of what they lost since they were
-    /// computed.
+    /// Maximum number of pairs recomputed in each tick. Beyond `updates`, only pairs with bounds below the minimum
+    /// distance are recomputed.
     pub most_updates: usize,
-    /// Parts of braking motions that a tick looks at, where pairs come too near in the hull of the whole motion.
+    /// Maximum number of parts of braking motions per tick, for pairs too close in the hull of the whole motion.
     pub parts: usize,
 }
 
@@ -45,30 +45,30 @@ impl Default for MonitorConfig {
     }
 }
 
-/// What the monitor says of a command.
+/// Decision on a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ruling {
-    /// True if the robot may go on: braking at any later command that it allows keeps all bodies apart.
+    /// True if the robot may continue: it can still brake after this command with all bodies apart.
     pub go: bool,
-    /// Least bound of a distance while the robot brakes, m.
+    /// Smallest lower bound of a distance during braking, in m.
     pub bound: f64,
-    /// The pair that has it.
+    /// Index of the pair with this bound.
     pub pair: usize,
 }
 
-/// Watches commands, one after the other. Nothing allocates.
+/// Monitor of consecutive commands. Does not allocate.
 #[derive(Debug, Clone)]
 pub struct Monitor {
     config: MonitorConfig,
     bodies: Bodies,
     joints: [Joint; JOINTS],
     known: [Known; PAIRS],
-    /// Was the last command refused, and does the robot leave the margin?
+    /// True if the last command was refused.
     refused: bool,
     leaves: bool,
 }
 
-/// What a pair's distance was when it was computed, and for which motion.
+/// Last computed distance of a pair, and the joint intervals that it applies to.
 #[derive(Debug, Clone, Copy)]
 struct Known {
     distance: f64,
@@ -76,7 +76,7 @@ struct Known {
 }
 
 impl Monitor {
-    /// Begins with a robot at rest in `q`.
+    /// Creates a monitor for a robot at rest in `q`.
     pub fn new(
         bodies: Bodies,
         joints: [Joint; JOINTS],
@@ -112,7 +112,7 @@ impl Monitor {
         &self.bodies
     }
 
-    /// Returns where joints may be from a command until the robot has braked.
+    /// Returns the joint intervals from a command until the robot has braked.
     pub fn intervals(&self, command: &JointCommand) -> [Interval; JOINTS] {
         std::array::from_fn(|i| {
             let (q, dq) = (command.q[i], command.dq[i]);
@@ -120,7 +120,7 @@ impl Monitor {
         })
     }
 
-    /// Judges a command: could the robot brake from it without touching itself?
+    /// Decides whether the robot could brake after this command without touching itself.
     pub fn judge(&mut self, command: &JointCommand) -> Ruling {
         if self.refused && command.dq.iter().all(|dq| dq.abs() < STANDS) {
             self.leaves = true;
@@ -148,7 +148,7 @@ impl Monitor {
                 distance: exact,
                 intervals,
             };
-            // What was known may be the tighter one: swept hulls are larger than the motion.
+            // The previous bound may be tighter, because swept hulls are larger than the motion.
             bounds[pair] = bounds[pair].max(exact);
             if bounds[pair] < allowed {
                 let finer = least_in_parts(&self.bodies, pair, &braking, allowed, &mut parts);
@@ -167,8 +167,8 @@ impl Monitor {
         }
     }
 
-    /// Returns the least distance of bodies from a command until the robot has braked, if its drives begin to brake at the end of the
-    /// reaction, looked at 49 times, m: what a ruling bounds from below, by another way. Takes milliseconds.
+    /// Returns the minimum distance from a command until the robot has braked, in m, for drives that brake at the end
+    /// of the reaction time. It uses 49 samples and takes milliseconds; it serves to check the bounds of decisions.
     pub fn least_while_braking(&self, command: &JointCommand) -> f64 {
         let reaction = self.config.reaction;
         let braking = Braking::new(command, &self.joints, reaction);
@@ -185,7 +185,8 @@ impl Monitor {
         least
     }
 
-    /// A bound from below of a pair's distance while joints are in `intervals`: what it was, less what the bodies can have come nearer.
+    /// Returns a lower bound of a pair's distance for joints within `intervals`: its last distance minus the maximum
+    /// approach.
     fn bound(&self, pair: usize, intervals: &[Interval; JOINTS]) -> f64 {
         let known = &self.known[pair];
         let nearer: f64 = intervals

@@ -1,13 +1,13 @@
-//! A tighter bound of a pair's distance while the robot brakes: the motion in parts.
+//! Tighter bounds of a pair's distance during braking by division of the motion into parts.
 
 use super::bodies::Bodies;
 use super::gjk::distance;
 use super::sweep::Braking;
 
-/// Parts that are kept at most.
+/// Maximum number of stored parts.
 const ROOM: usize = 128;
 
-/// A part of a braking motion: seconds until drives begin, seconds of braking since, and a bound of the pair's distance.
+/// Part of a braking motion: seconds until the drives brake, seconds of braking, and a bound of the pair's distance.
 #[derive(Debug, Clone, Copy)]
 struct Part {
     begun: [f64; 2],
@@ -15,11 +15,11 @@ struct Part {
     bound: f64,
 }
 
-/// Returns a bound from below of a pair's distance while the robot brakes, m. Joints are at any moment in the intervals of one part together,
-/// which are far smaller than those of the whole motion. The part with the least bound is halved again and again (branch and bound) until all
-/// are `enough` apart, bodies are found that are not, or no more may be looked at.
+/// Returns a lower bound of a pair's distance during braking, in m. At any time, all joints are within the intervals of
+/// one part, which are much smaller than those of the whole motion. The part with the smallest bound is halved
+/// repeatedly (branch and bound) until all parts are `enough` apart, a violation is found, or no evaluations are left.
 ///
-/// - `looks`: parts that may be looked at; those that were are taken off
+/// - `looks`: number of remaining evaluations, which is updated
 pub(super) fn least_in_parts(
     bodies: &Bodies,
     pair: usize,
@@ -43,7 +43,7 @@ pub(super) fn least_in_parts(
         if distance(&a, &b) < enough {
             return part.bound;
         }
-        // Along whichever moves bodies more.
+        // Halve the dimension with the larger motion.
         let way = |begun: [f64; 2], braked: [f64; 2]| -> f64 {
             braking
                 .between(begun, braked)

@@ -1,4 +1,4 @@
-//! Where bodies may be while joints go through intervals.
+//! Space covered by bodies while joints move through intervals.
 
 use nalgebra::{Isometry3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use tactnet_catching_packets::packets::JointCommand;
@@ -7,45 +7,46 @@ use tactnet_catching_packets::{JOINTS, Joint};
 use super::gjk::core_bounds;
 use super::hull::{Hull, MAX_POINTS};
 
-/// A point whose way is shorter than this is a sphere, m: twice the way of arcs that are not worth three points.
+/// Path length below which a swept point becomes a sphere, in m.
 const SMALL: f64 = 0.004;
-/// Largest half angle of a piece of an arc, rad.
+/// Maximum half angle of an arc segment, in rad.
 const PIECE: f64 = 0.4;
-/// Points that hulls are thinned out to.
+/// Number of points that remain after thinning.
 const KEPT: usize = 20;
-/// Golden ratio, for directions that are spread evenly.
+/// Golden ratio, for evenly distributed directions.
 const GOLDEN: f64 = 1.618_033_988_749_895;
 
-/// From one joint position to another, rad or m.
+/// Interval of a joint position, in rad or m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
-    /// Least.
+    /// Lower end.
     pub low: f64,
-    /// Greatest.
+    /// Upper end.
     pub high: f64,
 }
 
 impl Interval {
-    /// Returns the middle.
+    /// Returns the centre.
     pub fn middle(&self) -> f64 {
         0.5 * (self.low + self.high)
     }
 
-    /// Returns half of its length.
+    /// Returns half of the length.
     pub fn half(&self) -> f64 {
         0.5 * (self.high - self.low)
     }
 
-    /// Returns how far another one reaches beyond it.
+    /// Returns the maximum distance by which `other` exceeds this interval.
     pub fn beyond(&self, other: &Self) -> f64 {
         (self.low - other.low).max(other.high - self.high).max(0.0)
     }
 }
 
-/// Returns where a joint may be from now until it stands still: `reaction` seconds on as it is, then braking as hard as it can.
+/// Returns the interval of a joint until it rests: it continues for `reaction` seconds, then brakes with maximum
+/// deceleration.
 ///
-/// - `q`, `dq`: position and velocity now
-/// - `joint`: its deceleration; ranges are not looked at
+/// - `q`, `dq`: current position and velocity
+/// - `joint`: provides the deceleration; its range is ignored
 pub fn braking(q: f64, dq: f64, joint: &Joint, reaction: f64) -> Interval {
     let end = q + dq * reaction + dq * dq.abs() / (2.0 * joint.acceleration);
     Interval {
@@ -54,8 +55,8 @@ pub fn braking(q: f64, dq: f64, joint: &Joint, reaction: f64) -> Interval {
     }
 }
 
-/// All joints from a command until they stand: for some part of the reaction they go on as they are, then their drives, which are told by one
-/// word, begin to brake at one moment. Two numbers say where all of them are: when drives began, and how long they have braked since.
+/// Braking motion of all joints after a command. During part of the reaction time they continue, then all drives start
+/// to brake at the same moment. Two values describe the state: the time until the drives brake and the time since.
 #[derive(Debug, Clone)]
 pub(super) struct Braking {
     q: [f64; JOINTS],
@@ -74,27 +75,27 @@ impl Braking {
         }
     }
 
-    /// Returns the most seconds until drives begin.
+    /// Returns the maximum time until the drives brake, in s.
     pub fn reaction(&self) -> f64 {
         self.reaction
     }
 
-    /// Returns how long the slowest joint brakes, s.
+    /// Returns the braking time of the slowest joint, in s.
     pub fn longest(&self) -> f64 {
         (0..JOINTS)
             .map(|i| self.dq[i].abs() / self.deceleration[i])
             .fold(0.0, f64::max)
     }
 
-    /// Returns where joints are.
+    /// Returns the joint positions.
     ///
-    /// - `begun`: seconds from the command until drives began to brake, or until now
-    /// - `braked`: seconds that they have braked since
+    /// - `begun`: time from the command until the drives brake or until now, in s
+    /// - `braked`: braking time since, in s
     pub fn at(&self, begun: f64, braked: f64) -> [f64; JOINTS] {
         std::array::from_fn(|i| self.joint(i, begun, braked))
     }
 
-    /// Returns where joints may be in a part of the motion. Each of them goes one way only.
+    /// Returns the joint intervals of a part of the motion. Each joint moves in one direction only.
     pub fn between(&self, begun: [f64; 2], braked: [f64; 2]) -> [Interval; JOINTS] {
         std::array::from_fn(|i| {
             let first = self.joint(i, begun[0], braked[0]);
@@ -113,12 +114,12 @@ impl Braking {
     }
 }
 
-/// A link of a chain from the frame that a body is asked for in to its own.
+/// Element of a chain from the reference frame to the body's frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Step {
-    /// A fixed place.
+    /// Fixed transform.
     Fixed(Isometry3<f64>),
-    /// A turn about an axis through the origin by `sign` times a joint's position.
+    /// Rotation about an axis through the origin by `sign` times a joint's position.
     Turn {
         joint: usize,
         axis: Unit<Vector3<f64>>,
@@ -126,7 +127,7 @@ pub(super) enum Step {
     },
 }
 
-/// Returns a hull, in the first frame of a chain, that holds a body wherever joints are in their intervals.
+/// Returns a hull in the first frame of a chain that contains a body for all joint positions within the intervals.
 pub(super) fn swept(body: &Hull, chain: &[Step], intervals: &[Interval]) -> Hull {
     let mut hull = *body;
     for step in chain.iter().rev() {
@@ -141,7 +142,7 @@ pub(super) fn swept(body: &Hull, chain: &[Step], intervals: &[Interval]) -> Hull
     hull
 }
 
-/// Turns a hull by `middle`, plus and minus `half`.
+/// Rotates a hull by `middle` plus and minus `half`.
 fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
     let to_middle = Rotation3::from_axis_angle(axis, middle);
     let farthest = hull
@@ -161,7 +162,8 @@ fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
     }
     let pieces = (half / PIECE).ceil().max(1.0) as usize;
     let delta = half / pieces as f64;
-    // Ends of all pieces, and a point outside of the middle of each, where tangents at its ends cross.
+    // End points of all segments, and for each segment a point outside of its middle where the tangents at its ends
+    // intersect.
     let room = MAX_POINTS / (2 * pieces + 1);
     if hull.points().len() > room {
         thin_out(hull, room.min(KEPT));
@@ -182,12 +184,12 @@ fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
     }
 }
 
-/// Keeps points that are farthest in directions all around, and grows the radius by as much as others stand out.
+/// Keeps the farthest points in all directions and increases the radius by the maximum distance of the others.
 fn thin_out(hull: &mut Hull, count: usize) {
     let all = *hull;
     let mut kept = [false; MAX_POINTS];
     for i in 0..count {
-        // Fibonacci's sphere.
+        // Fibonacci sphere.
         let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
         let across = (1.0 - z * z).sqrt();
         let (sin, cos) = (std::f64::consts::TAU * i as f64 / GOLDEN).sin_cos();
@@ -215,12 +217,12 @@ fn thin_out(hull: &mut Hull, count: usize) {
     hull.radius = all.radius + out;
 }
 
-/// How far a point is from a hull's points' hull, from above.
+/// Returns an upper bound of a point's distance from a hull without radius.
 fn outside(hull: &Hull, point: &Vector3<f64>) -> f64 {
     core_bounds(hull, &Hull::new(&[*point], 0.0))[1]
 }
 
-/// Returns a body, in the first frame of a chain, with joints at `q`.
+/// Returns a body in the first frame of a chain at joint positions `q`.
 pub(super) fn placed(body: &Hull, chain: &[Step], q: &[f64]) -> Hull {
     let mut place = Isometry3::identity();
     for step in chain {
@@ -234,7 +236,8 @@ pub(super) fn placed(body: &Hull, chain: &[Step], q: &[f64]) -> Hull {
     body.moved(&place)
 }
 
-/// Returns, for each joint of a chain, how far a body's points can be from its axis, m: what bounds its motion per radian.
+/// Adds to `reaches`, for each joint of a chain, the maximum distance of a body's points from its axis, in m. This
+/// bounds the motion per radian.
 pub(super) fn reaches(body: &Hull, chain: &[Step], reaches: &mut [f64]) {
     let mut farthest = body
         .points()
@@ -243,7 +246,7 @@ pub(super) fn reaches(body: &Hull, chain: &[Step], reaches: &mut [f64]) {
         .fold(0.0, f64::max);
     for step in chain.iter().rev() {
         match step {
-            // Farther from the next origin by at most the way between both.
+            // The distance from the next origin is larger by at most the distance between both.
             Step::Fixed(to) => farthest += (to * Point3::origin()).coords.norm(),
             Step::Turn { joint, .. } => reaches[*joint] += farthest,
         }

@@ -1,4 +1,4 @@
-//! A throw that is aimed beside its target by what was learnt of earlier ones.
+//! Throws that are aimed next to their target to compensate known errors.
 
 use nalgebra::Vector3;
 
@@ -6,11 +6,11 @@ use super::planner::{NoThrow, ThrowPlan, ThrowRequest, Thrower};
 use super::problem::Aim;
 
 impl Thrower {
-    /// Plans the throw that is asked for, and from it the one that comes down `beside` the target, m, rather than any other to there: what
-    /// was learnt of the one holds for the other.
+    /// Plans the requested throw and, starting from it, the one that lands `beside` the target, in m. The second throw
+    /// stays close to the first, so corrections learned for one apply to the other.
     ///
     /// # Errors
-    /// As [`Thrower::plan`].
+    /// Same as [`Thrower::plan`].
     pub fn plan_beside(
         &self,
         request: &ThrowRequest,

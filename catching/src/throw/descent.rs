@@ -1,11 +1,11 @@
-//! Sequential quadratic programming from one start, as in [`plan`](crate::plan): linearised programmes one after the other, an exact
-//! penalty for what lacks, curvature by Broyden, Fletcher, Goldfarb and Shanno's update.
+//! Sequential quadratic programming from one start, as in [`plan`](crate::plan): linearised problems with an exact
+//! penalty and a BFGS approximation of the Hessian.
 
 use super::problem::{Linearised, Point, Problem, ROWS, THROW_UNKNOWNS, ThrowViolation};
 use crate::plan::bfgs::update;
 use crate::plan::qp::{self, Row};
 
-/// A point with its cost.
+/// Feasible point with its cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Found {
     pub x: Point,
@@ -13,15 +13,16 @@ pub(crate) struct Found {
     pub violation: ThrowViolation,
 }
 
-/// Half width of the box that a step stays in, at first and at least: rad, shares, s.
+/// Initial half width of a step's trust region, in rad, fractions and s.
 const TRUST: f64 = 0.3;
 const LEAST_TRUST: f64 = 1e-6;
-/// Shares of a step that are tried.
+/// Step fractions that are tried.
 const SHARES: [f64; 5] = [1.0, 0.4, 0.16, 0.064, 0.0256];
-/// A gain below this ends the search, of the cost's unit (m, or a mean of shares).
+/// Decrease of the merit function below which a step counts as small, in units of the cost.
 const SMALL_GAIN: f64 = 1e-7;
 
-/// Descends from `start` in at most `most` quadratic programmes; returns the best feasible point on the way, and how many they were.
+/// Descends from `start` with at most `most` quadratic programs. Returns the best feasible point and the number of
+/// programs.
 pub(crate) fn descend(problem: &Problem, start: &Point, most: usize) -> (Option<Found>, usize) {
     let mut trust = TRUST;
     let mut x = *start;
@@ -92,7 +93,7 @@ pub(crate) fn descend(problem: &Problem, start: &Point, most: usize) -> (Option<
         } else {
             0
         };
-        // The step went well: the next one may go farther.
+        // After a long step, enlarge the trust region.
         let longest = (0..THROW_UNKNOWNS).fold(0.0f64, |a, i| a.max((next[i] - x[i]).abs()));
         if longest > 0.9 * trust {
             trust = (trust * 2.0).min(TRUST);
@@ -117,7 +118,7 @@ fn keep(best: &mut Option<Found>, x: &Point, here: &Linearised) {
     }
 }
 
-/// Returns the step that takes away most of what violated rows lack, in the least squares, and violates no other.
+/// Returns the step that minimises the violations in the least-squares sense without violating other rows.
 fn draw_in(here: &Linearised, equalities: usize) -> Option<Point> {
     let mut b = [[0.0; THROW_UNKNOWNS]; THROW_UNKNOWNS];
     let mut g = [0.0; THROW_UNKNOWNS];

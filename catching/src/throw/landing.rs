@@ -1,28 +1,28 @@
-//! Where a thrown ball comes down, and how that changes with its release.
+//! Landing position of a thrown ball, with derivatives with respect to its release.
 //!
-//! The ball flies without spin. Beside its state the derivatives by the release velocity are integrated, with the same Runge-Kutta steps:
-//! `dV/dt = A V`, `dP/dt = V` with `A = -k (|v| I + v v' / |v|)`. At the height in question the derivatives of the place follow from
-//! those at a fixed time: `dp = (I - v e_z' / v_z) dp(t)`.
+//! The ball flies without spin. The derivatives with respect to the release velocity are integrated together with its
+//! state by the same Runge-Kutta steps: `dV/dt = A V`, `dP/dt = V` with `A = -k (|v| I + v v' / |v|)`. The derivatives
+//! at a given height follow from those at a fixed time: `dp = (I - v e_z' / v_z) dp(t)`.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::flight::{GRAVITY, STEP};
 
-/// A ball that has not come down after so many steps is not followed any farther: 4 s.
+/// Maximum number of integration steps, which is 4 s of flight.
 const STEPS: usize = 400;
 
-/// A ball as it comes down to a height.
+/// State of a ball when it falls through a height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Landing {
-    /// Since the release, s.
+    /// Time since the release, in s.
     pub t: f64,
-    /// Where, m.
+    /// Position, in m.
     pub p: Vector3<f64>,
-    /// Velocity there, m/s.
+    /// Velocity, in m/s.
     pub v: Vector3<f64>,
-    /// Derivative of `p` by the release's place.
+    /// Derivative of `p` with respect to the release position.
     pub by_p: Matrix3<f64>,
-    /// Derivative of `p` by the release's velocity, s.
+    /// Derivative of `p` with respect to the release velocity, in s.
     pub by_v: Matrix3<f64>,
 }
 
@@ -35,9 +35,10 @@ struct State {
 }
 
 impl Landing {
-    /// Returns where a ball that is released at `p` with `v` comes down to `height`; `None` if it does not rise so high, or not within 4 s.
+    /// Returns the state of a ball, released at `p` with `v`, when it falls through `height`. Returns `None` if it does
+    /// not rise so high or does not land within 4 s.
     ///
-    /// - `k`: its drag, 1/m
+    /// - `k`: drag coefficient, in 1/m
     pub fn of(p: &Vector3<f64>, v: &Vector3<f64>, k: f64, height: f64) -> Option<Self> {
         let mut state = State {
             p: *p,
@@ -48,7 +49,7 @@ impl Landing {
         for i in 0..STEPS {
             let next = state.step(k, STEP);
             let through = next.v.z < 0.0 && next.p.z <= height && state.p.z > height;
-            // Up through the height and down again in one step, or released on its way down from the height itself.
+            // The ball rises through the height and falls again within one step, or starts to fall at the height.
             let turned = state.v.z > 0.0 && next.p.z <= height && next.v.z < 0.0;
             if through || turned {
                 return state.land(k, height, i as f64 * STEP);
@@ -63,7 +64,7 @@ impl Landing {
 }
 
 impl State {
-    /// One step of Runge-Kutta of fourth order for the state and its derivatives.
+    /// Performs one fourth-order Runge-Kutta step of the state and its derivatives.
     fn step(&self, k: f64, h: f64) -> Self {
         let slope = |v: &Vector3<f64>, by: &Matrix3<f64>| {
             let speed = v.norm();
@@ -86,9 +87,9 @@ impl State {
         }
     }
 
-    /// Goes on to where the ball comes down to `height` within a step.
+    /// Computes the landing within the current step.
     fn land(&self, k: f64, height: f64, since: f64) -> Option<Landing> {
-        // On the way down: beyond the apex.
+        // Start beyond the apex.
         let mut h = STEP;
         for _ in 0..8 {
             let there = self.step(k, h);
@@ -98,7 +99,7 @@ impl State {
             h -= (there.p.z - height) / there.v.z;
         }
         let there = self.step(k, h);
-        // Where it turns just below the height, there is no such place.
+        // If the apex is just below the height, there is no landing.
         if there.v.z >= -1e-6 || (there.p.z - height).abs() > 1e-9 {
             return None;
         }
@@ -133,7 +134,7 @@ mod tests {
         fn a_landing_is_on_the_flight((p, v) in release(), drop in 0.1..1.5f64) {
             let landing = Landing::of(&p, &v, DRAG, p.z - drop).unwrap();
             let flight = Flight { p, v, k: DRAG, lift: Vector3::zeros() }.after(landing.t);
-            // The steps end elsewhere: their errors of fifth order.
+            // The integration steps end elsewhere, with different errors of fifth order.
             prop_assert!((flight.p - landing.p).norm() < 1e-7);
             prop_assert!((landing.p.z - (p.z - drop)).abs() < 1e-9 && landing.v.z < 0.0);
         }

@@ -1,4 +1,4 @@
-//! The whole motion of a throw: to where the swing begins, a rest, the swing.
+//! Whole motion of a throw: approach to the swing, rest, swing.
 
 use tactnet_catching_packets::{JOINTS, THROW_JOINTS};
 
@@ -8,15 +8,15 @@ use crate::ramp::Ramp;
 use crate::robot::Robot;
 use crate::safety::Bodies;
 
-/// The robot stands so long before the swing, s: the torso swings on its springs.
+/// Duration of the rest before the swing, in s. The torso's oscillation decays meanwhile.
 const REST: f64 = 2.0;
 
-/// Joints over time, s from its begin.
+/// Joint motion over time, in s from its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrowMotion {
     way: Way,
     swing: [Ramp; JOINTS],
-    /// From the swing's begin to the release, and to its end, s.
+    /// Time from the start of the swing to the release, in s.
     lets_go: f64,
     stands: f64,
 }
@@ -68,22 +68,22 @@ impl ThrowMotion {
         })
     }
 
-    /// Returns when the swing begins, s.
+    /// Returns the start of the swing, in s.
     pub fn swing_begin(&self) -> f64 {
         self.way.end() + REST
     }
 
-    /// Returns when fingers are to let go, s.
+    /// Returns the release time, in s.
     pub fn release(&self) -> f64 {
         self.swing_begin() + self.lets_go
     }
 
-    /// Returns when the robot stands again, s.
+    /// Returns the end of the motion, in s.
     pub fn end(&self) -> f64 {
         self.swing_begin() + self.stands
     }
 
-    /// Returns the way to the swing, if it is straight, and the swing.
+    /// Returns the ramps of the approach and the swing, or `None` if the approach is not straight.
     pub(super) fn legs(&self) -> Option<[&[Ramp; JOINTS]; 2]> {
         Some([self.way.straight()?, &self.swing])
     }

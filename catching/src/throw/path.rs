@@ -1,4 +1,4 @@
-//! A throw in absolute time, as it travels.
+//! Conversion of a throw to a packet in absolute time.
 
 use tactnet_catching_packets::THROW_JOINTS;
 use tactnet_catching_packets::packets::{RampPacket, ThrowPath};
@@ -7,7 +7,7 @@ use super::planner::{ThrowPlan, ThrowPlanConfig};
 use super::swing::throw_joint;
 
 impl ThrowPlanConfig {
-    /// Returns the settings of throws that travel: the robot goes to the swing twice as fast.
+    /// Returns the settings of live throws, whose approach is twice as fast.
     pub fn live() -> Self {
         Self {
             pace: 0.8,
@@ -17,10 +17,11 @@ impl ThrowPlanConfig {
 }
 
 impl ThrowPlan {
-    /// Returns what controller and hand are told: the motion from `start_ns` on, and when the ball leaves the hand. `None` for a way to the
-    /// swing that leads over another posture, or moves joints that do not throw: from where the robot waits it never does.
+    /// Returns the packet for controller and hand: the motion from `start_ns` on and the release time. Returns `None`
+    /// if the approach is not straight or moves joints that do not throw; neither happens from the waiting pose.
     ///
-    /// - `grip`: as hands count; `target`: where the ball is to come down, m
+    /// - `grip`: number of the grip
+    /// - `target`: target position of the ball, in m
     pub fn path(&self, start_ns: u64, grip: u64, target: [f64; 3]) -> Option<ThrowPath> {
         let [way, swing] = self.motion.legs()?;
         let throws = |joint: usize| (0..THROW_JOINTS).any(|i| throw_joint(self.arm, i) == joint);
@@ -77,11 +78,11 @@ mod tests {
             .hand(&swing.map(|(q, _)| q), &swing.map(|(_, w)| w));
         let landing = Landing::of(&p, &v, DRAG, target.z).unwrap();
         assert!((landing.p - target).norm() < 1e-3, "{}", landing.p);
-        // The way ends where the swing begins.
+        // The approach ends at the start of the swing.
         for (way, swing) in path.way.iter().zip(&path.swing) {
             assert!((Ramp::of(way).at(way.end).0 - swing.q0).abs() < 1e-9);
         }
-        // From another posture there is no such path.
+        // There is no such packet from another posture.
         request.q[joint::PLATFORM] = 0.1;
         let plan = thrower.plan(&request).unwrap();
         assert_eq!(plan.path(start_ns, 3, target.into()), None);

@@ -1,4 +1,4 @@
-//! The planner of throws: descents from many starts, the best whose whole motion is free.
+//! Planner of throws: descents from many starts, and the best throw whose whole motion is collision-free.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -14,27 +14,28 @@ use crate::plan::clearance::Clearance;
 use crate::robot::Robot;
 use crate::safety::Bodies;
 
-/// Settings of a planner of throws.
+/// Settings of a throw planner.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ThrowPlanConfig {
-    /// Joints keep their speeds so long before the release, and after it, s.
+    /// Time for which joints keep their velocities before and after the release, in s.
     pub coast: f64,
-    /// Greatest angle between the hand's axis and the ball's velocity at the release, rad: beyond a right angle it would fly into the palm.
+    /// Maximum angle between the hand axis and the ball's velocity at the release, in rad. Above pi/2 the ball would
+    /// hit the palm.
     pub palm: f64,
-    /// A throw to a place rises no more steeply, rad.
+    /// Maximum elevation angle of a throw to a target, in rad.
     pub rise: f64,
-    /// At both ends of the swing and at the release the arm is at least so far from trunk and torso, m.
+    /// Minimum distance of the arm from trunk and torso at both ends of the swing and at the release, in m.
     pub clearance: f64,
-    /// All bodies keep this distance on the whole motion, m.
+    /// Minimum distance of all bodies during the whole motion, in m.
     pub margin: f64,
-    /// The robot goes to the swing with this share of its greatest speeds; of accelerations, its square.
+    /// Fraction of the maximum speeds used in the approach. Accelerations use its square.
     pub pace: f64,
-    /// Configurations that are looked at.
+    /// Number of configurations that are evaluated as starts.
     pub candidates: usize,
-    /// Descents.
+    /// Number of descents.
     pub starts: usize,
-    /// Quadratic programmes of a descent, at most.
+    /// Maximum number of QP iterations per descent.
     pub iterations: usize,
 }
 
@@ -87,116 +88,116 @@ impl ThrowPlanConfig {
     }
 }
 
-/// A throw that is asked for; inertial frame.
+/// Request of a throw, in the inertial frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrowRequest {
-    /// Where all joints stand, at rest, rad and m.
+    /// Current positions of all joints, at rest, in rad and m.
     pub q: [f64; JOINTS],
-    /// The arm whose hand holds the ball; `None`: none does.
+    /// Arm whose hand holds the ball; `None` if no hand does.
     pub holding: Option<usize>,
-    /// What the throw is for.
+    /// Goal of the throw.
     pub aim: Aim,
-    /// The ball's drag, 1/m.
+    /// Drag coefficient of the ball, in 1/m.
     pub drag: f64,
-    /// Unknowns of an earlier throw to about the same place: the answer is the throw beside it, if there is one. So what a robot has learnt
-    /// of a throw stays of use.
+    /// Unknowns of an earlier throw to a similar target. The result is the throw close to it if there is one, so that
+    /// learned corrections stay valid.
     pub last: Option<[f64; THROW_UNKNOWNS]>,
 }
 
-/// A throw.
+/// Plan of a throw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrowPlan {
-    /// 0 left, 1 right.
+    /// Arm: 0 left, 1 right.
     pub arm: usize,
-    /// Turn and arm at the release, rad.
+    /// Angles of torso rotation and arm at the release, in rad.
     pub q: ThrowJoints,
-    /// How fast they turn then, rad/s.
+    /// Joint velocities at the release, in rad/s.
     pub rates: ThrowJoints,
-    /// In which time they get so fast, s.
+    /// Acceleration time, in s.
     pub time: f64,
-    /// Place of the ball at the release, m.
+    /// Position of the ball at the release, in m.
     pub p: Vector3<f64>,
-    /// Its velocity, m/s.
+    /// Velocity of the ball at the release, in m/s.
     pub v: Vector3<f64>,
-    /// Where it comes down.
+    /// Predicted landing.
     pub landing: Landing,
-    /// Minus the flight's length, m, or the effort.
+    /// Value of the objective: the negative flight distance in m, or the effort.
     pub cost: f64,
-    /// How exactly it is what was asked for.
+    /// Residuals of the throw constraints.
     pub violation: ThrowViolation,
-    /// Angles, shares of speeds and time, for [`ThrowRequest::last`].
+    /// Angles, fractions of the maximum speeds, and acceleration time, for [`ThrowRequest::last`].
     pub unknowns: [f64; THROW_UNKNOWNS],
-    /// What the robot does.
+    /// Motion of all joints.
     pub motion: ThrowMotion,
-    /// What it took.
+    /// Computational effort.
     pub effort: ThrowEffort,
 }
 
-/// What a plan took.
+/// Computational effort of one plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ThrowEffort {
-    /// Descents.
+    /// Number of descents.
     pub starts: usize,
-    /// Descents that ended with a throw.
+    /// Number of descents that found a throw.
     pub found: usize,
-    /// Quadratic programmes of all descents.
+    /// Number of quadratic programs solved in all descents.
     pub iterations: usize,
 }
 
-/// Why there is no throw.
+/// Reason why there is no throw.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoThrow {
-    /// No hand holds the ball.
+    /// No hand holds a ball.
     #[error("no hand holds a ball, expected arm 0 or 1")]
     NoBall,
-    /// A number that is none, or a negative drag.
+    /// A value is not finite, or the drag is negative.
     #[error("the request has numbers that are not finite, or a negative drag")]
     NotFinite,
-    /// A setting of the planner out of range.
+    /// A setting of the planner is out of range.
     #[error("`{setting}`: expected {expected}, found {found}")]
     Setting {
-        /// Its name.
+        /// Name of the setting.
         setting: &'static str,
-        /// What it must be.
+        /// Expected value.
         expected: &'static str,
-        /// What it is.
+        /// Actual value.
         found: f64,
     },
-    /// A joint that stands outside its range.
+    /// A joint is outside its range.
     #[error("joint {joint} stands at {found}, expected {low} to {high}")]
     Range {
-        /// Counted from 0, of all joints.
+        /// Index among all joints.
         joint: usize,
-        /// rad or m.
+        /// Position, in rad or m.
         found: f64,
-        /// Least position.
+        /// Lowest position, in rad or m.
         low: f64,
-        /// Greatest position.
+        /// Highest position, in rad or m.
         high: f64,
     },
-    /// The target cannot be reached.
+    /// The target is out of reach.
     #[error(
         "the target is {wanted:.2} m away: no throw comes down there within the joints' limits"
     )]
     OutOfReach {
-        /// From the robot's axis, m.
+        /// Distance of the target from the robot's axis, in m.
         wanted: f64,
     },
-    /// There are throws, but the robot would touch itself on the way.
+    /// Throws exist, but the robot would collide with itself.
     #[error("{a} and {b} would come nearer than {margin} m in all {throws} throws that were found")]
     Obstructed {
-        /// A body.
+        /// Name of the first body.
         a: &'static str,
-        /// The other one.
+        /// Name of the second body.
         b: &'static str,
-        /// m.
+        /// Minimum distance, in m.
         margin: f64,
-        /// Throws that were found.
+        /// Number of throws found.
         throws: usize,
     },
 }
 
-/// Plans throws.
+/// Planner of throws.
 #[derive(Debug, Clone)]
 pub struct Thrower {
     robot: Robot,
@@ -206,7 +207,7 @@ pub struct Thrower {
 }
 
 impl Thrower {
-    /// Prepares a planner.
+    /// Creates a planner.
     pub fn new(robot: &Robot, config: ThrowPlanConfig) -> Self {
         Self {
             bodies: Bodies::new(robot.description()),
@@ -216,16 +217,16 @@ impl Thrower {
         }
     }
 
-    /// Returns its settings.
+    /// Returns the settings.
     pub fn config(&self) -> &ThrowPlanConfig {
         &self.config
     }
 
-    /// Plans a throw: platform in the middle, torso upright, head ahead, the other arm where it waits. The answer depends on nothing but the
-    /// request.
+    /// Plans a throw with the platform centred, the torso upright, the head forward and the other arm in its waiting
+    /// pose. The result depends on the request only.
     ///
     /// # Errors
-    /// Says why there is none.
+    /// Returns the reason if there is no throw.
     pub fn plan(&self, request: &ThrowRequest) -> Result<ThrowPlan, NoThrow> {
         let arm = self.check(request)?;
         let swing = Swing::new(&self.robot, arm, &self.robot.waiting());
@@ -241,7 +242,7 @@ impl Thrower {
         self.best(&problem, request, &starts, &mut effort)
     }
 
-    /// Descends from starts, and returns the best throw whose motion is free.
+    /// Descends from the starts and returns the best throw with a collision-free motion.
     fn best(
         &self,
         problem: &Problem,
@@ -295,10 +296,10 @@ impl Thrower {
         })
     }
 
-    /// Returns where descents begin, `(angles, shares of speeds, time)` one after the other: for other planners.
+    /// Returns the start points of the descents as `(angles, fractions of speeds, time)`, for other planners.
     ///
     /// # Errors
-    /// As [`Thrower::plan`].
+    /// Same as [`Thrower::plan`].
     pub fn starts(&self, request: &ThrowRequest) -> Result<Vec<Vec<f64>>, NoThrow> {
         let arm = self.check(request)?;
         let swing = Swing::new(&self.robot, arm, &self.robot.waiting());
@@ -333,7 +334,7 @@ impl Thrower {
         }
         for (joint, (limits, q)) in self.robot.joints().iter().zip(&request.q).enumerate() {
             let [low, high] = limits.range;
-            // Drives stop at ends to rounding.
+            // Drives stop at the ends of ranges up to rounding.
             if *q < low - 1e-6 || *q > high + 1e-6 {
                 return Err(NoThrow::Range {
                     joint,
@@ -374,14 +375,16 @@ impl Thrower {
 }
 
 impl ThrowPlan {
-    /// Returns the flight's length over the ground, m.
+    /// Returns the horizontal flight distance, in m.
     pub fn distance(&self) -> f64 {
         (self.landing.p - self.p).xy().norm()
     }
 
-    /// Returns where the ball comes down if the fingers open `late` seconds late (early, if negative), as the joints are commanded.
+    /// Returns the landing if the fingers open `late` seconds late (early if negative) during the commanded motion.
     ///
-    /// - `robot`: the one that was planned for; `drag`, 1/m; `height`, m
+    /// - `robot`: robot of the plan
+    /// - `drag`: drag coefficient, in 1/m
+    /// - `height`: height of the landing, in m
     pub fn released_late(
         &self,
         robot: &Robot,
@@ -399,7 +402,7 @@ impl ThrowPlan {
         Landing::of(&p, &v, drag, height)
     }
 
-    /// Returns the joints whose speed is at its limit at the release, as shares: 1 is the greatest speed.
+    /// Returns the joint velocities at the release as fractions of the maximum speeds.
     pub fn shares_of_speed(&self, robot: &Robot) -> ThrowJoints {
         std::array::from_fn(|i| {
             self.rates[i] / robot.joints()[super::swing::throw_joint(self.arm, i)].speed
@@ -444,7 +447,7 @@ mod tests {
         Thrower::new(robot, ThrowPlanConfig::default())
     }
 
-    /// Speeds and accelerations of the whole motion, by differences, and ranges.
+    /// Checks ranges, speeds and, by finite differences, accelerations of the whole motion.
     fn keeps_limits(robot: &Robot, plan: &ThrowPlan) {
         let h = 1e-3;
         let mut last = plan.motion.at(0.0);
@@ -463,7 +466,7 @@ mod tests {
                     "{joint} {change}"
                 );
                 let way = now.0[joint] - last.0[joint] - (now.1[joint] + last.1[joint]) / 2.0 * h;
-                // A jump, or a corner in the velocity within the step.
+                // Excludes jumps; allows a change of acceleration within the step.
                 assert!(way.abs() < limits.acceleration * h * h, "{joint} {way}");
             }
             last = now;
@@ -486,7 +489,7 @@ mod tests {
             .plan(&request(&robot, farthest()))
             .unwrap();
         assert!(plan.distance() > 0.999 * best.distance());
-        // A hand of 7 m/s.
+        // Requires a hand speed of 7 m/s.
         assert!(plan.distance() > 4.5, "{}", plan.distance());
     }
 
@@ -522,7 +525,7 @@ mod tests {
             assert!(plan.v.z.atan2(plan.v.xy().norm()) < ThrowPlanConfig::default().rise + 1e-6);
             keeps_limits(&robot, &plan);
             assert_eq!(plan, thrower.plan(&request).unwrap());
-            // The commanded motion at the commanded moment is the throw.
+            // The commanded motion at the release time equals the throw.
             let there = plan.released_late(&robot, 0.0, DRAG, 1.2).unwrap();
             assert!((there.p - plan.landing.p).norm() < 1e-6);
             let late = plan.released_late(&robot, 2e-3, DRAG, 1.2).unwrap();
@@ -543,7 +546,7 @@ mod tests {
         assert_eq!(second.effort.starts, 1);
         assert!((second.landing.p - Vector3::new(4.1, 0.25, 1.2)).norm() < 1e-3);
         assert!((0..8).all(|i| (first.q[i] - second.q[i]).abs() < 0.3));
-        // Where there is none beside it, all starts are tried.
+        // If there is none close to it, all starts are tried.
         let far = ThrowRequest {
             aim: at(9.0, 0.0),
             ..again

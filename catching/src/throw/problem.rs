@@ -1,12 +1,12 @@
-//! The nonlinear programme of one throw.
+//! Nonlinear program of one throw.
 //!
-//! Unknown are the joint angles `q` at the release, the shares `u` of the greatest speeds with which joints turn then, and the time `T` in
-//! which they get so fast from rest, together and evenly: `a_i = w_i u_i / T`. A joint keeps its speed for [`coast`](ThrowPlanConfig::coast)
-//! before and after the release, so that fingers need not open to the microsecond, and slows down as it sped up. So its motion is a
-//! [`Ramp`](crate::ramp::Ramp) from `q - w u (T / 2 + coast)` to `q + w u (T / 2 + coast)`: where the hand swings from is part of the
-//! answer.
+//! The unknowns are the joint angles `q` at the release, the joint velocities at that time as fractions `u` of the
+//! maximum speeds, and the time `T` in which all joints accelerate uniformly from rest: `a_i = w_i u_i / T`. A joint
+//! keeps its velocity for [`coast`](ThrowPlanConfig::coast) before and after the release, which allows for timing
+//! errors of the fingers, and decelerates symmetrically. Its motion is a [`Ramp`](crate::ramp::Ramp) from `q - w u (T /
+//! 2 + coast)` to `q + w u (T / 2 + coast)`, so the start of the swing is part of the solution.
 //!
-//! The thesis (section 3.5.4) says "unknowns" of the catch with the catch's equations replaced; it does not print the programme.
+//! The thesis (section 3.5.4) only states that the equations of the catch are replaced; it does not print the program.
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::THROW_JOINTS;
@@ -17,38 +17,39 @@ use super::swing::{HandMotion, Swing, ThrowJoints};
 use crate::plan::clearance::Clearance;
 use crate::plan::qp::Row;
 
-/// Angles, shares of speeds, time.
+/// Number of unknowns: angles, fractions of speeds, time.
 pub const THROW_UNKNOWNS: usize = 2 * THROW_JOINTS + 1;
 const TIME: usize = 2 * THROW_JOINTS;
-/// Rows of the linear form at most: two equations, accelerations and ranges (48), speeds (16), time (2), palm, rise, clearances (3), box.
+/// Maximum number of rows of the linear form: two equations, accelerations and ranges (48), speeds (16), time (2),
+/// palm, elevation, clearances (3), trust region.
 pub(crate) const ROWS: usize =
     2 + 6 * THROW_JOINTS + 2 * THROW_JOINTS + 2 + 2 + 3 + 2 * THROW_UNKNOWNS;
-/// An arm that is so much farther from trunk and torso than it has to be has no row for that, m.
+/// Distance beyond the required one above which the arm has no row, in m.
 const FAR: f64 = 0.3;
-/// Shortest and longest time in which joints speed up, s.
+/// Minimum and maximum acceleration time, in s.
 const TIMES: [f64; 2] = [0.05, 0.8];
 
 pub(crate) type Point = [f64; THROW_UNKNOWNS];
 
-/// What a throw is for; inertial frame.
+/// Goal of a throw, in the inertial frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
-    /// As far as possible.
+    /// Farthest throw in a direction.
     Farthest {
-        /// Where to, rad about the vertical from straight ahead.
+        /// Direction about the vertical from straight ahead, in rad.
         heading: f64,
-        /// At which height the ball's flight ends, m.
+        /// Height at which the flight ends, in m.
         height: f64,
     },
-    /// To a place, with as little effort as possible.
+    /// Throw to a target with minimum effort.
     At {
-        /// Where the ball is to come down, m.
+        /// Target position, in m.
         target: Vector3<f64>,
     },
 }
 
 impl Aim {
-    /// Returns the height at which flights end, m.
+    /// Returns the height at which the flight ends, in m.
     pub fn height(&self) -> f64 {
         match self {
             Self::Farthest { height, .. } => *height,
@@ -56,7 +57,7 @@ impl Aim {
         }
     }
 
-    /// Returns the horizontal direction from a place.
+    /// Returns the horizontal direction from a position.
     pub(crate) fn heading(&self, from: &Vector3<f64>) -> Vector3<f64> {
         match self {
             Self::Farthest { heading, .. } => Vector3::new(heading.cos(), heading.sin(), 0.0),
@@ -76,23 +77,23 @@ impl Aim {
     }
 }
 
-/// How far a point is from a throw.
+/// Residuals of the throw constraints.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ThrowViolation {
-    /// The worst equation: m/s aside, or m beside the target.
+    /// Largest violation of an equation: lateral velocity in m/s, or distance from the target in m.
     pub aim: f64,
-    /// The worst inequality: rad, m or a share; 0 if all hold.
+    /// Largest violation of an inequality in rad, m or as a fraction; 0 if all hold.
     pub limits: f64,
 }
 
 impl ThrowViolation {
-    /// Returns true within a tenth of a millimetre and limits to rounding.
+    /// Returns true if the residuals are at most 0.1 mm and, for limits, 1e-6.
     pub fn is_feasible(&self) -> bool {
         self.aim <= 1e-4 && self.limits <= 1e-6
     }
 }
 
-/// A request with what does not change while it is solved.
+/// Request with all quantities that stay constant during its solution.
 pub(crate) struct Problem<'a> {
     pub swing: &'a Swing,
     pub clearance: &'a Clearance,
@@ -101,15 +102,15 @@ pub(crate) struct Problem<'a> {
     pub drag: f64,
 }
 
-/// The functions at a point, with derivatives.
+/// Values of the functions at a point, with derivatives.
 pub(crate) struct Linearised {
     pub cost: f64,
     pub slope: Point,
     pub rows: [Row<THROW_UNKNOWNS>; ROWS],
     pub count: usize,
-    /// Rows that are the programme's own; the others are the box.
+    /// Number of rows without those of the trust region.
     pub own: usize,
-    /// Sum of what equations and inequalities lack.
+    /// Sum of the violations of equations and inequalities.
     pub lack: f64,
     pub violation: ThrowViolation,
 }
@@ -131,14 +132,14 @@ impl Problem<'_> {
         std::array::from_fn(|i| x[THROW_JOINTS + i] * self.swing.joints()[i].speed)
     }
 
-    /// Returns from where (-1.0) and to where (1.0) joints swing.
+    /// Returns the start (-1.0) or the end (1.0) of the swing.
     pub fn end(&self, x: &Point, sign: f64) -> ThrowJoints {
         let rates = self.rates(x);
         std::array::from_fn(|i| x[i] + sign * rates[i] * (x[TIME] / 2.0 + self.config.coast))
     }
 
-    /// Returns all functions at `x` in linear form, and the box of half width `trust` about it; `None` where the ball does not come down to
-    /// the height.
+    /// Linearises all functions at `x` and adds the trust region of half width `trust`. Returns `None` if the ball does
+    /// not fall through the height.
     pub fn linearise(&self, x: &Point, trust: f64) -> Option<Linearised> {
         let (q, rates) = (Self::angles(x), self.rates(x));
         let hand = self.swing.motion(&q, &rates);
@@ -176,7 +177,7 @@ impl Problem<'_> {
         })
     }
 
-    /// Minus the flight's length, m; the velocity has no part aside.
+    /// Adds the equation of zero lateral velocity and returns the negative flight distance, in m.
     fn farthest(&self, hand: &HandMotion, landing: &Landing, rows: &mut Rows) -> (f64, Point) {
         let heading = self.aim.heading(&hand.p);
         let aside = Vector3::z().cross(&heading);
@@ -189,7 +190,7 @@ impl Problem<'_> {
         (-(landing.p - hand.p).dot(&heading), slope)
     }
 
-    /// The ball comes down at the target.
+    /// Adds the equations of landing at the target.
     fn at(&self, target: &Vector3<f64>, hand: &HandMotion, landing: &Landing, rows: &mut Rows) {
         for axis in 0..2 {
             let by_p: Vector3<f64> = landing.by_p.row(axis).transpose();
@@ -200,7 +201,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Mean square of the shares of speeds and accelerations.
+    /// Returns the mean square of the relative velocities and accelerations.
     fn effort(&self, x: &Point) -> (f64, Point) {
         let mut slope = [0.0; THROW_UNKNOWNS];
         let mut cost = 0.0;
@@ -215,7 +216,7 @@ impl Problem<'_> {
         (cost, slope)
     }
 
-    /// Derivative by unknown `i` of a function of place and velocity of the hand.
+    /// Returns the derivative with respect to unknown `i` of a function of the hand's position and velocity.
     fn of_hand(
         &self,
         hand: &HandMotion,
@@ -242,7 +243,7 @@ impl Problem<'_> {
                 rows.inequality(1.0 - sign * u, |k| {
                     if k == THROW_JOINTS + i { -sign } else { 0.0 }
                 });
-                // Speeding up: a T / w - |u|.
+                // Acceleration limit: a T / w - |u|.
                 let quick = joint.acceleration / joint.speed;
                 rows.inequality(quick * time - sign * u, |k| match k {
                     TIME => quick,
@@ -264,7 +265,7 @@ impl Problem<'_> {
         rows.inequality(TIMES[1] - time, |k| -f64::from(k == TIME));
     }
 
-    /// The ball does not leave towards the palm, and rises no more steeply than it may.
+    /// Limits the angle between velocity and hand axis, and the elevation.
     fn limit_hand(&self, hand: &HandMotion, rows: &mut Rows) {
         let speed = hand.v.norm().max(1e-3);
         let along = hand.v / speed;
@@ -289,7 +290,7 @@ impl Problem<'_> {
         }
     }
 
-    /// The arm is away from trunk and torso at both ends of the swing and at the release.
+    /// Keeps the arm away from trunk and torso at both ends of the swing and at the release.
     fn keep_clear(&self, x: &Point, rows: &mut Rows) {
         let apart = self.config.clearance;
         if apart <= 0.0 {
@@ -345,7 +346,7 @@ impl Rows {
         self.count += 1;
     }
 
-    /// Takes an equation `value = 0`.
+    /// Adds an equation `value = 0`.
     fn equation(&mut self, value: f64, slope: impl Fn(usize) -> f64) {
         self.lack += value.abs();
         self.violation.aim = self.violation.aim.max(value.abs());
@@ -355,7 +356,7 @@ impl Rows {
         });
     }
 
-    /// Takes an inequality `value >= 0`.
+    /// Adds an inequality `value >= 0`.
     fn inequality(&mut self, value: f64, slope: impl Fn(usize) -> f64) {
         self.lack += (-value).max(0.0);
         self.violation.limits = self.violation.limits.max(-value);
@@ -408,7 +409,7 @@ mod tests {
                 prop_assume!(more.own == here.own && less.own == here.own);
                 prop_assert!(((more.cost - less.cost) / (2.0 * h) - here.slope[i]).abs() < 1e-5 * (1.0 + here.slope[i].abs()));
                 for row in 0..here.own {
-                    // Values are minus the bounds. Where another pair of bodies becomes the nearest one there is no slope.
+                    // Values are negative bounds. The distance has a kink where the closest pair of bodies changes.
                     let [a, b, c] = [&less, &here, &more].map(|at| -at.rows[row].bound);
                     prop_assume!((a + c - 2.0 * b).abs() < 1e-8);
                     let slope = (c - a) / (2.0 * h);

@@ -1,4 +1,5 @@
-//! Where descents begin: configurations of the arm all over its ranges, each with the speeds that throw farthest from there.
+//! Start points of descents: arm configurations distributed over the ranges, each with the velocities of its farthest
+//! throw.
 
 use nalgebra::Vector3;
 
@@ -6,14 +7,15 @@ use super::problem::{Aim, Point, Problem, THROW_UNKNOWNS};
 use crate::flight::GRAVITY;
 use tactnet_catching_packets::THROW_JOINTS;
 
-/// Directions that a hand is thrown towards from a configuration, before the turn: so many about the vertical.
+/// Number of throwing directions about the vertical per configuration, before the torso rotation.
 const DIRECTIONS: usize = 12;
-/// How steeply, rad.
+/// Elevation of the throwing directions, in rad.
 const STEEP: f64 = 0.6;
-/// Time in which joints speed up, s.
+/// Acceleration time of the starts, in s.
 const TIME: f64 = 0.25;
 
-/// Returns the best of `candidates` configurations, each pattern of the signs of speeds once, at most `most`, the best first.
+/// Returns the best of `candidates` configurations, at most one per sign pattern of the velocities and at most `most`,
+/// sorted by quality.
 pub(super) fn starts(problem: &Problem, candidates: usize, most: usize) -> Vec<Point> {
     let mut best: Vec<Option<(f64, Point)>> = vec![None; 1 << THROW_JOINTS];
     for number in 0..candidates {
@@ -27,18 +29,18 @@ pub(super) fn starts(problem: &Problem, candidates: usize, most: usize) -> Vec<P
         }
     }
     let mut found: Vec<(f64, Point)> = best.into_iter().flatten().collect();
-    // Sorting is stable: equal scores stay in the order of patterns.
+    // The stable sort keeps equal scores in the order of patterns.
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found.truncate(most);
     found.into_iter().map(|(_, x)| x).collect()
 }
 
-/// Returns a configuration with its flight's length (without air), and the pattern of signs.
+/// Returns the score (flight distance without air minus penalties), the start point, and its sign pattern.
 fn candidate(problem: &Problem, number: usize, direction: usize) -> Option<(f64, Point, usize)> {
     let joints = problem.swing.joints();
     let mut x = [0.0; THROW_UNKNOWNS];
     for i in 1..THROW_JOINTS {
-        // Roberts' sequence: even in seven dimensions.
+        // Roberts' low-discrepancy sequence in seven dimensions.
         let place = (0.5 + (number + 1) as f64 * PLASTIC.powi(-(i as i32))).fract();
         let joint = &joints[i];
         let way = joint.speed * (TIME / 2.0 + problem.config.coast);
@@ -64,7 +66,7 @@ fn candidate(problem: &Problem, number: usize, direction: usize) -> Option<(f64,
     }
     let thrown = |x: &Point| problem.swing.motion(&Problem::angles(x), &problem.rates(x));
     let hand = thrown(&x);
-    // The whole robot turns until the ball flies where it is to.
+    // Rotate the whole robot towards the target direction.
     let heading = problem.aim.heading(&hand.p);
     let turn = heading.y.atan2(heading.x) - hand.v.y.atan2(hand.v.x);
     x[0] = turn.sin().atan2(turn.cos());
@@ -76,7 +78,7 @@ fn candidate(problem: &Problem, number: usize, direction: usize) -> Option<(f64,
     }
     let mut length = hand.v.xy().norm() * rise / GRAVITY;
     if let Aim::At { target } = problem.aim {
-        // Too far: slower, as in a flat throw.
+        // Reduce the velocities if the throw is too far, as for a flat throw.
         let wanted = (target - hand.p).xy().norm();
         let share = (wanted / length).min(1.0).sqrt();
         for u in &mut x[THROW_JOINTS..2 * THROW_JOINTS] {
@@ -88,13 +90,13 @@ fn candidate(problem: &Problem, number: usize, direction: usize) -> Option<(f64,
     let out = (turned.range[0] - x[0])
         .max(x[0] - turned.range[1])
         .max(0.0);
-    // Towards the palm the ball cannot leave.
+    // The ball cannot leave towards the palm.
     let along = hand.axis.dot(&hand.v) / hand.v.norm().max(1e-9);
     let towards_palm = (problem.config.palm.cos() - along).max(0.0);
     Some((length - 2.0 * out - 3.0 * towards_palm, x, pattern))
 }
 
-/// The root of `g^8 = g + 1`: powers of its inverse fill seven dimensions evenly.
+/// Root of `g^8 = g + 1`. The powers of its inverse give a low-discrepancy sequence in seven dimensions.
 const PLASTIC: f64 = 1.096_981_557_798_559_8;
 
 #[cfg(test)]

@@ -1,40 +1,40 @@
-//! The hand that throws: an arm on the platform's turn, eight joints, with derivatives.
+//! Kinematics of the throwing hand: an arm on a rotating base, with eight joints and derivatives.
 //!
-//! The turn is about the vertical axis over the platform's middle. The robot of simulations has no platform that turns; it has the torso's
-//! vertical axis in the same place, and that is the turn here: joint 1 of a robot, with its limits.
+//! The base rotates about the vertical axis through the platform's centre. The simulated platform cannot rotate; the
+//! torso's vertical joint (joint 1) has the same axis and takes that role, with its limits.
 
 use nalgebra::{SMatrix, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, JOINTS, Joint, THROW_JOINTS, joint};
 
 use crate::robot::{ArmKinematics, Robot};
 
-/// A number for each of them.
+/// One value per throwing joint.
 pub type ThrowJoints = [f64; THROW_JOINTS];
 
-/// Derivatives of a vector by them.
+/// Derivatives of a vector with respect to the throwing joints.
 pub(crate) type Slopes = SMatrix<f64, 3, THROW_JOINTS>;
 
-/// An arm on the turn.
+/// Arm on the rotating base.
 #[derive(Debug, Clone)]
 pub struct Swing {
     arm: ArmKinematics,
     number: usize,
     joints: [Joint; THROW_JOINTS],
-    /// Of the turn's axis, m, inertial frame.
+    /// Position of the rotation axis on the floor in the inertial frame, in m.
     foot: Vector3<f64>,
-    /// From there to the chest, without turn.
+    /// Vector from there to the chest without rotation.
     chest: Vector3<f64>,
 }
 
-/// Where the hand is and how it moves, inertial frame, with derivatives by joint angles; those of the velocity by joint rates are
-/// `by_q`'s.
+/// Pose and motion of the hand in the inertial frame, with derivatives with respect to joint angles. The derivative of
+/// `v` with respect to joint velocities equals `p_by_q`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct HandMotion {
-    /// Middle of the opening, m.
+    /// Centre of the hand's opening, in m.
     pub p: Vector3<f64>,
-    /// m/s.
+    /// Velocity, in m/s.
     pub v: Vector3<f64>,
-    /// The hand's axis, away from the wrist.
+    /// Hand axis, pointing away from the wrist.
     pub axis: Vector3<f64>,
     pub p_by_q: Slopes,
     pub v_by_q: Slopes,
@@ -42,7 +42,7 @@ pub(crate) struct HandMotion {
 }
 
 impl Swing {
-    /// Prepares an arm (0 left, 1 right) of a robot whose platform and torso's pitches stand as in `posture`.
+    /// Creates the kinematics of an arm (0 left, 1 right) with platform and torso pitch joints as in `posture`.
     pub fn new(robot: &Robot, number: usize, posture: &[f64; JOINTS]) -> Self {
         let mut ahead = *posture;
         ahead[joint::TORSO.start] = 0.0;
@@ -56,12 +56,12 @@ impl Swing {
         }
     }
 
-    /// Returns the limits of the turn and the arm's joints.
+    /// Returns the limits of the rotation and the arm's joints.
     pub fn joints(&self) -> &[Joint; THROW_JOINTS] {
         &self.joints
     }
 
-    /// Returns which arm it is.
+    /// Returns the index of the arm.
     pub fn number(&self) -> usize {
         self.number
     }
@@ -70,7 +70,7 @@ impl Swing {
         &self.arm
     }
 
-    /// Returns place and velocity of the hand's middle, m and m/s, inertial frame.
+    /// Returns position and velocity of the hand in the inertial frame, in m and m/s.
     pub fn hand(&self, q: &ThrowJoints, rates: &ThrowJoints) -> (Vector3<f64>, Vector3<f64>) {
         let motion = self.motion(q, rates);
         (motion.p, motion.v)
@@ -78,7 +78,7 @@ impl Swing {
 
     /// Returns the hand with its derivatives.
     ///
-    /// A joint k turns whatever lies behind it: `dJ_i/dq_k = a_k x J_i` for `i >= k`, `a_i x J_k` for `i < k`.
+    /// Joint k rotates everything behind it: `dJ_i/dq_k = a_k x J_i` for `i >= k`, `a_i x J_k` for `i < k`.
     pub(crate) fn motion(&self, q: &ThrowJoints, rates: &ThrowJoints) -> HandMotion {
         let (pose, jacobian) = self.arm.jacobian(&std::array::from_fn(|i| q[i + 1]));
         let (sin, cos) = q[0].sin_cos();
@@ -99,7 +99,8 @@ impl Swing {
         let mut v_by_q = Slopes::zeros();
         let mut axis_by_q = Slopes::zeros();
         let column = |m: &Slopes, i: usize| -> Vector3<f64> { m.column(i).into_owned() };
-        // Of the joints behind k, k among them; and how those before it turn.
+        // First the velocity contributed by joint k and all joints behind it, then the rotation of the joints before
+        // it.
         let mut behind = Vector3::zeros();
         for k in (0..THROW_JOINTS).rev() {
             behind += column(&linear, k) * rates[k];
@@ -123,7 +124,7 @@ impl Swing {
     }
 }
 
-/// Returns where joint `i` of a throw with an arm stands in packets.
+/// Returns the packet index of joint `i` of a throw with an arm.
 pub fn throw_joint(arm: usize, i: usize) -> usize {
     if i == 0 {
         joint::TORSO.start

@@ -1,4 +1,4 @@
-//! A slow way from rest to rest on which the robot does not touch itself.
+//! Slow collision-free way between two poses at rest.
 
 use tactnet_catching_packets::JOINTS;
 
@@ -6,12 +6,12 @@ use crate::ramp::{LeastTime, Ramp};
 use crate::robot::Robot;
 use crate::safety::{Bodies, PAIRS, distance};
 
-/// Moments that are looked at, s apart.
+/// Time between collision checks, in s.
 const DENSE: f64 = 0.01;
-/// Straight legs, at most.
+/// Maximum number of straight legs.
 const LEGS: usize = 2;
 
-/// Joints over time, s from its begin: one or two straight legs.
+/// Joint motion over time, in s from its start, with one or two straight legs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Way {
     legs: [[Ramp; JOINTS]; LEGS],
@@ -67,13 +67,13 @@ impl Way {
         Self { legs, ends }
     }
 
-    /// Returns its ramps, if it is one straight leg.
+    /// Returns the ramps if the way is one straight leg.
     pub(super) fn straight(&self) -> Option<&[Ramp; JOINTS]> {
         let [_, round] = self.ends;
         (round == 0.0).then_some(&self.legs[0])
     }
 
-    /// Returns when it ends, s.
+    /// Returns the end of the motion, in s.
     pub fn end(&self) -> f64 {
         self.ends.iter().sum()
     }
@@ -90,7 +90,7 @@ impl Way {
     }
 }
 
-/// Returns the first pair of bodies that comes nearer than `margin`, and nearer than it is at the begin.
+/// Returns the first pair of bodies that comes closer than `margin` and closer than at the start.
 pub(super) fn touching(
     bodies: &Bodies,
     margin: f64,

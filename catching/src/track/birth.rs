@@ -1,4 +1,4 @@
-//! The birth of a track from one stereo pair: where the ball is, whether disparity and radius agree on it, what is known of its velocity.
+//! Creation of a track from one stereo pair: position, consistency of disparity and radius, and prior of the velocity.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -9,19 +9,20 @@ use super::triangular::lower;
 use super::ukf::{BallState, STATES};
 use crate::flight::GRAVITY;
 
-/// Gauss and Newton's steps; the third one moves by nanometres.
+/// Number of Gauss-Newton steps; the third one moves by nanometres.
 const STEPS: usize = 3;
 
-/// A ball that may have appeared.
+/// Candidate of a new ball.
 #[derive(Debug, Clone)]
 pub(super) struct Birth {
     pub state: BallState,
-    /// Logarithm of the probability density that a ball appears, is found in both pictures and gives these two circles, 1/px^6.
+    /// Logarithm of the density that a ball appears, is detected in both pictures and causes these two circles, in
+    /// 1/px^6.
     pub log_density: f64,
 }
 
-/// Returns the ball that a left and a right circle would be of. `None` if they do not fit together: six numbers, three of which a position
-/// explains; what is left over must be within the gate (rows, radii and disparity agree); or if no ball appears there.
+/// Returns the ball that corresponds to a left and a right circle. Of their six values, a position explains three; the
+/// rest must lie within the gate. Returns `None` if rows, radii and disparity disagree or no ball can appear there.
 pub(super) fn birth(
     cameras: &[Camera; CAMERAS],
     circles: [&Vector3<f64>; CAMERAS],
@@ -30,10 +31,10 @@ pub(super) fn birth(
     config: &TrackConfig,
 ) -> Option<Birth> {
     let variances = config.variances();
-    // Cheap first: rows and radii differ by noise alone.
+    // Cheap tests first: rows and radii differ only by noise.
     let off = circles[0] - circles[1];
     let rows = (off.y - row_difference(cameras, circles)).powi(2) / (2.0 * variances.y);
-    // Nearly head on, radii are equal; far aside they differ by parts in a hundred.
+    // Radii are equal near the optical axis and differ by up to 2 % far from it.
     let radii = (off.z.abs() - 0.02 * circles[0].z).max(0.0).powi(2) / (2.0 * variances.z);
     if rows > config.gate || radii > config.gate || off.x <= 0.0 {
         return None;
@@ -49,7 +50,7 @@ pub(super) fn birth(
     let turned = head.rotation * covariance * head.rotation.transpose();
     let mut state = thrown(&p, &turned, head, config)?;
     state.born_from(head, head_root);
-    // The integral over all positions, evenly likely in the volume, of the density of six numbers.
+    // Integral of the density of the six values over all positions, uniform in the volume.
     let log_noise = CAMERAS as f64
         * variances
             .iter()
@@ -64,8 +65,8 @@ pub(super) fn birth(
         .then_some(Birth { state, log_density })
 }
 
-/// Returns by how many rows a ball is lower in the left picture, because one camera sits higher or farther ahead than the other: 0 for two on
-/// a line. Its depth is taken from the disparity.
+/// Returns the row difference of a ball between left and right picture, in pixels, that results from different heights
+/// or forward positions of the cameras. It is 0 for aligned cameras. The depth follows from the disparity.
 fn row_difference(cameras: &[Camera; CAMERAS], circles: [&Vector3<f64>; CAMERAS]) -> f64 {
     let [left, right] = cameras;
     let apart = left.offset - right.offset;
@@ -73,7 +74,7 @@ fn row_difference(cameras: &[Camera; CAMERAS], circles: [&Vector3<f64>; CAMERAS]
     (circles[0].x - circles[1].x) / apart.y * (apart.z + down * apart.x)
 }
 
-/// Returns position and covariance in the head's frame by weighted least squares, and the sum of squares that is left.
+/// Returns position and covariance in the head frame by weighted least squares, and the remaining sum of squares.
 fn triangulate(
     cameras: &[Camera; CAMERAS],
     circles: [&Vector3<f64>; CAMERAS],
@@ -115,7 +116,8 @@ fn triangulate(
     ))
 }
 
-/// Returns a ball at `p` that was thrown at the robot: towards it at a speed within what is usual, up as fast as it takes to get there.
+/// Returns a ball at `p`, thrown at the robot: with the prior's horizontal speed and the vertical speed needed to
+/// arrive.
 fn thrown(
     p: &Vector3<f64>,
     covariance: &Matrix3<f64>,
@@ -135,7 +137,7 @@ fn thrown(
     let rise = to_aim.z / time + GRAVITY * time / 2.0;
     // A slower ball must fly higher.
     let rise_by_speed = to_aim.z / distance - GRAVITY * distance / (2.0 * towards * towards);
-    // No ball is faster sideways than forward.
+    // Limits lateral speeds to the forward speed.
     let sideways = (throws.spread[0] / time).min(towards / 2.0);
     let upward = (throws.spread[1] / time).min(towards / 2.0);
     let mut columns = SMatrix::<f64, STATES, { 2 * STATES }>::zeros();
@@ -162,8 +164,8 @@ fn thrown(
     Some(BallState::new(x, lower(columns)))
 }
 
-/// Returns true unless a ball is, by more than three standard deviations, none that was thrown at the robot: too slow or too fast, or
-/// flying too high.
+/// Returns false if the ball deviates by more than three standard deviations from a throw: too slow, too fast, or too
+/// high.
 pub(super) fn is_throw(state: &BallState, config: &TrackConfig) -> bool {
     let throws = &config.throws;
     let covariance = state.covariance();
@@ -172,7 +174,7 @@ pub(super) fn is_throw(state: &BallState, config: &TrackConfig) -> bool {
     let sigma = 3.0 * (v.transpose() * velocity * v)[0].max(0.0).sqrt() / speed.max(1e-3);
     let rise = v.z.max(0.0);
     let apex = state.x[2] + rise * rise / (2.0 * GRAVITY);
-    // By height and, through `v_z / g`, by velocity.
+    // Derivative of the apex with respect to the vertical velocity; that with respect to the height is 1.
     let by_velocity = rise / GRAVITY;
     let apex_variance = covariance[(2, 2)]
         + 2.0 * by_velocity * covariance[(2, 5)]
@@ -206,7 +208,7 @@ mod tests {
         .unwrap()
     }
 
-    /// Calibrated cameras need not stand on a line.
+    /// Calibrated cameras may be misaligned.
     #[test]
     fn a_ball_is_born_before_cameras_of_which_one_sits_higher_and_farther_ahead() {
         let mut description = RobotDescription::nominal().cameras;
@@ -218,7 +220,7 @@ mod tests {
             let config = TrackConfig::default();
             let birth = birth(&cameras, [&left, &right], &head, &head.root(), &config).unwrap();
             let found = birth.state.x.fixed_rows::<3>(0) - head.position;
-            // Gauss and Newton's last step.
+            // Tolerance: the last Gauss-Newton step.
             assert!((found - seen).norm() < 1e-6, "{found}");
         }
     }
@@ -252,7 +254,7 @@ mod tests {
         let circles = cameras().map(|camera| camera.outline(&seen).unwrap());
         assert!(born(circles).is_some());
         for change in [
-            // Rows, radii against each other, radii against disparity.
+            // Rows, radii compared with each other, radii compared with the disparity.
             [Vector3::y() * 3.0, Vector3::zeros()],
             [Vector3::z() * 3.0, Vector3::zeros()],
             [Vector3::z() * 3.0, Vector3::z() * 3.0],

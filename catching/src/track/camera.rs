@@ -1,9 +1,9 @@
-//! What a camera sees of a ball: the exact outline of a sphere.
+//! Projection of a ball: the exact outline of a sphere.
 //!
-//! For a sphere of radius `R` at distance `d`, `theta` off the optical axis, with `beta = asin(R / d)`, the outline is an ellipse with its
-//! centre at `f sin 2theta / (cos 2theta + cos 2beta)`, radial semi-axis `f sin 2beta / (cos 2theta + cos 2beta)` and tangential
-//! semi-axis `f R / sqrt(z^2 - R^2)`. With `z = d cos theta` the denominators are `2 (z^2 - R^2) / d^2`, so that no angle is needed. The
-//! radius of a circle is the mean of both semi-axes.
+//! For a sphere of radius `R` at distance `d`, `theta` off the optical axis, with `beta = asin(R / d)`, the outline is
+//! an ellipse. Its centre is at `f sin 2theta / (cos 2theta + cos 2beta)`, its radial semi-axis is `f sin 2beta / (cos
+//! 2theta + cos 2beta)` and its tangential semi-axis `f R / sqrt(z^2 - R^2)`. With `z = d cos theta` the denominators
+//! equal `2 (z^2 - R^2) / d^2`, so no angles are needed. The radius of a circle is the mean of both semi-axes.
 
 use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::Cameras;
@@ -11,22 +11,22 @@ use tactnet_catching_packets::Cameras;
 use super::head::Head;
 use crate::flight::BALL_RADIUS;
 
-/// Cameras of the head: left, right.
+/// Number of cameras: left, right.
 pub const CAMERAS: usize = 2;
 
-/// A camera in the head, which looks along the head's x axis.
+/// Camera in the head that looks along the head's x axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Where it is, head's frame, m.
+    /// Position in the head frame, in m.
     pub offset: Vector3<f64>,
-    /// Focal length, pixels.
+    /// Focal length, in pixels.
     pub focal: f64,
-    /// Width and height of the picture, pixels.
+    /// Width and height of the picture, in pixels.
     pub size: [f64; 2],
 }
 
 impl Camera {
-    /// Returns the left and the right one.
+    /// Returns the left and the right camera.
     pub fn pair(cameras: &Cameras) -> [Self; CAMERAS] {
         let centre = Vector3::from(cameras.centre);
         std::array::from_fn(|camera| Self {
@@ -38,7 +38,8 @@ impl Camera {
         })
     }
 
-    /// Returns the circle (u, v, r), pixels, of a ball at `ball`, head's frame, m; `None` unless all of it is before the camera.
+    /// Returns the circle (u, v, r), in pixels, of a ball at `ball` in the head frame, in m. Returns `None` unless the
+    /// whole ball is in front of the camera.
     pub fn outline(&self, ball: &Vector3<f64>) -> Option<Vector3<f64>> {
         let seen = ball - self.offset;
         let depth = seen.x * seen.x - BALL_RADIUS * BALL_RADIUS;
@@ -56,7 +57,7 @@ impl Camera {
         ))
     }
 
-    /// Returns by how many pixels a centre is inside of the picture; negative outside.
+    /// Returns the distance of a circle's centre from the picture's edge, in pixels; negative outside.
     pub fn inside(&self, circle: &Vector3<f64>) -> f64 {
         let [width, height] = self.size;
         [circle.x, width - circle.x, circle.y, height - circle.y]
@@ -65,20 +66,20 @@ impl Camera {
     }
 }
 
-/// A camera where the head is now.
+/// Camera at the current head pose.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
-    /// The camera.
+    /// Camera.
     pub camera: Camera,
-    /// From the inertial frame to the head's.
+    /// Rotation from the inertial frame to the head frame.
     to_head: Matrix3<f64>,
-    /// Of the head's frame, inertial frame, m.
+    /// Position of the head frame in the inertial frame, in m.
     head: Vector3<f64>,
     velocity: Vector3<f64>,
 }
 
 impl View {
-    /// Returns what a camera sees from a head.
+    /// Creates the view of a camera from a head pose.
     pub fn new(camera: Camera, head: &Head) -> Self {
         Self {
             camera,
@@ -88,18 +89,18 @@ impl View {
         }
     }
 
-    /// Returns the circle of a ball at `p`, inertial frame, m.
+    /// Returns the circle of a ball at `p` in the inertial frame, in m.
     pub fn see(&self, p: &Vector3<f64>) -> Option<Vector3<f64>> {
         self.camera.outline(&(self.to_head * (p - self.head)))
     }
 
-    /// Returns how far a ball's circle moves in `dt` seconds, pixels.
+    /// Returns the motion of a ball's circle in `dt` seconds, in pixels.
     pub fn motion(&self, p: &Vector3<f64>, v: &Vector3<f64>, dt: f64) -> Option<Vector3<f64>> {
         let half = (v - self.velocity) * (dt / 2.0);
         Some(self.see(&(p + half))? - self.see(&(p - half))?)
     }
 
-    /// Returns where a ball is, seen from the head's origin, inertial directions, m.
+    /// Returns the vector from the head to a ball, along the inertial axes, in m.
     pub fn from_head(&self, p: &Vector3<f64>) -> Vector3<f64> {
         p - self.head
     }
@@ -116,7 +117,7 @@ mod tests {
     }
 
     proptest! {
-        /// As the angles say, and as tangent rays do: the ellipse's ends along and across the radial direction lie on the sphere's cone.
+        /// Compares with the formula in angles and with tangent rays at the ends of the radial axis.
         #[test]
         fn outlines_are_those_of_the_angles(x in 0.3..7.0f64, y in -2.0..2.0f64, z in -2.0..2.0f64) {
             let camera = left();
@@ -129,7 +130,7 @@ mod tests {
             let tangential = camera.focal * BALL_RADIUS / (x * x - BALL_RADIUS * BALL_RADIUS).sqrt();
             prop_assert!(((circle.x - 800.0).hypot(circle.y - 625.0) - away).abs() < 1e-6 * (1.0 + away));
             prop_assert!((circle.z - (radial + tangential) / 2.0).abs() < 1e-6 * circle.z);
-            // Both ends on the radial line: tan (theta +- beta).
+            // Both ends of the radial axis: tan (theta +- beta).
             let ends = [away + radial, away - radial].map(|u| u / camera.focal);
             prop_assert!((ends[0] - (theta + beta).tan()).abs() < 1e-6 * (1.0 + ends[0].abs()));
             prop_assert!((ends[1] - (theta - beta).tan()).abs() < 1e-6 * (1.0 + ends[1].abs()));

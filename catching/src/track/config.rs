@@ -1,4 +1,4 @@
-//! Settings of the tracker, and what can be wrong with what it is given.
+//! Settings and errors of the tracker.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -6,80 +6,83 @@ use serde::{Deserialize, Serialize};
 use super::mht::{MAX_HYPOTHESES, MAX_SCANS};
 use crate::flight::DRAG;
 
-/// Circles of a picture that are no balls, where pictures show a room with people and round things (`tactnet bench catch-detect`).
+/// Mean number of false circles per picture, measured in pictures of a room with people and round objects.
 pub const CLUTTER_OF_PICTURES: f64 = 24.0;
 
 /// Settings of a [`BallTracker`](super::BallTracker).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackConfig {
-    /// Standard deviation of a circle's centre, each way, pixels.
+    /// Standard deviation of a circle's centre per axis, in pixels.
     pub centre_noise: f64,
-    /// Standard deviation of a circle's radius, pixels.
+    /// Standard deviation of a circle's radius, in pixels.
     pub radius_noise: f64,
-    /// Part of a blurred ball's way during the exposure by which a detector's circle is off along it: 1 if the circle may come from any
-    /// moment of the exposure, 0 if always from the middle.
+    /// Fraction of a ball's motion during the exposure by which the circle may be displaced: 1 if it may show any
+    /// moment of the exposure, 0 if it always shows the middle.
     pub blur: f64,
-    /// White acceleration, m/s^2 per square root of a hertz: after `t` seconds a velocity is unknown by this times the root of `t`. What
-    /// 0.1 m/s^2, constant during the 40 ms from picture to picture and independent from one to the next, comes to is 0.02.
+    /// White acceleration noise, in m/s^2 per square root of Hz. After `t` seconds, the velocity's standard deviation
+    /// is this value times the root of `t`. An acceleration of 0.1 m/s^2 that is constant for 40 ms and independent
+    /// between pictures corresponds to 0.02.
     pub acceleration_noise: f64,
-    /// Drag of a ball, 1/m: mean and standard deviation.
+    /// Mean and standard deviation of a ball's drag coefficient, in 1/m.
     pub drag: [f64; 2],
-    /// Random walk of the drag, 1/m per square root of a second.
+    /// Random walk of the drag coefficient, in 1/m per square root of a second.
     pub drag_walk: f64,
-    /// Lift of a ball's spin along each axis, 1/s: standard deviation. Up to five rotations a second about any axis have 0.0075.
+    /// Standard deviation of a ball's lift vector per axis, in 1/s. Up to five rotations per second about any axis
+    /// correspond to 0.0075.
     pub lift: f64,
-    /// Random walk of the lift, 1/s per square root of a second.
+    /// Random walk of the lift vector, in 1/s per square root of a second.
     pub lift_walk: f64,
-    /// Probability that a ball in a picture is found.
+    /// Detection probability of a ball in a picture.
     pub detection: f64,
-    /// Circles of a picture that are no balls, mean number.
+    /// Mean number of false circles per picture.
     pub clutter: f64,
-    /// Their radii, pixels: least and greatest.
+    /// Minimum and maximum radius of false circles, in pixels.
     pub clutter_radius: [f64; 2],
-    /// Balls that appear, mean number from picture to picture.
+    /// Mean number of new balls per picture.
     pub births: f64,
-    /// Probability that a ball flies on from picture to picture.
+    /// Probability that a ball survives from picture to picture.
     pub survival: f64,
-    /// Square of the distance in standard deviations beyond which a circle is not a ball's; 99.9 % of chi square, 3 degrees of freedom.
+    /// Maximum squared Mahalanobis distance of a ball's circle: 99.9 % quantile of chi-square with 3 degrees of
+    /// freedom.
     pub gate: f64,
-    /// Best assignments of a picture's circles that are looked at for each hypothesis.
+    /// Number of best assignments per hypothesis and picture.
     pub assignments: usize,
-    /// Pictures after which what was the best hypothesis is taken for true.
+    /// Number of pictures after which the ancestor of the best hypothesis is accepted (N-scan pruning).
     pub scans: usize,
-    /// Hypotheses, at most.
+    /// Maximum number of hypotheses.
     pub hypotheses: usize,
-    /// Hypotheses less probable than this, compared to the best one, are dropped.
+    /// Minimum weight of a hypothesis relative to the best one.
     pub least_weight: f64,
-    /// Balls are reported from this probability that they exist.
+    /// Existence probability from which a ball is reported.
     pub report: f64,
-    /// Longest time between two pictures that is bridged, s.
+    /// Maximum time between two pictures, in s.
     pub longest_gap: f64,
-    /// How long a ball flies on that neither camera can see, s.
+    /// Maximum time for which a ball is tracked outside both cameras' views, in s.
     pub longest_unseen: f64,
-    /// How balls are thrown.
+    /// Prior of throws.
     pub throws: ThrowPrior,
 }
 
-/// What is known of a ball before it is seen to move.
+/// Prior of a ball's motion when it is first seen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ThrowPrior {
-    /// Speed, m/s: least and greatest.
+    /// Minimum and maximum speed, in m/s.
     pub speed: [f64; 2],
-    /// Horizontal speed towards the robot, m/s: mean and standard deviation.
+    /// Mean and standard deviation of the horizontal speed towards the robot, in m/s.
     pub towards: [f64; 2],
-    /// Where throws go, from the head, inertial directions, m.
+    /// Mean target of throws relative to the head, along the inertial axes, in m.
     pub aim: [f64; 3],
-    /// Standard deviation of that, sideways and up, m.
+    /// Standard deviation of the target, sideways and upwards, in m.
     pub spread: [f64; 2],
-    /// No ball flies higher than this, m.
+    /// Maximum height of a ball, in m.
     pub highest: f64,
-    /// Nor appears lower than this, m.
+    /// Minimum height at which a ball may appear, in m.
     pub lowest: f64,
-    /// Distance at which balls may appear, m: least and greatest.
+    /// Minimum and maximum distance at which a ball may appear, in m.
     pub distance: [f64; 2],
-    /// Volume within which balls appear, m^3.
+    /// Volume in which balls appear, in m^3.
     pub volume: f64,
 }
 
@@ -128,7 +131,7 @@ impl Default for ThrowPrior {
 }
 
 impl TrackConfig {
-    /// Returns the variances of u, v, r, px^2.
+    /// Returns the variances of u, v and r, in px^2.
     pub(super) fn variances(&self) -> Vector3<f64> {
         let centre = self.centre_noise * self.centre_noise;
         Vector3::new(centre, centre, self.radius_noise * self.radius_noise)
@@ -211,73 +214,74 @@ impl TrackConfig {
     }
 }
 
-/// What is wrong with what a tracker was given. Unless said otherwise nothing of it is used and nothing changes.
+/// Error of the tracker. Unless stated otherwise, the input is ignored and nothing changes.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum TrackError {
-    /// A setting that makes no sense.
+    /// A setting is out of range.
     #[error("`{setting}`: expected {expected}, found {found}")]
     Setting {
-        /// Its name.
+        /// Name of the setting.
         setting: &'static str,
-        /// What it must be.
+        /// Expected value.
         expected: &'static str,
-        /// What it is.
+        /// Actual value.
         found: f64,
     },
-    /// Pictures that do not belong together.
+    /// The pictures are not a pair.
     #[error(
         "expected the circles of both cameras' picture {left}, left first, found picture {right}"
     )]
     Pair {
         /// Number of the left picture.
         left: u64,
-        /// Number of the right one.
+        /// Number of the right picture.
         right: u64,
     },
-    /// More circles than a packet holds.
+    /// The packet states more circles than it can hold.
     #[error("picture {frame}: expected up to {most} circles, found {found}", most = tactnet_catching_packets::packets::MAX_CIRCLES)]
     Count {
-        /// Number of the picture.
+        /// Picture number.
         frame: u64,
-        /// What the packet says.
+        /// Stated number of circles.
         found: u32,
     },
-    /// A circle that is none: not a number, no radius, far outside of the picture.
+    /// A circle is invalid: not finite, without radius, or far outside of the picture.
     #[error("picture {frame}: expected circles in pixels, found ({u}, {v}, {r})")]
     Circle {
-        /// Number of the picture.
+        /// Picture number.
         frame: u64,
-        /// The circle's centre.
+        /// Horizontal centre, in pixels.
         u: f64,
-        /// The circle's centre.
+        /// Vertical centre, in pixels.
         v: f64,
-        /// The circle's radius.
+        /// Radius, in pixels.
         r: f64,
     },
-    /// A pose of the head that is none, or of another moment.
+    /// The head pose is invalid or has a different time.
     #[error(
         "expected the head's pose at {exposure_ns} ns, found one of {found_ns} ns or one that is no pose"
     )]
     Head {
-        /// When the pictures were taken.
+        /// Exposure time of the pictures, in ns.
         exposure_ns: u64,
-        /// Of when the pose is.
+        /// Time of the pose, in ns.
         found_ns: u64,
     },
-    /// Pictures from before the last ones; they are ignored.
+    /// The pictures are older than the last ones and are ignored.
     #[error("expected pictures after {last_ns} ns, found some of {found_ns} ns")]
     Late {
-        /// Of the last pictures.
+        /// Exposure time of the last pictures, in ns.
         last_ns: u64,
-        /// Of these.
+        /// Exposure time of these pictures, in ns.
         found_ns: u64,
     },
-    /// Too long after the last pictures, or more than a second before them: a clock was set. All tracks end; the next pictures begin anew.
+    /// Too much time has passed since the last pictures, or the clock was set back by more than one second. All tracks
+    /// end, and the next pictures start anew.
     #[error("no pictures between {last_ns} ns and {found_ns} ns; all tracks end")]
     Gap {
-        /// Of the last pictures.
+        /// Exposure time of the last pictures, in ns.
         last_ns: u64,
-        /// Of these.
+        /// Exposure time of these pictures, in ns.
         found_ns: u64,
     },
 }

@@ -1,40 +1,40 @@
-//! The head as the tracker takes it: where it is, how wrong that may be, and how the error grows from picture to picture.
+//! Head pose as used by the tracker: pose, error covariance, and its change between pictures.
 //!
-//! The error of a head's pose is nearly the same in one picture and the next. A filter that took it as noise of each picture would believe
-//! to average it away. So it is part of the ball's joint covariance: errors of position, velocity, rotation and of the inertial unit's
-//! biases that the ball's circles do not correct (Schmidt, consider states), and that move on as those of an inertial unit do: a wrong
-//! velocity moves the head, a wrong attitude tilts gravity and whatever else is felt, biases are felt. What the reported covariance grows
-//! by beyond that comes in as noise.
+//! The error of the head pose is almost the same in consecutive pictures. A filter that treats it as independent noise
+//! would average it away. The errors of position, velocity, rotation and IMU biases are therefore part of the ball's
+//! joint covariance as consider states (Schmidt), which circles do not correct. They evolve like IMU errors: a velocity
+//! error moves the head, an attitude error tilts the measured acceleration, and biases integrate. Any further growth of
+//! the reported covariance enters as noise.
 
 use nalgebra::{Matrix3, Quaternion, SMatrix, UnitQuaternion, Vector3};
 use tactnet_catching_packets::packets::HeadPose;
 
 use super::triangular::lower;
 
-/// Errors of position, velocity, rotation, of accelerometer and gyroscope.
+/// Number of error states: position, velocity, rotation, accelerometer bias, gyroscope bias.
 pub(super) const HEAD: usize = 15;
-/// A matrix of them.
+/// Matrix of the error states.
 pub(super) type HeadMatrix = SMatrix<f64, HEAD, HEAD>;
 
-/// As an inertial unit feels it, m/s^2.
+/// Gravity as measured by the IMU, in m/s^2.
 const GRAVITY: f64 = 9.81;
 
-/// A head's pose that was checked.
+/// Validated head pose.
 #[derive(Debug, Clone, Copy)]
 pub struct Head {
-    /// Of which moment.
+    /// Time of the pose, in ns.
     pub t_ns: u64,
-    /// From the head's frame to the inertial one.
+    /// Rotation from the head frame to the inertial frame.
     pub rotation: Matrix3<f64>,
-    /// Of the head's frame, m.
+    /// Position of the head frame, in m.
     pub position: Vector3<f64>,
-    /// m/s.
+    /// Velocity, in m/s.
     pub velocity: Vector3<f64>,
     covariance: HeadMatrix,
 }
 
 impl Head {
-    /// Takes a pose; `None` if numbers are missing or contradict each other.
+    /// Validates a pose. Returns `None` if values are not finite or inconsistent.
     pub fn new(pose: &HeadPose) -> Option<Self> {
         let numbers = pose
             .position
@@ -67,16 +67,16 @@ impl Head {
         lower(root(&self.covariance))
     }
 
-    /// Returns how errors moved on since an `earlier` pose.
+    /// Returns the change of the errors since an `earlier` pose.
     pub(super) fn drift(&self, earlier: &Head) -> HeadDrift {
         let dt = (self.t_ns as f64 - earlier.t_ns as f64) * 1e-9;
-        // What was felt meanwhile, times the time.
+        // Integral of the measured acceleration.
         let felt =
             (self.velocity - earlier.velocity + Vector3::z() * (GRAVITY * dt)).cross_matrix();
         let mut phi = HeadMatrix::identity();
         phi.fixed_view_mut::<3, 3>(0, 3)
             .copy_from(&(Matrix3::identity() * dt));
-        // The same, felt since the earlier pose and integrated twice.
+        // Double integral of the measured acceleration since the earlier pose.
         let moved = (self.position - earlier.position - earlier.velocity * dt
             + Vector3::z() * (GRAVITY * dt * dt / 2.0))
             .cross_matrix();
@@ -99,20 +99,20 @@ impl Head {
     }
 }
 
-/// How a head's errors move on: `e -> phi e + noise n`, `n` of unit variance.
+/// Linear model of the head's errors: `e -> phi e + noise n`, with `n` of unit variance.
 #[derive(Debug, Clone)]
 pub(super) struct HeadDrift {
     pub phi: HeadMatrix,
     pub noise: HeadMatrix,
 }
 
-/// Returns a root of a symmetric matrix without what is negative of it.
+/// Returns a root of the positive part of a symmetric matrix.
 fn root(m: &HeadMatrix) -> HeadMatrix {
     if m.amax() == 0.0 {
         return HeadMatrix::zeros();
     }
     let Some(eigen) = m.try_symmetric_eigen(1e-15, 1000) else {
-        // Never seen; too large is safe.
+        // Fallback without convergence; an upper bound is safe.
         return HeadMatrix::identity() * m.norm().sqrt();
     };
     let mut root = eigen.eigenvectors;

@@ -1,12 +1,12 @@
-//! The multiple hypothesis tracker (Reid 1979, Cox and Hingorani 1996).
+//! Multiple hypothesis tracker (Reid 1979, Cox and Hingorani 1996).
 //!
-//! A hypothesis weighs, relative to one that takes all circles for clutter of density `c`: for each of its tracks, with existence `e` and
-//! detection `d`, `e d N / c` where it has a circle of density `N`, `1 - e d` where it has none; for each birth the density of its pair,
-//! over `c^2`. Within a hypothesis a track that has a circle exists; one that has none exists with `e (1 - d) / (1 - e d)`. Summed over
-//! all hypotheses this is the probability that there is such a ball. What was the best hypothesis some pictures ago is taken for true
-//! (N-scan pruning).
+//! A hypothesis has a weight relative to the one that explains all circles as clutter of density `c`. A track with
+//! existence `e` and detection probability `d` contributes `e d N / c` if it has a circle of density `N`, and `1 - e d`
+//! otherwise. A birth contributes the density of its pair over `c^2`. Within a hypothesis, a track with a circle
+//! exists; one without exists with probability `e (1 - d) / (1 - e d)`. The sum over all hypotheses is the existence
+//! probability of a ball. The ancestor of the best hypothesis some pictures ago is accepted (N-scan pruning).
 //!
-//! Tracks are shared between hypotheses: every circle updates every track once at most.
+//! Hypotheses share tracks: each circle updates each track at most once.
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::RobotDescription;
@@ -20,34 +20,34 @@ use super::murty::{Costs, KBest};
 use super::ukf::{BallState, Sight};
 use crate::flight::BALL_RADIUS;
 
-/// Most hypotheses.
+/// Maximum number of hypotheses.
 pub(super) const MAX_HYPOTHESES: usize = 64;
-/// Most pictures before the best hypothesis is taken for true.
+/// Maximum number of pictures before the best hypothesis is accepted.
 pub(super) const MAX_SCANS: usize = 8;
-/// Most tracks of a hypothesis.
+/// Maximum number of tracks per hypothesis.
 const MAX_TRACKS: usize = 8;
-/// Most pairs of circles that may be new balls.
+/// Maximum number of circle pairs that may be new balls.
 const MAX_BIRTHS: usize = 64;
-/// A track that probably does not exist ends.
+/// Existence probability below which a track ends.
 const LEAST_EXISTENCE: f64 = 0.01;
-/// Nearer than this before the head, m, a ball has passed.
+/// Distance in front of the head below which a ball has passed, in m.
 const PASSED: f64 = 0.1;
-/// No circle, no track.
+/// Index that stands for no circle or no track.
 const NONE: u16 = u16::MAX;
 
-/// A ball, if a hypothesis is right.
+/// Ball of a hypothesis.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
     pub state: BallState,
-    /// Its birth; the same in all hypotheses.
+    /// Identifier of its birth, equal in all hypotheses.
     pub root: u64,
-    /// Probability that it still exists.
+    /// Existence probability.
     pub existence: f64,
-    /// Pairs of pictures that it was found in both of.
+    /// Number of picture pairs in which both cameras detected it.
     pub frames: u32,
     found: [bool; CAMERAS],
     visible: bool,
-    /// Since when no camera can see it, s.
+    /// Time for which no camera can see it, in s.
     unseen: f64,
 }
 
@@ -56,9 +56,9 @@ struct Hypothesis {
     log_weight: f64,
     tracks: [u16; MAX_TRACKS],
     count: usize,
-    /// Left circles that have a track.
+    /// Bit set of the left circles assigned to a track.
     used: u32,
-    /// Itself and its ancestors, picture by picture.
+    /// Identifiers of the hypothesis and its ancestors, picture by picture.
     history: [u64; MAX_SCANS + 1],
 }
 
@@ -86,25 +86,25 @@ impl Hypothesis {
     }
 }
 
-/// What one assignment makes of a hypothesis.
+/// Result of one assignment for a hypothesis.
 #[derive(Debug, Clone, Copy)]
 struct Child {
     parent: usize,
     log_weight: f64,
     /// Circle of each track.
     circles: [u16; MAX_TRACKS],
-    /// Births, by candidate.
+    /// Indices of the birth candidates.
     births: [u16; MAX_TRACKS],
     born: usize,
 }
 
-/// A pair of circles that may be a new ball.
+/// Pair of circles that may be a new ball.
 #[derive(Debug, Clone)]
 struct Candidate {
     left: usize,
     right: usize,
     birth: Birth,
-    /// Its track, once a hypothesis has it.
+    /// Its track, once a hypothesis uses it.
     track: u16,
 }
 
@@ -121,11 +121,11 @@ pub(super) struct Hypotheses {
     children: Vec<Child>,
     candidates: Vec<Candidate>,
     sights: Vec<Option<Sight>>,
-    /// Logarithm of what a circle adds to a track's hypothesis, by track and circle.
+    /// Log weight gain of an assigned circle, by track and circle.
     gains: Vec<f64>,
-    /// The same if it has none.
+    /// Log weight of a missing circle, by track.
     misses: Vec<f64>,
-    /// Updated tracks, by track and circle, none last.
+    /// Updated tracks by track and circle, with the missed one last.
     memo: Vec<u16>,
     costs: Costs,
     best: KBest,
@@ -167,7 +167,7 @@ impl Hypotheses {
         }
     }
 
-    /// Forgets all tracks.
+    /// Removes all tracks.
     pub fn clear(&mut self) {
         self.tracks.clear();
         self.hypotheses.truncate(1);
@@ -175,7 +175,7 @@ impl Hypotheses {
         (only.log_weight, only.count) = (0.0, 0);
     }
 
-    /// Takes a pair of pictures, `dt` s after the last one. Does not allocate.
+    /// Processes a pair of pictures, `dt` s after the previous one. Does not allocate.
     pub fn frame(
         &mut self,
         circles: [&[Vector3<f64>]; CAMERAS],
@@ -190,7 +190,7 @@ impl Hypotheses {
                     track.existence = 0.0;
                 }
             }
-            // What no longer is a filter must not be asked for circles.
+            // Invalid filters must not predict circles.
             self.drop_tracks(|track| track.existence > 0.0);
         }
         for track in &mut self.tracks {
@@ -224,7 +224,7 @@ impl Hypotheses {
         best.iter().map(|track| &self.tracks[usize::from(*track)])
     }
 
-    /// Returns the probability that a ball exists.
+    /// Returns the existence probability of a ball.
     pub fn existence(&self, root: u64) -> f64 {
         let existence = |hypothesis: &Hypothesis| {
             let tracks = hypothesis
@@ -239,7 +239,7 @@ impl Hypotheses {
         self.hypotheses.iter().map(existence).sum()
     }
 
-    /// Returns how many hypotheses and tracks there are.
+    /// Returns the numbers of hypotheses and tracks.
     #[cfg(test)]
     pub fn counts(&self) -> [usize; 2] {
         [self.hypotheses.len(), self.tracks.len()]
@@ -254,14 +254,14 @@ impl Hypotheses {
         }
     }
 
-    /// Gives the circles of one picture to the tracks of every hypothesis, in the best ways.
+    /// Assigns the circles of one picture to the tracks of each hypothesis in the best ways.
     fn scan(&mut self, camera: usize, circles: &[Vector3<f64>], head: &Head) {
         self.compare(camera, circles, head);
         self.assign(circles.len());
         self.apply(camera, circles);
     }
 
-    /// Compares every track with every circle.
+    /// Compares each track with each circle.
     fn compare(&mut self, camera: usize, circles: &[Vector3<f64>], head: &Head) {
         let view = View::new(self.cameras[camera], head);
         self.sights.clear();
@@ -269,7 +269,7 @@ impl Hypotheses {
             let sight = track.state.sight(&view, &self.config, self.exposure);
             let detection = sight.as_ref().map_or(0.0, |sight| {
                 let inside = view.camera.inside(&sight.circle) / (3.0 * sight.sigma);
-                // At the edge, either is as probable.
+                // At the picture's edge, both outcomes are equally probable.
                 self.config.detection * ((inside + 1.0) / 2.0).clamp(0.0, 1.0)
             });
             track.visible |= detection > 0.0;
@@ -292,7 +292,8 @@ impl Hypotheses {
         }
     }
 
-    /// Finds the pairs of circles that may be new balls; a left circle that a track has is no obstacle in other hypotheses.
+    /// Collects the circle pairs that may be new balls. A left circle assigned in one hypothesis remains available in
+    /// others.
     fn seek_births(&mut self, circles: [&[Vector3<f64>]; CAMERAS], head: &Head) {
         let root = head.root();
         for (left, a) in circles[0].iter().enumerate() {
@@ -312,7 +313,7 @@ impl Hypotheses {
         }
     }
 
-    /// Finds the best children of all hypotheses together.
+    /// Computes the best children of all hypotheses.
     fn assign(&mut self, count: usize) {
         let Self {
             config,
@@ -334,7 +335,7 @@ impl Hypotheses {
                 hypothesis.log_weight + tracks.iter().map(|t| misses[usize::from(*t)]).sum::<f64>();
             let free = |candidate: &&Candidate| hypothesis.used >> candidate.left & 1 == 0;
             let gain = |track: u16, circle: usize| gains[usize::from(track) * MAX_CIRCLES + circle];
-            // Circles that could be anything but clutter have a row each.
+            // Circles that may be more than clutter get a row each.
             let mut rows = [0; MAX_CIRCLES];
             let mut number = 0;
             for circle in 0..count {
@@ -348,7 +349,7 @@ impl Hypotheses {
                     number += 1;
                 }
             }
-            // Columns: tracks, left circles, clutter for each row.
+            // Columns: tracks, left circles, and clutter for each row.
             let lefts = tracks.len();
             let clutter = lefts
                 + if candidates.is_empty() {
@@ -423,7 +424,7 @@ impl Hypotheses {
         }
     }
 
-    /// Turns children into hypotheses, with updated tracks.
+    /// Converts children to hypotheses with updated tracks.
     fn apply(&mut self, camera: usize, circles: &[Vector3<f64>]) {
         self.updated.clear();
         self.memo[..self.tracks.len() * (MAX_CIRCLES + 1)].fill(NONE);
@@ -467,7 +468,7 @@ impl Hypotheses {
         std::mem::swap(&mut self.tracks, &mut self.updated);
     }
 
-    /// Returns the track after one circle, or none; made when it is first asked for.
+    /// Returns the track after an assigned or missing circle, created on first use.
     fn updated_track(
         &mut self,
         track: usize,
@@ -487,7 +488,7 @@ impl Hypotheses {
         }
         let mut after = self.tracks[track].clone();
         if missed {
-            // What is left of 1 - e d, of e (1 - d).
+            // Existence without a circle: e (1 - d) / (1 - e d).
             let neither = self.misses[track].exp();
             after.existence = 1.0 - (1.0 - after.existence) / neither;
         } else {
@@ -506,8 +507,7 @@ impl Hypotheses {
         self.memo[place]
     }
 
-    /// Joins hypotheses that have become the same, drops improbable ones, settles what lies back far enough, and forgets tracks that no
-    /// hypothesis has.
+    /// Merges identical hypotheses, drops improbable ones, applies N-scan pruning, and removes unused tracks.
     fn prune(&mut self) {
         let Self {
             hypotheses,
@@ -516,7 +516,7 @@ impl Hypotheses {
             ids,
             ..
         } = self;
-        // Parents come in order of weight, and so do children; joining keeps the better one.
+        // Hypotheses are sorted by weight; merging keeps the better one.
         let mut kept = 0;
         for i in 0..hypotheses.len() {
             let hypothesis = hypotheses[i];

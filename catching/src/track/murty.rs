@@ -1,12 +1,13 @@
-//! The k best assignments (Murty 1968): each row of a matrix gets a column of its own at the least sum of costs, then the next to least,
-//! and so on. Single assignments by shortest augmenting paths (Jonker and Volgenant 1987, without their start).
+//! The k best assignments (Murty 1968). Each row of a cost matrix gets its own column such that the sum of costs is
+//! minimal, then second to minimal, and so on. Single assignments use shortest augmenting paths (Jonker and Volgenant
+//! 1987, without their initialisation).
 
-/// Most rows.
+/// Maximum number of rows.
 pub const MAX_ROWS: usize = 32;
-/// Most columns; a set of them is a `u128`.
+/// Maximum number of columns, so that a set of columns fits into a `u128`.
 pub const MAX_COLUMNS: usize = 128;
 
-/// Costs of giving rows columns; infinite where that is not allowed.
+/// Matrix of assignment costs; infinite for forbidden assignments.
 #[derive(Debug, Clone)]
 pub struct Costs {
     rows: usize,
@@ -25,10 +26,10 @@ impl Default for Costs {
 }
 
 impl Costs {
-    /// Makes it a matrix in which nothing is allowed. Does not allocate.
+    /// Resets to a matrix without permitted assignments. Does not allocate.
     ///
     /// # Panics
-    /// With more than [`MAX_ROWS`] or [`MAX_COLUMNS`].
+    /// Panics with more than [`MAX_ROWS`] rows or [`MAX_COLUMNS`] columns.
     pub fn reset(&mut self, rows: usize, columns: usize) {
         assert!(
             rows <= MAX_ROWS && columns <= MAX_COLUMNS,
@@ -38,7 +39,7 @@ impl Costs {
         self.values[..rows * columns].fill(f64::INFINITY);
     }
 
-    /// Sets a cost. Only finite ones are allowed assignments.
+    /// Sets a cost. A finite cost permits the assignment.
     pub fn set(&mut self, row: usize, column: usize, cost: f64) {
         self.values[row * self.columns + column] = cost;
     }
@@ -48,7 +49,7 @@ impl Costs {
     }
 }
 
-/// An assignment whose first `fixed` rows stay, and whose row `fixed` may not have the columns of `forbidden`.
+/// Assignment whose first `fixed` rows are fixed and whose row `fixed` must not use the columns in `forbidden`.
 #[derive(Debug, Clone, Copy)]
 struct Node {
     cost: f64,
@@ -57,16 +58,16 @@ struct Node {
     forbidden: u128,
 }
 
-/// Finds assignments; holds the memory it takes.
+/// Solver with its working memory.
 #[derive(Debug, Clone)]
 pub struct KBest {
-    /// The best ones not yet given, by cost; of equal ones the first found first.
+    /// Best remaining assignments, sorted by cost; ties in order of discovery.
     nodes: Vec<Node>,
     most: usize,
 }
 
 impl KBest {
-    /// Returns one that finds up to `most` assignments.
+    /// Creates a solver for up to `most` assignments.
     pub fn new(most: usize) -> Self {
         Self {
             nodes: Vec::with_capacity(most + 1),
@@ -74,8 +75,8 @@ impl KBest {
         }
     }
 
-    /// Calls `found` with cost and columns of the best assignment, the next one, and so on, until it returns false, there are no more, or
-    /// it was called `most` times. Does not allocate.
+    /// Calls `found` with cost and columns of the best assignment, the second best, and so on. It stops when `found`
+    /// returns false, no assignments remain, or after `most` calls. Does not allocate.
     pub fn each(&mut self, costs: &Costs, mut found: impl FnMut(f64, &[u8]) -> bool) {
         self.nodes.clear();
         let start = Node {
@@ -117,7 +118,7 @@ impl KBest {
     }
 }
 
-/// Returns the best assignment that `part` allows.
+/// Returns the best assignment within `part`.
 fn solve(costs: &Costs, part: &Node) -> Option<Node> {
     const NONE: usize = usize::MAX;
     let (rows, columns) = (costs.rows, costs.columns);
@@ -159,7 +160,7 @@ fn solve(costs: &Costs, part: &Node) -> Option<Node> {
             if next == NONE {
                 return None;
             }
-            // Along the shortest paths so far, nothing is left of the costs.
+            // Update the potentials: reduced costs along the shortest paths become zero.
             let step = least[next];
             of_row[first] += step;
             for column in 0..columns {

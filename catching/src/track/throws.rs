@@ -1,7 +1,8 @@
-//! Simulated throws: what the tracker makes of them, for tests.
+//! Tests of the tracker on simulated throws.
 //!
-//! Drag is drawn from the prior, white acceleration as the filter has it acts on the ball, circles are exact outlines with noise. The bound
-//! of Cramer and Rao for a throw from 5 m that is caught after 0.80 s, 200 ms before: 0.83 ms along the path, 2.9 mm across it.
+//! Drag is drawn from the prior, the ball has the filter's white acceleration noise, and circles are exact outlines
+//! with noise. The Cramer-Rao bound for a throw from 5 m, caught after 0.80 s, is 0.83 ms along and 2.9 mm across the
+//! path, 200 ms before the catch.
 
 use nalgebra::{Isometry3, SMatrix, SVector, Translation3, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -17,9 +18,9 @@ use crate::flight::{DRAG, Flight};
 use crate::pose::PoseConfig;
 use crate::pose::shaking::{self, chi_square, normal};
 
-/// From picture to picture, s.
+/// Time between pictures, in s.
 const PERIOD: f64 = 0.04;
-/// From release to catch, s.
+/// Time from release to catch, in s.
 const TIME: f64 = 0.8;
 
 fn still() -> Isometry3<f64> {
@@ -41,7 +42,7 @@ fn pose(at: &Isometry3<f64>, t: f64) -> HeadPose {
     }
 }
 
-/// Returns a throw from `from` through `to` after [`TIME`].
+/// Returns a throw from `from` that passes `to` after [`TIME`].
 fn throw(from: Vector3<f64>, to: Vector3<f64>, k: f64) -> Flight {
     let mut ball = Flight {
         p: from,
@@ -55,7 +56,7 @@ fn throw(from: Vector3<f64>, to: Vector3<f64>, k: f64) -> Flight {
     ball
 }
 
-/// Draws a throw from 5 m before the robot.
+/// Returns a random throw from 5 m in front of the robot.
 fn any_throw(rng: &mut ChaCha8Rng) -> Flight {
     let mut between = |a: f64, b: f64| a + (b - a) * rng.random::<f64>();
     let from = Vector3::new(5.5, between(-0.4, 0.4), between(1.3, 1.7));
@@ -66,7 +67,7 @@ fn any_throw(rng: &mut ChaCha8Rng) -> Flight {
     ball
 }
 
-/// Moves a ball on, with white acceleration.
+/// Advances a ball with white acceleration noise.
 fn shaken(ball: &Flight, dt: f64, config: &TrackConfig, rng: &mut ChaCha8Rng) -> Flight {
     let mut after = ball.after(dt);
     let q = config.acceleration_noise;
@@ -78,11 +79,11 @@ fn shaken(ball: &Flight, dt: f64, config: &TrackConfig, rng: &mut ChaCha8Rng) ->
     after
 }
 
-/// What detectors find.
+/// Model of the detectors.
 #[derive(Clone, Copy)]
 struct Detector {
     detection: f64,
-    /// Circles a picture that are none, the same number in every one.
+    /// Number of false circles per picture.
     clutter: usize,
 }
 
@@ -95,7 +96,7 @@ const USUAL: Detector = Detector {
     clutter: 1,
 };
 
-/// Takes both pictures.
+/// Simulates the circles of both pictures.
 fn pictures(
     detector: Detector,
     frame: u64,
@@ -155,19 +156,19 @@ fn pictures(
     })
 }
 
-/// What happened in one throw: predictions picture by picture, with the balls as they were then.
+/// Result of one throw: the predictions and true balls at each picture.
 struct Throw {
     frames: Vec<(BallPredictions, Vec<Flight>)>,
 }
 
-/// Throws balls at a head that stands still and tracks them until the catch.
+/// Throws balls at a head at rest and tracks them until the catch.
 fn track(seed: u64, balls: usize, detector: Detector) -> Throw {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let config = TrackConfig::default();
     let mut tracker = BallTracker::new(&RobotDescription::nominal(), config).unwrap();
     let mut flights: Vec<Flight> = match balls {
         1 => vec![any_throw(&mut rng)],
-        // In the pictures they cross.
+        // The balls cross in the pictures.
         _ => [0.4, -0.4]
             .map(|y| {
                 throw(
@@ -200,7 +201,7 @@ fn flight(ball: &BallPrediction) -> Flight {
     }
 }
 
-/// Returns a prediction as it is if the head is not where it was felt to be at time `t`, but where it was.
+/// Transforms a prediction from the estimated head pose at time `t` to the true one.
 fn aligned(ball: &BallPrediction, felt: &HeadPose, t: f64) -> BallPrediction {
     let [x, y, z, w] = felt.quaternion;
     let rotation = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
@@ -235,7 +236,7 @@ fn nees(ball: &BallPrediction, truth: &Flight) -> f64 {
     (off.transpose() * covariance.cholesky().unwrap().inverse() * off)[0]
 }
 
-/// Errors of where a ball is at its catch: along the path, s, and across it, m.
+/// Returns the error of the predicted catch: along the path in s, and across it in m.
 fn errors(ball: &BallPrediction, truth: &Flight, left: f64) -> [f64; 2] {
     let (predicted, truth) = (flight(ball).after(left), truth.after(left));
     let off = predicted.p - truth.p;
@@ -291,7 +292,7 @@ impl Errors {
     }
 }
 
-/// The goal: 1.5 times the bound, 200 ms before the catch.
+/// Goal: 1.5 times the bound, 200 ms before the catch.
 #[test]
 fn a_ball_is_predicted_within_one_and_a_half_of_the_bound() {
     for (detector, name) in [
@@ -311,7 +312,7 @@ fn a_ball_is_predicted_within_one_and_a_half_of_the_bound() {
             if seen == 15 {
                 assert!(along < 1.3e-3 && across < 4.4e-3, "{along} {across}");
             }
-            // The velocity's prior is no distribution that throws are drawn from; it has to be outweighed first.
+            // The prior of the velocity differs from the distribution of throws and must first be outweighed.
             if seen >= 10 {
                 let [low, high] = all.band();
                 let nees = all.nees / all.number;
@@ -437,7 +438,7 @@ fn pictures_that_are_none_are_refused_and_the_next_ones_taken() {
     assert_eq!(last, 1);
 }
 
-/// The head shakes as its inertial unit feels it; errors of its pose are carried, so that the covariance stays right.
+/// The head shakes as measured by its IMU. The filter carries the pose errors, so the covariance stays consistent.
 #[test]
 fn a_shaking_head_costs_little_where_its_pose_is_felt() {
     let mut all = Errors::default();
@@ -456,7 +457,7 @@ fn a_shaking_head_costs_little_where_its_pose_is_felt() {
                 .iter()
                 .min_by_key(|pose| pose.t_ns.abs_diff(t_ns))
                 .unwrap();
-            // Pictures are taken at the moment of a sample, up to a millisecond from `t`.
+            // Pictures are taken at the time of an IMU sample, up to 1 ms from `t`.
             let exposed = felt.t_ns as f64 * 1e-9;
             ball = shaken(&ball, exposed - before, &config, &mut rng);
             before = exposed;
@@ -477,7 +478,7 @@ fn a_shaking_head_costs_little_where_its_pose_is_felt() {
         }
     }
     all.print("shaking head");
-    // How errors move on from picture to picture is approximated on the safe side: over 600 throws the mean is 9.5, not 10.
+    // The error model between pictures is conservative: over 600 throws the mean is 9.5, not 10.
     let [_, high] = all.band();
     let nees = all.nees / all.number;
     assert!((8.5..high).contains(&nees), "{nees}, 8.5 to {high}");

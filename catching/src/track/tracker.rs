@@ -1,4 +1,4 @@
-//! The tracker: checks what comes in, keeps balls' numbers, reports.
+//! Tracker: validates input, assigns ball numbers and reports balls.
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::RobotDescription;
@@ -12,32 +12,32 @@ use super::head::Head;
 use super::mht::{Hypotheses, Track};
 use crate::flight::Flight;
 
-/// Pictures and pose may be of moments so far apart and count as of one, ns.
+/// Maximum time between pictures and pose of one exposure, in ns.
 const TOGETHER_NS: u64 = 1_000_000;
-/// Pictures from so long before the last ones are not late: a clock was set. ns.
+/// Step back in time, in ns, from which pictures count as a clock change instead of late.
 const CLOCK_SET_NS: u64 = 1_000_000_000;
-/// Balls whose numbers are remembered.
+/// Maximum number of remembered ball numbers.
 const MAX_NAMES: usize = 16;
-/// A ball that appears so near to where one that is gone should be, m and m/s, is that one.
+/// Maximum distance in m and velocity difference in m/s at which a new track continues a lost ball.
 const SAME: [f64; 2] = [0.2, 2.0];
 
-/// The number of a ball that was reported.
+/// Number of a reported ball.
 #[derive(Debug, Clone, Copy)]
 struct Name {
     root: u64,
     number: u64,
-    /// As last reported.
+    /// Last reported flight.
     flight: Flight,
     t_ns: u64,
 }
 
-/// Tracks balls.
+/// Tracker of balls.
 #[derive(Debug, Clone)]
 pub struct BallTracker {
     config: TrackConfig,
     size: [f64; 2],
     hypotheses: Hypotheses,
-    /// Of the last pictures.
+    /// Head pose at the last pictures.
     head: Option<Head>,
     circles: [Vec<Vector3<f64>>; CAMERAS],
     names: Vec<Name>,
@@ -45,10 +45,10 @@ pub struct BallTracker {
 }
 
 impl BallTracker {
-    /// Returns a tracker that knows no ball.
+    /// Creates a tracker without balls.
     ///
     /// # Errors
-    /// Where a setting makes no sense.
+    /// Returns an error if a setting is invalid.
     pub fn new(robot: &RobotDescription, config: TrackConfig) -> Result<Self, TrackError> {
         config.check()?;
         Ok(Self {
@@ -65,11 +65,12 @@ impl BallTracker {
         })
     }
 
-    /// Takes the circles of a pair of pictures, left and right, with the head's pose when they were taken, and returns the balls that
-    /// probably exist, by number. Balls keep their numbers. The order of circles in a packet does not matter. Does not allocate.
+    /// Processes the circles of a left and a right picture with the head pose at their exposure. Returns the balls that
+    /// probably exist, sorted by number. Balls keep their numbers. The order of circles in a packet is irrelevant. Does
+    /// not allocate.
     ///
     /// # Errors
-    /// Where pictures or pose are not to be used ([`TrackError`]).
+    /// Returns an error if pictures or pose are invalid ([`TrackError`]).
     pub fn push(
         &mut self,
         circles: [&Circles; CAMERAS],
@@ -97,7 +98,7 @@ impl BallTracker {
                     .iter()
                     .map(|circle| Vector3::new(circle.u, circle.v, circle.r)),
             );
-            // In an order of their own, so that sums are the same to the bit.
+            // Sort the circles, so that sums are equal to the bit.
             sorted.sort_unstable_by(|a, b| {
                 a.x.total_cmp(&b.x)
                     .then(a.y.total_cmp(&b.y))
@@ -113,7 +114,7 @@ impl BallTracker {
         Ok(self.report(exposure_ns, &head))
     }
 
-    /// Returns when both pictures were taken, if they are a pair and their circles are circles.
+    /// Returns the exposure time if the pictures are a pair with valid circles.
     fn check(&self, circles: [&Circles; CAMERAS]) -> Result<u64, TrackError> {
         let [left, right] = circles;
         let together = left.exposure_ns.abs_diff(right.exposure_ns) <= TOGETHER_NS;
@@ -148,7 +149,7 @@ impl BallTracker {
         Ok(left.exposure_ns)
     }
 
-    /// Returns the time between two pictures, s.
+    /// Returns the time between two pictures, in s.
     fn since(&mut self, last_ns: u64, found_ns: u64) -> Result<f64, TrackError> {
         if found_ns <= last_ns && last_ns - found_ns <= CLOCK_SET_NS {
             return Err(TrackError::Late { last_ns, found_ns });
@@ -175,7 +176,7 @@ impl BallTracker {
             existence: 0.0,
             frames: 0,
         }; MAX_BALLS];
-        // Those that were seen most often; of equal ones the most probable.
+        // Prefer balls seen most often, then the most probable ones.
         let mut chosen: [Option<(f64, &Track)>; MAX_BALLS] = [None; MAX_BALLS];
         for track in self.hypotheses.best() {
             let mut next = Some((self.hypotheses.existence(track.root), track));
@@ -224,14 +225,14 @@ impl BallTracker {
         }
     }
 
-    /// Returns how many hypotheses and tracks there are.
+    /// Returns the numbers of hypotheses and tracks.
     #[cfg(test)]
     pub(super) fn counts(&self) -> [usize; 2] {
         self.hypotheses.counts()
     }
 }
 
-/// Returns the number of a ball: the one that it has, that of a ball that is gone and should be just there, or a new one.
+/// Returns the number of a ball: its own, that of a lost ball expected at this position, or a new one.
 fn name(
     names: &mut Vec<Name>,
     numbers: &mut u64,
@@ -244,7 +245,7 @@ fn name(
         let then = name.flight.after((t_ns - name.t_ns) as f64 * 1e-9);
         (then.p - now.p).norm() < SAME[0] && (then.v - now.v).norm() < SAME[1]
     };
-    // Longer ago than that, it is another one.
+    // Forget balls lost for longer.
     names.retain(|name| t_ns - name.t_ns < 300_000_000);
     let known = names
         .iter()

@@ -1,8 +1,9 @@
-//! Square roots of covariances: lower triangular matrices with nothing negative on the diagonal.
+//! Square roots of covariances: lower triangular matrices with a non-negative diagonal.
 
 use nalgebra::{SMatrix, SVector};
 
-/// Returns the lower triangular `L` with `L L' = M M'`, by Householder reflections of the rows (the QR decomposition of `M'`).
+/// Returns the lower triangular `L` with `L L' = M M'`, by Householder reflections of the rows (the QR decomposition of
+/// `M'`).
 pub(super) fn lower<const R: usize, const C: usize>(
     mut m: SMatrix<f64, R, C>,
 ) -> SMatrix<f64, R, R> {
@@ -13,7 +14,7 @@ pub(super) fn lower<const R: usize, const C: usize>(
         if norm == 0.0 {
             continue;
         }
-        // The reflection that puts the row onto its diagonal, away from cancellation.
+        // Reflects the row onto its diagonal, with the sign that avoids cancellation.
         let end = if m[(i, i)] > 0.0 { -norm } else { norm };
         for j in i..C {
             mirror[j] = m[(i, j)];
@@ -36,7 +37,7 @@ pub(super) fn lower<const R: usize, const C: usize>(
     })
 }
 
-/// Turns `L` into the root of `L L' + x x'`.
+/// Replaces `L` by the root of `L L' + x x'`.
 pub(super) fn add<const N: usize>(l: &mut SMatrix<f64, N, N>, mut x: SVector<f64, N>) {
     for i in 0..N {
         let r = l[(i, i)].hypot(x[i]);
@@ -53,7 +54,7 @@ pub(super) fn add<const N: usize>(l: &mut SMatrix<f64, N, N>, mut x: SVector<f64
     }
 }
 
-/// Turns `L` into the root of `L L' - x x'`; `None` where that is not positive, and `L` is of no use then.
+/// Replaces `L` by the root of `L L' - x x'`. Returns `None` if that is not positive definite; `L` is then invalid.
 #[must_use]
 pub(super) fn subtract<const N: usize>(
     l: &mut SMatrix<f64, N, N>,

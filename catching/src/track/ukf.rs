@@ -1,20 +1,22 @@
-//! One ball: a square-root unscented Kalman filter of position, velocity, drag and lift (van der Merwe and Wan 2001), with the head's errors as
-//! consider states (Schmidt 1966).
+//! Filter of one ball: a square-root unscented Kalman filter of position, velocity, drag and lift (van der Merwe and
+//! Wan 2001), with the head's errors as consider states (Schmidt 1966).
 //!
-//! The joint covariance of head's errors (first) and ball's is kept as a lower triangular root:
+//! The joint covariance of the head's errors (first) and the ball's is stored as a lower triangular root:
 //!
 //! ```text
 //! | head     0  |     covariance of the ball: shared shared' + own own'
-//! | shared  own |     what sigma points are drawn from: own alone, the ball's errors if the head's were known
+//! | shared  own |     sigma points are drawn from own alone, the ball's errors for a known head
 //! ```
 //!
-//! The unscented transform serves the ball's own part, where flight and projection are curved; the head's errors, millimetres and
-//! milliradians, go through its statistical linearisation: a head that errs by `(dp, dtheta)` sees a ball at `x` as if it were at
-//! `x - dp + d x dtheta`, with `d` from head to ball. If the head is known exactly this is the plain filter, to rounding.
+//! The unscented transform covers the ball's own part, where flight and projection are nonlinear. The head's errors,
+//! millimetres and milliradians, pass through its statistical linearisation: a head with the error `(dp, dtheta)` sees
+//! a ball at `x` as if it were at `x - dp + d x dtheta`, with `d` from head to ball. For an exactly known head this is
+//! the plain filter up to rounding.
 //!
-//! A circle's innovation has the covariance `S = S_own + E E'`, `E = H shared + H_head head`. The gain for the ball is the optimal one,
-//! the head's is zero. So `own own'` becomes `own own' - K_0 S_own K_0' + (K - K_0) S_own (K - K_0)'` with `K_0` the gain if the head were
-//! known (downdates and updates of rank three), and `shared` becomes `shared - K E`.
+//! The innovation of a circle has the covariance `S = S_own + E E'`, `E = H shared + H_head head`. The gain of the ball
+//! is optimal, that of the head is zero. Hence `own own'` becomes `own own' - K_0 S_own K_0' + (K - K_0) S_own (K -
+//! K_0)'` with `K_0` the gain for a known head (updates and downdates of rank three), and `shared` becomes `shared - K
+//! E`.
 
 use nalgebra::{Cholesky, Matrix3, SMatrix, SVector, Vector3};
 use tactnet_catching_packets::RobotDescription;
@@ -25,50 +27,50 @@ use super::head::{HEAD, Head, HeadDrift, HeadMatrix};
 use super::triangular::{add, lower, subtract};
 use crate::flight::Flight;
 
-/// Position, velocity, drag, lift.
+/// Number of ball states: position, velocity, drag, lift.
 pub const STATES: usize = 10;
 const ALPHA: f64 = 0.5;
 const BETA: f64 = 2.0;
 /// `n + lambda`, with kappa = 0.
 const SPREAD: f64 = ALPHA * ALPHA * STATES as f64;
-/// Weight of the middle sigma point in a mean; -3.
+/// Weight of the central sigma point in a mean: -3.
 const MIDDLE: f64 = (SPREAD - STATES as f64) / SPREAD;
-/// Its weight in a covariance; -0.25.
+/// Weight of the central sigma point in a covariance: -0.25.
 const MIDDLE_SQUARE: f64 = MIDDLE + 1.0 - ALPHA * ALPHA + BETA;
-/// Weight of each other one.
+/// Weight of each other sigma point.
 const OTHER: f64 = 0.5 / SPREAD;
 
 type State = SVector<f64, STATES>;
 type Root = SMatrix<f64, STATES, STATES>;
 
-/// A ball's state with its covariance.
+/// State of a ball with its covariance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BallState {
-    /// Position, m, velocity, m/s, inertial frame, drag, 1/m, and lift, 1/s.
+    /// Position in m and velocity in m/s in the inertial frame, drag in 1/m, and lift in 1/s.
     pub x: State,
     pub(super) own: Root,
     pub(super) shared: SMatrix<f64, STATES, HEAD>,
     pub(super) head: HeadMatrix,
 }
 
-/// What a camera should see of a ball, and how exactly that is known.
+/// Predicted circle of a ball with its uncertainty.
 #[derive(Debug, Clone)]
 pub struct Sight {
-    /// The circle: u, v, r, pixels.
+    /// Circle: u, v, r, in pixels.
     pub circle: Vector3<f64>,
-    /// Inverse of the covariance of what is found less what is expected.
+    /// Inverse of the innovation covariance.
     inverse: Matrix3<f64>,
     log_normalisation: f64,
-    /// Greatest standard deviation of the centre, pixels.
+    /// Largest standard deviation of the centre, in pixels.
     pub sigma: f64,
-    /// The projection's derivatives by the ball's own errors, of unit variance.
+    /// Derivatives of the projection with respect to the ball's own errors of unit variance.
     by_own: SMatrix<f64, 3, STATES>,
     own_root: Matrix3<f64>,
     by_head: SMatrix<f64, 3, HEAD>,
 }
 
 impl Sight {
-    /// Returns by how much a circle is off: the square, in standard deviations, and the logarithm of the probability density, 1/px^3.
+    /// Returns the squared Mahalanobis distance of a circle and the logarithm of its probability density, in 1/px^3.
     pub fn distance(&self, circle: &Vector3<f64>) -> (f64, f64) {
         let off = circle - self.circle;
         let square = (off.transpose() * self.inverse * off)[0];
@@ -77,7 +79,7 @@ impl Sight {
 }
 
 impl BallState {
-    /// Returns a ball of which all that is known comes from a filter whose head is known exactly.
+    /// Creates a ball whose errors are independent of the head's.
     ///
     /// - `root`: lower triangular root of the covariance
     pub fn new(x: State, root: Root) -> Self {
@@ -99,28 +101,29 @@ impl BallState {
         }
     }
 
-    /// Returns the position, m.
+    /// Returns the position, in m.
     pub fn p(&self) -> Vector3<f64> {
         self.x.fixed_rows::<3>(0).into_owned()
     }
 
-    /// Returns the velocity, m/s.
+    /// Returns the velocity, in m/s.
     pub fn v(&self) -> Vector3<f64> {
         self.x.fixed_rows::<3>(3).into_owned()
     }
 
-    /// Returns the covariance, the head's share included.
+    /// Returns the covariance, including the head's contribution.
     pub fn covariance(&self) -> Root {
         self.own * self.own.transpose() + self.shared * self.shared.transpose()
     }
 
-    /// Returns the covariance as seen from the head, whose own error moves the ball alike.
+    /// Returns the covariance relative to the head, whose own error moves the ball alike.
     pub fn seen_covariance(&self, head: &Head) -> Root {
         let shared = self.shared - self.with_head(head) * self.head;
         self.own * self.own.transpose() + shared * shared.transpose()
     }
 
-    /// Returns how a ball moves with the head's errors: it is where the head is, and turns and drifts with it.
+    /// Returns the derivative of the ball's state with respect to the head's errors for a ball that moves rigidly with
+    /// the head.
     fn with_head(&self, head: &Head) -> SMatrix<f64, STATES, HEAD> {
         let mut by_head = SMatrix::<f64, STATES, HEAD>::zeros();
         by_head.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
@@ -134,8 +137,8 @@ impl BallState {
         by_head
     }
 
-    /// Moves on by `dt` s: 21 flights by Runge and Kutta, white acceleration and the random walks of drag and lift as noise. `None` where the covariance
-    /// is no longer positive: the filter is lost.
+    /// Predicts the state `dt` s ahead: 21 integrated flights, with white acceleration and random walks of drag and
+    /// lift as noise. Returns `None` if the covariance is no longer positive definite; the filter is then invalid.
     pub(super) fn predict(
         &mut self,
         dt: f64,
@@ -179,7 +182,7 @@ impl BallState {
             .copy_from(&noise(dt, config));
         let mut own = lower(columns);
         subtract(&mut own, (middle - mean) * (-MIDDLE_SQUARE).sqrt())?;
-        // Derivatives of the flight by the ball's own errors, then by what they share with the head's.
+        // Derivatives of the flight with respect to the ball's own errors, applied to the part shared with the head.
         let by_own = (more - less) * (OTHER * scale);
         let shared = by_own * self.own.solve_lower_triangular(&self.shared)?;
         self.x = mean;
@@ -189,7 +192,7 @@ impl BallState {
         self.x.iter().all(|x| x.is_finite()).then_some(())
     }
 
-    /// Moves the head's errors on, and makes the joint root triangular again.
+    /// Predicts the head's errors and makes the joint root triangular again.
     fn drift(&mut self, drift: &HeadDrift) {
         let head = drift.phi * self.head;
         if head.amax() == 0.0 && drift.noise.amax() == 0.0 {
@@ -213,11 +216,11 @@ impl BallState {
         self.own = joint.fixed_view::<STATES, STATES>(HEAD, HEAD).into_owned();
     }
 
-    /// Moves on from one head's pose to the next and takes the circles that are known to be this ball's: what the tracker does with it once it
-    /// has decided which circles those are. `None` where the ball is not before a camera, or the filter is lost.
+    /// Predicts from one head pose to the next and processes circles that are known to belong to this ball, like the
+    /// tracker after its assignment. Returns `None` if the ball is not in front of a camera or the filter is invalid.
     ///
-    /// - `heads`: at the pictures before, where this state is of, and at these
-    /// - `circles`: u, v, r of the left and of the right picture, pixels; `None` where the ball was not found
+    /// - `heads`: pose at the time of this state, and at the pictures
+    /// - `circles`: u, v, r in the left and the right picture, in pixels; `None` if not detected
     pub fn follow(
         &mut self,
         robot: &RobotDescription,
@@ -236,7 +239,7 @@ impl BallState {
         Some(())
     }
 
-    /// Returns what a camera should see; `None` if that is nothing.
+    /// Returns the predicted circle of a camera, or `None` if the ball is not visible.
     pub(super) fn sight(&self, view: &View, config: &TrackConfig, exposure: f64) -> Option<Sight> {
         let see = |x: &State| view.see(&x.fixed_rows::<3>(0).into_owned());
         let scale = SPREAD.sqrt();
@@ -286,10 +289,11 @@ impl BallState {
         })
     }
 
-    /// Takes the circle that was found. `None` where the covariance is no longer positive: the filter is lost.
+    /// Processes a detected circle. Returns `None` if the covariance is no longer positive definite; the filter is then
+    /// invalid.
     pub(super) fn update(&mut self, sight: &Sight, circle: &Vector3<f64>) -> Option<()> {
         let cross = self.own * sight.by_own.transpose();
-        // The gain if the head were known, times the root of its innovation's covariance.
+        // Gain for a known head, times the root of its innovation covariance.
         let known = sight
             .own_root
             .solve_lower_triangular(&cross.transpose())?
@@ -309,7 +313,7 @@ impl BallState {
         self.x.iter().all(|x| x.is_finite()).then_some(())
     }
 
-    /// Gives a ball that was just born from circles the head's errors: it is where the head is and turns with it.
+    /// Correlates a new ball with the head's errors: it moves rigidly with the head.
     pub(super) fn born_from(&mut self, head: &Head, root: &HeadMatrix) {
         let mut by_head = SMatrix::<f64, STATES, HEAD>::zeros();
         by_head.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
@@ -320,7 +324,8 @@ impl BallState {
     }
 }
 
-/// Returns the root of the noise of `dt` seconds: white acceleration integrated, random walks of drag and lift.
+/// Returns the root of the process noise over `dt` seconds: integrated white acceleration, random walks of drag and
+/// lift.
 fn noise(dt: f64, config: &TrackConfig) -> Root {
     let q = config.acceleration_noise;
     let mut root = Root::zeros();

@@ -1,81 +1,83 @@
-//! Markers at the wrists as cameras find them, and whether the calibration still holds.
+//! Markers at the wrists as detected by the cameras, and the state of the calibration monitor.
 
 use tactnet_packet::{Text, choices, packets};
 
 use crate::ARMS;
 
 packets! {
-    /// A marker in a picture.
+    /// Marker detected in a picture.
     #[derive(PartialEq)]
     pub struct MarkerFeature {
-        /// Its middle, pixels from the left; the described lens's distortion is taken out.
+        /// Horizontal centre, in pixels from the left edge, with the described lens distortion removed.
         #[recorded(1)]
         pub u: f64,
-        /// Its middle, pixels from the top.
+        /// Vertical centre, in pixels from the top edge, with the described lens distortion removed.
         #[recorded(2)]
         pub v: f64,
-        /// 1 if it was found, else 0.
+        /// 1 if the marker was found, otherwise 0.
         #[recorded(3)]
         pub found: u64,
     }
 
-    /// Where the markers at the wrists were found in both pictures of an exposure.
+    /// Wrist markers detected in both pictures of one exposure.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct MarkerFeatures {
-        /// Number of the pictures.
+        /// Picture number.
         #[recorded(1)]
         pub frame: u64,
-        /// Middle of the exposure, by the cameras' clock.
+        /// Middle of the exposure on the camera clock, in ns.
         #[recorded(2)]
         pub exposure_ns: u64,
-        /// The left arm's marker in the left and in the right picture.
+        /// Left arm's marker in the left and the right picture.
         #[recorded(3)]
         pub left: [MarkerFeature; 2],
-        /// The right arm's marker in the left and in the right picture.
+        /// Right arm's marker in the left and the right picture.
         #[recorded(4)]
         pub right: [MarkerFeature; 2],
     }
 
-    /// Whether the calibration still holds: features beside where it expects them.
+    /// Result of the calibration monitor, which compares detected markers with their expected positions.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct CalibrationState {
-        /// When.
+        /// Time, in ns.
         #[recorded(1)]
         pub t_ns: u64,
         /// A [`CalibrationHold`].
         #[recorded(2)]
         pub hold: u64,
-        /// Since when it no longer holds; 0 while nothing says so.
+        /// Time since which the calibration is invalid, in ns; 0 while it is valid or undecided.
         #[recorded(3)]
         pub since_ns: u64,
-        /// Innovations since the watch began, of the left and of the right arm's marker: a feature in one picture each.
+        /// Number of innovations since the start, for the left and the right arm's marker. One feature in one picture
+        /// is one innovation.
         #[recorded(4)]
         pub innovations: [u64; ARMS],
-        /// Mean normalised square of the last of them, up to a window of each arm: 2 where the calibration holds; 0: there is none yet.
+        /// Mean normalised squared innovation over the last window of each arm. The expected value of a valid
+        /// calibration is 2; the value is 0 before the first innovation.
         #[recorded(5)]
         pub mean_square: [f64; ARMS],
-        /// What the calibration is known by.
+        /// Identity of the calibration.
         #[recorded(6)]
         pub identity: Text<16>,
     }
 }
 
 choices! {
-    /// Whether a calibration still holds.
+    /// Validity of a calibration.
     pub enum CalibrationHold {
-        /// Too little was seen of the markers so far.
+        /// Too few markers were seen to decide.
         NotTold = 1,
-        /// Features fall where they should.
+        /// Features are at the expected positions.
         Holds = 2,
-        /// They no longer do: calibrate anew.
+        /// Features deviate from the expected positions; the robot needs a new calibration.
         Lost = 3,
     }
 }
 
 impl MarkerFeature {
-    /// A marker that was found there, pixels, or was not.
+    /// Creates a feature at `pixel`, or one that was not found.
     pub fn of(pixel: Option<[f64; 2]>) -> Self {
         let [u, v] = pixel.unwrap_or_default();
         Self {
@@ -85,14 +87,14 @@ impl MarkerFeature {
         }
     }
 
-    /// Returns where it was found, pixels.
+    /// Returns the position in pixels, or `None` if the marker was not found.
     pub fn pixel(&self) -> Option<[f64; 2]> {
         (self.found == 1).then_some([self.u, self.v])
     }
 }
 
 impl CalibrationState {
-    /// Returns whether it holds; `None` for a number that says nothing.
+    /// Returns the validity, or `None` for an unknown number.
     pub fn hold(&self) -> Option<CalibrationHold> {
         CalibrationHold::of(u32::try_from(self.hold).ok()?)
     }

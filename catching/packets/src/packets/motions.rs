@@ -1,187 +1,189 @@
-//! Plans and motions: what is asked of planners, what they answer, and what joints carry out.
+//! Requests to planners, their results, and the motions that joints execute.
 
 use tactnet_packet::packets;
 
 use crate::ARM_JOINTS;
 
 packets! {
-    /// A joint's motion: speeds up until `t1`, keeps its velocity until `t2`, slows down until `end`; thesis, equation 3.1.
+    /// Ramp motion of a joint: constant acceleration until `t1`, constant velocity until `t2`, deceleration until `end`
+    /// (thesis, equation 3.1).
     #[derive(PartialEq)]
     pub struct RampPacket {
-        /// Position at the start, rad or m.
+        /// Position at the start, in rad or m.
         #[recorded(1)]
         pub q0: f64,
-        /// Velocity at the start.
+        /// Velocity at the start, in rad/s or m/s.
         #[recorded(2)]
         pub w0: f64,
-        /// Acceleration until `t1`; its negative from `t2`.
+        /// Acceleration until `t1`, in rad/s^2 or m/s^2; its negative applies from `t2`.
         #[recorded(3)]
         pub a: f64,
-        /// End of the first part, seconds from the start.
+        /// End of the acceleration, in s from the start.
         #[recorded(4)]
         pub t1: f64,
-        /// Begin of the last part.
+        /// Start of the deceleration, in s from the start.
         #[recorded(5)]
         pub t2: f64,
-        /// End; the joint stands from here.
+        /// End of the motion, in s from the start. The joint is at rest afterwards.
         #[recorded(6)]
         pub end: f64,
     }
 
-    /// The motion of an arm.
+    /// Motion of an arm.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct ArmPath {
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         #[recorded(1)]
         pub arm: u64,
-        /// Number of the ball that it is for.
+        /// Number of the ball to catch.
         #[recorded(2)]
         pub ball: u64,
-        /// Exposure of the pictures that it follows from; 0: it follows from none.
+        /// Exposure time of the pictures that the plan uses, in ns; 0 if it uses none.
         #[recorded(3)]
         pub exposure_ns: u64,
-        /// Of which moment the head's pose is that it follows from.
+        /// Time of the head pose that the plan uses, in ns.
         #[recorded(4)]
         pub head_ns: u64,
-        /// When it begins.
+        /// Start of the motion, in ns.
         #[recorded(5)]
         pub start_ns: u64,
-        /// Its joints.
+        /// Ramps of the arm's joints.
         #[recorded(6)]
         pub ramps: [RampPacket; ARM_JOINTS],
     }
 
-    /// The motion of platform and torso.
+    /// Motion of platform and torso.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct BodyPath {
-        /// When it begins.
+        /// Start of the motion, in ns.
         #[recorded(1)]
         pub start_ns: u64,
-        /// The platform's.
+        /// Ramp of the platform.
         #[recorded(2)]
         pub platform: RampPacket,
-        /// The torso's turn about the vertical.
+        /// Ramp of the torso's vertical joint.
         #[recorded(3)]
         pub turn: RampPacket,
     }
 
-    /// A flight at one moment.
+    /// State of a flight at one time.
     #[derive(PartialEq)]
     pub struct FlightPacket {
-        /// Of which moment.
+        /// Time of the state, in ns.
         #[recorded(1)]
         pub t_ns: u64,
-        /// Position, m.
+        /// Position, in m.
         #[recorded(2)]
         pub p: [f64; 3],
-        /// Velocity, m/s.
+        /// Velocity, in m/s.
         #[recorded(3)]
         pub v: [f64; 3],
-        /// Drag, 1/m.
+        /// Drag coefficient, in 1/m.
         #[recorded(4)]
         pub k: f64,
-        /// Lift, 1/s.
+        /// Lift vector, in 1/s.
         #[recorded(5)]
         pub lift: [f64; 3],
     }
 
-    /// A question to a planner.
+    /// Request to a planner.
     #[derive(PartialEq)]
     #[version(2)]
     pub struct PlanRequest {
-        /// Counts calls; questions that follow from one prediction have the same.
+        /// Call number. All requests of one prediction share it.
         #[recorded(1)]
         pub call: u64,
-        /// Exposure of the pictures that it follows from.
+        /// Exposure time of the pictures that the request uses, in ns.
         #[recorded(2)]
         pub exposure_ns: u64,
-        /// Of which moment the head's pose is that it follows from.
+        /// Time of the head pose that the request uses, in ns.
         #[recorded(3)]
         pub head_ns: u64,
-        /// Number of the ball.
+        /// Ball number.
         #[recorded(4)]
         pub ball: u64,
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         #[recorded(5)]
         pub arm: u64,
-        /// When the motion would begin.
+        /// Start of the planned motion, in ns.
         #[recorded(6)]
         pub start_ns: u64,
-        /// The ball then, in the frame of the chest at the catch.
+        /// Ball state at the start, in the chest frame at the catch time.
         #[recorded(7)]
         pub flight: FlightPacket,
-        /// Joint angles then, rad.
+        /// Joint angles at the start, in rad.
         #[recorded(8)]
         pub q0: [f64; ARM_JOINTS],
-        /// Joint rates then, rad/s.
+        /// Joint velocities at the start, in rad/s.
         #[recorded(9)]
         pub w0: [f64; ARM_JOINTS],
-        /// No catch before, s after the begin.
+        /// Earliest catch time, in s after the start.
         #[recorded(10)]
         pub earliest: f64,
-        /// No catch after, s after the begin.
+        /// Latest catch time, in s after the start.
         #[recorded(11)]
         pub latest: f64,
-        /// What is sought: 0 the gentlest motion, 1 the latest catch, 2 to be there early.
+        /// Objective: 0 smoothest motion, 1 latest catch, 2 early arrival.
         #[recorded(12)]
         pub objective: u64,
-        /// 1 if a plan is carried out, else 0.
+        /// 1 if a plan is being executed, otherwise 0.
         #[recorded(13)]
         pub has_last: u64,
-        /// Its joint angles at the catch, rad.
+        /// Joint angles of that plan at the catch, in rad.
         #[recorded(14)]
         pub last_q: [f64; ARM_JOINTS],
-        /// Its catch, s after the begin.
+        /// Catch time of that plan, in s after the start.
         #[recorded(15)]
         pub last_t: f64,
-        /// 1 if `other` says what the other arm does meanwhile; 0: it stands where it waits.
+        /// 1 if `other` holds the other arm's motion, 0 if that arm rests in its waiting pose.
         #[recorded(16)]
         pub has_other: u64,
-        /// When the other arm's motion begins.
+        /// Start of the other arm's motion, in ns.
         #[recorded(17)]
         pub other_start_ns: u64,
-        /// The other arm's joints.
+        /// Ramps of the other arm's joints.
         #[recorded(18)]
         pub other: [RampPacket; ARM_JOINTS],
     }
 
-    /// A planner's answer.
+    /// Result of a planner.
     #[derive(PartialEq)]
     #[version(2)]
     pub struct PlanResult {
-        /// The question.
+        /// Request that it answers.
         #[recorded(1)]
         pub request: PlanRequest,
-        /// A plan; 1 the question makes no sense, 2 out of reach, 3 no catch within limits, 4 time was up, 5 obstacles are in the way.
+        /// Failure: 0 none, 1 invalid request, 2 out of reach, 3 no catch within limits, 4 time limit exceeded, 5
+        /// blocked by obstacles.
         #[recorded(2)]
         pub failure: u64,
-        /// Joint angles at the catch, rad.
+        /// Joint angles at the catch, in rad.
         #[recorded(3)]
         pub q: [f64; ARM_JOINTS],
-        /// The catch, s after the begin.
+        /// Catch time, in s after the start.
         #[recorded(4)]
         pub t: f64,
-        /// The objective's value.
+        /// Value of the objective.
         #[recorded(5)]
         pub cost: f64,
-        /// Hand from ball, m; above 1e-5 it is a near miss.
+        /// Distance from hand to ball at the catch, in m. The plan is a near miss above 1e-5.
         #[recorded(6)]
         pub position_error: f64,
-        /// Hand's axis from the ball's flight, rad.
+        /// Angle between the hand axis and the ball's reversed velocity, in rad.
         #[recorded(7)]
         pub angle_error: f64,
-        /// The motion.
+        /// Ramps of the arm's joints.
         #[recorded(8)]
         pub ramps: [RampPacket; ARM_JOINTS],
-        /// What it took, ns.
+        /// Computing time, in ns.
         #[recorded(9)]
         pub computing_ns: u64,
-        /// Descents.
+        /// Number of descents.
         #[recorded(10)]
         pub starts: u32,
-        /// Quadratic programmes of all descents.
+        /// Number of quadratic programs solved in all descents.
         #[recorded(11)]
         pub iterations: u32,
     }

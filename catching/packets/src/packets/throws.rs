@@ -1,4 +1,4 @@
-//! Throwing back: the motion of a throw, when the hand lets go, what the thrower is about, what became of the ball.
+//! Throwing back: motion of a throw, opening of the hand, status of the thrower, and outcome.
 
 use tactnet_packet::{Text, choices, packets};
 
@@ -6,123 +6,125 @@ use super::RampPacket;
 use crate::THROW_JOINTS;
 
 packets! {
-    /// The motion of a throw in absolute time: from where the robot waits to where the swing begins, a rest, the swing; and when the hand
-    /// lets go. Joints are the turn about the vertical, then the arm's from the shoulder; all others stand.
+    /// Motion of a throw in absolute time, in three parts: from the waiting pose to the start of the swing, a rest, and
+    /// the swing. Joints are the torso's vertical joint, then the arm's joints from the shoulder; all others rest.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct ThrowPath {
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         #[recorded(1)]
         pub arm: u64,
-        /// Which grip it throws, as `HandState` counts.
+        /// Number of the grip whose ball is thrown, as counted in [`HandState`].
         #[recorded(2)]
         pub grip: u64,
-        /// When the way to the swing begins.
+        /// Start of the approach to the swing, in ns.
         #[recorded(3)]
         pub start_ns: u64,
-        /// When the swing begins.
+        /// Start of the swing, in ns.
         #[recorded(4)]
         pub swing_ns: u64,
-        /// When the ball is to leave the hand.
+        /// Time at which the ball must leave the hand, in ns.
         #[recorded(5)]
         pub open_ns: u64,
-        /// Where the ball is to come down, m.
+        /// Target position of the ball, in m.
         #[recorded(6)]
         pub target: [f64; 3],
-        /// The way to the swing.
+        /// Ramps of the approach.
         #[recorded(7)]
         pub way: [RampPacket; THROW_JOINTS],
-        /// The swing.
+        /// Ramps of the swing.
         #[recorded(8)]
         pub swing: [RampPacket; THROW_JOINTS],
     }
 
-    /// When a hand lets go of its ball. It does so only if it has heard of it in the last moments before its fingers begin to open.
+    /// Opening command of a hand. The hand obeys only if it has received this packet shortly before its fingers begin
+    /// to open.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct HandOpening {
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         #[recorded(1)]
         pub arm: u64,
-        /// When the ball is to leave the hand.
+        /// Time at which the ball must leave the hand, in ns.
         #[recorded(2)]
         pub open_ns: u64,
     }
 
-    /// What the thrower is about, and why.
+    /// Phase of the thrower and reason of its last failure.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct ThrowStatus {
-        /// When.
+        /// Time, in ns.
         #[recorded(1)]
         pub t_ns: u64,
         /// A [`ThrowPhase`].
         #[recorded(2)]
         pub phase: u64,
-        /// Which grip it is about, as [`HandState`] counts.
+        /// Number of the current grip, as counted in [`HandState`].
         #[recorded(3)]
         pub grip: u64,
-        /// Throws that came to nothing since it started.
+        /// Number of failed throws since the start.
         #[recorded(4)]
         pub failed: u64,
-        /// Why the last of them did.
+        /// Reason of the last failure.
         #[recorded(5)]
         pub reason: Text<64>,
     }
 
-    /// What became of a ball that was thrown back.
+    /// Outcome of a ball that was thrown back.
     #[derive(PartialEq)]
     #[version(1)]
     pub struct ThrownBack {
-        /// Counts balls that were thrown back.
+        /// Number of balls thrown back so far.
         #[recorded(1)]
         pub number: u64,
-        /// Which grip it was, as [`HandState`] counts.
+        /// Number of the grip, as counted in [`HandState`].
         #[recorded(2)]
         pub grip: u64,
-        /// 0 left, 1 right.
+        /// Arm: 0 left, 1 right.
         #[recorded(3)]
         pub arm: u64,
-        /// When the ball was to leave the hand.
+        /// Planned release time, in ns.
         #[recorded(4)]
         pub open_ns: u64,
-        /// When it left.
+        /// Actual release time, in ns.
         #[recorded(5)]
         pub left_ns: u64,
-        /// Where it was to come down, m.
+        /// Target position, in m.
         #[recorded(6)]
         pub target: [f64; 3],
-        /// Where it came down to that height, m; one that did not rise so high: where it was nearest to it.
+        /// Position at which the ball fell through the target's height, in m. For a ball that stayed lower: its closest
+        /// point to the target.
         #[recorded(7)]
         pub came_down: [f64; 3],
-        /// From one to the other, m.
+        /// Distance between target and landing position, in m.
         #[recorded(8)]
         pub miss: f64,
-        /// Speed at which it left the hand, m/s.
+        /// Release speed, in m/s.
         #[recorded(9)]
         pub speed: f64,
-        /// From the hand to where it came down, over the ground, m.
+        /// Horizontal distance from the hand to the landing position, in m.
         #[recorded(10)]
         pub length: f64,
     }
 }
 
 choices! {
-    /// What the thrower is about.
+    /// Phase of the thrower.
     pub enum ThrowPhase {
         /// No hand holds a ball.
         Empty = 1,
-        /// A hand holds a ball, and the robot does not stand where it waits, or the ball has not been felt yet.
+        /// A hand holds a ball, but the robot is outside its waiting pose or the material is not measured yet.
         Waiting = 2,
-        /// A throw is carried out.
+        /// Executes a throw.
         Throwing = 3,
-        /// Lets the ball drop, since it cannot be thrown.
+        /// Drops the ball because no throw is possible.
         Dropping = 4,
     }
 }
 
 impl ThrowStatus {
-    /// Returns what the thrower is about; `None` for a number that is no phase.
+    /// Returns the phase, or `None` for an unknown number.
     pub fn phase(&self) -> Option<ThrowPhase> {
         ThrowPhase::of(u32::try_from(self.phase).ok()?)
     }
@@ -134,7 +136,7 @@ mod tests {
 
     use super::*;
 
-    /// What is at an offset, as little-endian numbers of 8 bytes.
+    /// Returns the bytes at an offset, as little-endian numbers of 8 bytes.
     fn at<T: bytemuck::Pod, const N: usize>(packet: &T, offset: usize) -> [[u8; 8]; N] {
         let bytes = bytemuck::bytes_of(packet);
         std::array::from_fn(|i| bytes[offset + 8 * i..][..8].try_into().unwrap())
@@ -160,7 +162,7 @@ mod tests {
         assert_eq!(size_of::<ThrowPath>(), 832);
         assert_eq!(at(&path, 0), [1, 2, 3, 4, 5].map(u64::to_le_bytes));
         assert_eq!(at(&path, 40), [4.0, -0.5, 1.25].map(f64::to_le_bytes));
-        // The last joint's ramps.
+        // Ramps of the last joint.
         assert_eq!(at(&path, 64 + 7 * 48), [7.0_f64.to_le_bytes()]);
         assert_eq!(at(&path, 448 + 7 * 48), [17.0_f64.to_le_bytes()]);
         assert_eq!(at(&path, 824), [[0, 0, 0, 0, 0, 0, 0xf8, 0x3f]], "1.5");

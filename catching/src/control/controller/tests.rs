@@ -1,4 +1,4 @@
-//! Whoever sends whatever: commands stay smooth and within limits.
+//! Commands stay smooth and within limits for any input.
 
 use bytemuck::Zeroable;
 use proptest::prelude::*;
@@ -12,7 +12,7 @@ fn robot() -> Robot {
     Robot::new(RobotDescription::nominal())
 }
 
-/// A path from what the controller carries out, by shares of the ranges, that takes `seconds`.
+/// Returns a path that continues the current motion towards a position given as fractions of the ranges, in `seconds`.
 fn path(
     robot: &Robot,
     state: &ControllerState,
@@ -29,7 +29,7 @@ fn path(
             let limits = &robot.joints()[joint::ARM[arm].start + i];
             let (q, w) = at(before, i, start_ns);
             let wanted = limits.range[0] + (limits.range[1] - limits.range[0]) * shares[i];
-            // A tenth of the way, so that limits are kept where there is time.
+            // Only a tenth of the distance, so that the motion keeps the limits if there is enough time.
             Ramp::between(q, w, q + 0.1 * (wanted - q), seconds, limits.speed).packet()
         }),
         ..ArmPath::zeroed()
@@ -75,7 +75,7 @@ fn events() -> impl Strategy<Value = Vec<(u64, Event)>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Whoever sends whatever, commands are smooth and within limits, and the robot finds back.
+    /// For any input, commands are smooth and within limits, and the robot returns to its waiting pose.
     #[test]
     fn commands_stay_within_limits_and_the_robot_finds_back(events in events()) {
         let robot = robot();
@@ -172,7 +172,7 @@ fn the_way_back_is_the_way_that_it_came() {
     assert!((1400..2200).contains(&ticks), "half as fast: {ticks}");
 }
 
-/// Wherever it stops on the way back, it sets out from there without a jump.
+/// After a stop anywhere on the way back, the robot continues without a jump.
 #[test]
 fn a_way_back_that_is_interrupted_goes_on_smoothly() {
     let robot = robot();
@@ -277,7 +277,7 @@ fn late_paths_and_paths_that_jump_are_refused_with_a_reason() {
     assert_eq!(controller.state(0).refused, 5);
 }
 
-/// Two paths that are both still to begin would leave the first one out.
+/// With two waiting paths, the first one would be skipped.
 #[test]
 fn a_path_behind_one_that_waits_is_refused() {
     let robot = robot();

@@ -4,7 +4,7 @@ use tactnet_catching_packets::RobotDescription;
 use super::*;
 use crate::plan::{Effort, Violation};
 
-/// A plan that reaches `q` at all joints after a second.
+/// Returns a plan that reaches `q` at all joints after one second.
 fn planned(coordinator: &Coordinator, start_ns: u64, q: f64) -> Planned {
     let (_, ramps) = coordinator.arm(0);
     let ball = Flight {
@@ -51,7 +51,7 @@ fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
     };
     let standing = carried(&coordinator);
 
-    // A first path that is refused: on the way to nothing.
+    // A rejected first path leaves no target.
     coordinator.planned(&[planned(&coordinator, 1_000, 0.1)]);
     coordinator.carried_out(0, standing.0, standing.1);
     assert_eq!(coordinator.target(0), None);
@@ -60,7 +60,7 @@ fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
     coordinator.planned(&[planned(&coordinator, 2_000, 0.2)]);
     let first = carried(&coordinator);
     coordinator.carried_out(0, first.0, first.1);
-    // Two corrections that are refused.
+    // Two rejected corrections.
     for start_ns in [3_000, 4_000] {
         coordinator.planned(&[planned(&coordinator, start_ns, 0.3)]);
         assert_eq!(coordinator.target(0), Some((7, 1_000_000_000 + start_ns)));
@@ -110,7 +110,7 @@ fn an_arm_is_asked_for_once_its_path_has_begun_and_alone_where_that_is_wanted() 
     assert_eq!(asked([true; ARMS], 0, false), [0, 1]);
     assert_eq!(asked([false, true], 0, false), [1]);
     assert_eq!(asked([true; ARMS], 0, true), [0, 1]);
-    // Its path begins at 15 ms; the ball is its own from then on.
+    // Its path starts at 15 ms; the ball is assigned to it from then on.
     for (now_ms, arms) in [(2, &[][..]), (13, &[]), (14, &[0]), (40, &[0])] {
         assert_eq!(
             asked([true; ARMS], now_ms * 1_000_000, false),

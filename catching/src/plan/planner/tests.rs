@@ -22,7 +22,7 @@ fn objective() -> impl Strategy<Value = Objective> {
     ]
 }
 
-/// From a throw at the chest's front to numbers that make no sense.
+/// Returns requests from throws to the chest's front up to invalid numbers.
 fn request() -> impl Strategy<Value = CatchRequest> {
     let sensible = (
         proptest::array::uniform3(-1.0..1.0f64),
@@ -78,7 +78,8 @@ fn request() -> impl Strategy<Value = CatchRequest> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Whatever is asked for: an error, or a path that is within ranges, speeds and accelerations at every moment and ends at the ball.
+    /// For any request, the result is an error or a path that keeps ranges, speeds and accelerations at all times and
+    /// ends at the ball.
     #[test]
     fn no_path_leaves_the_limits(request in request(), last in proptest::option::of((proptest::array::uniform7(number()), number()))) {
         let robot = Robot::new(RobotDescription::nominal());
@@ -91,7 +92,7 @@ proptest! {
             let [apart, aslant] = misses(&plan, &ball_at(plan.t), &robot);
             prop_assert!(apart < 2e-5 && aslant < 2e-4);
         }
-        // A near miss keeps all limits as well, and says by how much it misses.
+        // A near miss keeps all limits as well and reports its errors.
         if let Ok(plan) = planner.nearest_miss(&request, last, || false) {
             keeps_limits(&plan, &request, &robot)?;
             let [apart, aslant] = misses(&plan, &ball_at(plan.t), &robot);
@@ -101,7 +102,7 @@ proptest! {
         }
     }
 
-    /// An arm on its way hears that the ball comes elsewhere: what it does about it is never worse than carrying on.
+    /// After a change of the prediction, a correction is never worse than continuing the current motion.
     #[test]
     fn a_near_miss_is_no_farther_off_than_carrying_on(aside in -0.5..0.5f64, rise in -0.3..0.3f64, heard in 0.1..0.45f64) {
         let robot = Robot::new(RobotDescription::nominal());
@@ -146,7 +147,7 @@ fn keeps_limits(
     Ok(())
 }
 
-/// Returns how far the hand is from the ball where the path ends, m and rad.
+/// Returns the distance in m and the angle in rad between hand and ball at the end of the path.
 fn misses(plan: &CatchPlan, ball: &Flight, robot: &Robot) -> [f64; 2] {
     let q = std::array::from_fn(|i| plan.ramps[i].at(plan.t).0);
     misses_at(&q, ball, robot)
@@ -222,7 +223,7 @@ fn reasons_are_told_apart() {
         error.to_string(),
         "the request has numbers that are not finite"
     );
-    // A plan that is repeated does not get worse, and needs less.
+    // A repeated plan is not worse and needs fewer iterations.
     let again = planner
         .plan(&caught, Some((&plan.q, plan.t)), || false)
         .unwrap();
