@@ -22,13 +22,13 @@ const GRID: Grid = Grid {
 
 /// Test for balls that the robot is able to catch.
 #[derive(Debug, Clone)]
-pub struct Oracle {
+pub struct CatchSpace {
     robot: Robot,
     planners: [Planner; ARMS],
     lower_body: bool,
 }
 
-impl Oracle {
+impl CatchSpace {
     /// Creates the test. With `lower_body`, platform and torso may move.
     pub fn new(robot: &Robot, lower_body: bool) -> Self {
         Self {
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn balls_before_a_shoulder_can_be_caught_and_balls_far_aside_cannot() {
         let robot = Robot::new(RobotDescription::nominal());
-        let oracle = Oracle::new(&robot, false);
+        let oracle = CatchSpace::new(&robot, false);
         let ready = robot.waiting();
         let before = |y: f64| oracle.arms(&thrown_to(Vector3::new(0.6, y, 1.3), 0.6), &ready);
         assert!(before(0.5)[0]);
@@ -141,7 +141,7 @@ mod tests {
     fn platform_and_torso_widen_the_catch_space() {
         let robot = Robot::new(RobotDescription::nominal());
         let ready = robot.waiting();
-        let farthest = |oracle: &Oracle| {
+        let farthest = |oracle: &CatchSpace| {
             let aside = |i: u32| 0.9 + 0.02 * f64::from(i);
             let caught = |i: &u32| {
                 let flight = thrown_to(Vector3::new(0.6, aside(*i), 1.3), 1.0);
@@ -149,8 +149,8 @@ mod tests {
             };
             (0..40).rev().find(caught).map(aside)
         };
-        let standing = farthest(&Oracle::new(&robot, false));
-        let moving = farthest(&Oracle::new(&robot, true));
+        let standing = farthest(&CatchSpace::new(&robot, false));
+        let moving = farthest(&CatchSpace::new(&robot, true));
         println!("{standing:?} {moving:?}");
         assert!(standing.is_some() && moving > standing.map(|y| y + 0.1));
     }

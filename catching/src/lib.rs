@@ -12,6 +12,7 @@
 
 pub mod calibrate;
 mod catch_space;
+mod chain_delays;
 pub mod circles;
 pub mod control;
 pub mod coordinate;
@@ -23,11 +24,10 @@ pub mod ramp;
 mod robot;
 pub mod safety;
 pub mod throw;
-mod timing;
 pub mod track;
 
-pub use catch_space::Oracle;
+pub use catch_space::CatchSpace;
+pub use chain_delays::ChainDelays;
 pub use robot::{
     ArmKinematics, ElbowCircle, HandPose, LinkFrame, Robot, angle_between, rotation_towards,
 };
-pub use timing::Timing;

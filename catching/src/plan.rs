@@ -35,7 +35,7 @@ pub use no_plan::{NoPlan, RequestError};
 pub use objective::Objective;
 pub(crate) use obstacles::TOO_NEAR_ALREADY;
 pub use obstacles::{ChestWay, ObstacleConfig, Surroundings};
-pub use planner::{CatchPlan, Effort, PlanConfig, Planner};
+pub use planner::{CatchPlan, CatchPoint, Effort, PlanConditions, PlanConfig, PlanGoal, Planner};
 pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, UNKNOWNS, Violation};
 pub use seeds::Grid;
 pub use way::{OtherArm, WayConfig};

@@ -35,7 +35,10 @@ mod throws;
 use tactnet_packet::{Described, Description, choices, packets};
 
 pub use calibration::{CalibrationHold, CalibrationState, MarkerFeature, MarkerFeatures};
-pub use motions::{ArmPath, BodyPath, FlightPacket, PlanRequest, PlanResult, RampPacket};
+pub use motions::{
+    ArmPath, BodyPath, FlightPacket, PlanFailure, PlanObjective, PlanRequest, PlanResult,
+    RampPacket,
+};
 pub use throws::{HandOpening, ThrowPath, ThrowPhase, ThrowStatus, ThrownBack};
 
 pub use tactnet_packet::Text;
@@ -422,6 +425,14 @@ packets! {
 }
 
 choices! {
+    /// Order to the controller.
+    pub enum ControllerOrder {
+        /// Brake all joints.
+        Brake = 1,
+        /// Return to the waiting pose.
+        GoBack = 2,
+    }
+
     /// Mode of the controller.
     pub enum ControllerMode {
         /// Rests in the waiting pose and accepts paths.
@@ -463,6 +474,13 @@ choices! {
     }
 }
 
+impl ControllerCommand {
+    /// Returns the order, or `None` for an unknown number.
+    pub fn order(&self) -> Option<ControllerOrder> {
+        ControllerOrder::of(u32::try_from(self.command).ok()?)
+    }
+}
+
 impl ControllerState {
     /// Returns the controller's mode, or `None` for an unknown number.
     pub fn mode(&self) -> Option<ControllerMode> {
@@ -496,14 +514,21 @@ pub const DESCRIPTION: Description = Description {
     project: "tactnet_catching",
     source: "catching/packets/src/packets.rs",
     constants: &[
-        ("MAX_CIRCLES", "Most circles of a picture.", MAX_CIRCLES),
-        ("MAX_BALLS", "Most balls at once.", MAX_BALLS),
+        (
+            "MAX_CIRCLES",
+            "Maximum number of circles per picture.",
+            MAX_CIRCLES,
+        ),
+        ("MAX_BALLS", "Maximum number of balls at a time.", MAX_BALLS),
     ],
     choices: &[
+        ControllerOrder::CHOICE,
         ControllerMode::CHOICE,
         CatchPhase::CHOICE,
         ThrowPhase::CHOICE,
         CalibrationHold::CHOICE,
+        PlanObjective::CHOICE,
+        PlanFailure::CHOICE,
     ],
     packets: &[
         JointState::LAYOUT,

@@ -4,8 +4,8 @@ use tactnet_catching::control::Controller;
 use tactnet_catching::safety::Bodies;
 use tactnet_catching_packets::JOINTS;
 use tactnet_catching_packets::packets::{
-    ArmPath, BodyPath, ControllerCommand, ControllerMode, ControllerState, Gaze, JointCommand,
-    JointState, SafetyState, ThrowPath,
+    ArmPath, BodyPath, ControllerCommand, ControllerMode, ControllerOrder, ControllerState, Gaze,
+    JointCommand, JointState, SafetyState, ThrowPath,
 };
 use tactnet_channel::{Bus, Priority, Start, Ticker, now_ns};
 
@@ -84,10 +84,10 @@ pub(crate) fn run(
         let mut changed = false;
         while let Some(packet) = orders.try_get()? {
             for order in packet.iter() {
-                match order.command {
-                    1 => controller.brake(order.reason.as_str()),
+                match order.order() {
+                    Some(ControllerOrder::Brake) => controller.brake(order.reason.as_str()),
                     // Whoever is not watched does not move.
-                    2 if !silent => controller.go_back(),
+                    Some(ControllerOrder::GoBack) if !silent => controller.go_back(),
                     _ => {}
                 }
             }

@@ -10,7 +10,8 @@ use tactnet_catching::flight::Flight;
 use tactnet_catching::ramp::Ramp;
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
-    ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest, PlanResult, Text,
+    ControllerOrder, ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest,
+    PlanResult, Text,
 };
 use tactnet_catching_packets::{ARMS, joint};
 use tactnet_channel::{Bus, Priority, PutPort, Start, Wait, now_ns};
@@ -231,7 +232,7 @@ impl Live {
         self.ordered_ns = now_ns;
         self.puts.orders.put_copy(&[ControllerCommand {
             command_ns: now_ns,
-            command: 2,
+            command: ControllerOrder::GoBack as u64,
             reason: Text::new(why),
         }])?;
         Ok(())

@@ -1,6 +1,6 @@
 //! Plans of one arm.
 
-use tactnet_catching::plan::Planner;
+use tactnet_catching::plan::{PlanConditions, Planner};
 use tactnet_catching_packets::packets::{PlanRequest, PlanResult};
 use tactnet_channel::{Bus, Priority, Start, now_ns};
 
@@ -28,10 +28,13 @@ pub fn answer(
     out_of_time: impl Fn() -> bool + Copy,
 ) -> Option<PlanResult> {
     let asked = request(question)?;
-    let last = asked.last.as_ref().map(|(q, t)| (q, *t));
+    let conditions = PlanConditions {
+        last: asked.last,
+        ..PlanConditions::default()
+    };
     let plan = planner
-        .plan(&asked.catch, last, out_of_time)
-        .or_else(|_| planner.nearest_miss(&asked.catch, last, out_of_time));
+        .plan(&asked.catch, &conditions, out_of_time)
+        .or_else(|_| planner.plan(&asked.catch, &conditions.nearest_miss(), out_of_time));
     Some(result_packet(question, &plan))
 }
 

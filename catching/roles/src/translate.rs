@@ -5,11 +5,13 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use tactnet_catching::coordinate::{BodyMotion, PlanRequest, Planned};
 use tactnet_catching::flight::Flight;
 use tactnet_catching::plan::{
-    CatchPlan, CatchRequest, Effort, NoPlan, Objective, OtherArm, Violation,
+    CatchPlan, CatchPoint, CatchRequest, Effort, NoPlan, Objective, OtherArm, Violation,
 };
 use tactnet_catching::ramp::Ramp;
 use tactnet_catching_packets::ARM_JOINTS;
-use tactnet_catching_packets::packets::{self, BodyPath, FlightPacket, HeadPose, RampPacket};
+use tactnet_catching_packets::packets::{
+    self, BodyPath, FlightPacket, HeadPose, PlanFailure, PlanObjective, RampPacket,
+};
 
 /// What a request follows from.
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +41,9 @@ fn flight(packet: &FlightPacket) -> Flight {
 }
 
 pub(crate) fn request_packet(request: &PlanRequest, origin: Origin) -> packets::PlanRequest {
-    let (last_q, last_t) = request.last.unwrap_or_default();
+    let (last_q, last_t) = request
+        .last
+        .map_or(([0.0; ARM_JOINTS], 0.0), |last| (last.q, last.t));
     packets::PlanRequest {
         call: origin.call,
         exposure_ns: origin.exposure_ns,
@@ -53,10 +57,10 @@ pub(crate) fn request_packet(request: &PlanRequest, origin: Origin) -> packets::
         earliest: request.catch.earliest,
         latest: request.catch.latest,
         objective: match request.catch.objective {
-            Objective::Soft => 0,
-            Objective::Latest => 1,
-            Objective::Cool => 2,
-        },
+            Objective::Soft => PlanObjective::Soft,
+            Objective::Latest => PlanObjective::Latest,
+            Objective::Cool => PlanObjective::Cool,
+        } as u64,
         has_last: u64::from(request.last.is_some()),
         last_q,
         last_t,
@@ -79,18 +83,20 @@ pub(crate) fn request(packet: &packets::PlanRequest) -> Option<PlanRequest> {
         ball: packet.ball,
         arm: usize::try_from(packet.arm).ok().filter(|arm| *arm < 2)?,
         start_ns: packet.start_ns,
-        last: (packet.has_last == 1).then_some((packet.last_q, packet.last_t)),
+        last: (packet.has_last == 1).then_some(CatchPoint {
+            q: packet.last_q,
+            t: packet.last_t,
+        }),
         catch: CatchRequest {
             ball: flight(&packet.flight),
             q0: packet.q0,
             w0: packet.w0,
             earliest: packet.earliest,
             latest: packet.latest,
-            objective: match packet.objective {
-                0 => Objective::Soft,
-                1 => Objective::Latest,
-                2 => Objective::Cool,
-                _ => return None,
+            objective: match packet.objective()? {
+                PlanObjective::Soft => Objective::Soft,
+                PlanObjective::Latest => Objective::Latest,
+                PlanObjective::Cool => Objective::Cool,
             },
             other: (packet.has_other == 1).then(|| OtherArm {
                 ramps: packet.other.each_ref().map(Ramp::of),
@@ -119,13 +125,19 @@ pub(crate) fn result_packet(
             packet.starts = plan.effort.starts as u32;
             packet.iterations = plan.effort.iterations as u32;
         }
-        Err(NoPlan::Request(_)) => packet.failure = 1,
-        Err(NoPlan::OutOfReach) => packet.failure = 2,
-        Err(NoPlan::NoCatch) => packet.failure = 3,
-        Err(NoPlan::OutOfTime) => packet.failure = 4,
-        Err(NoPlan::Obstructed) => packet.failure = 5,
+        Err(no_plan) => packet.failure = failure(no_plan) as u64,
     }
     packet
+}
+
+fn failure(no_plan: &NoPlan) -> PlanFailure {
+    match no_plan {
+        NoPlan::Request(_) => PlanFailure::Request,
+        NoPlan::OutOfReach => PlanFailure::OutOfReach,
+        NoPlan::NoCatch => PlanFailure::NoCatch,
+        NoPlan::OutOfTime => PlanFailure::OutOfTime,
+        NoPlan::Obstructed => PlanFailure::Obstructed,
+    }
 }
 
 /// Returns `None` for an answer to a question that makes no sense, or with numbers that are none.
@@ -139,8 +151,8 @@ pub(crate) fn planned(packet: &packets::PlanResult) -> Option<Planned> {
         .chain(packet.q)
         .chain([packet.t, packet.cost])
         .all(f64::is_finite);
-    let plan = match packet.failure {
-        0 if finite && (0.0..10.0).contains(&packet.t) => Ok(CatchPlan {
+    let plan = match packet.failure()? {
+        PlanFailure::NotFailed if finite && (0.0..10.0).contains(&packet.t) => Ok(CatchPlan {
             q: packet.q,
             t: packet.t,
             ramps: std::array::from_fn(|i| Ramp::of(&packet.ramps[i])),
@@ -156,11 +168,11 @@ pub(crate) fn planned(packet: &packets::PlanResult) -> Option<Planned> {
                 ..Effort::default()
             },
         }),
-        2 => Err(NoPlan::OutOfReach),
-        3 => Err(NoPlan::NoCatch),
-        4 => Err(NoPlan::OutOfTime),
-        5 => Err(NoPlan::Obstructed),
-        _ => return None,
+        PlanFailure::OutOfReach => Err(NoPlan::OutOfReach),
+        PlanFailure::NoCatch => Err(NoPlan::NoCatch),
+        PlanFailure::OutOfTime => Err(NoPlan::OutOfTime),
+        PlanFailure::Obstructed => Err(NoPlan::Obstructed),
+        PlanFailure::NotFailed | PlanFailure::Request => return None,
     };
     Some(Planned { request, plan })
 }
@@ -189,7 +201,10 @@ mod tests {
             ball: 7,
             arm: 1,
             start_ns: 1_000_000_123,
-            last: Some(([0.1; 7], 0.4)),
+            last: Some(CatchPoint {
+                q: [0.1; 7],
+                t: 0.4,
+            }),
             catch: CatchRequest {
                 ball: Flight {
                     p: [1.0, 2.0, 3.0].into(),

@@ -10,7 +10,7 @@ use super::body::BodyMotion;
 use super::neck::{Looked, Neck};
 use super::room::Room;
 use crate::flight::{Flight, FlightPath};
-use crate::plan::{CatchPlan, CatchRequest, ChestWay, NoPlan, Objective, OtherArm};
+use crate::plan::{CatchPlan, CatchPoint, CatchRequest, ChestWay, NoPlan, Objective, OtherArm};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 
@@ -72,7 +72,7 @@ pub struct PlanRequest {
     /// Start of the planned motion, in ns.
     pub start_ns: u64,
     /// Current plan: joint angles at the catch and its time in s after `start_ns`.
-    pub last: Option<([f64; ARM_JOINTS], f64)>,
+    pub last: Option<CatchPoint>,
     /// Catch request, in the chest frame at the catch time.
     pub catch: CatchRequest,
 }
@@ -320,7 +320,10 @@ impl Coordinator {
                     start_ns,
                     last: self.reaching[arm]
                         .zip(left)
-                        .map(|(reaching, left)| (reaching.q, left)),
+                        .map(|(reaching, left)| CatchPoint {
+                            q: reaching.q,
+                            t: left,
+                        }),
                     catch: CatchRequest {
                         ball: in_frame(&flight_at(ball, start_ns), &to_chest),
                         q0: state.map(|(q, _)| q),

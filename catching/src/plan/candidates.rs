@@ -2,7 +2,7 @@
 
 use super::problem::Point;
 use super::seeds::MAX_SEEDS;
-use super::sqp::Found;
+use super::sqp::Solution;
 
 /// Maximum number of candidates: one from the previous plan, one per seed and one per descent.
 const MAX_CANDIDATES: usize = 2 * MAX_SEEDS + 1;
@@ -11,7 +11,7 @@ const SAME: f64 = 1e-3;
 
 /// Feasible points, sorted by increasing cost.
 pub(crate) struct Candidates {
-    found: [Option<Found>; MAX_CANDIDATES],
+    found: [Option<Solution>; MAX_CANDIDATES],
     count: usize,
 }
 
@@ -24,7 +24,7 @@ impl Candidates {
     }
 
     /// Adds a point. Points of equal cost keep their order.
-    pub fn offer(&mut self, found: Option<Found>) {
+    pub fn offer(&mut self, found: Option<Solution>) {
         let Some(found) = found else { return };
         if self.count == MAX_CANDIDATES {
             return;
@@ -39,12 +39,12 @@ impl Candidates {
     }
 
     /// Returns the cheapest point.
-    pub fn cheapest(&self) -> Option<Found> {
+    pub fn cheapest(&self) -> Option<Solution> {
         self.found[0]
     }
 
     /// Returns the points that differ from all cheaper ones, sorted by increasing cost.
-    pub fn distinct(&self) -> impl Iterator<Item = &Found> {
+    pub fn distinct(&self) -> impl Iterator<Item = &Solution> {
         let found = &self.found[..self.count];
         found.iter().flatten().enumerate().filter_map(|(i, here)| {
             let mut cheaper = self.found[..i].iter().flatten();

@@ -15,7 +15,7 @@ use tactnet_catching_packets::ARM_JOINTS;
 
 use super::problem::{EQUALITIES, Linearised, Point, Problem, ROWS, UNKNOWNS};
 use super::qp;
-use super::sqp::Found;
+use super::sqp::Solution;
 
 /// Weights of the squared errors: 1/m^2 for the position, dimensionless for the axis.
 const WEIGHTS: [f64; EQUALITIES] = [4e4, 4e4, 4e4, 44.4, 44.4];
@@ -39,7 +39,7 @@ pub(crate) fn approach(
     problem: &Problem,
     start: &Point,
     mut out_of_time: impl FnMut() -> bool,
-) -> Option<Found> {
+) -> Option<Solution> {
     let mut x = within_limits(problem, start)?;
     let mut here = problem.linearise(&x, TRUST);
     let mut miss = square(&here);
@@ -81,7 +81,7 @@ pub(crate) fn approach(
     }
     let x = kept?;
     let violation = problem.violation(&x);
-    (violation.position <= MOST[0] && violation.angle <= MOST[1]).then_some(Found {
+    (violation.position <= MOST[0] && violation.angle <= MOST[1]).then_some(Solution {
         x,
         cost: WORSE + BY_METRE * violation.position + violation.angle,
         violation,

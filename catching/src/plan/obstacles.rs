@@ -210,7 +210,7 @@ mod tests {
     use crate::map::VoxelGrid;
     use crate::plan::bodies::Body;
     use crate::plan::clearance::Clearance;
-    use crate::plan::{CatchRequest, NoPlan, Objective, PlanConfig, Planner};
+    use crate::plan::{CatchRequest, NoPlan, Objective, PlanConditions, PlanConfig, Planner};
     use crate::robot::Robot;
 
     /// Returns the chest pose of the waiting robot.
@@ -232,6 +232,16 @@ mod tests {
             })
             .collect();
         DistanceField::new(grid, &solid)
+    }
+
+    fn among(field: &DistanceField) -> PlanConditions<'_> {
+        PlanConditions {
+            surroundings: Some(Surroundings {
+                field,
+                chest: ChestWay::standing(chest()),
+            }),
+            ..PlanConditions::default()
+        }
     }
 
     fn request(robot: &Robot, objective: Objective) -> CatchRequest {
@@ -313,18 +323,15 @@ mod tests {
         let robot = Robot::new(RobotDescription::nominal());
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let request = request(&robot, Objective::Soft);
-        let free = planner.plan(&request, None, || false).unwrap();
+        let free = planner
+            .plan(&request, &PlanConditions::default(), || false)
+            .unwrap();
         // Next to the catch, at the arm's position in the unobstructed plan.
         let field = field([0.2, 0.55, 0.8], [0.7, 0.9, 1.12]);
         let without = least_on_the_way(&robot, &field, &free.ramps);
         assert!(without < 0.0, "{without}");
-        let among = Surroundings {
-            field: &field,
-            chest: ChestWay::standing(chest()),
-        };
-        let plan = planner
-            .plan_among(&request, &among, None, || false)
-            .unwrap();
+        let among = among(&field);
+        let plan = planner.plan(&request, &among, || false).unwrap();
         let with = least_on_the_way(&robot, &field, &plan.ramps);
         println!("nearest {without:.3} m without the map, {with:.3} m with it");
         let begin = least_on_the_way(&robot, &field, &robot.ready(0).map(Ramp::standing));
@@ -341,13 +348,10 @@ mod tests {
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let request = request(&robot, Objective::Soft);
         let field = field([0.9, -0.6, 0.3], [1.2, 1.25, 2.2]);
-        let among = Surroundings {
-            field: &field,
-            chest: ChestWay::standing(chest()),
-        };
-        let found = planner.plan_among(&request, &among, None, || false);
+        let among = among(&field);
+        let found = planner.plan(&request, &among, || false);
         assert_eq!(found.unwrap_err(), NoPlan::Obstructed);
-        let missed = planner.nearest_miss_among(&request, &among, None, || false);
+        let missed = planner.plan(&request, &among.nearest_miss(), || false);
         assert_eq!(missed.unwrap_err(), NoPlan::Obstructed);
     }
 
@@ -363,12 +367,12 @@ mod tests {
             let planner = Planner::new(&robot, 0, PlanConfig::default());
             let request = request(&robot, Objective::Soft);
             let field = field([x, y, z], [x + size[0], y + size[1], z + size[2]]);
-            let among = Surroundings { field: &field, chest: ChestWay::standing(chest()) };
+            let among = among(&field);
             let begin = least_on_the_way(&robot, &field, &robot.ready(0).map(Ramp::standing));
             let bound = begin.min(PlanConfig::default().obstacles.hard);
             for plan in [
-                planner.plan_among(&request, &among, None, || false),
-                planner.nearest_miss_among(&request, &among, None, || false),
+                planner.plan(&request, &among, || false),
+                planner.plan(&request, &among.nearest_miss(), || false),
             ].into_iter().flatten() {
                 let least = least_on_the_way(&robot, &field, &plan.ramps);
                 // 2 mm are permitted, and between two checks slightly more is possible.
@@ -382,15 +386,12 @@ mod tests {
         let robot = Robot::new(RobotDescription::nominal());
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let field = DistanceField::empty(VoxelGrid::default());
-        let among = Surroundings {
-            field: &field,
-            chest: ChestWay::standing(chest()),
-        };
+        let among = among(&field);
         for objective in [Objective::Soft, Objective::Latest, Objective::Cool] {
             let request = request(&robot, objective);
             assert_eq!(
-                planner.plan(&request, None, || false),
-                planner.plan_among(&request, &among, None, || false)
+                planner.plan(&request, &PlanConditions::default(), || false),
+                planner.plan(&request, &among, || false)
             );
         }
     }

@@ -11,7 +11,7 @@ use super::no_plan::{NoPlan, RequestError};
 use super::obstacles::{ObstacleConfig, Obstacles, Surroundings};
 use super::problem::{CatchRequest, Point, Problem, Violation};
 use super::seeds::{Grid, Seeds};
-use super::sqp::{Found, descend};
+use super::sqp::{Descent, Solution, descend};
 use super::way::{OwnBodies, WayConfig};
 use crate::flight::FlightPath;
 use crate::map::ArmSpheres;
@@ -73,13 +73,13 @@ pub struct CatchPlan {
 }
 
 impl CatchPlan {
-    fn of(problem: &Problem, found: &Found, effort: Effort) -> Self {
+    fn of(problem: &Problem, solution: &Solution, effort: Effort) -> Self {
         Self {
-            q: std::array::from_fn(|i| found.x[i]),
-            t: found.x[ARM_JOINTS],
-            ramps: problem.ramps(&found.x),
-            cost: found.cost,
-            violation: found.violation,
+            q: std::array::from_fn(|i| solution.x[i]),
+            t: solution.x[ARM_JOINTS],
+            ramps: problem.ramps(&solution.x),
+            cost: solution.cost,
+            violation: solution.violation,
             effort,
         }
     }
@@ -96,6 +96,60 @@ pub struct Effort {
     pub iterations: usize,
     /// True if the time limit expired before all descents ended.
     pub cut_short: bool,
+}
+
+impl Effort {
+    fn add(&mut self, descent: &Descent) {
+        self.starts += 1;
+        self.iterations += descent.iterations;
+    }
+}
+
+/// Joint angles and time of a catch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CatchPoint {
+    /// Joint angles, in rad.
+    pub q: [f64; ARM_JOINTS],
+    /// Time after the start of the motion, in s.
+    pub t: f64,
+}
+
+impl CatchPoint {
+    fn is_finite(&self) -> bool {
+        self.t.is_finite() && self.q.iter().all(|q| q.is_finite())
+    }
+}
+
+/// Goal of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PlanGoal {
+    /// Exact catch.
+    #[default]
+    Catch,
+    /// Motion that comes closest to a catch, for requests without an exact one. [`CatchPlan::violation`] states the
+    /// miss, which is at most 15 cm and 0.6 rad. It is never larger than that of the plan being executed.
+    NearestMiss,
+}
+
+/// Conditions of a plan beyond its request.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct PlanConditions<'a> {
+    /// Map and chest motion; `None` without obstacles.
+    pub surroundings: Option<Surroundings<'a>>,
+    /// Catch of the plan that is being executed, with its time after the start of the new motion.
+    pub last: Option<CatchPoint>,
+    /// Goal of the plan.
+    pub goal: PlanGoal,
+}
+
+impl PlanConditions<'_> {
+    /// Returns the same conditions with the goal [`PlanGoal::NearestMiss`].
+    pub fn nearest_miss(&self) -> Self {
+        Self {
+            goal: PlanGoal::NearestMiss,
+            ..*self
+        }
+    }
 }
 
 /// Planner of catches with one arm.
@@ -122,170 +176,104 @@ impl Planner {
         }
     }
 
-    /// Returns the best catch that is found before `out_of_time` says so. `last` is the plan that is carried out, with its time counted
-    /// from the new beginning. Does not allocate.
+    /// Returns the best catch found before `out_of_time` returns true, or the nearest miss ([`PlanGoal`]). Does not
+    /// allocate.
     ///
     /// # Errors
-    /// Says why there is no plan; the plan that is carried out remains what it is.
+    /// Returns the reason if there is no plan. A plan that is being executed stays valid.
     pub fn plan(
         &self,
         request: &CatchRequest,
-        last: Option<(&[f64; ARM_JOINTS], f64)>,
-        out_of_time: impl FnMut() -> bool,
-    ) -> Result<CatchPlan, NoPlan> {
-        self.search(request, None, last, out_of_time)
-    }
-
-    /// Returns the best catch that keeps its distance from what stands about, as [`Planner::plan`] does without a map. Does not allocate.
-    ///
-    /// # Errors
-    /// As [`Planner::plan`], and where obstacles are in the way.
-    pub fn plan_among(
-        &self,
-        request: &CatchRequest,
-        surroundings: &Surroundings<'_>,
-        last: Option<(&[f64; ARM_JOINTS], f64)>,
-        out_of_time: impl FnMut() -> bool,
-    ) -> Result<CatchPlan, NoPlan> {
-        self.search(request, Some(surroundings), last, out_of_time)
-    }
-
-    fn search(
-        &self,
-        request: &CatchRequest,
-        surroundings: Option<&Surroundings<'_>>,
-        last: Option<(&[f64; ARM_JOINTS], f64)>,
+        conditions: &PlanConditions<'_>,
         mut out_of_time: impl FnMut() -> bool,
     ) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        let mut problem = self.problem(request, surroundings);
+        let mut problem = self.problem(request, conditions.surroundings);
         if problem.times[0] > problem.times[1] {
             return Err(NoPlan::NoCatch);
         }
         problem.end_flight_at_obstacles()?;
+        match conditions.goal {
+            PlanGoal::Catch => self.search_catch(problem, conditions.last, &mut out_of_time),
+            PlanGoal::NearestMiss => {
+                self.search_nearest_miss(&problem, conditions.last, &mut out_of_time)
+            }
+        }
+    }
+
+    fn search_catch<'a>(
+        &'a self,
+        mut problem: Problem<'a>,
+        last: Option<CatchPoint>,
+        out_of_time: &mut impl FnMut() -> bool,
+    ) -> Result<CatchPlan, NoPlan> {
         let mut candidates = Candidates::new();
         let mut effort = Effort::default();
-        if let Some((q, t)) = last
-            && t.is_finite()
-            && q.iter().all(|q| q.is_finite())
-        {
+        if let Some(last) = last.filter(CatchPoint::is_finite) {
             let x: Point = std::array::from_fn(|i| match self.arm.joints().get(i) {
-                Some(joint) => q[i].clamp(joint.range[0], joint.range[1]),
-                None => t.clamp(problem.times[0], problem.times[1]),
+                Some(joint) => last.q[i].clamp(joint.range[0], joint.range[1]),
+                None => last.t.clamp(problem.times[0], problem.times[1]),
             });
-            let descent = descend(&problem, &x, self.config.iterations, &mut out_of_time);
-            effort.starts += 1;
-            effort.iterations += descent.iterations;
+            let descent = descend(&problem, &x, self.config.iterations, &mut *out_of_time);
+            effort.add(&descent);
             candidates.offer(descent.best);
         }
         let (grid, starts) = match candidates.cheapest() {
             Some(_) => (self.config.again, self.config.starts_again),
             None => (self.config.first, self.config.starts),
         };
-        let seeds = Seeds::search(&problem, grid, &mut out_of_time);
+        let seeds = Seeds::search(&problem, grid, &mut *out_of_time);
         effort.candidates = seeds.feasible;
         for seed in seeds.best().iter().filter(|seed| seed.lack == 0.0) {
-            candidates.offer(
-                Some(Found {
-                    x: seed.x,
-                    cost: seed.cost,
-                    violation: problem.violation(&seed.x),
-                })
-                .filter(|found| found.violation.is_feasible() && problem.is_clear(&found.x)),
-            );
+            let solution = seed.solution(&problem);
+            if solution.violation.is_feasible() && problem.is_clear(&solution.x) {
+                candidates.offer(Some(solution));
+            }
         }
         for seed in seeds.best().iter().take(starts) {
             if out_of_time() {
                 effort.cut_short = true;
                 break;
             }
-            let descent = descend(&problem, &seed.x, self.config.iterations, &mut out_of_time);
-            effort.starts += 1;
-            effort.iterations += descent.iterations;
+            let descent = descend(&problem, &seed.x, self.config.iterations, &mut *out_of_time);
+            effort.add(&descent);
             candidates.offer(descent.best);
         }
-        let found = self.choose(&mut problem, &candidates, &mut effort, &mut out_of_time);
-        let Some(found) = found else {
-            return Err(if problem.times[1] < request.latest {
-                // An obstacle stops the ball.
-                NoPlan::Obstructed
-            } else if !seeds.within_reach {
-                NoPlan::OutOfReach
-            } else if out_of_time() {
-                NoPlan::OutOfTime
-            } else if surroundings.is_some() && seeds.feasible > 0 {
-                NoPlan::Obstructed
-            } else {
-                NoPlan::NoCatch
-            });
-        };
-        Ok(CatchPlan::of(&problem, &found, effort))
-    }
-
-    /// Returns the motion that comes nearest to a catch where [`Planner::plan`] finds no exact one; what it misses by is in
-    /// [`CatchPlan::violation`]. From `last` it is never farther off than `last` itself. Does not allocate.
-    ///
-    /// # Errors
-    /// Where even that is a wide miss: 15 cm or 0.6 rad.
-    pub fn nearest_miss(
-        &self,
-        request: &CatchRequest,
-        last: Option<(&[f64; ARM_JOINTS], f64)>,
-        out_of_time: impl FnMut() -> bool,
-    ) -> Result<CatchPlan, NoPlan> {
-        self.search_near(request, None, last, out_of_time)
-    }
-
-    /// The same among what stands about.
-    ///
-    /// # Errors
-    /// As [`Planner::nearest_miss`].
-    pub fn nearest_miss_among(
-        &self,
-        request: &CatchRequest,
-        surroundings: &Surroundings<'_>,
-        last: Option<(&[f64; ARM_JOINTS], f64)>,
-        out_of_time: impl FnMut() -> bool,
-    ) -> Result<CatchPlan, NoPlan> {
-        self.search_near(request, Some(surroundings), last, out_of_time)
-    }
-
-    fn search_near(
-        &self,
-        request: &CatchRequest,
-        surroundings: Option<&Surroundings<'_>>,
-        last: Option<(&[f64; ARM_JOINTS], f64)>,
-        mut out_of_time: impl FnMut() -> bool,
-    ) -> Result<CatchPlan, NoPlan> {
-        self.check(request)?;
-        let request = &self.within_limits(request);
-        let mut problem = self.problem(request, surroundings);
-        if problem.times[0] > problem.times[1] {
-            return Err(NoPlan::NoCatch);
+        let solution = self.choose(&mut problem, &candidates, &mut effort, &mut *out_of_time);
+        match solution {
+            Some(solution) => Ok(CatchPlan::of(&problem, &solution, effort)),
+            None => Err(no_catch(&problem, &seeds, out_of_time)),
         }
-        problem.end_flight_at_obstacles()?;
+    }
+
+    fn search_nearest_miss(
+        &self,
+        problem: &Problem<'_>,
+        last: Option<CatchPoint>,
+        out_of_time: &mut impl FnMut() -> bool,
+    ) -> Result<CatchPlan, NoPlan> {
         let mut effort = Effort::default();
         let mut candidates = Candidates::new();
         let mut approach_from = |x: &Point, out_of_time: &mut dyn FnMut() -> bool| {
             effort.starts += 1;
-            candidates.offer(approach(&problem, x, out_of_time));
+            candidates.offer(approach(problem, x, out_of_time));
         };
-        if let Some((q, t)) = last {
-            let x: Point = std::array::from_fn(|i| q.get(i).copied().unwrap_or(t));
-            approach_from(&x, &mut out_of_time);
+        if let Some(last) = last {
+            let x: Point = std::array::from_fn(|i| last.q.get(i).copied().unwrap_or(last.t));
+            approach_from(&x, out_of_time);
         }
-        let seeds = Seeds::search(&problem, self.config.again, &mut out_of_time);
+        let seeds = Seeds::search(problem, self.config.again, &mut *out_of_time);
         for seed in seeds.best().iter().take(self.config.starts_again) {
-            approach_from(&seed.x, &mut out_of_time);
+            approach_from(&seed.x, out_of_time);
         }
         let mut clear = candidates
             .distinct()
-            .filter(|found| self.is_way_clear(&problem, &found.x));
+            .filter(|solution| self.is_way_clear(problem, &solution.x));
         clear
             .next()
-            .map(|found| CatchPlan::of(&problem, found, effort))
-            .ok_or(if problem.times[1] < request.latest {
+            .map(|solution| CatchPlan::of(problem, solution, effort))
+            .ok_or(if problem.is_flight_obstructed() {
                 NoPlan::Obstructed
             } else {
                 NoPlan::NoCatch
@@ -301,7 +289,7 @@ impl Planner {
         candidates: &Candidates,
         effort: &mut Effort,
         out_of_time: &mut impl FnMut() -> bool,
-    ) -> Option<Found> {
+    ) -> Option<Solution> {
         let cheapest = candidates.cheapest()?;
         if self.is_way_clear(problem, &cheapest.x) {
             return Some(cheapest);
@@ -319,10 +307,9 @@ impl Planner {
             let most = self.config.way.iterations;
             let descent = descend(problem, &candidate.x, most, &mut *out_of_time);
             problem.own = None;
-            effort.starts += 1;
-            effort.iterations += descent.iterations;
+            effort.add(&descent);
             let Some(found) = descent.best else { continue };
-            let found = Found {
+            let found = Solution {
                 cost: problem.cost(&found.x).0,
                 ..found
             };
@@ -372,12 +359,12 @@ impl Planner {
     fn problem<'a>(
         &'a self,
         request: &'a CatchRequest,
-        surroundings: Option<&Surroundings<'a>>,
+        surroundings: Option<Surroundings<'a>>,
     ) -> Problem<'a> {
         let apart = self.config.clearance;
         Problem {
             obstacles: surroundings.map(|surroundings| Obstacles {
-                surroundings: *surroundings,
+                surroundings,
                 spheres: &self.spheres,
                 config: &self.config.obstacles,
             }),
@@ -395,34 +382,27 @@ impl Planner {
             ..Effort::default()
         };
         match seeds.best().first().filter(|seed| seed.lack == 0.0) {
-            Some(seed) => {
-                let found = Found {
-                    x: seed.x,
-                    cost: seed.cost,
-                    violation: problem.violation(&seed.x),
-                };
-                Ok(CatchPlan::of(problem, &found, effort))
-            }
+            Some(seed) => Ok(CatchPlan::of(problem, &seed.solution(problem), effort)),
             None if seeds.within_reach => Err(NoPlan::NoCatch),
             None => Err(NoPlan::OutOfReach),
         }
     }
 
-    /// Returns the start points of a first plan, sorted by quality: joint angles and time of the catch.
+    /// Returns the start points of a first plan, sorted by quality.
     ///
     /// # Errors
     /// Returns an error if the request is invalid.
-    pub fn starts(
-        &self,
-        request: &CatchRequest,
-    ) -> Result<Vec<([f64; ARM_JOINTS], f64)>, RequestError> {
+    pub fn starts(&self, request: &CatchRequest) -> Result<Vec<CatchPoint>, RequestError> {
         self.check(request)?;
         let request = &self.within_limits(request);
         let problem = self.problem(request, None);
         let seeds = Seeds::search(&problem, self.config.first, || false);
         let starts = seeds.best().iter().take(self.config.starts);
         Ok(starts
-            .map(|seed| (std::array::from_fn(|i| seed.x[i]), seed.x[ARM_JOINTS]))
+            .map(|seed| CatchPoint {
+                q: std::array::from_fn(|i| seed.x[i]),
+                t: seed.x[ARM_JOINTS],
+            })
             .collect())
     }
 
@@ -483,6 +463,25 @@ impl Planner {
             }
         }
         Ok(())
+    }
+}
+
+/// Returns the reason why no candidate was accepted.
+fn no_catch(
+    problem: &Problem<'_>,
+    seeds: &Seeds,
+    out_of_time: &mut impl FnMut() -> bool,
+) -> NoPlan {
+    if problem.is_flight_obstructed() {
+        NoPlan::Obstructed
+    } else if !seeds.within_reach {
+        NoPlan::OutOfReach
+    } else if out_of_time() {
+        NoPlan::OutOfTime
+    } else if problem.obstacles.is_some() && seeds.feasible > 0 {
+        NoPlan::Obstructed
+    } else {
+        NoPlan::NoCatch
     }
 }
 

@@ -144,6 +144,11 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
+    /// Returns true if an obstacle stops the ball before the latest catch time of the request.
+    pub fn is_flight_obstructed(&self) -> bool {
+        self.times[1] < self.request.latest
+    }
+
     /// Returns the cost of a point and its gradient: the objective plus the costs of closeness to obstacles and to the
     /// robot itself.
     pub fn cost(&self, x: &Point) -> (f64, [f64; UNKNOWNS]) {

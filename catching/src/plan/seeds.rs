@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
 
 use super::problem::{Point, Problem};
+use super::sqp::Solution;
 use crate::robot::{HandPose, rotation_towards};
 
 /// Number of closed-form branches: two each for elbow, shoulder and wrist.
@@ -59,6 +60,15 @@ pub(crate) struct Seed {
 }
 
 impl Seed {
+    /// Returns the candidate as a solution.
+    pub fn solution(&self, problem: &Problem) -> Solution {
+        Solution {
+            x: self.x,
+            cost: self.cost,
+            violation: problem.violation(&self.x),
+        }
+    }
+
     fn is_better_than(&self, other: &Self) -> bool {
         if self.lack == 0.0 && other.lack == 0.0 {
             self.cost < other.cost

@@ -10,7 +10,7 @@ use super::qp;
 
 /// Feasible point with its cost.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Found {
+pub(crate) struct Solution {
     pub x: Point,
     pub cost: f64,
     pub violation: Violation,
@@ -19,7 +19,7 @@ pub(crate) struct Found {
 /// Result of one descent.
 pub(crate) struct Descent {
     /// Best feasible point of the descent.
-    pub best: Option<Found>,
+    pub best: Option<Solution>,
     /// Number of quadratic programs solved.
     pub iterations: usize,
 }
@@ -45,7 +45,7 @@ pub(crate) fn descend(
     mut out_of_time: impl FnMut() -> bool,
 ) -> Descent {
     let mut x = problem.retract(start);
-    let mut best: Option<Found> = None;
+    let mut best: Option<Solution> = None;
     let mut iterations = 0;
     let mut here = problem.linearise(&x, TRUST);
     while here.lack > DRAWN_IN && iterations < RESTORATIONS && !out_of_time() {
@@ -63,13 +63,13 @@ pub(crate) fn descend(
     let (mut cost, mut slope) = problem.cost(&x);
     let mut curvature = initial_curvature(problem, &x, cost);
     let mut penalty: f64 = 1.0;
-    let keep = |best: &mut Option<Found>, x: &Point, cost: f64| {
+    let keep = |best: &mut Option<Solution>, x: &Point, cost: f64| {
         let violation = problem.violation(x);
         if violation.is_feasible()
             && best.is_none_or(|found| cost < found.cost)
             && problem.is_clear(x)
         {
-            *best = Some(Found {
+            *best = Some(Solution {
                 x: *x,
                 cost,
                 violation,

@@ -408,7 +408,7 @@ mod tests {
     use super::super::clearance::Clearance;
     use super::*;
     use crate::flight::Flight;
-    use crate::plan::{CatchRequest, Objective, PlanConfig, Planner};
+    use crate::plan::{CatchRequest, Objective, PlanConditions, PlanConfig, Planner};
 
     fn request(robot: &Robot) -> CatchRequest {
         CatchRequest {
@@ -476,7 +476,9 @@ mod tests {
         let config = WayConfig::default();
         let mut asked = request(&robot);
         asked.ball.p.y -= 0.4;
-        let alone = planner.plan(&asked, None, || false).unwrap();
+        let alone = planner
+            .plan(&asked, &PlanConditions::default(), || false)
+            .unwrap();
         let (from, joints) = (robot.ready(1), robot.arm(1).joints());
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         let (mut in_the_way, mut gone_round) = (0, 0);
@@ -492,7 +494,7 @@ mod tests {
                 continue;
             }
             in_the_way += 1;
-            if let Ok(plan) = planner.plan(&with, None, || false) {
+            if let Ok(plan) = planner.plan(&with, &PlanConditions::default(), || false) {
                 gone_round += 1;
                 assert!(own.least(&config, &problem, &plan.ramps, 1.0) >= config.hard);
                 assert!(plan.violation.is_feasible());

@@ -7,7 +7,7 @@ use crate::plan::qp::{self, Row};
 
 /// Feasible point with its cost.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Found {
+pub(crate) struct ThrowSolution {
     pub x: Point,
     pub cost: f64,
     pub violation: ThrowViolation,
@@ -23,10 +23,14 @@ const SMALL_GAIN: f64 = 1e-7;
 
 /// Descends from `start` with at most `most` quadratic programs. Returns the best feasible point and the number of
 /// programs.
-pub(crate) fn descend(problem: &Problem, start: &Point, most: usize) -> (Option<Found>, usize) {
+pub(crate) fn descend(
+    problem: &Problem,
+    start: &Point,
+    most: usize,
+) -> (Option<ThrowSolution>, usize) {
     let mut trust = TRUST;
     let mut x = *start;
-    let mut best: Option<Found> = None;
+    let mut best: Option<ThrowSolution> = None;
     let mut iterations = 0;
     let Some(mut here) = problem.linearise(&x, trust) else {
         return (None, 0);
@@ -108,9 +112,9 @@ pub(crate) fn descend(problem: &Problem, start: &Point, most: usize) -> (Option<
     (best, iterations)
 }
 
-fn keep(best: &mut Option<Found>, x: &Point, here: &Linearised) {
+fn keep(best: &mut Option<ThrowSolution>, x: &Point, here: &Linearised) {
     if here.violation.is_feasible() && best.is_none_or(|found| here.cost < found.cost) {
-        *best = Some(Found {
+        *best = Some(ThrowSolution {
             x: *x,
             cost: here.cost,
             violation: here.violation,

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::{ARMS, JOINTS};
 
-use super::descent::{Found, descend};
+use super::descent::{ThrowSolution, descend};
 use super::landing::Landing;
 use super::motion::ThrowMotion;
 use super::problem::{Aim, Point, Problem, THROW_UNKNOWNS, ThrowViolation};
@@ -250,7 +250,7 @@ impl Thrower {
         starts: &[Point],
         effort: &mut ThrowEffort,
     ) -> Result<ThrowPlan, NoThrow> {
-        let mut found: Vec<Found> = Vec::new();
+        let mut found: Vec<ThrowSolution> = Vec::new();
         for start in starts {
             let (best, iterations) = descend(problem, start, self.config.iterations);
             effort.starts += 1;
@@ -350,7 +350,7 @@ impl Thrower {
     fn answer(
         &self,
         problem: &Problem,
-        throw: &Found,
+        throw: &ThrowSolution,
         motion: ThrowMotion,
         effort: ThrowEffort,
     ) -> ThrowPlan {

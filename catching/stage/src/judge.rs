@@ -4,7 +4,7 @@ use std::sync::mpsc::Receiver;
 
 use nalgebra::Vector3;
 use tactnet_catching::flight::Flight;
-use tactnet_catching::{Oracle, Robot, Timing};
+use tactnet_catching::{CatchSpace, ChainDelays, Robot};
 use tactnet_catching_packets::packets::{CatchOutcome, FeltMaterial, Text, ThrownBack};
 use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_catching_world::{FlightSample, Miss, Verdict, down_to};
@@ -43,9 +43,9 @@ pub(crate) fn judge(
 ) -> Result<(), StageError> {
     let outcomes = bus.put_port::<CatchOutcome>("catch/outcome", Priority::Normal)?;
     let backs = bus.put_port::<ThrownBack>("throw/outcome", Priority::Normal)?;
-    let oracle = Oracle::new(robot, lower_body);
+    let oracle = CatchSpace::new(robot, lower_body);
     // The catch space is that of stepped time, so that rates can be compared.
-    let reaction = Timing::ours().reaction(robot.description().cameras.rate);
+    let reaction = ChainDelays::ours().reaction(robot.description().cameras.rate);
     for judged in throws {
         match judged {
             Judged::Over(over) => {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use tactnet_catching_packets::packets::{
     ArmPath, CalibrationState, CatchOutcome, CatchPhase, CatchStatus, ControllerCommand,
-    ControllerMode, ControllerState, HandState, Text, ThrowStatus, ThrownBack,
+    ControllerMode, ControllerOrder, ControllerState, HandState, Text, ThrowStatus, ThrownBack,
 };
 use tactnet_catching_roles::{Role, RoleReport, RoleSettings, catching_channels};
 use tactnet_channel::{
@@ -357,7 +357,7 @@ impl CatchRun<'_> {
         if brakes {
             orders.put_copy(&[ControllerCommand {
                 command_ns: now_ns(),
-                command: 1,
+                command: ControllerOrder::Brake as u64,
                 reason: Text::new(&format!("the {name} has ended")),
             }])?;
         }

@@ -5,8 +5,8 @@
 use std::io::Write;
 
 use serde_json::json;
+use tactnet_catching::ChainDelays;
 use tactnet_catching::Robot;
-use tactnet_catching::Timing;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::{Mapping, Series, ThrowConfig};
 use tactnet_catching_world::WorldConfig;
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             robot: Robot::new(RobotDescription::nominal()),
             calibration: None,
             world: WorldConfig::default(),
-            timing: Timing::ours(),
+            timing: ChainDelays::ours(),
             without: Vec::new(),
             balls: usize::try_from(balls)?,
             perfect_perception: false,

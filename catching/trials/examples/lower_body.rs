@@ -5,8 +5,8 @@
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
+use tactnet_catching::ChainDelays;
 use tactnet_catching::Robot;
-use tactnet_catching::Timing;
 use tactnet_catching::coordinate::BodyMotion;
 use tactnet_catching::flight::{DRAG, Flight, FlightPath, STEP};
 use tactnet_catching::plan::{CatchRequest, Grid, Objective, PlanConfig, Planner};
@@ -68,7 +68,7 @@ fn flight(robot: &Robot, seed: u64) -> Vec<Flight> {
     );
     let mut world = world.expect("settings are the ones built in");
     world.throw(1);
-    let reaction = Timing::ours().reaction(robot.description().cameras.rate);
+    let reaction = ChainDelays::ours().reaction(robot.description().cameras.rate);
     let samples = world.true_flight(0).unwrap_or_default();
     samples
         .iter()

@@ -32,7 +32,7 @@ use crate::series::Series;
 use crate::throw::ThrowConfig;
 use rehearsal::{candidates, rehearse};
 use samples::{millimetres, residuals};
-use tactnet_catching::Timing;
+use tactnet_catching::ChainDelays;
 use tactnet_plot::wilson_of_counts;
 use unseen::{Standing, distances};
 
@@ -305,7 +305,7 @@ impl CalibrationTrial {
                 robot: self.robot.clone(),
                 calibration,
                 world: self.world(),
-                timing: Timing::ours(),
+                timing: ChainDelays::ours(),
                 without: Vec::new(),
                 balls: 1,
                 perfect_perception: false,

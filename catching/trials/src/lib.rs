@@ -1,7 +1,7 @@
 //! Throw series in stepped time and benchmarks of planner and tracker: the stack and the world together.
 //!
 //! A [`Series`] runs throw after throw, tick by tick, with every delay as configured, and repeats to the bit: the world says what is sensed,
-//! the stack where joints are to be and when hands close, the world's judge what was caught. An [`Oracle`](tactnet_catching::Oracle) that knows the true flight says
+//! the stack where joints are to be and when hands close, the world's judge what was caught. An [`CatchSpace`](tactnet_catching::CatchSpace) that knows the true flight says
 //! which balls could have been.
 
 mod ablation;

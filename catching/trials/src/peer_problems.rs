@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 use tactnet_catching::Robot;
-use tactnet_catching::plan::{BODIES, Body, Objective, PlanConfig, Planner};
+use tactnet_catching::plan::{BODIES, Body, Objective, PlanConditions, PlanConfig, Planner};
 
 use crate::problems::{PlanProblem, plan_problem};
 
@@ -69,7 +69,7 @@ pub fn peer_problems(
                 .ok()
                 .filter(|starts| !starts.is_empty())?;
             let begun = Instant::now();
-            let plan = planners[arm].plan(&request, None, || false);
+            let plan = planners[arm].plan(&request, &PlanConditions::default(), || false);
             let ms = begun.elapsed().as_secs_f64() * 1e3;
             Some(PeerProblem {
                 number,
@@ -81,7 +81,7 @@ pub fn peer_problems(
                 w0: request.w0,
                 latest: request.latest,
                 bodies: Body::around_chest(arm),
-                starts,
+                starts: starts.iter().map(|start| (start.q, start.t)).collect(),
                 ours: plan.ok().map(|plan| PeerAnswer {
                     q: plan.q,
                     t: plan.t,

@@ -7,7 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
-use tactnet_catching::plan::{CatchRequest, Grid, Objective, PlanConfig, Planner};
+use tactnet_catching::plan::{
+    CatchPoint, CatchRequest, Grid, Objective, PlanConditions, PlanConfig, Planner,
+};
 
 use crate::problems::{PlanProblem, plan_problem};
 use crate::quantiles::Quantiles;
@@ -96,7 +98,9 @@ impl PlanBench {
                     let on_grid = oracle
                         .best_on_grid(&problem.request, oracle_config.first)
                         .is_ok();
-                    let best = oracle.plan(&problem.request, None, || false).ok();
+                    let best = oracle
+                        .plan(&problem.request, &PlanConditions::default(), || false)
+                        .ok();
                     Judged {
                         problem,
                         on_grid,
@@ -110,7 +114,7 @@ impl PlanBench {
                 let PlanProblem { arm, request } = &judged.problem;
                 let planner = &planners[*arm];
                 let begun = Instant::now();
-                let plan = planner.plan(request, None, || false);
+                let plan = planner.plan(request, &PlanConditions::default(), || false);
                 let took = begun.elapsed().as_secs_f64() * 1e3;
                 let Ok(plan) = plan else {
                     if judged.on_grid {
@@ -130,14 +134,17 @@ impl PlanBench {
                     continue;
                 }
                 let moved = self.moved_by_a_picture(request, &plan.ramps, (from + offset) as u64);
-                let begun = Instant::now();
-                let next = planner.plan(&moved, Some((&plan.q, plan.t - FRAME)), || false);
-                again.push(begun.elapsed().as_secs_f64() * 1e3);
-                let possible = || {
-                    oracles[*arm]
-                        .plan(&moved, Some((&plan.q, plan.t - FRAME)), || false)
-                        .is_ok()
+                let conditions = PlanConditions {
+                    last: Some(CatchPoint {
+                        q: plan.q,
+                        t: plan.t - FRAME,
+                    }),
+                    ..PlanConditions::default()
                 };
+                let begun = Instant::now();
+                let next = planner.plan(&moved, &conditions, || false);
+                again.push(begun.elapsed().as_secs_f64() * 1e3);
+                let possible = || oracles[*arm].plan(&moved, &conditions, || false).is_ok();
                 replans_missed += usize::from(next.is_err() && possible());
             }
             progress(done);

@@ -28,8 +28,8 @@ use flight::{landings, profile};
 pub use page::rally_page;
 use player::Learnt;
 pub(crate) use player::Player;
-use tactnet_catching::Oracle;
-use tactnet_catching::Timing;
+use tactnet_catching::CatchSpace;
+use tactnet_catching::ChainDelays;
 use tactnet_catching_world::down_to;
 use tactnet_plot::wilson_of_counts;
 
@@ -77,7 +77,7 @@ pub struct Rally {
     /// Their worlds.
     pub world: WorldConfig,
     /// Delays of the stack.
-    pub timing: Timing,
+    pub timing: ChainDelays,
     /// Games.
     pub rallies: usize,
     /// Of everything that is drawn.
@@ -160,7 +160,7 @@ impl Rally {
     /// Where settings make no sense, and where no throw gets to the target.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<RallyReport, TrialError> {
         self.check()?;
-        let oracle = Oracle::new(&self.robot, true);
+        let oracle = CatchSpace::new(&self.robot, true);
         let learnt = self.practise(&oracle)?;
         let games: Result<Vec<Game>, TrialError> = (0..self.rallies)
             .into_par_iter()
@@ -242,7 +242,7 @@ impl Rally {
     }
 
     /// Returns what throws are to be aimed beside the target, by robot and arm.
-    fn practise(&self, oracle: &Oracle) -> Result<[[Learnt; ARMS]; 2], TrialError> {
+    fn practise(&self, oracle: &CatchSpace) -> Result<[[Learnt; ARMS]; 2], TrialError> {
         let mut found = [[Learnt::default(); ARMS]; 2];
         let sides: Result<Vec<Learnt>, TrialError> = (0..2 * ARMS)
             .into_par_iter()
@@ -288,7 +288,7 @@ impl Rally {
         &self,
         number: u64,
         learnt: &[[Learnt; ARMS]; 2],
-        oracle: &Oracle,
+        oracle: &CatchSpace,
         done: &(impl Fn() + Sync),
     ) -> Result<Game, TrialError> {
         let mut players = [

@@ -18,8 +18,8 @@ use crate::look_ahead::{Errors, LookAhead};
 use crate::obstacles::{ObstaclesReport, WithoutMap};
 use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
 use crate::trace::Trace;
-use tactnet_catching::Oracle;
-use tactnet_catching::Timing;
+use tactnet_catching::CatchSpace;
+use tactnet_catching::ChainDelays;
 use tactnet_plot::wilson_of_counts;
 
 /// Ahead of the catch, s, that predictions are judged at.
@@ -46,7 +46,7 @@ pub struct SeriesReport {
     /// Seed.
     pub seed: u64,
     /// Delays, s.
-    pub timing: Timing,
+    pub timing: ChainDelays,
     /// What was left out.
     pub without: Vec<Ablation>,
     /// True if head and balls were known from the truth.
@@ -170,7 +170,7 @@ impl Series {
     /// # Errors
     /// As [`Series::run`].
     pub fn again(&self, number: u64) -> Result<Trace, TrialError> {
-        let oracle = Oracle::new(&self.config.robot, self.config.moves_lower_body());
+        let oracle = CatchSpace::new(&self.config.robot, self.config.moves_lower_body());
         let ready = self.config.ready();
         let (_, trace) = self.config.trace(self.seed, number, &ready, &oracle)?;
         Ok(trace)
@@ -182,7 +182,7 @@ impl Series {
     /// Where the world's settings make no sense.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<SeriesReport, TrialError> {
         let ready = self.config.ready();
-        let oracle = Oracle::new(&self.config.robot, self.config.moves_lower_body());
+        let oracle = CatchSpace::new(&self.config.robot, self.config.moves_lower_body());
         let outcomes: Result<Vec<ThrowOutcome>, TrialError> = (0..self.throws)
             .into_par_iter()
             .map(|number| {

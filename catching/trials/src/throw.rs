@@ -9,7 +9,9 @@ use tactnet_catching::calibrate::{Calibration, Corrections};
 use tactnet_catching::coordinate::{
     CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned, Room,
 };
-use tactnet_catching::plan::{NoPlan, ObstacleConfig, PlanConfig, Planner, Surroundings};
+use tactnet_catching::plan::{
+    NoPlan, ObstacleConfig, PlanConditions, PlanConfig, Planner, Surroundings,
+};
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig};
@@ -24,8 +26,8 @@ use crate::perception::Perception;
 use crate::series::AHEAD;
 use crate::trace::{Trace, TracePlan};
 use crate::watch::{Braked, Watch};
-use tactnet_catching::Oracle;
-use tactnet_catching::Timing;
+use tactnet_catching::CatchSpace;
+use tactnet_catching::ChainDelays;
 
 /// The robot stands this long before the throw, s: its inertial unit finds its bias.
 const REST: f64 = 1.0;
@@ -44,7 +46,7 @@ pub struct ThrowConfig {
     /// The world.
     pub world: WorldConfig,
     /// Delays.
-    pub timing: Timing,
+    pub timing: ChainDelays,
     /// What is left out.
     pub without: Vec<Ablation>,
     /// Balls at once.
@@ -140,7 +142,7 @@ impl ThrowConfig {
         seed: u64,
         number: u64,
         ready: &[f64; JOINTS],
-        oracle: &Oracle,
+        oracle: &CatchSpace,
     ) -> Result<ThrowOutcome, TrialError> {
         self.simulate(seed, number, ready, oracle, None)
     }
@@ -154,7 +156,7 @@ impl ThrowConfig {
         seed: u64,
         number: u64,
         ready: &[f64; JOINTS],
-        oracle: &Oracle,
+        oracle: &CatchSpace,
     ) -> Result<(ThrowOutcome, Trace), TrialError> {
         let mut trace = Trace::default();
         let outcome = self.simulate(seed, number, ready, oracle, Some(&mut trace))?;
@@ -166,7 +168,7 @@ impl ThrowConfig {
         seed: u64,
         number: u64,
         ready: &[f64; JOINTS],
-        oracle: &Oracle,
+        oracle: &CatchSpace,
         mut trace: Option<&mut Trace>,
     ) -> Result<ThrowOutcome, TrialError> {
         let seed = world_seed(seed, number);
@@ -337,7 +339,7 @@ impl ThrowConfig {
         run: &Finished<'_>,
         ball: u64,
         ready: &[f64; JOINTS],
-        oracle: &Oracle,
+        oracle: &CatchSpace,
     ) -> BallOutcome {
         let Finished {
             world,
@@ -433,21 +435,22 @@ pub(crate) fn answer(
     among: Option<&Surroundings<'_>>,
     near: bool,
 ) -> Planned {
-    let last = request.last.as_ref().map(|(q, t)| (q, *t));
     let planner = &planners[request.arm];
-    let plan = match among {
-        None => planner.plan(&request.catch, last, || false),
-        Some(among) => planner.plan_among(&request.catch, among, last, || false),
+    let conditions = PlanConditions {
+        surroundings: among.copied(),
+        last: request.last,
+        ..PlanConditions::default()
     };
+    let plan = planner.plan(&request.catch, &conditions, || false);
     Planned {
         request: *request,
-        plan: plan.or_else(|no_plan| match among {
-            _ if !near => Err(no_plan),
-            None => planner.nearest_miss(&request.catch, last, || false),
-            // What is in the way stays the reason.
-            Some(among) => planner
-                .nearest_miss_among(&request.catch, among, last, || false)
-                .map_err(|_| no_plan),
+        plan: plan.or_else(|no_plan| {
+            if !near {
+                return Err(no_plan);
+            }
+            let miss = planner.plan(&request.catch, &conditions.nearest_miss(), || false);
+            // With a map, the reason of the exact plan is reported.
+            miss.map_err(|missed| if among.is_some() { no_plan } else { missed })
         }),
     }
 }

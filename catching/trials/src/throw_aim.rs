@@ -16,7 +16,7 @@ use tactnet_catching_world::{OpenCommand, Released, TICK_NS, World, WorldConfig}
 use crate::error::TrialError;
 use crate::rally::with_turn;
 use crate::throw::{nanoseconds, world_seed};
-use tactnet_catching::Timing;
+use tactnet_catching::ChainDelays;
 use tactnet_catching_world::down_to;
 
 /// A hand is told so long before when it is to let go, s.
@@ -32,7 +32,7 @@ pub struct ThrowAim {
     /// Its world.
     pub world: WorldConfig,
     /// Delays.
-    pub timing: Timing,
+    pub timing: ChainDelays,
     /// As in [`ThrowBenchConfig`](crate::ThrowBenchConfig).
     pub wheels: Option<f64>,
     /// Where balls are to come down, m, inertial frame.
@@ -181,7 +181,7 @@ impl ThrowAim {
 fn throw(
     world: &mut World,
     robot: &Robot,
-    timing: &Timing,
+    timing: &ChainDelays,
     path: &ThrowPath,
 ) -> Result<Released, TrialError> {
     let (arm, waiting) = (path.arm as usize, robot.waiting());
@@ -232,7 +232,7 @@ mod tests {
         ThrowAim {
             robot: Robot::new(RobotDescription::nominal()),
             world: WorldConfig::default(),
-            timing: Timing::ours(),
+            timing: ChainDelays::ours(),
             wheels: None,
             target: [4.2, 0.0, 1.2],
             beside: [[0.0; 3]; ARMS],

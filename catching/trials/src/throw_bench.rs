@@ -15,7 +15,7 @@ use crate::look::Mapping;
 use crate::quantiles::Quantiles;
 use crate::rally::{Player, lost, with_turn};
 use crate::throw::{ThrowConfig, world_seed};
-use tactnet_catching::Timing;
+use tactnet_catching::ChainDelays;
 
 /// Fingers open so much early and late, s.
 const LATE: f64 = 2e-3;
@@ -64,7 +64,7 @@ pub struct ThrowBench {
     /// Its world.
     pub world: WorldConfig,
     /// Delays.
-    pub timing: Timing,
+    pub timing: ChainDelays,
     /// Throws in the world, of both arms in turn.
     pub throws: usize,
     /// Of everything that is drawn.
@@ -367,7 +367,7 @@ mod tests {
             config: ThrowBenchConfig::default(),
             robot: Robot::new(RobotDescription::nominal()),
             world: WorldConfig::default(),
-            timing: Timing::ours(),
+            timing: ChainDelays::ours(),
             throws: 2,
             seed: 4,
         }

@@ -1,8 +1,8 @@
 //! The judge is not fooled, and the stack's parts do what they are for: each test breaks one thing and wants balls missed.
 #![allow(clippy::unwrap_used)]
 
+use tactnet_catching::ChainDelays;
 use tactnet_catching::Robot;
-use tactnet_catching::Timing;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::{Ablation, Mapping, Series, SeriesReport, ThrowConfig};
 use tactnet_catching_world::{ObstaclesConfig, Stiffness, WorldConfig};
@@ -12,7 +12,7 @@ fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
         robot: Robot::new(RobotDescription::nominal()),
         calibration: None,
         world: WorldConfig::default(),
-        timing: Timing::ours(),
+        timing: ChainDelays::ours(),
         without: Vec::new(),
         balls: 1,
         perfect_perception: false,

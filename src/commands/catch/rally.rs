@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use tactnet_catching::Timing;
+use tactnet_catching::ChainDelays;
 use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, rally_page};
 
 use super::viewer::ViewerArgs;
@@ -77,7 +77,7 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
         config,
         robot: super::robot(arguments.robot.as_ref())?,
         world: super::world(arguments.world.as_deref())?,
-        timing: Timing::ours(),
+        timing: ChainDelays::ours(),
         rallies: arguments.rallies as usize,
         seed: arguments.seed,
     };

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use tactnet_catching::{Robot, Timing};
+use tactnet_catching::{ChainDelays, Robot};
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_trials::{
     ThrowAim, ThrowAimReport, ThrowBench, ThrowBenchConfig, ThrowReport, peer_throws,
@@ -81,7 +81,7 @@ pub fn run(arguments: &ThrowArgs) -> anyhow::Result<ExitCode> {
         },
         robot,
         world: super::world(arguments.world.as_deref())?,
-        timing: Timing::ours(),
+        timing: ChainDelays::ours(),
         throws,
         seed: arguments.seed,
     };
@@ -98,7 +98,7 @@ fn throw_at(target: [f64; 3], robot: Robot, arguments: &ThrowArgs) -> anyhow::Re
     let aim = ThrowAim {
         robot,
         world: super::world(arguments.world.as_deref())?,
-        timing: Timing::ours(),
+        timing: ChainDelays::ours(),
         wheels: arguments.wheels,
         target,
         beside: hands(&arguments.aim_beside)?,

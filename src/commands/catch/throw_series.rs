@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use tactnet_catching::Timing;
+use tactnet_catching::ChainDelays;
 use tactnet_catching_trials::{
     Ablation, Mapping, Series, ThrowConfig, obstacles_page, picture_file, series_page,
 };
@@ -154,8 +154,8 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
             calibration: calibration.map(|kept| kept.parameters),
             world,
             timing: match arguments.timing {
-                TimingChoice::Ours => Timing::ours(),
-                TimingChoice::Thesis => Timing::thesis(),
+                TimingChoice::Ours => ChainDelays::ours(),
+                TimingChoice::Thesis => ChainDelays::thesis(),
             },
             without,
             balls: arguments.balls.into(),

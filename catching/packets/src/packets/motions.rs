@@ -1,6 +1,6 @@
 //! Requests to planners, their results, and the motions that joints execute.
 
-use tactnet_packet::packets;
+use tactnet_packet::{choices, packets};
 
 use crate::ARM_JOINTS;
 
@@ -125,7 +125,7 @@ packets! {
         /// Latest catch time, in s after the start.
         #[recorded(11)]
         pub latest: f64,
-        /// Objective: 0 smoothest motion, 1 latest catch, 2 early arrival.
+        /// A [`PlanObjective`].
         #[recorded(12)]
         pub objective: u64,
         /// 1 if a plan is being executed, otherwise 0.
@@ -155,8 +155,7 @@ packets! {
         /// Request that it answers.
         #[recorded(1)]
         pub request: PlanRequest,
-        /// Failure: 0 none, 1 invalid request, 2 out of reach, 3 no catch within limits, 4 time limit exceeded, 5
-        /// blocked by obstacles.
+        /// A [`PlanFailure`].
         #[recorded(2)]
         pub failure: u64,
         /// Joint angles at the catch, in rad.
@@ -186,5 +185,47 @@ packets! {
         /// Number of quadratic programs solved in all descents.
         #[recorded(11)]
         pub iterations: u32,
+    }
+}
+
+choices! {
+    /// Objective of a plan.
+    pub enum PlanObjective {
+        /// Smoothest motion.
+        Soft = 0,
+        /// Latest catch.
+        Latest = 1,
+        /// Early arrival.
+        Cool = 2,
+    }
+
+    /// Reason why a planner found no plan.
+    pub enum PlanFailure {
+        /// A plan was found.
+        NotFailed = 0,
+        /// The request is invalid.
+        Request = 1,
+        /// The ball stays out of reach.
+        OutOfReach = 2,
+        /// No catch keeps the limits.
+        NoCatch = 3,
+        /// The time limit expired.
+        OutOfTime = 4,
+        /// Obstacles block all catches.
+        Obstructed = 5,
+    }
+}
+
+impl PlanRequest {
+    /// Returns the objective, or `None` for an unknown number.
+    pub fn objective(&self) -> Option<PlanObjective> {
+        PlanObjective::of(u32::try_from(self.objective).ok()?)
+    }
+}
+
+impl PlanResult {
+    /// Returns the failure, or `None` for an unknown number.
+    pub fn failure(&self) -> Option<PlanFailure> {
+        PlanFailure::of(u32::try_from(self.failure).ok()?)
     }
 }

@@ -75,6 +75,13 @@ fn request() -> impl Strategy<Value = CatchRequest> {
         })
 }
 
+fn after(last: Option<CatchPoint>) -> PlanConditions<'static> {
+    PlanConditions {
+        last,
+        ..PlanConditions::default()
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
@@ -85,15 +92,15 @@ proptest! {
         let robot = Robot::new(RobotDescription::nominal());
         let config = PlanConfig { first: Grid { times: 8, hands: 6, elbows: 6 }, starts: 2, ..PlanConfig::default() };
         let planner = Planner::new(&robot, 0, config);
-        let last = last.as_ref().map(|(q, t)| (q, *t));
+        let conditions = after(last.map(|(q, t)| CatchPoint { q, t }));
         let ball_at = |t: f64| request.ball.after(t);
-        if let Ok(plan) = planner.plan(&request, last, || false) {
+        if let Ok(plan) = planner.plan(&request, &conditions, || false) {
             keeps_limits(&plan, &request, &robot)?;
             let [apart, aslant] = misses(&plan, &ball_at(plan.t), &robot);
             prop_assert!(apart < 2e-5 && aslant < 2e-4);
         }
         // A near miss keeps all limits as well and reports its errors.
-        if let Ok(plan) = planner.nearest_miss(&request, last, || false) {
+        if let Ok(plan) = planner.plan(&request, &conditions.nearest_miss(), || false) {
             keeps_limits(&plan, &request, &robot)?;
             let [apart, aslant] = misses(&plan, &ball_at(plan.t), &robot);
             prop_assert!((apart - plan.violation.position).abs() < 1e-5, "{apart} {:?}", plan.violation);
@@ -109,14 +116,14 @@ proptest! {
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let ball = Flight { p: Vector3::new(0.6, 0.4, 0.1), v: Vector3::new(-5.5, 0.0, -2.0), k: 0.03, lift: Vector3::zeros() }.after(-0.6);
         let first = CatchRequest { ball, q0: robot.ready(0), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
-        let plan = planner.plan(&first, None, || false).unwrap();
+        let plan = planner.plan(&first, &PlanConditions::default(), || false).unwrap();
         let mut elsewhere = ball.after(heard);
         elsewhere.v += Vector3::new(0.0, aside, rise);
         let on_the_way = plan.ramps.map(|ramp| ramp.at(heard));
         let request = CatchRequest { ball: elsewhere, q0: on_the_way.map(|(q, _)| q), w0: on_the_way.map(|(_, w)| w), ..first };
         let carried_on = misses_at(&plan.q, &elsewhere.after(plan.t - heard), &robot);
         let weigh = |[apart, aslant]: [f64; 2]| (apart / 0.005).powi(2) + (aslant.sin() / 0.15).powi(2);
-        if let Ok(better) = planner.nearest_miss(&request, Some((&plan.q, plan.t - heard)), || false) {
+        if let Ok(better) = planner.plan(&request, &after(Some(CatchPoint { q: plan.q, t: plan.t - heard })).nearest_miss(), || false) {
             prop_assert!(weigh(misses(&better, &elsewhere.after(better.t), &robot)) <= weigh(carried_on) * (1.0 + 1e-6) + 1e-6);
         } else {
             prop_assert!(carried_on[0] > 0.1 || carried_on[1] > 0.5, "{carried_on:?}");
@@ -182,7 +189,9 @@ fn reasons_are_told_apart() {
         objective: Objective::Soft,
         other: None,
     };
-    let plan = planner.plan(&caught, None, || false).unwrap();
+    let plan = planner
+        .plan(&caught, &PlanConditions::default(), || false)
+        .unwrap();
     assert!((0.5..0.95).contains(&plan.t), "{}", plan.t);
     let away = CatchRequest {
         ball: Flight {
@@ -192,7 +201,9 @@ fn reasons_are_told_apart() {
         ..caught
     };
     assert_eq!(
-        planner.plan(&away, None, || false).unwrap_err(),
+        planner
+            .plan(&away, &PlanConditions::default(), || false)
+            .unwrap_err(),
         NoPlan::OutOfReach
     );
     let soon = CatchRequest {
@@ -207,25 +218,38 @@ fn reasons_are_told_apart() {
         ..caught
     };
     assert_eq!(
-        planner.plan(&soon, None, || false).unwrap_err(),
+        planner
+            .plan(&soon, &PlanConditions::default(), || false)
+            .unwrap_err(),
         NoPlan::NoCatch
     );
     assert_eq!(
-        planner.plan(&caught, None, || true).unwrap_err(),
+        planner
+            .plan(&caught, &PlanConditions::default(), || true)
+            .unwrap_err(),
         NoPlan::OutOfTime
     );
     let numbers = CatchRequest {
         w0: [f64::NAN; 7],
         ..caught
     };
-    let error = planner.plan(&numbers, None, || false).unwrap_err();
+    let error = planner
+        .plan(&numbers, &PlanConditions::default(), || false)
+        .unwrap_err();
     assert_eq!(
         error.to_string(),
         "the request has numbers that are not finite"
     );
     // A repeated plan is not worse and needs fewer iterations.
     let again = planner
-        .plan(&caught, Some((&plan.q, plan.t)), || false)
+        .plan(
+            &caught,
+            &after(Some(CatchPoint {
+                q: plan.q,
+                t: plan.t,
+            })),
+            || false,
+        )
         .unwrap();
     assert!(again.cost <= plan.cost + 1e-9);
     assert!(again.effort.iterations <= plan.effort.iterations);

@@ -6,15 +6,13 @@ use serde::Serialize;
 use tactnet_catching::plan::Planner;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
-    BallPredictions, Circles, HeadPose, PlanRequest, PlanResult,
+    BallPredictions, Circles, HeadPose, PlanFailure, PlanRequest, PlanResult,
 };
 use tactnet_catching_roles::{RoleSettings, Sight, answer, planning_ends_ns};
 use tactnet_recording::{RecordedPacket, Recording};
 
 use super::RecordedError;
 
-/// A plan that ran out of time, as [`PlanResult::failure`] says.
-const OUT_OF_TIME: u64 = 4;
 /// Questions by which the clocks of recorder and robot are compared.
 const QUESTIONS: usize = 64;
 
@@ -112,7 +110,7 @@ impl Clocks {
 impl Compared {
     /// - `late`: the answer was there when time was up
     fn plan(&mut self, planners: &[Planner; ARMS], recorded: &PlanResult, late: bool) {
-        if recorded.failure == OUT_OF_TIME {
+        if recorded.failure() == Some(PlanFailure::OutOfTime) {
             self.out_of_time += 1;
             return;
         }

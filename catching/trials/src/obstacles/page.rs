@@ -267,7 +267,7 @@ mod tests {
 
     use super::*;
     use crate::sheet::tests::assert_page;
-    use tactnet_catching::Timing;
+    use tactnet_catching::ChainDelays;
 
     fn series(throws: u64) -> Series {
         Series {
@@ -285,7 +285,7 @@ mod tests {
                     },
                     ..WorldConfig::default()
                 },
-                timing: Timing::ours(),
+                timing: ChainDelays::ours(),
                 without: Vec::new(),
                 balls: 1,
                 perfect_perception: true,

@@ -15,7 +15,7 @@ use crate::look_ahead::{Said, as_flight};
 use crate::perception::Perception;
 use crate::series::cause;
 use crate::throw::{Answers, answer, nanoseconds, ticks};
-use tactnet_catching::Oracle;
+use tactnet_catching::CatchSpace;
 
 /// The robot stands this long before the throw, s: its inertial unit finds its bias.
 const REST: f64 = 1.0;
@@ -47,7 +47,7 @@ impl Player {
         &mut self,
         released: &Released,
         target: &[f64; 3],
-        oracle: &Oracle,
+        oracle: &CatchSpace,
     ) -> Result<Catch, TrialError> {
         let ready = self.config.ready();
         let robot = self.config.robot.clone();
@@ -112,7 +112,7 @@ impl Player {
         said: &[Said],
         released: &Released,
         target: &[f64; 3],
-        oracle: &Oracle,
+        oracle: &CatchSpace,
     ) -> Catch {
         let flight = self.world.flight_of(released);
         let cameras = &self.config.robot.description().cameras;

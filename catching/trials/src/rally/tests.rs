@@ -7,7 +7,7 @@ fn rally(config: RallyConfig, rallies: usize) -> Rally {
         config,
         robot: Robot::new(RobotDescription::nominal()),
         world: WorldConfig::default(),
-        timing: Timing::ours(),
+        timing: ChainDelays::ours(),
         rallies,
         seed: 3,
     }

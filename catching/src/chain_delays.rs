@@ -8,7 +8,7 @@ const FIRST_PICTURES: f64 = 3.0;
 /// Delays from a picture to a path, in s.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Timing {
+pub struct ChainDelays {
     /// Delay from the exposure to the memory of the vision computer, in s.
     pub camera: f64,
     /// Delay from there to the prediction, in s.
@@ -21,7 +21,7 @@ pub struct Timing {
     pub drives: f64,
 }
 
-impl Timing {
+impl ChainDelays {
     /// Returns the delays of the thesis: 152 ms from exposure to path.
     pub fn thesis() -> Self {
         Self {
