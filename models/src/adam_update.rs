@@ -1,4 +1,4 @@
-//! One step of Adam as one operation of Burn's Flex backend: parameter and moments are changed where they lie.
+//! Adam's update as one operation of Burn's Flex and CubeCL backends.
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, ExtensionType, Flex, TensorMetadata, backend_extension};
@@ -7,10 +7,10 @@ use tactnet_conv::AdamStep;
 
 use crate::conv::{in_order, reclaim};
 
-/// Returns the parameter and both moments after a step from `[parameter, gradient, first moment, second moment]`, all of one shape and on a
-/// device with fused operations ([`crate::is_fused`]).
+/// Applies one Adam step to `[parameter, gradient, first moment, second moment]` and returns the new parameter and moments.
 ///
-/// Tensors that are not shared are changed in place, the others copied first.
+/// All tensors have one shape and lie on a device with fused operations ([`crate::is_fused`]).
+/// A tensor that is not shared is updated in place; a shared one is copied first.
 pub fn adam_update<const D: usize>(step: AdamStep, tensors: [Tensor<D>; 4]) -> [Tensor<D>; 3] {
     let [parameter, gradient, first, second] = tensors.map(Tensor::into_dispatch);
     let found = <Dispatch as AdamUpdate>::adam_update(parameter, gradient, first, second, step);
@@ -25,7 +25,7 @@ pub struct AdamOutput<B: Backend> {
     pub(crate) second: FloatTensor<B>,
 }
 
-/// Backends that take the step as one operation.
+/// Backends that run an Adam step as one operation.
 #[backend_extension(Flex, Cube: cfg(any(feature = "vulkan", feature = "cuda")))]
 pub trait AdamUpdate: Backend {
     /// See [`adam_update`].

@@ -1,40 +1,40 @@
-//! The layers of a network, as a recipe states them.
+//! Layers of a network, as a recipe describes them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::spectral_shape::Spectra;
 
-/// The layers, as a recipe states them: what makes features of a sweep, and the two layers that read them.
+/// Layers of a network, as a recipe describes them: a trunk that extracts features, a hidden layer and dropout.
 ///
 /// Source of the defaults: Tulbure & Bäuml, Humanoids 2018, figure 4 and table II.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Table", into = "Table")]
 pub struct Architecture {
-    /// What makes features of a sweep.
+    /// Layers that extract features from a sweep.
     pub trunk: Trunk,
     /// Units of the fully connected layer.
     pub hidden: usize,
-    /// Probability to keep a feature in the dropout in front of the fully connected layer, in `(0, 1]`.
+    /// Probability that the dropout in front of the fully connected layer keeps a feature, in `(0, 1]`.
     pub keep_probability: f64,
 }
 
-/// From a sweep to its features.
+/// Layers that extract features from a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Trunk {
-    /// TactNet-II's.
+    /// Convolution blocks of TactNet-II.
     Convolutions(Convolutions),
-    /// Of the spectra of short windows.
+    /// Layers on the spectra of short windows.
     Spectra(Spectra),
 }
 
-/// Convolution blocks.
+/// Settings of the convolution blocks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Convolutions {
     /// Maps of each block.
     pub maps: Vec<usize>,
-    /// Kernel: time steps by taxels, both odd.
+    /// Kernel size, time steps by taxels; both are odd.
     pub kernel: [usize; 2],
-    /// Pool of each block in steps; by [`default_pools`] when absent.
+    /// Pool size of each block in steps; [`default_pools`] when absent.
     pub pools: Option<Vec<usize>>,
 }
 
@@ -59,7 +59,7 @@ impl Default for Architecture {
 }
 
 impl Architecture {
-    /// What kind of network it is, for people.
+    /// Returns the readable name of the kind of network.
     pub fn kind(&self) -> &'static str {
         match self.trunk {
             Trunk::Convolutions(_) => "TactNet-II",
@@ -67,7 +67,7 @@ impl Architecture {
         }
     }
 
-    /// TactNet-II with other numbers of maps and hidden units.
+    /// Returns TactNet-II with the given feature maps and number of hidden units.
     pub fn tactnet2(maps: &[usize], hidden: usize) -> Self {
         Self {
             trunk: Trunk::Convolutions(Convolutions {
@@ -80,7 +80,7 @@ impl Architecture {
     }
 }
 
-/// The same as files have it: one table, of which `spectra` excludes what belongs to convolutions.
+/// Serialised form of [`Architecture`]: one table in which `spectra` excludes the keys of convolutions.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
@@ -92,7 +92,7 @@ struct Table {
     pools: Option<Vec<usize>>,
     hidden: Option<usize>,
     keep_probability: Option<f64>,
-    // Last: in TOML a table ends what stands before it.
+    // This field comes last because TOML writes tables after plain values.
     #[serde(skip_serializing_if = "Option::is_none")]
     spectra: Option<Spectra>,
 }
@@ -163,10 +163,10 @@ pub struct InputShape {
     pub taxels: usize,
 }
 
-/// Pools for `blocks` blocks over `steps` steps: each takes ten steps, or all that are left where there are fewer.
+/// Returns the pool sizes of `blocks` blocks for sweeps of `steps` steps: ten steps each, or all remaining steps if there are fewer.
 ///
-/// 1000 steps give 10, 10, 10 as published; 400 steps give 10, 10, 4; 8800 steps give 10, 10, 10 and leave nine pooled
-/// steps to the fully connected layer.
+/// 1000 steps give 10, 10, 10 as published. 400 steps give 10, 10, 4.
+/// 8800 steps give 10, 10, 10, which leaves nine pooled steps for the fully connected layer.
 pub fn default_pools(steps: usize, blocks: usize) -> Vec<usize> {
     let mut left = steps;
     (0..blocks)

@@ -1,18 +1,18 @@
-//! Belief over materials: softmax in the log domain, fusion over sweeps, majority vote.
+//! Belief over materials: log softmax, Bayesian fusion of sweeps, majority vote.
 
 use serde::{Deserialize, Serialize};
 
-/// `log softmax(scores)` in `f64`, stable for any finite scores.
+/// Returns `log softmax(scores)` in `f64`; stable for any finite scores.
 pub fn log_softmax(scores: &[f32]) -> Vec<f64> {
     let mut out = vec![0.0; scores.len()];
     log_softmax_into(scores, &mut out);
     out
 }
 
-/// As [`log_softmax`], without allocating.
+/// Writes [`log_softmax`] to `out` without allocating.
 ///
 /// # Panics
-/// If the lengths differ.
+/// If `scores` and `out` differ in length.
 pub fn log_softmax_into(scores: &[f32], out: &mut [f64]) {
     assert_eq!(scores.len(), out.len(), "number of materials");
     let largest = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
@@ -24,13 +24,13 @@ pub fn log_softmax_into(scores: &[f32], out: &mut [f64]) {
     }
 }
 
-/// `ln(mean over samples of exp)` for each material, normalised; stable however small a probability is.
+/// Writes the normalised `ln(mean over samples of exp(sample))` of each material to `out`; stable for any probability.
 ///
 /// - `samples`: `[samples][materials]` log-probabilities
 /// - `out`: `[materials]`
 ///
 /// # Panics
-/// If the samples are not whole rows.
+/// If `samples` does not consist of whole rows.
 pub fn log_mean_exp_into(samples: &[f64], out: &mut [f64]) {
     let materials = out.len();
     assert!(
@@ -49,7 +49,7 @@ pub fn log_mean_exp_into(samples: &[f64], out: &mut [f64]) {
     out.iter_mut().for_each(|mean| *mean -= log_total);
 }
 
-/// Entropy of a distribution, nats.
+/// Returns the entropy of a distribution in nats.
 ///
 /// - `log_p`: log-probabilities
 pub fn entropy(log_p: &[f64]) -> f64 {
@@ -60,30 +60,30 @@ pub fn entropy(log_p: &[f64]) -> f64 {
         .sum::<f64>()
 }
 
-/// Returns how far samples disagree: the mutual information of label and weights, entropy of the mean minus mean of the entropies, nats
-/// (Houlsby et al., 2011; Gal & Ghahramani, 2016).
+/// Returns the mutual information between label and weights in nats, a measure of disagreement between samples.
+///
+/// It is the entropy of the mean minus the mean of the entropies (Houlsby et al., 2011; Gal & Ghahramani, 2016).
 ///
 /// - `samples`: `[samples][materials]` log-probabilities
-/// - `mean`: `[materials]`, see [`log_mean_exp_into`]
+/// - `mean`: `[materials]`, from [`log_mean_exp_into`]
 pub fn mutual_information(samples: &[f64], mean: &[f64]) -> f64 {
     let rows = samples.chunks_exact(mean.len());
     let number = rows.len() as f64;
     entropy(mean) - rows.map(entropy).sum::<f64>() / number
 }
 
-/// Probabilities of the materials given all sweeps fused so far, under a flat prior.
+/// Probabilities of the materials given all fused sweeps, under a flat prior.
 ///
-/// Sweeps are taken as independent given the material, so their log-probabilities add (Bayesian fusion, thesis
-/// section 4.3.3).
+/// Sweeps count as independent given the material, so their log-probabilities add up (thesis, section 4.3.3).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Belief {
-    /// `[materials]`, natural log, unnormalised.
+    /// `[materials]`: sum of natural log-probabilities, not normalised.
     log_likelihood: Vec<f64>,
     sweeps: usize,
 }
 
 impl Belief {
-    /// Returns the uniform belief: the same probability for each of `materials`.
+    /// Returns the uniform belief over `materials`.
     ///
     /// # Panics
     /// If `materials` is zero.
@@ -95,9 +95,9 @@ impl Belief {
         }
     }
 
-    /// Updates with the scores of one more sweep.
+    /// Fuses the scores of one more sweep.
     ///
-    /// - `log_probability`: `[materials]`, natural log of the probabilities given this sweep alone
+    /// - `log_probability`: `[materials]`, natural log-probabilities given this sweep alone
     ///
     /// # Panics
     /// If the number of materials differs.
@@ -113,19 +113,19 @@ impl Belief {
         self.sweeps += 1;
     }
 
-    /// Number of sweeps fused.
+    /// Returns the number of fused sweeps.
     pub fn sweeps(&self) -> usize {
         self.sweeps
     }
 
-    /// `[materials]`, sums to one.
+    /// Returns the probabilities `[materials]`, which sum to one.
     pub fn probabilities(&self) -> Vec<f64> {
         let mut out = vec![0.0; self.log_likelihood.len()];
         self.probabilities_into(&mut out);
         out
     }
 
-    /// As [`Belief::probabilities`], without allocating.
+    /// Writes [`Belief::probabilities`] to `out` without allocating.
     ///
     /// # Panics
     /// If the number of materials differs.
@@ -149,16 +149,16 @@ impl Belief {
         self.sweeps = 0;
     }
 
-    /// The most probable label; the lowest among equals.
+    /// Returns the most probable label; the lowest one on a tie.
     pub fn label(&self) -> usize {
         argmax(&self.log_likelihood)
     }
 }
 
-/// A probability of zero (a Monte Carlo average that underflowed) must not veto a material for ever.
+/// Lower bound of a fused log-probability, so that one underflowed Monte Carlo average cannot rule out a material.
 const LOWEST_LOG_PROBABILITY: f64 = -100.0;
 
-/// Index of the largest value, the first among equals.
+/// Returns the index of the largest value; the first one on a tie.
 pub fn argmax(values: &[f64]) -> usize {
     let mut best = 0;
     for (index, value) in values.iter().enumerate() {
@@ -169,12 +169,12 @@ pub fn argmax(values: &[f64]) -> usize {
     best
 }
 
-/// The label named most often; among equals the one whose summed log-probability is largest.
+/// Returns the label with most votes; on a tie, the one with the largest summed log-probability.
 ///
-/// - `sweeps`: per sweep `[materials]` log-probabilities; each sweep votes for its most probable label
+/// - `sweeps`: `[materials]` log-probabilities of each sweep, which votes for its most probable label
 ///
 /// # Panics
-/// If there is no sweep.
+/// If `sweeps` is empty.
 pub fn majority_vote(sweeps: &[&[f64]]) -> usize {
     assert!(!sweeps.is_empty(), "a vote needs at least one sweep");
     let materials = sweeps[0].len();

@@ -11,22 +11,22 @@ use crate::conv::{self, TrainedBlock};
 use crate::initial::{constant_parameter, uniform_parameter};
 use crate::weights::values;
 
-/// Added to the variance before the square root of every batch normalisation.
+/// Added to the variance before the square root in every batch normalisation.
 pub const NORM_EPSILON: f64 = 1e-5;
-/// Weight of the newest batch in the running statistics.
+/// Weight of the latest batch in the running statistics.
 pub(crate) const NORM_MOMENTUM: f64 = 0.1;
 
-/// Mean and variance of one batch per map, detached from the graph.
+/// Mean and variance of each map over one batch, detached from the autodiff graph.
 #[derive(Debug, Clone)]
 pub struct BatchStatistics {
     /// `[maps]`
     pub mean: Tensor<1>,
-    /// `[maps]`, unbiased (divided by n - 1), as running statistics keep it.
+    /// `[maps]`, unbiased (divided by n - 1), as running statistics store it.
     pub variance: Tensor<1>,
 }
 
 impl BatchStatistics {
-    /// From the biased variance of `count` values per map.
+    /// Converts the biased variance of `count` values per map.
     pub(crate) fn from_biased(mean: Tensor<1>, variance: Tensor<1>, count: usize) -> Self {
         let bessel = if count > 1 {
             count as f64 / (count as f64 - 1.0)
@@ -40,7 +40,7 @@ impl BatchStatistics {
     }
 }
 
-/// `running <- (1 - momentum) running + momentum batch`
+/// Returns `(1 - momentum) running + momentum batch`.
 pub(crate) fn updated_running_stat(running: &Tensor<1>, batch: Tensor<1>) -> Tensor<1> {
     let batch = if running.device().is_autodiff() {
         batch.autodiff()
@@ -50,24 +50,26 @@ pub(crate) fn updated_running_stat(running: &Tensor<1>, batch: Tensor<1>) -> Ten
     running.clone().mul_scalar(1.0 - NORM_MOMENTUM) + batch.mul_scalar(NORM_MOMENTUM)
 }
 
-/// Sizes of one block.
+/// Sizes of one convolution block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockConfig {
-    /// Maps that come in.
+    /// Number of input maps.
     pub maps_in: usize,
-    /// Maps that go out.
+    /// Number of output maps.
     pub maps_out: usize,
-    /// Kernel: time steps by taxels, both odd.
+    /// Kernel size, time steps by taxels; both are odd.
     pub kernel: [usize; 2],
-    /// Steps that one pooled step covers.
+    /// Number of steps in one pooled step.
     pub pool: usize,
 }
 
-/// Convolution with SAME zero padding (no bias: batch normalisation follows), batch normalisation over batch, time and
-/// taxels, ReLU, and max-pool `pool x 1`. The last pooled step covers whatever steps are left (`ceil(steps / pool)`).
+/// Convolution, batch normalisation, ReLU and max-pool over time: `[batch, steps, taxels, maps_in]` to
+/// `[batch, ceil(steps / pool), taxels, maps_out]`.
 ///
-/// Maps lie channels last: `[batch, steps, taxels, maps_in] -> [batch, ceil(steps / pool), taxels, maps_out]`. On the processor
-/// the whole block is one operation, see `tactnet-conv`; other devices compose it of Burn's.
+/// The convolution pads with zeros to the same size and has no bias, since batch normalisation follows.
+/// Statistics cover batch, time and taxels. The last pooled step covers the remaining steps.
+///
+/// On the CPU the block is one operation of `tactnet-conv`, on a GPU one of `tactnet-conv-gpu`; otherwise Burn's operations compose it.
 ///
 /// Source: Tulbure & Bäuml, Humanoids 2018, figure 4.
 #[derive(Module, Debug)]
@@ -104,7 +106,7 @@ impl ConvBlock {
         }
     }
 
-    /// Forward pass that normalises with the batch's own statistics, and returns them.
+    /// Runs the block with the statistics of this batch and returns the output and these statistics.
     pub fn forward_train(&self, input: Tensor<4>) -> (Tensor<4>, BatchStatistics) {
         let [batch, steps, taxels, _] = input.dims();
         let found = if conv::is_fused(&input.device()) {
@@ -118,7 +120,7 @@ impl ConvBlock {
         (found.pooled, statistics)
     }
 
-    /// Forward pass with the running statistics frozen. Differentiable where the device is.
+    /// Runs the block with fixed running statistics; differentiable if the device is.
     pub fn forward(&self, input: Tensor<4>) -> Tensor<4> {
         let device = input.device();
         let norm = [
@@ -136,7 +138,7 @@ impl ConvBlock {
         }
     }
 
-    /// The block in Burn's own operations, for devices that the fused one does not run on.
+    /// Runs the block with Burn's operations, for devices without the fused block.
     fn train_by_operations(&self, input: Tensor<4>) -> TrainedBlock {
         let maps = self.convolve(input);
         let normalized = batch_norm_train(maps, self.gamma.val(), self.beta.val(), NORM_EPSILON);
@@ -147,7 +149,7 @@ impl ConvBlock {
         }
     }
 
-    /// `[batch, steps, taxels, maps_in] -> [batch, maps_out, steps, taxels]`
+    /// Convolves `[batch, steps, taxels, maps_in]` to `[batch, maps_out, steps, taxels]`.
     fn convolve(&self, input: Tensor<4>) -> Tensor<4> {
         let [_, _, time, taxels] = self.weight.dims();
         let options = ConvOptions::new([1, 1], [time / 2, taxels / 2], [1, 1], 1);
@@ -159,14 +161,14 @@ impl ConvBlock {
         )
     }
 
-    /// `[batch, maps, steps, taxels] -> [batch, pooled steps, taxels, maps]`
+    /// Pools `[batch, maps, steps, taxels]` to `[batch, pooled steps, taxels, maps]`.
     fn pool(&self, normalized: Tensor<4>) -> Tensor<4> {
         let mut options = MaxPoolOptions::new([self.pool, 1]);
         options.ceil_mode = !normalized.dims()[2].is_multiple_of(self.pool);
         max_pool2d(relu(normalized), options).permute([0, 2, 3, 1])
     }
 
-    /// Returns scale and shift of the normalisation with running statistics, `scale * map + shift`: both `[maps_out]`.
+    /// Returns scale and shift of the normalisation with running statistics, `[maps_out]` each: `scale * map + shift`.
     pub(crate) fn folded_norm(&self) -> (Vec<f32>, Vec<f32>) {
         let scale = self.gamma.val() / (self.running_variance.clone() + NORM_EPSILON).sqrt();
         let shift = self.beta.val() - self.running_mean.clone() * scale.clone();

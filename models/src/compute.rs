@@ -9,7 +9,7 @@ use crate::{ModelError, left_out};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Compute {
-    /// The processor, through Burn's Flex backend.
+    /// The CPU, through Burn's Flex backend.
     #[default]
     Cpu,
     /// Any GPU with a Vulkan driver; needs the cargo feature `vulkan`.
@@ -22,7 +22,7 @@ impl Compute {
     /// Opens the device, without autodiff.
     ///
     /// # Errors
-    /// The binary was built without the device's cargo feature; no driver, or no GPU that it drives.
+    /// The build lacks the device's cargo feature; no driver; no GPU that the driver supports.
     pub fn open(self) -> Result<Device, ModelError> {
         match self {
             Self::Cpu => Ok(Device::flex()),
@@ -38,20 +38,20 @@ impl Compute {
     }
 }
 
-/// What answers for a device.
+/// Driver's description of a GPU.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Adapter {
-    /// Its name, as its driver gives it.
+    /// Name that the driver reports.
     pub name: String,
-    /// Whether the processor plays the GPU.
+    /// True if the driver computes on the CPU.
     pub software: bool,
 }
 
 impl Compute {
-    /// Returns what answers when a Vulkan device is asked for, which is opened for that.
+    /// Opens the Vulkan device and returns its adapter.
     ///
     /// # Errors
-    /// The binary was built without the cargo feature; no driver, or no GPU that it drives.
+    /// The build lacks the cargo feature; no driver; no GPU that the driver supports.
     pub fn vulkan_adapter() -> Result<Adapter, ModelError> {
         #[cfg(feature = "vulkan")]
         {
@@ -64,7 +64,7 @@ impl Compute {
         Err(missing("vulkan"))
     }
 
-    /// Returns the devices of this machine with their names; of those that compute in software, the processor alone.
+    /// Returns the devices of this machine with their names, without GPUs that a driver emulates on the CPU.
     pub fn present() -> Vec<(Self, String)> {
         #[allow(unused_mut)]
         let mut present = vec![(Self::Cpu, "processor".to_owned())];
@@ -88,15 +88,15 @@ mod vulkan {
 
     use crate::ModelError;
 
-    /// The GPU that this process uses.
+    /// The GPU of this process.
     pub(super) struct Gpu {
         pub(super) device: Device,
         pub(super) name: String,
-        /// Whether the processor plays the GPU.
+        /// True if the driver computes on the CPU.
         pub(super) software: bool,
     }
 
-    /// Opens it once: a second attempt would be refused.
+    /// Opens the GPU at the first call, since wgpu refuses a second initialisation.
     pub(super) fn gpu() -> Result<&'static Gpu, ModelError> {
         static GPU: OnceLock<Result<Gpu, String>> = OnceLock::new();
         GPU.get_or_init(open)
@@ -107,10 +107,10 @@ mod vulkan {
             })
     }
 
-    /// Burn's WGSL kernels: its SPIR-V ones make mesa's lavapipe crash while it reads them.
+    /// Opens the device with Burn's WGSL kernels; SPIR-V kernels crash mesa's lavapipe.
     fn open() -> Result<Gpu, String> {
         let mut options = Device::wgpu_options();
-        // Elsewhere it is Metal or DirectX; here Mesa's OpenGL would take the place of a missing driver.
+        // Other systems use Metal or DirectX. On Linux, wgpu would silently replace a missing Vulkan driver by Mesa's OpenGL.
         if cfg!(target_os = "linux") {
             options = options.graphics_api(WgpuBackend::Vulkan);
         }

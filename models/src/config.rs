@@ -1,13 +1,13 @@
-//! A checked description of one network.
+//! Validated description of a network.
 
 use crate::architecture::{Convolutions, InputShape, Trunk, default_pools};
 use crate::spectral_shape::SpectralShape;
 use crate::{Architecture, ModelError};
 
-/// Parameters of a network, and outputs of one of its layers for one sweep, at most: 8 GiB of 32-bit floats.
+/// Maximum number of parameters, and of outputs of one layer for one sweep: 8 GiB of 32-bit floats.
 const MAX_NUMBERS: u64 = 1 << 31;
 
-/// A checked description of one network.
+/// Validated description of a network.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NetworkConfig {
     architecture: Architecture,
@@ -16,24 +16,24 @@ pub struct NetworkConfig {
     trunk: TrunkShape,
 }
 
-/// Sizes of what makes features of a sweep.
+/// Sizes of the layers that extract features.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum TrunkShape {
     Convolutions(ConvolutionShape),
     Spectra(SpectralShape),
 }
 
-/// Sizes of convolution blocks.
+/// Sizes of the convolution blocks.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ConvolutionShape {
     pub(crate) maps: Vec<usize>,
     pub(crate) kernel: [usize; 2],
-    /// Pool of each block, in steps.
+    /// Pool size of each block in steps.
     pub(crate) pools: Vec<usize>,
     pub(crate) input: InputShape,
 }
 
-/// Succeeds if a setting holds what it must.
+/// Returns an error that names `setting` unless `holds`.
 pub(crate) fn require(
     holds: bool,
     setting: &'static str,
@@ -51,7 +51,7 @@ pub(crate) fn require(
     }
 }
 
-/// The product, or `None` where it is beyond all bounds.
+/// Returns the product; `None` on overflow.
 pub(crate) fn product(factors: &[usize]) -> Option<u64> {
     factors
         .iter()
@@ -98,7 +98,7 @@ impl ConvolutionShape {
         let mut all = 0u64;
         let mut maps_in = 1;
         for &maps_out in &self.maps {
-            // Weights; scale and shift of the normalisation.
+            // Weights, then scale and shift of the normalisation.
             let weights = product(&[maps_in, maps_out, self.kernel[0], self.kernel[1]])?;
             all = all.checked_add(weights)?;
             all = all.checked_add(product(&[2, maps_out])?)?;
@@ -118,7 +118,7 @@ impl ConvolutionShape {
         Some(all)
     }
 
-    /// Numbers that the widest block makes of one sweep.
+    /// Returns the number of outputs of the widest block for one sweep.
     fn widest_layer(&self) -> Option<u64> {
         let maps = self.maps.iter().copied().max()?;
         product(&[self.input.steps, self.input.taxels, maps])
@@ -137,10 +137,10 @@ impl ConvolutionShape {
 }
 
 impl NetworkConfig {
-    /// Checks `architecture` for sweeps of shape `input` and `materials` output units.
+    /// Validates `architecture` for sweeps of shape `input` and `materials` output units.
     ///
     /// # Errors
-    /// Names the setting that is out of range.
+    /// A setting is out of range.
     pub fn new(
         architecture: Architecture,
         input: InputShape,
@@ -202,7 +202,7 @@ impl NetworkConfig {
         Ok(config)
     }
 
-    /// Returns the number of parameters; `None` where it is beyond all bounds.
+    /// Returns the number of parameters; `None` on overflow.
     pub fn parameters(&self) -> Option<u64> {
         let trunk = match &self.trunk {
             TrunkShape::Convolutions(shape) => shape.parameters(),
@@ -214,8 +214,9 @@ impl NetworkConfig {
             .checked_add(self.materials as u64)
     }
 
-    /// Returns the multiply-adds of one prediction without dropout, biases and normalisation left out; `None` where they are beyond
-    /// all bounds. Convolutions and Fourier transforms count as what they are by definition, whatever way they are computed in.
+    /// Returns the number of multiply-adds of one prediction without dropout; `None` on overflow.
+    ///
+    /// Biases and normalisation are excluded. Convolutions and Fourier transforms count by their definition, not by the fast algorithm in use.
     pub fn multiply_adds(&self) -> Option<u64> {
         let trunk = match &self.trunk {
             TrunkShape::Convolutions(shape) => shape.multiply_adds(),
@@ -224,7 +225,7 @@ impl NetworkConfig {
         trunk?.checked_add(self.head_multiply_adds()?)
     }
 
-    /// Those of the dense and the output layer, as many as they have weights.
+    /// Returns the multiply-adds of the hidden and the output layer, equal to their number of weights.
     fn head_multiply_adds(&self) -> Option<u64> {
         let hidden = self.architecture.hidden;
         let dense = self.trunk_features()?.checked_mul(hidden as u64)?;
@@ -245,17 +246,17 @@ impl NetworkConfig {
         }
     }
 
-    /// The layers.
+    /// Returns the layers.
     pub fn architecture(&self) -> &Architecture {
         &self.architecture
     }
 
-    /// Shape of one sweep.
+    /// Returns the shape of one sweep.
     pub fn input(&self) -> InputShape {
         self.input
     }
 
-    /// Output units.
+    /// Returns the number of output units.
     pub fn materials(&self) -> usize {
         self.materials
     }
@@ -264,7 +265,7 @@ impl NetworkConfig {
         &self.trunk
     }
 
-    /// Convolution blocks: the kernel, time steps by taxels, and the pool of each block in steps. `None` for other networks.
+    /// Returns the kernel size (time steps by taxels) and the pool size of each block in steps; `None` without convolution blocks.
     pub fn convolutions(&self) -> Option<([usize; 2], &[usize])> {
         match &self.trunk {
             TrunkShape::Convolutions(shape) => Some((shape.kernel, &shape.pools)),
@@ -272,7 +273,7 @@ impl NetworkConfig {
         }
     }
 
-    /// Windows and bands of a network on spectra; `None` for others.
+    /// Returns windows and bands of a network on spectra; `None` for other networks.
     pub fn spectra(&self) -> Option<&SpectralShape> {
         match &self.trunk {
             TrunkShape::Convolutions(_) => None,
@@ -280,8 +281,9 @@ impl NetworkConfig {
         }
     }
 
-    /// Features that reach the dropout: of convolutions pooled steps times taxels times maps (16 x 128 = 2048 for TactMat), of spectra
-    /// two of each unit.
+    /// Returns the number of features in front of the dropout.
+    ///
+    /// Convolutions give pooled steps times taxels times maps (16 x 128 = 2048 for TactMat); spectra give two for each unit.
     pub fn features(&self) -> usize {
         self.trunk_features().unwrap_or(0) as usize
     }

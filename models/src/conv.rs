@@ -1,4 +1,4 @@
-//! The block of `tactnet-conv` as one differentiable operation of Burn's Flex backend.
+//! Convolution block of `tactnet-conv` as one differentiable operation of Burn's Flex backend.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,7 +16,7 @@ use burn::backend::{
 use burn::tensor::{Device, Tensor, TensorData};
 use tactnet_conv::{Block, BlockShape, Saved, Weight, shared_block, spare};
 
-/// Returns whether the fused operations run on `device`: on the processor, that is Burn's Flex backend, and on GPUs.
+/// Returns true if `device` runs the fused operations: the CPU (Burn's Flex backend) and GPUs.
 pub fn is_fused(device: &Device) -> bool {
     match device.as_dispatch() {
         DispatchDevice::Autodiff(device) => fused(device),
@@ -34,7 +34,7 @@ fn fused(device: &DispatchDevice) -> bool {
     }
 }
 
-/// Returns whether `device` is the processor, with or without autodiff.
+/// Returns true if `device` is the CPU, with or without autodiff.
 pub fn is_cpu(device: &Device) -> bool {
     match device.as_dispatch() {
         DispatchDevice::Flex(_) => true,
@@ -44,17 +44,17 @@ pub fn is_cpu(device: &Device) -> bool {
     }
 }
 
-/// A block's pooled output, with the batch statistics it was normalised with.
+/// Pooled output of a block and the batch statistics that normalised it.
 pub(crate) struct TrainedBlock {
     /// `[batch, pooled steps, taxels, maps_out]`
     pub(crate) pooled: Tensor<4>,
-    /// `[maps_out]`, outside the graph
+    /// `[maps_out]`, detached from the graph
     pub(crate) mean: Tensor<1>,
-    /// `[maps_out]`, biased, outside the graph
+    /// `[maps_out]`, biased, detached from the graph
     pub(crate) variance: Tensor<1>,
 }
 
-/// The block with batch statistics, differentiable in `input` `[batch, steps, taxels, maps_in]`, `weight`
+/// Runs the block with batch statistics; differentiable in `input` `[batch, steps, taxels, maps_in]`, `weight`
 /// `[maps_out, maps_in, kernel steps, kernel taxels]`, `gamma` and `beta` `[maps_out]`.
 pub(crate) fn block_train(
     input: Tensor<4>,
@@ -77,7 +77,7 @@ pub(crate) fn block_train(
     }
 }
 
-/// The block with frozen statistics, not differentiable; shapes as for [`block_train`].
+/// Runs the block with fixed statistics, not differentiable; shapes as for [`block_train`].
 pub(crate) fn block_eval(
     input: Tensor<4>,
     weight: Tensor<4>,
@@ -103,7 +103,7 @@ pub struct BlockOutput<B: Backend> {
     pub(crate) variance: FloatTensor<B>,
 }
 
-/// Backends that train the block as one operation.
+/// Backends that train the block with one operation.
 #[backend_extension(Flex, Cube: cfg(any(feature = "vulkan", feature = "cuda")), Autodiff)]
 pub trait TrainableBlock: Backend {
     /// See [`block_train`].
@@ -116,7 +116,7 @@ pub trait TrainableBlock: Backend {
     ) -> BlockOutput<Self>;
 }
 
-/// Backends that evaluate the block as one operation.
+/// Backends that evaluate the block with one operation.
 #[backend_extension(Flex, Cube: cfg(any(feature = "vulkan", feature = "cuda")))]
 pub trait FrozenBlock: Backend {
     /// See [`block_eval`].
@@ -133,12 +133,12 @@ pub trait FrozenBlock: Backend {
 
 pub(crate) type Primitive = FloatTensor<Flex>;
 
-/// Returns the values of a tensor that lie in order from the start of its memory.
+/// Returns the values of a contiguous tensor that starts at the beginning of its memory.
 pub(crate) fn slice(tensor: &Primitive) -> &[f32] {
     &tensor.storage()[..tensor.shape().num_elements()]
 }
 
-/// Returns the tensor with its values in order from the start of its memory, copied if they are not.
+/// Returns the tensor as contiguous from the beginning of its memory; copies it if it is not.
 pub(crate) fn in_order(tensor: Primitive) -> Primitive {
     if tensor.is_contiguous() && tensor.layout().start_offset() == 0 {
         tensor
@@ -147,7 +147,7 @@ pub(crate) fn in_order(tensor: Primitive) -> Primitive {
     }
 }
 
-/// Gives the memory of a large tensor to [`spare`], unless the tensor is shared.
+/// Returns the memory of a large tensor to [`spare`], unless the tensor is shared.
 pub(crate) fn reclaim(tensor: Primitive) {
     let large = tensor.layout().num_elements() >= spare::MIN_LEN;
     if large && tensor.is_unique() && tensor.is_contiguous() {
@@ -159,7 +159,7 @@ pub(crate) fn reclaim(tensor: Primitive) {
     }
 }
 
-/// A contiguous f32 tensor and its values.
+/// Contiguous f32 tensor that derefs to its values.
 struct Values(Primitive);
 
 impl Values {
@@ -167,7 +167,7 @@ impl Values {
         Self(in_order(tensor))
     }
 
-    /// Returns the values as weights identified by their memory: Burn changes a tensor only through `Arc::make_mut`.
+    /// Returns the values as weights, identified by their memory: Burn changes a tensor only through `Arc::make_mut`.
     fn weight(&self) -> Weight<'_> {
         let memory = Arc::downgrade(&self.0.data_arc());
         Weight::known(self.slice(), memory)
@@ -186,7 +186,7 @@ fn plan(input: &Primitive, weight: &Primitive, pool: usize) -> Arc<Block> {
     shared_block(shape_of(input.shape().dims(), weight.shape().dims(), pool))
 }
 
-/// The shape of a block that takes `input` `[batch, steps, taxels, maps_in]` with weights
+/// Returns the shape of a block with input `[batch, steps, taxels, maps_in]` and weights
 /// `[maps_out, maps_in, kernel steps, kernel taxels]`.
 pub(crate) fn shape_of(input: [usize; 4], weight: [usize; 4], pool: usize) -> BlockShape {
     let [batch, steps, taxels, maps_in] = input;
@@ -202,8 +202,9 @@ pub(crate) fn shape_of(input: [usize; 4], weight: [usize; 4], pool: usize) -> Bl
     }
 }
 
-/// Runs a block's pass on a thread of rayon's pool: from another thread each of its parallel parts would be handed over to the pool and
-/// waited for.
+/// Runs `pass` on a thread of rayon's pool.
+///
+/// From a thread outside the pool, rayon would hand over each parallel part separately and wait for it.
 fn in_pool<R: Send>(pass: impl FnOnce() -> R + Send) -> R {
     rayon::scope(|_| pass())
 }
@@ -218,7 +219,7 @@ fn pooled(values: Vec<f32>, shape: &BlockShape) -> Primitive {
     tensor(values, extents)
 }
 
-/// The forward pass, and what its backward pass needs.
+/// Runs the forward pass and returns the output with the state for the backward pass.
 fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Flex>, State<Block, Saved>) {
     let block = plan(&inputs[0], &inputs[1], pool);
     let [input, weight, gamma, beta] = inputs.map(Values::of);
@@ -281,7 +282,7 @@ impl FrozenBlock for Flex {
     }
 }
 
-/// A planned block and the state that its forward pass left for the backward pass; that can be taken once.
+/// Planned block with the forward pass's state, which the backward pass takes once.
 pub(crate) struct State<B, S> {
     pub(crate) block: Arc<B>,
     saved: Arc<Mutex<Option<S>>>,
@@ -293,10 +294,10 @@ impl<B, S> State<B, S> {
         Self { block, saved }
     }
 
-    /// Returns what the forward pass saved.
+    /// Returns the state that the forward pass saved.
     ///
     /// # Panics
-    /// At the second call.
+    /// If it has been taken before.
     pub(crate) fn take(&self) -> S {
         self.saved
             .lock()
@@ -321,7 +322,7 @@ impl<B: fmt::Debug, S> fmt::Debug for State<B, S> {
     }
 }
 
-/// Extents of a block's input, its weights, and values per map.
+/// Returns the extents of a block's input, weights and per-map values.
 pub(crate) fn extents(shape: &BlockShape) -> ([usize; 4], [usize; 4], [usize; 1]) {
     let BlockShape {
         batch,
@@ -339,7 +340,7 @@ pub(crate) fn extents(shape: &BlockShape) -> ([usize; 4], [usize; 4], [usize; 1]
     )
 }
 
-/// Runs a block's forward pass as one node of the graph; what it saved goes to `unused` where nobody will ask for gradients.
+/// Runs a block's forward pass as one node of the autodiff graph; `unused` receives the saved state if no gradient is needed.
 pub(crate) fn as_one_node<B, C, K>(
     operation: K,
     inputs: [FloatTensor<Autodiff<B, C>>; 4],
@@ -368,7 +369,7 @@ where
     }
 }
 
-/// Hands gradients of input, weight, gamma and beta on to whoever made them, where somebody asks for them.
+/// Registers the gradients of input, weight, gamma and beta with the nodes that need them.
 pub(crate) fn hand_on<B: Backend>(
     graph: &mut Graph,
     parents: [Option<NodeId>; 4],
@@ -428,7 +429,7 @@ impl<C: CheckpointStrategy> TrainableBlock for Autodiff<Flex, C> {
 mod tests {
     use super::*;
 
-    // Sizes that no other test has.
+    // No other test uses these sizes.
     fn tensor(len: usize) -> Primitive {
         Primitive::from_data(TensorData::new(vec![7f32; len], [len]))
     }
@@ -436,12 +437,12 @@ mod tests {
     #[test]
     fn memory_of_a_tensor_is_taken_again() {
         let len = spare::MIN_LEN + 1234;
-        // Other tests may push it out meanwhile, but not every time.
+        // Other tests may evict this memory in between, but not in all attempts.
         let found = (0..100).any(|_| {
             let lost = tensor(len);
             reclaim(lost);
             let (again, other) = (spare::take(len), spare::take(len));
-            // It is handed out once, as it was; fresh memory is zero.
+            // The memory is handed out once with its old content; new memory is zero.
             assert!(other.iter().all(|&value| value == 0.0));
             again.iter().all(|&value| value == 7.0)
         });

@@ -1,4 +1,4 @@
-//! The block of `tactnet-conv-gpu`, and Adam, as operations of Burn's CubeCL backend.
+//! Convolution block and Adam of `tactnet-conv-gpu` as operations of Burn's CubeCL backend.
 
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
@@ -21,10 +21,10 @@ use crate::conv::{
 type Primitive = FloatTensor<Cube>;
 type Plans = HashMap<(CubeDevice, BlockShape), Arc<Block>>;
 
-/// Plans that are kept; a training uses one for each block and each size of batch.
+/// Maximum number of cached plans; training uses one plan for each block and batch size.
 const MAX_PLANS: usize = 64;
 
-/// Returns the plan for a shape on the device of `input`; constant tables lie on the device once.
+/// Returns the cached plan of a shape on the device of `input`; a new plan uploads its constant tables once.
 fn plan(input: &Primitive, weight: &Primitive, pool: usize) -> Arc<Block> {
     static PLANS: LazyLock<Mutex<Plans>> = LazyLock::new(Mutex::default);
     let shape = shape_of(input.shape().dims(), weight.shape().dims(), pool);
@@ -38,7 +38,7 @@ fn plan(input: &Primitive, weight: &Primitive, pool: usize) -> Arc<Block> {
     Arc::clone(plan)
 }
 
-/// A tensor of `extents` in the buffer `handle`, on the device of `like`.
+/// Returns a tensor of `extents` over the buffer `handle`, on the device of `like`.
 fn tensor<const D: usize>(like: &Primitive, handle: Handle, extents: [usize; D]) -> Primitive {
     let (client, device) = (like.client.clone(), like.device.clone());
     Primitive::new_contiguous(client, device, extents.into(), handle, like.dtype)
@@ -54,7 +54,7 @@ fn pooled(like: &Primitive, handle: Handle, shape: &BlockShape) -> Primitive {
     tensor(like, handle, extents)
 }
 
-/// The forward pass, and what its backward pass needs.
+/// Runs the forward pass and returns the output with the state for the backward pass.
 fn train(inputs: [Primitive; 4], pool: usize) -> (BlockOutput<Cube>, State<Block, Saved>) {
     let block = plan(&inputs[0], &inputs[1], pool);
     let [input, weight, gamma, beta] = inputs.map(into_contiguous);

@@ -1,4 +1,4 @@
-//! TactNet-II's convolution blocks frame by frame.
+//! Convolution blocks of TactNet-II, evaluated frame by frame.
 
 use tactnet_conv::{StreamBlock, StreamShape};
 
@@ -6,21 +6,21 @@ use crate::InputShape;
 use crate::conv_trunk::ConvTrunk;
 use crate::weights::values;
 
-/// The features of the frames so far: those of a sweep of that many steps, with zeros for pooled steps that have not begun.
+/// Features of the frames so far; pooled steps that have not begun are zero.
 #[derive(Debug, Clone)]
 pub(crate) struct ConvStream {
     blocks: Vec<StreamBlock>,
-    /// Copies of `blocks` that are finished for the features so far.
+    /// Copies of `blocks` that are flushed to complete the features so far.
     ends: Vec<StreamBlock>,
     features: FeatureRows,
-    /// As `features`, with what the ends add after `ended_at` frames.
+    /// `features` plus the rows that flushing added after `ended_at` frames.
     ended: FeatureRows,
     ended_at: Option<usize>,
     frames: usize,
-    /// Rows of a whole sweep that each block sees.
+    /// Number of rows of a whole sweep in front of each block.
     rows: Vec<usize>,
     pools: Vec<usize>,
-    /// Rows of the sweep so far that each block sees.
+    /// Number of rows so far in front of each block.
     rows_now: Vec<usize>,
 }
 
@@ -102,13 +102,13 @@ impl ConvStream {
         self.ended_at = None;
     }
 
-    /// - `frame`: `[taxels]`, normalised; not after the last of a sweep
+    /// - `frame`: `[taxels]`, normalised; at most as many as a sweep has
     pub(crate) fn push(&mut self, frame: &[f32]) {
         self.frames += 1;
         push(&mut self.blocks, &self.rows, frame, &mut self.features);
     }
 
-    /// Returns `[maps x pooled steps x taxels]`.
+    /// Returns the features of the frames so far, `[maps x pooled steps x taxels]`.
     pub(crate) fn features(&mut self) -> &[f32] {
         self.end();
         &self.ended.values
@@ -120,7 +120,7 @@ impl ConvStream {
         }
         self.ended_at = Some(self.frames);
         if self.frames == self.rows[0] {
-            // The blocks take no further frame before they restart.
+            // The blocks receive no further frame before the next restart, so they need no copy.
             std::mem::swap(&mut self.ends, &mut self.blocks);
         } else {
             for (end, block) in self.ends.iter_mut().zip(&self.blocks) {
@@ -142,7 +142,7 @@ impl ConvStream {
     }
 }
 
-/// Pushes a row through the blocks, and on where it completes a pooled row.
+/// Pushes a row through the blocks; each completed pooled row goes to the next block.
 fn push(blocks: &mut [StreamBlock], rows: &[usize], row: &[f32], features: &mut FeatureRows) {
     let [first, rest @ ..] = blocks else {
         features.push(row);

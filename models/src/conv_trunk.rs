@@ -1,4 +1,4 @@
-//! Features of TactNet-II's convolution blocks.
+//! Feature extraction with TactNet-II's convolution blocks.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
@@ -7,14 +7,14 @@ use rand::Rng;
 use crate::block::{BatchStatistics, BlockConfig, ConvBlock};
 use crate::config::ConvolutionShape;
 
-/// The blocks. Sweeps are `[batch, steps, taxels]`.
+/// Convolution blocks on sweeps `[batch, steps, taxels]`.
 #[derive(Module, Debug)]
 pub struct ConvTrunk {
     pub(crate) blocks: Vec<ConvBlock>,
 }
 
 impl ConvTrunk {
-    /// Fresh weights; each block takes its ids from `next_id`.
+    /// Creates blocks with random weights; each block takes its first id from `next_id`.
     pub(crate) fn init(
         shape: &ConvolutionShape,
         mut next_id: impl FnMut() -> u64,
@@ -36,7 +36,7 @@ impl ConvTrunk {
         Self { blocks }
     }
 
-    /// Features `[batch, maps x pooled steps x taxels]`, normalised with the batch's own statistics, which are appended to `statistics`.
+    /// Returns features `[batch, maps x pooled steps x taxels]` with batch statistics, which it appends to `statistics`.
     pub(crate) fn forward_train(
         &self,
         sweeps: Tensor<3>,
@@ -51,14 +51,14 @@ impl ConvTrunk {
         flat_features(maps)
     }
 
-    /// The same with frozen statistics.
+    /// Returns features with fixed statistics.
     pub(crate) fn forward(&self, sweeps: Tensor<3>) -> Tensor<2> {
         let maps = sweeps.unsqueeze_dim::<4>(3);
         let blocks = self.blocks.iter();
         flat_features(blocks.fold(maps, |maps, block| block.forward(maps)))
     }
 
-    /// Layers with running statistics.
+    /// Returns the number of layers with running statistics.
     pub(crate) fn normalized_layers(&self) -> usize {
         self.blocks.len()
     }
@@ -71,7 +71,7 @@ impl ConvTrunk {
     }
 }
 
-/// `[batch, steps, taxels, maps] -> [batch, maps x steps x taxels]`, the order in which weights are stored.
+/// Flattens `[batch, steps, taxels, maps]` to `[batch, maps x steps x taxels]`, the order of the stored weights.
 fn flat_features(maps: Tensor<4>) -> Tensor<2> {
     maps.permute([0, 3, 1, 2]).flatten(1, 3)
 }

@@ -1,4 +1,4 @@
-//! The fully connected layer with batch normalisation and ReLU in front of the output layer.
+//! Fully connected layer with batch normalisation and ReLU.
 
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
@@ -45,7 +45,7 @@ impl NormalizedDense {
         }
     }
 
-    /// Normalises with the batch's own statistics, and returns them.
+    /// Runs the layer with the statistics of this batch and returns the output and these statistics.
     pub fn forward_train(&self, input: Tensor<2>) -> (Tensor<2>, BatchStatistics) {
         let batch = input.dims()[0];
         let activation = dense_product(input, self.weight.val());
@@ -54,7 +54,7 @@ impl NormalizedDense {
         (normalized.output, statistics)
     }
 
-    /// Normalises with the running statistics.
+    /// Runs the layer with the running statistics.
     pub fn forward(&self, input: Tensor<2>) -> Tensor<2> {
         relu(batch_norm(
             dense_product(input, self.weight.val()),
@@ -66,7 +66,7 @@ impl NormalizedDense {
         ))
     }
 
-    /// With the running statistics folded in: `relu(weight x + bias)` is the same layer.
+    /// Returns weights and bias with the running statistics folded in: `relu(weight x + bias)` is the same layer.
     pub(crate) fn folded(&self) -> DenseWeights {
         let scale = self.gamma.val() / (self.running_variance.clone() + NORM_EPSILON).sqrt();
         let bias = self.beta.val() - self.running_mean.clone() * scale.clone();

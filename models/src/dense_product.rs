@@ -1,6 +1,6 @@
-//! The dense layer's matrix product as one differentiable operation of Burn's Flex backend.
+//! Matrix product of a dense layer as one differentiable operation of Burn's Flex backend.
 //!
-//! Burn's own product clears its target, copies the result once more and does not use AVX-512; faer's writes the result in place.
+//! Burn's product clears its target, copies the result once more and does not use AVX-512. faer writes the result in place.
 
 use std::fmt;
 
@@ -18,7 +18,7 @@ use tactnet_conv::spare;
 
 use crate::conv::{in_order, is_cpu};
 
-/// `x W^T`: `[rows, inputs]` and `[outputs, inputs]` to `[rows, outputs]`.
+/// Returns `x W^T`: `[rows, inputs]` and `[outputs, inputs]` to `[rows, outputs]`.
 pub(crate) fn dense_product(input: Tensor<2>, weight: Tensor<2>) -> Tensor<2> {
     if is_cpu(&input.device()) {
         Tensor::from_dispatch(<Dispatch as DenseProduct>::dense_product(
@@ -30,16 +30,16 @@ pub(crate) fn dense_product(input: Tensor<2>, weight: Tensor<2>) -> Tensor<2> {
     }
 }
 
-/// Backends that compute the product and its gradients as one operation each.
+/// Backends that compute the product, and both gradients, as one operation each.
 #[backend_extension(Flex, Autodiff)]
 pub trait DenseProduct: Backend {
-    /// `[rows, inputs]` and `[outputs, inputs]` to `[rows, outputs]`.
+    /// See [`dense_product`].
     fn dense_product(input: FloatTensor<Self>, weight: FloatTensor<Self>) -> FloatTensor<Self>;
 }
 
 type Primitive = FloatTensor<Flex>;
 
-/// A matrix whose rows lie one after the other.
+/// Matrix in row-major order.
 #[derive(Clone)]
 struct Matrix(Primitive);
 
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
     use burn::tensor::{Device, Distribution};
 
-    /// Product and both gradients by this operation and by Burn's own.
+    /// Returns product and both gradients, by this operation and by Burn's.
     fn both_ways(rows: usize, inputs: usize, outputs: usize) -> [[Vec<f32>; 3]; 2] {
         let device = Device::flex().autodiff();
         let draw = |extents: [usize; 2]| {

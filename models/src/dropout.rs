@@ -1,13 +1,12 @@
-//! Dropout as masks that the caller draws.
+//! Dropout masks from a generator of the caller.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::Rng;
 
-/// Bernoulli masks for inverted dropout: `[rows, features]`, each entry `1 / keep_probability` with probability
-/// `keep_probability`, else 0.
+/// Returns Bernoulli masks for inverted dropout, `[rows, features]`: `1 / keep_probability` with probability `keep_probability`, else 0.
 ///
-/// The same masks drive training, Monte Carlo prediction (one row per Monte Carlo sample, shared by all sweeps, so that
-/// a row stands for one draw of the weights; Gal & Ghahramani, 2016) and every exported form of the network.
+/// Training, Monte Carlo prediction and all exported forms of the network use the same masks. In Monte Carlo prediction all sweeps share
+/// the row of a sample, so that a row is one draw of the weights (Gal & Ghahramani, 2016).
 ///
 /// # Panics
 /// If `keep_probability` is not in `(0, 1]`.
@@ -26,8 +25,7 @@ pub fn dropout_masks(
     Tensor::from_data(TensorData::new(values, [rows, features]), device)
 }
 
-/// Writes the same masks as bits into `words`, `[rows][words]` with `features` rounded up to whole words: a feature that is kept is one, the first in the
-/// lowest bit.
+/// Writes the masks of [`dropout_masks`] as bits to `words`, `[rows][ceil(features / 32)]`; 1 keeps a feature, the lowest bit is the first.
 ///
 /// # Panics
 /// If `keep_probability` is not in `(0, 1]`.
@@ -42,7 +40,7 @@ pub fn dropout_bits(words: &mut [u32], features: usize, keep_probability: f64, r
     }
 }
 
-/// Draws whether a feature is kept.
+/// Returns a function that draws true if a feature is kept.
 fn keeper<R: Rng>(keep_probability: f64) -> impl FnMut(&mut R) -> bool {
     assert!(
         keep_probability > 0.0 && keep_probability <= 1.0,

@@ -1,6 +1,6 @@
-//! Feature vectors, one a sweep.
+//! Matrix of feature vectors.
 
-/// A matrix of feature vectors: `[sweeps][width]`, row by row.
+/// Matrix of feature vectors in row-major order, `[sweeps][width]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Features {
     width: usize,
@@ -8,7 +8,7 @@ pub struct Features {
 }
 
 impl Features {
-    /// Returns `values` (`[sweeps][width]`) as rows.
+    /// Creates a matrix from `values`, `[sweeps][width]`.
     ///
     /// # Panics
     /// If `width` is zero or the values do not fill whole rows.
@@ -18,42 +18,42 @@ impl Features {
         Self { width, values }
     }
 
-    /// Values of a row.
+    /// Returns the number of values in a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.values.len() / self.width
     }
 
-    /// Returns whether there is no row.
+    /// Returns true if there are no rows.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
 
-    /// `[sweeps][width]`
+    /// Returns all values, `[sweeps][width]`.
     pub fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// `[sweeps][width]`
+    /// Returns all values for writing, `[sweeps][width]`.
     pub fn values_mut(&mut self) -> &mut [f32] {
         &mut self.values
     }
 
-    /// The row of one sweep.
+    /// Returns the row of one sweep.
     pub fn row(&self, sweep: usize) -> &[f32] {
         &self.values[sweep * self.width..][..self.width]
     }
 
-    /// Every row in turn.
+    /// Returns an iterator over the rows.
     pub fn rows(&self) -> std::slice::ChunksExact<'_, f32> {
         self.values.chunks_exact(self.width)
     }
 
-    /// The rows at `positions`, in that order.
+    /// Returns the rows at `positions`, in that order.
     pub fn select(&self, positions: &[usize]) -> Self {
         let mut values = Vec::with_capacity(positions.len() * self.width);
         for &position in positions {
@@ -62,7 +62,7 @@ impl Features {
         Self::new(self.width, values)
     }
 
-    /// The same in `f64`, as linfa wants it.
+    /// Converts to an `f64` matrix for linfa.
     pub(crate) fn to_ndarray(&self) -> ndarray::Array2<f64> {
         let values = self.values.iter().map(|v| f64::from(*v)).collect();
         ndarray::Array2::from_shape_vec((self.len(), self.width), values)

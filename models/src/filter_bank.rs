@@ -1,15 +1,16 @@
-//! Frequency bands as triangles over the bins of a spectrum, as in a mel filter bank (Davis & Mermelstein, 1980).
+//! Triangular frequency bands over the bins of a spectrum, as in a mel filter bank (Davis & Mermelstein, 1980).
 
-/// Weights of neighbouring bins; they add up to one.
+/// Weights of neighbouring bins, which sum to one.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Band {
-    /// Counted from bin 1.
+    /// Index of the first weight's bin; 0 is bin 1 of the spectrum.
     pub(crate) first: usize,
     pub(crate) weights: Vec<f32>,
 }
 
-/// Triangles over bins 1 to `bins`, each from the centre before it to the one behind it, or one bin wide to either side where those
-/// are nearer than a bin.
+/// Returns triangular bands over bins 1 to `bins`.
+///
+/// Each triangle reaches from the centre of the previous band to that of the next, and at least one bin to either side.
 pub(crate) fn triangles(bins: usize, bands: usize) -> Vec<Band> {
     if bands >= bins {
         let own = |first| Band {

@@ -1,7 +1,7 @@
-//! Fourier coefficients of windows of real values, many at a time, by matrix products of a quarter of the window's length.
+//! Fourier coefficients of many real windows at once, by matrix products over a quarter of the window length.
 //!
-//! With a window function that mirrors itself, `h(n) = h(W - n)`, the real parts of a window of `W` steps depend on the sums of mirrored
-//! steps, the imaginary ones on their differences. Mirrored once more, about `W / 4`, bins of even and of odd number part as well:
+//! With a symmetric window function `h(n) = h(W - n)`, the real parts of a window of `W` steps depend on sums of mirrored steps,
+//! the imaginary parts on their differences. A second reflection about `W / 4` separates even and odd bins:
 //!
 //! ```text
 //! e(n) = h(n) (x(n) + x(W - n)),  o(n) = h(n) (x(n) - x(W - n))            n = 0 to W / 2
@@ -9,28 +9,28 @@
 //! imaginary parts  even bins: o(n) - o(W/2 - n)    odd bins: o(n) + o(W/2 - n)
 //! ```
 //!
-//! That takes a quarter of the multiply-adds of the definition. A fast transform takes fewer, but these are plain products over lanes.
+//! This takes a quarter of the multiply-adds of the definition. A fast Fourier transform takes fewer, but plain products vectorise well.
 
 use std::f64::consts::PI;
 
-/// Values that are computed together.
+/// Number of lanes that one vector operation handles.
 pub(crate) const LANES: usize = 16;
-/// Outputs of a product that are summed together.
+/// Number of outputs of a product that are accumulated together.
 const TILE: usize = 4;
 
-/// Windows of `window` steps, a multiple of four.
+/// Transform of windows of `window` steps, a multiple of four.
 #[derive(Debug, Clone)]
 pub(crate) struct FoldedDft {
     window: usize,
-    /// `[window]`, of unit energy
+    /// `[window]`, Hann window with unit energy
     hann: Vec<f32>,
-    /// Of the four foldings, in the order of [`Folded`].
+    /// Matrices of the four foldings, in the order of [`Folded`].
     products: [Matrix; 4],
-    /// The same backwards.
+    /// Transposes of `products`, for the backward pass.
     back: [Matrix; 4],
 }
 
-/// `[window / 4 + 1][lanes]` each: real parts of even and odd bins, imaginary ones of even and odd bins.
+/// Folded windows: real parts of even and odd bins, then imaginary parts of even and odd bins; `[window / 4 + 1][lanes]` each.
 #[derive(Debug, Clone)]
 pub(crate) struct Folded([Vec<f32>; 4]);
 
@@ -42,7 +42,7 @@ struct Matrix {
     outputs: usize,
 }
 
-/// Rows of a matrix: every second one from 0 or 1 on, or all.
+/// Selection of a matrix's rows: every `step`-th row from `first` on.
 #[derive(Clone, Copy)]
 struct Rows {
     first: usize,
@@ -67,9 +67,9 @@ impl Matrix {
         }
     }
 
-    /// `y[output] = sum over inputs of matrix x[input]`, for every lane.
+    /// Computes `y[output] = sum over inputs of matrix x[input]` for every lane.
     ///
-    /// - `x`, `y`: `[rows][lanes]`, of which `of` and `to` are read and written
+    /// - `x`, `y`: `[rows][lanes]`; only their selected rows are read and written
     #[inline(always)]
     fn times(&self, (x, of): (&[f32], Rows), (y, to): (&mut [f32], Rows), lanes: usize) {
         let padded = self.outputs.next_multiple_of(TILE);
@@ -95,7 +95,7 @@ impl Matrix {
     }
 }
 
-/// Sixteen values from `at` on.
+/// Returns sixteen values from `at` on.
 #[inline(always)]
 pub(crate) fn chunk(values: &[f32], at: usize) -> &[f32; LANES] {
     values[at..]
@@ -103,11 +103,11 @@ pub(crate) fn chunk(values: &[f32], at: usize) -> &[f32; LANES] {
         .unwrap_or_else(|| panic!("lanes come in whole chunks"))
 }
 
-/// A sine or cosine, and the first of its bins.
+/// Sine or cosine function with the number of its first bin.
 type Wave = (fn(f64) -> f64, usize);
 
 impl FoldedDft {
-    /// - `window`: a multiple of four
+    /// - `window`: number of steps, a multiple of four
     pub(crate) fn new(window: usize) -> Self {
         assert!(window.is_multiple_of(4) && window > 0, "{window} steps");
         let quarter = window / 4;
@@ -115,7 +115,7 @@ impl FoldedDft {
             .map(|n| (PI * n as f64 / window as f64).sin().powi(2))
             .collect();
         let gain = 1.0 / hann.iter().map(|h| h * h).sum::<f64>().sqrt();
-        // Even bins from 2 on, odd ones from 1 on.
+        // Even bins start at 2, odd bins at 1.
         let waves: [Wave; 4] = [(f64::cos, 2), (f64::cos, 1), (f64::sin, 2), (f64::sin, 1)];
         let value = |(wave, first): Wave, n: usize, number: usize| {
             let bin = first + 2 * number;
@@ -129,27 +129,27 @@ impl FoldedDft {
         }
     }
 
-    /// Steps of a window.
+    /// Returns the number of steps of a window.
     pub(crate) fn window(&self) -> usize {
         self.window
     }
 
-    /// `[window]`: the window function.
+    /// Returns the window function, `[window]`.
     pub(crate) fn hann(&self) -> &[f32] {
         &self.hann
     }
 
-    /// Memory for so many lanes.
+    /// Allocates memory for `lanes` lanes.
     pub(crate) fn folded(&self, lanes: usize) -> Folded {
         Folded(std::array::from_fn(|_| {
             vec![0.0; (self.window / 4 + 1) * lanes]
         }))
     }
 
-    /// Folds a window of `count` traces into the lanes from `lane` on.
+    /// Folds one window of `count` taxels into the lanes from `lane` on.
     ///
     /// - `steps`: `[window][count]`
-    /// - `mean`: `[count]`, subtracted from each trace
+    /// - `mean`: `[count]`, subtracted from each taxel
     #[inline(always)]
     pub(crate) fn fold(
         &self,
@@ -162,7 +162,7 @@ impl FoldedDft {
         let (quarter, half, count) = (self.window / 4, self.window / 2, mean.len());
         let of = |n: usize| &steps[n * count..(n + 1) * count];
         let Folded([real_even, real_odd, imaginary_even, imaginary_odd]) = folded;
-        // The window function is zero at the first step: of that pair the middle of the window is left.
+        // The window function is zero at the first step, so only the middle step of that pair counts.
         let (middle, at) = (of(half), lane);
         for (trace, mean) in mean.iter().enumerate() {
             let value = (middle[trace] - mean) * self.hann[half];
@@ -206,7 +206,7 @@ impl FoldedDft {
         }
     }
 
-    /// Coefficients of bins 1 to `window / 2`.
+    /// Computes the coefficients of bins 1 to `window / 2`.
     ///
     /// - `real`, `imaginary`: `[window / 2][lanes]`
     #[inline(always)]
@@ -227,7 +227,7 @@ impl FoldedDft {
         }
     }
 
-    /// Replaces what was folded by the gradient with respect to it.
+    /// Replaces the folded values by the gradient with respect to them.
     ///
     /// - `real`, `imaginary`: gradients of the coefficients
     #[inline(always)]
@@ -244,10 +244,10 @@ impl FoldedDft {
         }
     }
 
-    /// Adds to `found` the gradient of the lanes from `lane` on with respect to their window, means included.
+    /// Adds the gradient with respect to the window of the lanes from `lane` on to `found`, including the contribution of the means.
     ///
     /// - `found`: `[window][count]`
-    /// - `mean`: `[count]`, gradients with respect to the means alone; changed
+    /// - `mean`: `[count]`, gradients with respect to the means alone; modified
     #[inline(always)]
     pub(crate) fn unfold(
         &self,
@@ -261,7 +261,7 @@ impl FoldedDft {
         let Folded([real_even, real_odd, imaginary_even, imaginary_odd]) = folded;
         let mut add = |n: usize, trace: usize, value: f32, mean: &mut [f32]| {
             found[n * count + trace] += value;
-            // The mean was subtracted from every step.
+            // The forward pass subtracts the mean from every step.
             mean[trace] -= value;
         };
         for trace in 0..count {
@@ -301,7 +301,7 @@ impl FoldedDft {
     }
 }
 
-/// Rows of the bins of folding `number`: bin 1 is row 0.
+/// Returns the rows of the bins of folding `number`; row 0 is bin 1.
 fn bins(number: usize) -> Rows {
     Rows {
         first: usize::from(number.is_multiple_of(2)),

@@ -1,7 +1,7 @@
-//! Output layers for a few sweeps of new materials, on the features of a trained network.
+//! Output layers for new materials with few sweeps, on the features of a trained network.
 //!
-//! All are fitted to `[sweeps][width]` features `u` of the task's sweeps. `OL` and `OL-mean` are convex problems and solved until the
-//! gradient vanishes (thesis, section 4.6); SimpleShot and whitened LDA have closed forms.
+//! All heads are fitted to features `u` of the task's sweeps, `[sweeps][width]`. `OL` and `OL-mean` are convex problems, which are solved
+//! until the gradient vanishes (thesis, section 4.6). SimpleShot and whitened LDA have closed forms.
 
 mod linear;
 mod nearest_mean;
@@ -16,7 +16,7 @@ pub use new_class::{NewClass, fit_new_class};
 pub use simpleshot::SimpleShot;
 pub use whitening::Whitening;
 
-/// Mean row of every label.
+/// Returns the mean row of each label.
 ///
 /// # Panics
 /// If a label has no row.
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
     use crate::{Features, Weights, log_softmax};
 
-    /// `tests/golden/heads_with_scipy.py`
+    /// Tensors written by `tests/golden/heads_with_scipy.py`.
     struct Golden(Weights);
 
     impl Golden {
@@ -113,7 +113,7 @@ mod tests {
             for (class, expected) in golden.features(name).rows().enumerate() {
                 let found = head.weights[class].iter().chain([&head.biases[class]]);
                 for (found, expected) in found.zip(expected) {
-                    // The weak penalty of OL leaves a flat valley; both ends have gradients below 1e-6.
+                    // The weak penalty of OL leaves a flat valley: the gradient is below 1e-6 at both solutions.
                     let tolerance = 2e-5 * f64::from(expected.abs()).max(1.0);
                     assert!(
                         (found - f64::from(*expected)).abs() < tolerance,
@@ -137,7 +137,7 @@ mod tests {
         {
             let scores: Vec<f32> = scores.iter().map(|s| *s as f32).collect();
             for (found, expected) in log_softmax(&scores).iter().zip(expected) {
-                // Whitened values are kept in single precision.
+                // Whitened values are stored in single precision.
                 let error = (found - f64::from(*expected)).abs();
                 assert!(
                     error < 2e-4 * f64::from(expected.abs()).max(1.0),

@@ -1,13 +1,12 @@
-//! Initial parameters from a generator that the caller names.
+//! Initial parameters from a generator of the caller.
 
 use burn::module::{Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::{Rng, RngExt};
 
-/// Uniform in `±1 / sqrt(fan_in)`, drawn in `f64` and rounded, so that all devices start from the same numbers.
+/// Draws values uniformly from `±1 / sqrt(fan_in)`, in `f64` before rounding, so that all devices start from the same numbers.
 ///
-/// Source: LeCun et al., Efficient BackProp (1998), section 4.6; the range PyTorch uses for its linear and
-/// convolution layers.
+/// Source: LeCun et al., Efficient BackProp (1998), section 4.6; PyTorch's range for linear and convolution layers.
 pub(crate) fn uniform_parameter<const D: usize>(
     id: u64,
     shape: [usize; D],
@@ -25,7 +24,7 @@ pub(crate) fn uniform_parameter<const D: usize>(
     )
 }
 
-/// The same number everywhere.
+/// Returns a parameter filled with `value`.
 pub(crate) fn constant_parameter<const D: usize>(
     id: u64,
     value: f32,
@@ -35,8 +34,7 @@ pub(crate) fn constant_parameter<const D: usize>(
     parameter(id, Tensor::full(shape, value, device))
 }
 
-/// A parameter that trains where its device records gradients. Fixed ids let the optimiser's state find its
-/// parameters again after a restart.
+/// Returns a parameter that requires gradients if its device records them. Fixed ids let a restored optimiser find its parameters.
 pub(crate) fn parameter<const D: usize>(id: u64, value: Tensor<D>) -> Param<Tensor<D>> {
     let value = if value.device().is_autodiff() {
         value.require_grad()

@@ -1,4 +1,4 @@
-//! k nearest neighbours (Euclidean distance; search by linfa-nn).
+//! k-nearest-neighbour classifier with Euclidean distance; linfa-nn does the search.
 
 use linfa_nn::distance::L2Dist;
 use linfa_nn::{CommonNearestNeighbour, NearestNeighbour};
@@ -6,23 +6,23 @@ use rayon::prelude::*;
 
 use crate::Features;
 
-/// Keeps all training sweeps and lets the `neighbours` nearest ones vote.
+/// Training sweeps and the number of neighbours that vote.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Knn {
     /// `[sweeps][width]`
     pub features: Features,
     /// `[sweeps]`
     pub labels: Vec<usize>,
-    /// Number of labels there are.
+    /// Number of materials.
     pub materials: usize,
-    /// Neighbours that vote, k.
+    /// Number of neighbours that vote, k.
     pub neighbours: usize,
 }
 
 impl Knn {
-    /// Log-probabilities `[sweeps][materials]`: the share of the votes, with one more vote spread evenly over all
-    /// materials, so that one sweep without a vote does not forbid a material when several sweeps are fused.
-    /// Equal counts of votes are equal probabilities.
+    /// Returns log-probabilities `[sweeps][materials]` from the share of votes.
+    ///
+    /// One extra vote is spread evenly over all materials, so that a material without votes is not ruled out when sweeps are fused.
     ///
     /// # Panics
     /// If `queries` have another width.

@@ -1,34 +1,36 @@
-//! L-BFGS for smooth convex functions (Nocedal & Wright, Numerical Optimization, algorithm 7.5), run until the gradient vanishes.
+//! L-BFGS for smooth convex functions (Nocedal & Wright, Numerical Optimization, algorithm 7.5).
 
-/// Pairs of steps and gradient changes that are remembered: many, as a fit is run until its gradient vanishes and a step costs less than a
-/// gradient (a bowl of condition 4000: 218 gradients; 626 with 12 pairs and a curvature of 0.9).
+/// Number of stored pairs of step and gradient change.
+///
+/// It is large because a fit runs until the gradient vanishes and a step is cheaper than a gradient: a quadratic of condition number 4000
+/// takes 218 gradients, against 626 with 12 pairs and a curvature constant of 0.9.
 const MEMORY: usize = 40;
-/// Sufficient decrease (Armijo).
+/// Armijo constant for sufficient decrease.
 const DECREASE: f64 = 1e-4;
-/// Relative error of a value, within which slopes decide (approximate Wolfe conditions; Hager & Zhang, 2005).
+/// Relative rounding error of a function value; within it slopes decide (approximate Wolfe conditions; Hager & Zhang, 2005).
 const ROUNDING: f64 = 1e-13;
-/// Curvature (Wolfe).
+/// Constant of the Wolfe curvature condition.
 const CURVATURE: f64 = 0.5;
 
 /// Result of a minimisation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Minimum {
-    /// The point.
+    /// Point of the minimum.
     pub point: Vec<f64>,
-    /// Euclidean norm of the gradient there: the proof that it is the minimum of a convex function.
+    /// Euclidean norm of the gradient at `point`; a small norm proves the minimum of a convex function.
     pub gradient_norm: f64,
-    /// The same at the start.
+    /// Euclidean norm of the gradient at the start.
     pub start_norm: f64,
-    /// Iterations taken.
+    /// Number of iterations.
     pub iterations: usize,
 }
 
 /// Minimises a convex function from `start`.
 ///
-/// - `function(x, gradient)`: gives the value and writes the gradient
-/// - `tolerance`: on the gradient's norm, relative to the larger of 1 and the norm of the point
+/// - `function(x, gradient)`: returns the value and writes the gradient
+/// - `tolerance`: bound of the gradient's norm, relative to the larger of 1 and the norm of the point
 ///
-/// Ends early where rounding leaves no step that decreases the value; `gradient_norm` says how far that was.
+/// Stops early if rounding prevents any further decrease; check `gradient_norm`.
 pub fn minimise(
     start: Vec<f64>,
     mut function: impl FnMut(&[f64], &mut [f64]) -> f64,
@@ -74,7 +76,7 @@ pub fn minimise(
             }
             let trial_value = function(&trial, &mut trial_gradient);
             let trial_slope = dot(&direction, &trial_gradient);
-            // Near the minimum values differ by rounding alone, slopes still tell.
+            // Near the minimum, function values differ only by rounding, but slopes are still accurate.
             let decreases = trial_value <= value + DECREASE * length * slope
                 || trial_value <= value + ROUNDING * value.abs()
                     && trial_slope <= (2.0 * DECREASE - 1.0) * slope;
@@ -120,7 +122,7 @@ pub fn minimise(
     }
 }
 
-/// Minus the inverse Hessian, as far as it is known, times the gradient.
+/// Returns minus the approximate inverse Hessian times the gradient.
 fn direction(gradient: &[f64], steps: &[(Vec<f64>, Vec<f64>, f64)]) -> Vec<f64> {
     let mut q: Vec<f64> = gradient.iter().map(|g| -g).collect();
     let mut factors = vec![0.0; steps.len()];
@@ -139,7 +141,7 @@ fn direction(gradient: &[f64], steps: &[(Vec<f64>, Vec<f64>, f64)]) -> Vec<f64> 
     q
 }
 
-/// Sum of products, in eight parts at once.
+/// Returns the dot product, summed in eight lanes.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (a_runs, b_runs) = (a.chunks_exact(8), b.chunks_exact(8));

@@ -1,14 +1,14 @@
-//! Linear discriminant analysis: what a linear reading of the features can tell.
+//! Linear discriminant analysis, a linear baseline on features.
 //!
-//! Materials are normal classes of one covariance, which is shrunk towards its diagonal as far as Ledoit and Wolf (J. Multivariate
-//! Analysis 88, 2004) estimate to be best; scikit-learn's `LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto")`.
+//! Materials are normal classes with one covariance, shrunk towards its diagonal by the estimate of Ledoit and Wolf (J. Multivariate
+//! Analysis 88, 2004), as in scikit-learn's `LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto")`.
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Par, Side};
 
 use crate::{Features, ModelError, log_softmax};
 
-/// A fitted discriminant.
+/// Fitted linear discriminant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lda {
     /// `[materials][width]`
@@ -18,16 +18,16 @@ pub struct Lda {
 }
 
 impl Lda {
-    /// Fits to `features` of `labels` below `materials`; every material is as probable as it is frequent.
+    /// Fits to `features` with `labels` below `materials`; prior probabilities are the label frequencies.
     ///
     /// # Errors
-    /// A covariance that cannot be inverted.
+    /// The covariance is not positive definite.
     pub fn fit(
         features: &Features,
         labels: &[usize],
         materials: usize,
     ) -> Result<Self, ModelError> {
-        // On one thread, results do not depend on how many there are.
+        // With one thread, results do not depend on the number of threads.
         faer::set_global_parallelism(Par::Seq);
         let (width, sweeps) = (features.width(), labels.len() as f64);
         let mut covariance = Mat::<f64>::zeros(width, width);
@@ -88,7 +88,7 @@ impl Lda {
     }
 }
 
-/// Mean and shrunk covariance of one class: shrinkage is estimated of features scaled to unit variance.
+/// Returns mean and shrunk covariance of one class; the shrinkage is estimated on features scaled to unit variance.
 fn mean_and_covariance(rows: &[&[f32]], width: usize) -> (Vec<f64>, Mat<f64>) {
     let n = rows.len() as f64;
     let mut mean = vec![0.0; width];
@@ -126,7 +126,7 @@ fn mean_and_covariance(rows: &[&[f32]], width: usize) -> (Vec<f64>, Mat<f64>) {
     (mean, covariance)
 }
 
-/// Ledoit and Wolf's estimate, 0 to 1.
+/// Returns Ledoit and Wolf's estimate of the shrinkage, 0 to 1.
 ///
 /// - `trace`: mean of the covariance's diagonal
 fn shrinkage(centred: &Mat<f64>, covariance: &Mat<f64>, trace: f64) -> f64 {
@@ -135,7 +135,7 @@ fn shrinkage(centred: &Mat<f64>, covariance: &Mat<f64>, trace: f64) -> f64 {
     let fourth: f64 = (0..centred.nrows())
         .map(|row| centred.row(row).iter().map(|x| x * x).sum::<f64>().powi(2))
         .sum();
-    // The sum over all pairs of features of the variance of their products, over the distance to a multiple of the unit matrix.
+    // Sum over all feature pairs of the variance of their products, over the squared distance to a multiple of the unit matrix.
     let beta = (fourth / n - squares) / (width * n);
     let delta = squares / width - trace * trace;
     if delta <= 0.0 || beta <= 0.0 {
@@ -148,7 +148,7 @@ fn shrinkage(centred: &Mat<f64>, covariance: &Mat<f64>, trace: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// scikit-learn 1.9.1, `LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto")` on the same numbers.
+    /// Expected values: scikit-learn 1.9.1, `LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto")` on the same numbers.
     #[test]
     fn discriminants_are_those_of_scikit_learn() {
         // x = sin(0.7 i (k + 1) + k) + 0.3 label, in single precision.

@@ -1,4 +1,4 @@
-//! Networks and what is built on their scores: numbers in, scores out.
+//! Neural networks, classical classifiers and the belief over materials: arrays in, scores out.
 //!
 //! ```text
 //! sweeps [batch, 1, steps, taxels] ─> trunk ─> features ─> dropout mask ─> Dense ─> logits [batch, materials]
@@ -6,8 +6,8 @@
 //! trunk of TactNet-II: 3 x ConvBlock        trunk on spectra: log spectra of windows ─> 2 x Dense ─> mean and deviation over windows
 //! ```
 //!
-//! No files, no clocks, no data sets, no random generator of its own: dropout masks and initial weights come from a
-//! generator that the caller names, so equal seeds give equal networks.
+//! This crate reads no files, clocks or data sets. The caller passes the generator for dropout masks and initial weights, so equal seeds
+//! give equal networks.
 
 mod adam_update;
 mod architecture;
@@ -90,46 +90,46 @@ pub use tactnet_conv_gpu::{StackAttack, StackBatch, StackDigits, StackMeasured, 
 pub use temperature::fit_inverse_temperature;
 pub use weights::{NamedTensor, Weights, values};
 
-/// Errors of a network's description, its weights, its device and of fitting.
+/// Errors of network descriptions, weights, devices and fits.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    /// A setting out of its range.
+    /// A setting is out of range.
     #[error("network setting `{setting}`: expected {expected}, found {found}")]
     Setting {
-        /// Name of the setting in the recipe.
+        /// Name of the setting in a recipe.
         setting: &'static str,
-        /// Values that are allowed.
+        /// Allowed values.
         expected: String,
         /// Value found.
         found: String,
     },
-    /// Weights that do not belong to this network.
+    /// Weights do not match the network.
     #[error("weights: tensor `{tensor}`: expected {expected}, found {found}")]
     Weights {
         /// Name of the tensor.
         tensor: String,
-        /// Shape or type that the network has.
+        /// Expected shape or type.
         expected: String,
-        /// Shape or type in the file.
+        /// Shape or type found.
         found: String,
     },
-    /// A safetensors file that cannot be parsed.
+    /// Bytes are not a valid safetensors file.
     #[error("weights: not a safetensors file: {0}")]
     Safetensors(#[from] safetensors::SafeTensorError),
-    /// A device that this build or machine does not offer.
+    /// A device cannot be used on this machine.
     #[error("compute device `{device}`: {reason}")]
     Compute {
-        /// Its name on the command line.
+        /// Name of the device.
         device: &'static str,
-        /// Why it cannot be used, and what would help.
+        /// Message of the driver.
         reason: String,
     },
-    /// A classical classifier that cannot be fitted.
+    /// A classifier could not be fitted.
     #[error("{what}: {reason}")]
     Fit {
         /// Name of the classifier.
         what: &'static str,
-        /// Message of its solver.
+        /// Reason for the failure.
         reason: String,
     },
 }

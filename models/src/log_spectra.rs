@@ -1,9 +1,9 @@
-//! Short-time log spectra of every taxel, forward and backward, on plain slices.
+//! Short-time log spectra of all taxels, forward and backward, on plain slices.
 //!
-//! A window of `W` steps of one taxel gives `log10(energy + floor) + 1.5` of `bands` frequency bands and, last, its mean. The energy of a band
-//! is a weighted mean of the squared Fourier coefficients of `(x - mean) hann`, with triangular weights between centres that lie
-//! logarithmically from the first bin to the Nyquist frequency, as in a mel filter bank (Davis & Mermelstein, 1980). `hann` has unit
-//! energy, so white noise of variance 1 gives energies around 1 whatever the window.
+//! A window of `W` steps of one taxel gives `bands` values `log10(energy + floor) + 1.5` and, last, the window's mean. A band's energy is a
+//! weighted mean of the squared Fourier coefficients of `(x - mean) hann`. The weights are triangles with logarithmically spaced centres from
+//! the first bin to the Nyquist frequency, as in a mel filter bank (Davis & Mermelstein, 1980). `hann` has unit energy, so white noise of
+//! variance 1 gives energies around 1 for any window length.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -15,14 +15,14 @@ use crate::folded_dft::{Folded, FoldedDft, LANES, chunk};
 
 /// Added to energies before the logarithm, in squared units of the sweep.
 pub const ENERGY_FLOOR: f32 = 1e-3;
-/// Factor on natural logarithms of energies, which makes them decimal ones.
+/// Factor that converts natural to decimal logarithms.
 pub const LOG_GAIN: f32 = std::f32::consts::LOG10_E;
-/// Added to decimal logarithms: zero is halfway between the floor and the energy 1.
+/// Added to decimal logarithms, so that zero lies halfway between the floor and the energy 1.
 pub const LOG_OFFSET: f32 = 1.5;
-/// Lanes of a block of windows, at least: what a block needs stays in a core's own cache.
+/// Minimum number of lanes in a block of windows; a block's working memory fits into a core's private cache.
 const BLOCK: usize = 256;
 
-/// Windows, and the bands of their spectra.
+/// Plan for the log spectra of all windows of a sweep.
 #[derive(Debug, Clone)]
 pub(crate) struct LogSpectra {
     transform: FoldedDft,
@@ -32,12 +32,12 @@ pub(crate) struct LogSpectra {
     tables: OnceLock<SpectralTables>,
 }
 
-/// Memory of one block of windows.
+/// Working memory for one block of windows.
 #[derive(Debug, Clone)]
 pub(crate) struct Scratch {
-    /// Windows of a block.
+    /// Number of windows in a block.
     windows: usize,
-    /// Their taxels, rounded up.
+    /// Number of taxels in all windows of a block, rounded up to whole vectors.
     lanes: usize,
     folded: Folded,
     /// `[window / 2][lanes]`
@@ -50,7 +50,8 @@ pub(crate) struct Scratch {
 }
 
 impl LogSpectra {
-    /// - `window`: a multiple of 4
+    /// - `window`: in steps, a multiple of 4
+    /// - `hop`: steps from one window to the next
     /// - `bands`: at most `window / 2`
     pub(crate) fn new(window: usize, hop: usize, bands: usize, taxels: usize) -> Self {
         debug_assert!(hop > 0 && taxels > 0);
@@ -63,32 +64,32 @@ impl LogSpectra {
         }
     }
 
-    /// Values that a window gives of each taxel: its bands and its mean.
+    /// Returns the number of values per window and taxel: the bands and the mean.
     pub(crate) fn values(&self) -> usize {
         self.bands.len() + 1
     }
 
-    /// Windows of a sweep; steps behind the last whole one are not read.
+    /// Returns the number of complete windows in a sweep of `steps` steps.
     pub(crate) fn windows(&self, steps: usize) -> usize {
         windows(steps, self.window(), self.hop)
     }
 
-    /// Taxels of a sweep.
+    /// Returns the number of taxels in a sweep.
     pub(crate) fn taxels(&self) -> usize {
         self.taxels
     }
 
-    /// Steps of a window.
+    /// Returns the number of steps in a window.
     pub(crate) fn window(&self) -> usize {
         self.transform.window()
     }
 
-    /// Steps from one window to the next.
+    /// Returns the number of steps from one window to the next.
     pub(crate) fn hop(&self) -> usize {
         self.hop
     }
 
-    /// Memory for blocks of at most `windows` windows.
+    /// Allocates working memory for blocks of at most `windows` windows.
     pub(crate) fn scratch(&self, windows: usize) -> Scratch {
         let windows = BLOCK.div_ceil(self.taxels).clamp(1, windows.max(1));
         let lanes = (windows * self.taxels).next_multiple_of(LANES);
@@ -104,6 +105,8 @@ impl LogSpectra {
         }
     }
 
+    /// Computes the log spectra of a sweep.
+    ///
     /// - `sweep`: `[steps][taxels]`
     /// - `output`: `[windows][taxels][bands + 1]`
     pub(crate) fn forward(&self, sweep: &[f32], output: &mut [f32], scratch: &mut Scratch) {
@@ -115,7 +118,7 @@ impl LogSpectra {
         });
     }
 
-    /// Fills the Fourier coefficients and means of `windows`.
+    /// Computes the Fourier coefficients and means of `windows`.
     #[inline(always)]
     fn coefficients(&self, sweep: &[f32], windows: std::ops::Range<usize>, scratch: &mut Scratch) {
         let (window, taxels, lanes) = (self.window(), self.taxels, scratch.lanes);
@@ -137,7 +140,7 @@ impl LogSpectra {
             .transform(&scratch.folded, real, imaginary, lanes);
     }
 
-    /// Energy of a band, of sixteen lanes from `lane` on.
+    /// Returns a band's energy in sixteen lanes from `lane` on.
     #[inline(always)]
     fn energy(band: &Band, scratch: &Scratch, lane: usize) -> [f32; LANES] {
         let mut energy = [0.0f32; LANES];
@@ -172,10 +175,10 @@ impl LogSpectra {
         }
     }
 
-    /// Adds to `found` the gradient with respect to the sweep.
+    /// Adds the gradient with respect to the sweep to `found`.
     ///
     /// - `sweep`, `found`: `[steps][taxels]`
-    /// - `gradient`: of the output, `[windows][taxels][bands + 1]`
+    /// - `gradient`: gradient of the output, `[windows][taxels][bands + 1]`
     pub(crate) fn backward(
         &self,
         sweep: &[f32],
@@ -241,7 +244,7 @@ impl LogSpectra {
         }
     }
 
-    /// Returns the same as matrices, for devices and programs that have no operation of their own.
+    /// Returns the transform as matrices, for devices and programs without this operation.
     pub(crate) fn tables(&self) -> &SpectralTables {
         self.tables.get_or_init(|| self.new_tables())
     }
@@ -328,19 +331,20 @@ impl NullaryFnOnce for Backward<'_> {
     }
 }
 
-/// The spectra of a window as matrices: `LOG_GAIN ln(bands (real^2 + imaginary^2) + ENERGY_FLOOR) + LOG_OFFSET`, with real and imaginary parts
-/// by `fourier` of the window as it is.
+/// Log spectra of a window as matrices: `LOG_GAIN ln(bands (real^2 + imaginary^2) + ENERGY_FLOOR) + LOG_OFFSET`.
+///
+/// `fourier` maps the raw window to real and imaginary parts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectralTables {
-    /// Frequencies, the constant one left out.
+    /// Number of frequencies, without the constant one.
     pub bins: usize,
-    /// `[2 x bins][window]`: real parts, then imaginary ones; the window's mean and shape are taken into account.
+    /// `[2 x bins][window]`: real parts, then imaginary parts; includes the window function and the subtraction of the mean.
     pub fourier: Vec<f32>,
     /// `[bands][bins]`
     pub bands: Vec<f32>,
 }
 
-/// Windows of `steps` steps, one every `hop`.
+/// Returns the number of complete windows among `steps` steps, one every `hop`.
 pub(crate) fn windows(steps: usize, window: usize, hop: usize) -> usize {
     match steps.checked_sub(window) {
         Some(left) => left / hop + 1,
@@ -348,7 +352,7 @@ pub(crate) fn windows(steps: usize, window: usize, hop: usize) -> usize {
     }
 }
 
-/// The natural logarithm of a positive normal number, to about an ulp, in operations that vectorise.
+/// Returns the natural logarithm of a positive normal number to about one ulp, in operations that vectorise.
 ///
 /// Polynomial: S. Moshier, Cephes mathematical library, `logf`.
 #[inline(always)]
@@ -397,7 +401,7 @@ mod tests {
         output
     }
 
-    /// By the definition, in double precision.
+    /// Returns the log spectra by their definition, in double precision.
     fn by_definition(plan: &LogSpectra, sweep: &[f32]) -> Vec<f64> {
         let (taxels, window) = (plan.taxels, plan.window());
         let mut found = Vec::new();
@@ -433,7 +437,7 @@ mod tests {
         found
     }
 
-    /// Window, hop, bands, taxels, steps.
+    /// Test cases: window, hop, bands, taxels, steps.
     const CASES: [[usize; 5]; 7] = [
         [16, 4, 6, 2, 16],
         [64, 16, 24, 16, 200],

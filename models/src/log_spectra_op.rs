@@ -1,4 +1,4 @@
-//! [`LogSpectra`] as one differentiable operation of Burn's Flex backend; on other devices it is composed of matrix products.
+//! [`LogSpectra`] as one differentiable operation of Burn's Flex backend; matrix products on other devices.
 
 use std::fmt;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use tactnet_conv::spare;
 use crate::conv::{Primitive, in_order, is_cpu, reclaim, slice};
 use crate::log_spectra::{ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, LogSpectra};
 
-/// `[batch, steps, taxels]` to `[batch, windows, taxels, bands + 1]`.
+/// Returns the log spectra of `[batch, steps, taxels]` as `[batch, windows, taxels, bands + 1]`.
 pub(crate) fn log_spectra(sweeps: Tensor<3>, plan: &Arc<LogSpectra>) -> Tensor<4> {
     if is_cpu(&sweeps.device()) {
         let sweeps = sweeps.into_dispatch();
@@ -48,10 +48,10 @@ pub(crate) fn log_spectra(sweeps: Tensor<3>, plan: &Arc<LogSpectra>) -> Tensor<4
     Tensor::cat(vec![logarithms, rows.mean_dim(1)], 1).reshape([batch, count, taxels, bands + 1])
 }
 
-/// Backends that compute the spectra as one operation.
+/// Backends that compute log spectra with one operation.
 #[backend_extension(Flex, Autodiff)]
 pub trait LogSpectraOp: Backend {
-    /// `[batch, steps, taxels]` to `[batch, windows, taxels, bands + 1]`.
+    /// See [`log_spectra`].
     fn log_spectra(sweeps: FloatTensor<Self>, plan: Arc<LogSpectra>) -> FloatTensor<Self>;
 }
 
@@ -77,7 +77,7 @@ impl LogSpectraOp for Flex {
     }
 }
 
-/// What the backward pass needs.
+/// Inputs that the backward pass needs.
 #[derive(Clone)]
 struct State {
     sweeps: Primitive,

@@ -1,9 +1,9 @@
-//! The classification loss.
+//! Classification loss.
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor};
 
-/// Mean cross entropy in nats.
+/// Returns the mean cross entropy in nats.
 ///
 /// - `logits`: `[batch, materials]`
 /// - `labels`: `[batch]`

@@ -1,4 +1,4 @@
-//! Fully connected layers with ReLU between them, on given features.
+//! Multilayer perceptron on feature vectors.
 
 use burn::module::{Module, Param};
 use burn::tensor::activation::relu;
@@ -9,7 +9,7 @@ use crate::Features;
 use crate::initial::{constant_parameter, parameter, uniform_parameter};
 use crate::weights::values;
 
-/// One layer's numbers: `y = weight x + bias`.
+/// Weights of one layer: `y = weight x + bias`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DenseWeights {
     /// `[outputs][inputs]`, row-major.
@@ -18,7 +18,7 @@ pub struct DenseWeights {
     pub bias: Vec<f32>,
 }
 
-/// A layer that can be trained.
+/// Trainable layer without activation.
 #[derive(Module, Debug)]
 pub(crate) struct Dense {
     /// `[outputs, inputs]`
@@ -27,19 +27,19 @@ pub(crate) struct Dense {
     pub(crate) bias: Param<Tensor<1>>,
 }
 
-/// A multilayer perceptron: ReLU after every layer but the last.
+/// Multilayer perceptron with ReLU after every layer except the last.
 #[derive(Module, Debug)]
 pub struct Mlp {
     pub(crate) layers: Vec<Dense>,
 }
 
 impl Mlp {
-    /// Fresh weights.
+    /// Creates a network with random weights.
     ///
-    /// - `widths`: of the input, of every hidden layer, of the output
+    /// - `widths`: number of inputs, of units in each hidden layer, of outputs
     ///
     /// # Panics
-    /// With fewer than two widths.
+    /// If there are fewer than two widths.
     pub fn init(widths: &[usize], device: &Device, rng: &mut impl Rng) -> Self {
         assert!(widths.len() > 1, "an input and an output");
         let layers = widths
@@ -53,10 +53,10 @@ impl Mlp {
         Self { layers }
     }
 
-    /// Known weights.
+    /// Creates a network from given weights.
     ///
     /// # Panics
-    /// If a layer's weights are not whole rows.
+    /// If the weights of a layer are not whole rows.
     pub fn from_layers(layers: &[DenseWeights], device: &Device) -> Self {
         let layers = layers
             .iter()
@@ -76,12 +76,12 @@ impl Mlp {
         Self { layers }
     }
 
-    /// `[rows, inputs] -> [rows, outputs]`
+    /// Returns the outputs: `[rows, inputs] -> [rows, outputs]`.
     pub fn forward(&self, rows: Tensor<2>) -> Tensor<2> {
         self.forward_masked(rows, |_, _| None)
     }
 
-    /// The same with dropout: `mask(layer, width)` gives the mask `[rows, width]` of what goes into a layer.
+    /// Returns the outputs with dropout: `mask(layer, width)` gives the mask `[rows, width]` for the inputs of a layer.
     pub fn forward_masked(
         &self,
         rows: Tensor<2>,
@@ -101,7 +101,7 @@ impl Mlp {
         values
     }
 
-    /// Returns the outputs of many rows at once, without autodiff.
+    /// Returns the outputs of all rows at once, without autodiff.
     pub fn apply(&self, features: &Features) -> Features {
         let rows = matrix(features, &self.device());
         let out = self.forward(rows);
@@ -114,7 +114,7 @@ impl Mlp {
         self.layers[0].weight.val().device()
     }
 
-    /// All numbers.
+    /// Returns the weights of all layers.
     pub fn layers(&self) -> Vec<DenseWeights> {
         self.layers
             .iter()
@@ -126,7 +126,7 @@ impl Mlp {
     }
 }
 
-/// Feature vectors as a tensor `[sweeps, width]`.
+/// Converts feature vectors to a tensor `[sweeps, width]`.
 pub fn matrix(features: &Features, device: &Device) -> Tensor<2> {
     let shape = [features.len(), features.width()];
     Tensor::from_data(TensorData::new(features.values().to_vec(), shape), device)

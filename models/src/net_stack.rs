@@ -1,5 +1,4 @@
-//! Several TactNet-II of one architecture on one GPU, trained at once: the stack of `tactnet-conv-gpu`, its tensors under the names of
-//! [`Weights`].
+//! Several TactNet-II networks of one architecture that train at once on one GPU, with tensors named as in [`Weights`].
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -15,46 +14,46 @@ use tactnet_conv_gpu::{
 use crate::config::TrunkShape;
 use crate::{ModelError, NamedTensor, NetworkConfig, Weights};
 
-/// A network of a stack at a moment.
+/// Training state of one network in a stack.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StackedNet {
     /// Parameters and running statistics.
     pub weights: Weights,
-    /// Adam's moments, under the names of the parameters; absent before the first step.
+    /// Adam's first and second moments under the names of the parameters; `None` before the first step.
     pub moments: Option<[Weights; 2]>,
 }
 
-/// How the networks of a stack learn, the same for all.
+/// Training settings that all networks of a stack share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StackSettings {
-    /// Sweeps of a batch, at most.
+    /// Maximum number of sweeps in a batch.
     pub batch: usize,
-    /// The L2 penalty and the betas of Adam; rate and epsilon are each network's own.
+    /// L2 penalty and betas of Adam; learning rate and epsilon come with each network's batch.
     pub adam: AdamStep,
-    /// Whether the penalty is on weights alone, not on biases and batch normalisation.
+    /// True if the L2 penalty applies to weights only, not to biases and batch normalisation.
     pub penalize_weights_only: bool,
-    /// Whether sweeps are attacked.
+    /// Adversarial perturbation of the sweeps, if any.
     pub attack: Option<StackAttack>,
 }
 
-/// Networks on a GPU.
+/// Networks that train together on a GPU.
 #[derive(Debug)]
 pub struct NetStack {
     stack: Stack,
-    /// Names and extents of all tensors.
+    /// Name and shape of every tensor.
     tensors: BTreeMap<String, Vec<usize>>,
 }
 
-/// Where a tensor lies among the numbers of a network.
+/// Range of a tensor within the parameters or the statistics of a network.
 enum Part {
     Parameter(Range<usize>),
     Statistic(Range<usize>),
 }
 
 impl NetStack {
-    /// Returns the sizes of so many networks; `None` for networks that are none of TactNet-II's.
+    /// Returns the sizes of a stack of `networks` networks; `None` unless they have convolution blocks.
     ///
-    /// - `batch`: sweeps of a batch, at most
+    /// - `batch`: maximum number of sweeps in a batch
     pub fn shape(config: &NetworkConfig, networks: usize, batch: usize) -> Option<StackShape> {
         let TrunkShape::Convolutions(trunk) = config.trunk() else {
             return None;
@@ -72,8 +71,10 @@ impl NetStack {
         })
     }
 
-    /// Returns how many networks fit onto the device of `device` at once: buffers of a size that it takes, and no more in all than half of its memory,
-    /// or than `bytes` where its driver does not say how much it has; 0 on a device without stacks, or for networks without.
+    /// Returns the maximum number of networks in a stack on `device`; 0 if the device or the network does not support stacks.
+    ///
+    /// No buffer may exceed the device's limit, and the total may not exceed half of its memory.
+    /// `bytes` replaces that half if the driver does not report the memory size.
     pub fn most(device: &Device, config: &NetworkConfig, batch: usize, bytes: usize) -> usize {
         let (Some(client), Some(one)) = (client(device), Self::shape(config, 1, batch)) else {
             return 0;
@@ -82,15 +83,15 @@ impl NetStack {
         let bytes = memory.max_memory().map_or(bytes, |all| all as usize / 2);
         let largest = memory.max_page_size as usize;
         let by_buffer = largest / one.largest_buffer().max(1);
-        // Cubes along the last axis of a grid, of which a window of a sweep takes one.
+        // A grid has at most 65 535 cubes along its last axis, and each window of a sweep takes one.
         let by_grid = 65_535 / (batch * one.steps.div_ceil(100)).max(256);
         (bytes / one.bytes().max(1)).min(by_buffer).min(by_grid)
     }
 
-    /// Puts networks onto the device of `device`.
+    /// Uploads networks to `device`.
     ///
     /// # Errors
-    /// A device that is no GPU; weights that are not those of `config`.
+    /// The device is not a GPU; the network has no convolution blocks; weights do not match `config`.
     pub fn start(
         device: &Device,
         config: &NetworkConfig,
@@ -147,20 +148,20 @@ impl NetStack {
         })
     }
 
-    /// One step of every network that has sweeps; asks the GPU for it and does not wait.
+    /// Queues one training step of every network whose batch has sweeps, without waiting for the GPU.
     ///
     /// # Panics
-    /// If the batch is not of the networks' sizes.
+    /// If the batch does not match the sizes of the stack.
     pub fn step(&mut self, batch: &StackBatch<'_>) {
         self.stack.step(batch);
     }
 
-    /// Waits for the GPU, and returns what each step since the last reading measured of each network.
+    /// Waits for the GPU and returns the measurements of every network at each step since the last call.
     pub fn measured(&mut self) -> Vec<Vec<StackMeasured>> {
         self.stack.measured()
     }
 
-    /// Waits for the GPU, and returns the networks as they stand.
+    /// Waits for the GPU and returns the current state of the networks.
     pub fn nets(&self) -> Vec<StackedNet> {
         let shape = self.stack.shape();
         let state = self.stack.state();
@@ -201,7 +202,7 @@ impl NetStack {
     }
 }
 
-/// Every tensor by its name.
+/// Returns the range of every tensor with its name.
 fn parts(shape: &StackShape) -> Vec<(String, Part)> {
     let mut parts = Vec::new();
     for layer in 0..shape.layers() {
@@ -233,7 +234,7 @@ fn parts(shape: &StackShape) -> Vec<(String, Part)> {
     parts
 }
 
-/// Writes named tensors to their places.
+/// Copies named tensors to their ranges.
 fn put(
     shape: &StackShape,
     weights: &Weights,
@@ -261,7 +262,7 @@ fn put(
     Ok(())
 }
 
-/// The queue of a GPU; `None` where `device` is none.
+/// Returns the command queue of a GPU; `None` for other devices.
 fn client(device: &Device) -> Option<Client> {
     fn of(device: &DispatchDevice) -> Option<Client> {
         match device {

@@ -1,4 +1,4 @@
-//! The network: features of a sweep, dropout, a normalised dense layer, an output layer.
+//! Network: trunk, dropout, normalised dense layer, output layer.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
@@ -12,20 +12,20 @@ use crate::initial::uniform_parameter;
 use crate::spectral_trunk::SpectralTrunk;
 use crate::{DenseWeights, LinearHead, NetworkConfig};
 
-/// Ids of parameters are spaced so that every layer keeps its own, whatever the others hold.
+/// Distance between the first parameter ids of two layers, so that ids do not depend on the size of other layers.
 const IDS_PER_LAYER: u64 = 8;
 
 /// Result of a training pass.
 pub struct TrainingForward {
     /// `[batch, materials]`
     pub logits: Tensor<2>,
-    /// `[batch, hidden]`: what the output layer sees.
+    /// `[batch, hidden]`: input of the output layer.
     pub hidden: Tensor<2>,
-    /// Statistics of every normalised layer, for [`Network::update_running_stats`].
+    /// Batch statistics of every normalised layer, for [`Network::update_running_stats`].
     pub statistics: Vec<BatchStatistics>,
 }
 
-/// The network. Sweeps are `[batch, 1, steps, taxels]`.
+/// Network with any trunk, for sweeps `[batch, 1, steps, taxels]`.
 #[derive(Module, Debug)]
 pub struct Network {
     pub(crate) trunk: TrunkNet,
@@ -36,7 +36,7 @@ pub struct Network {
     pub(crate) output_bias: Param<Tensor<1>>,
 }
 
-/// What makes features of a sweep. Networks are few and large, so it does not matter that one kind is larger.
+/// Layers that extract features. There are few networks, so the difference in size between the variants does not matter.
 #[allow(clippy::large_enum_variant)]
 #[derive(Module, Debug)]
 pub(crate) enum TrunkNet {
@@ -91,7 +91,7 @@ impl TrunkNet {
 }
 
 impl Network {
-    /// Fresh weights from `rng`. On a device with autodiff the parameters can be trained.
+    /// Creates a network with random weights from `rng`; trainable if the device has autodiff.
     pub fn init(config: &NetworkConfig, device: &Device, rng: &mut impl Rng) -> Self {
         let hidden_units = config.architecture().hidden;
         let mut ids = (0..).map(|layer| 1 + layer * IDS_PER_LAYER);
@@ -120,10 +120,10 @@ impl Network {
         }
     }
 
-    /// Training pass: batch statistics everywhere, `mask` in front of the dense layer.
+    /// Runs a training pass with batch statistics in all layers and `mask` in front of the dense layer.
     ///
     /// - `sweeps`: `[batch, 1, steps, taxels]`
-    /// - `mask`: `[batch, features]`, see [`crate::dropout_masks`]
+    /// - `mask`: `[batch, features]`, from [`crate::dropout_masks`]
     pub fn forward_train(&self, sweeps: Tensor<4>, mask: Tensor<2>) -> TrainingForward {
         let mut statistics = Vec::with_capacity(self.trunk.normalized_layers() + 1);
         let features = self
@@ -138,10 +138,10 @@ impl Network {
         }
     }
 
-    /// Moves the running statistics of every normalised layer towards one batch's.
+    /// Moves the running statistics of every normalised layer towards those of a batch.
     ///
     /// # Panics
-    /// If `statistics` does not hold one entry for each of them.
+    /// If `statistics` does not have one entry for each normalised layer.
     pub fn update_running_stats(&mut self, statistics: &[BatchStatistics]) {
         let trunk = self.trunk.normalized_layers();
         assert_eq!(
@@ -153,30 +153,31 @@ impl Network {
         self.hidden.update_running_stats(&statistics[trunk]);
     }
 
-    /// Features with frozen statistics: `[batch, 1, steps, taxels] -> [batch, features]`.
+    /// Returns features with fixed statistics: `[batch, 1, steps, taxels] -> [batch, features]`.
     ///
-    /// The only dropout comes behind them, so a Monte Carlo prediction needs them once.
+    /// Dropout follows the features, so a Monte Carlo prediction computes them only once.
     pub fn features(&self, sweeps: Tensor<4>) -> Tensor<2> {
         self.trunk.forward(without_channel(sweeps))
     }
 
-    /// Dense and output layer with frozen statistics: `[rows, features] -> [rows, materials]` logits.
+    /// Returns logits with fixed statistics: `[rows, features] -> [rows, materials]`.
     pub fn head(&self, features: Tensor<2>) -> Tensor<2> {
         self.output(self.hidden.forward(features))
     }
 
-    /// Returns the inputs of the output layer, with frozen statistics: `[rows, features] -> [rows, hidden]`. The feature space of transfer
-    /// (thesis, section 4.6.1).
+    /// Returns the inputs of the output layer with fixed statistics: `[rows, features] -> [rows, hidden]`.
+    ///
+    /// This is the feature space of transfer learning (thesis, section 4.6.1).
     pub fn embedding(&self, features: Tensor<2>) -> Tensor<2> {
         self.hidden.forward(features)
     }
 
-    /// The dense layer with its frozen statistics folded into weights and bias.
+    /// Returns the dense layer with its running statistics folded into weights and bias.
     pub fn folded_hidden(&self) -> DenseWeights {
         self.hidden.folded()
     }
 
-    /// The output layer.
+    /// Returns the output layer.
     pub fn output_layer(&self) -> LinearHead {
         let [materials, hidden] = self.output_weight.val().dims();
         let weights = crate::weights::values(self.output_weight.val());
@@ -196,7 +197,7 @@ impl Network {
     }
 }
 
-/// `[batch, 1, steps, taxels] -> [batch, steps, taxels]`
+/// Drops the channel axis: `[batch, 1, steps, taxels] -> [batch, steps, taxels]`.
 fn without_channel(sweeps: Tensor<4>) -> Tensor<3> {
     sweeps.squeeze_dim(1)
 }
@@ -239,7 +240,7 @@ mod tests {
         let features = net.features(sweeps);
         assert_eq!(features.dims(), [2, config.features()]);
         assert_eq!(net.head(features.clone()).dims(), [2, 5]);
-        // The dense layer folded, and the output layer taken out, are the same network.
+        // The folded dense layer and the extracted output layer give the same results as the network.
         let folded = Mlp::from_layers(&[net.folded_hidden()], &Device::flex());
         let embedding = folded.forward(features.clone()).clamp_min(0.0);
         let apart = (embedding.clone() - net.embedding(features.clone()))

@@ -1,6 +1,6 @@
-//! Batch normalisation and ReLU of many rows as one differentiable operation of Burn's Flex backend.
+//! Batch normalisation with ReLU as one differentiable operation of Burn's Flex backend.
 //!
-//! As operations of Burn's it would be a dozen passes over memory, forward and backward; here each is two.
+//! Composed of Burn's operations it would read memory about twelve times, forward and backward; this operation reads it twice each.
 
 use std::fmt;
 
@@ -22,22 +22,22 @@ use tactnet_conv::spare;
 use crate::block::NORM_EPSILON;
 use crate::conv::{Primitive, in_order, is_cpu, reclaim, slice};
 
-/// Values from which on the operation is taken: a batch of the dense layer behind the features is smaller.
+/// Number of values from which this operation is used; a batch of the dense layer behind the features is smaller.
 const LARGE: usize = 1 << 16;
-/// Values that one task reads at a time, which fit into a core's own cache. The sums of tasks are added in order, whatever thread did them.
+/// Number of values per task, which fit into a core's private cache. Partial sums are added in task order, independent of the threads.
 const TASK: usize = 1 << 14;
 
-/// Normalised and rectified rows, with the statistics they were normalised with.
+/// Normalised, rectified rows and the statistics that normalised them.
 pub(crate) struct Normalized {
     /// `[rows, channels]`
     pub(crate) output: Tensor<2>,
-    /// `[channels]`, outside the graph
+    /// `[channels]`, detached from the graph
     pub(crate) mean: Tensor<1>,
-    /// `[channels]`, biased, outside the graph
+    /// `[channels]`, biased, detached from the graph
     pub(crate) variance: Tensor<1>,
 }
 
-/// `relu(gamma (x - mean) / sqrt(variance + epsilon) + beta)` with mean and variance of the rows: `[rows, channels]` to the same.
+/// Returns `relu(gamma (x - mean) / sqrt(variance + epsilon) + beta)` of `[rows, channels]`, with mean and variance over the rows.
 pub(crate) fn norm_relu(input: Tensor<2>, gamma: Tensor<1>, beta: Tensor<1>) -> Normalized {
     if is_cpu(&input.device()) && input.shape().num_elements() >= LARGE {
         return fused(input, gamma, beta);
@@ -71,7 +71,7 @@ pub struct NormReluOutput<B: Backend> {
     pub(crate) variance: FloatTensor<B>,
 }
 
-/// Backends that normalise and rectify in one operation.
+/// Backends that normalise and rectify with one operation.
 #[backend_extension(Flex, Autodiff)]
 pub trait NormRelu: Backend {
     /// See [`norm_relu`].
@@ -86,12 +86,12 @@ fn tensor<const D: usize>(values: Vec<f32>, extents: [usize; D]) -> Primitive {
     Primitive::from_data(TensorData::new(values, extents))
 }
 
-/// What the backward pass needs.
+/// Values that the backward pass needs.
 #[derive(Clone)]
 struct State {
     /// `[rows, channels]`, before normalisation
     input: Primitive,
-    /// `[channels]` each: of the rows.
+    /// `[channels]` each: statistics over the rows.
     mean: Vec<f32>,
     inverse_deviation: Vec<f32>,
     /// `[channels]` each: the output is `relu(scale x + shift)`.
@@ -106,7 +106,7 @@ impl fmt::Debug for State {
 }
 
 impl State {
-    /// The normalised value, and the gradient where its output is above zero.
+    /// Returns the normalised value, and the gradient if the output is positive, else 0.
     #[inline(always)]
     fn at(&self, channel: usize, value: f32, gradient: f32) -> (f32, f32) {
         let normal = (value - self.mean[channel]) * self.inverse_deviation[channel];
@@ -115,7 +115,7 @@ impl State {
     }
 }
 
-/// Number of rows, mean of each channel and squares around it.
+/// Computation of row count, mean and squared deviations of each channel, for one task.
 struct Moments<'a> {
     part: &'a [f32],
     channels: usize,
@@ -144,7 +144,7 @@ impl NullaryFnOnce for Moments<'_> {
     }
 }
 
-/// `relu(scale x + shift)`
+/// Computation of `relu(scale x + shift)`.
 struct Affine<'a> {
     values: &'a [f32],
     scale: &'a [f32],
@@ -163,14 +163,14 @@ impl NullaryFnOnce for Affine<'_> {
             let factors = self.scale.iter().zip(self.shift);
             for ((y, x), (scale, shift)) in output.iter_mut().zip(row).zip(factors) {
                 let value = x * scale + shift;
-                // What is no number stays none.
+                // This comparison keeps NaN, which `max` would replace by 0.
                 *y = if value < 0.0 { 0.0 } else { value };
             }
         }
     }
 }
 
-/// Gradients of gamma and beta.
+/// Computation of the gradients of gamma and beta.
 struct Sums<'a> {
     state: &'a State,
     gradient: &'a [f32],
@@ -197,7 +197,7 @@ impl NullaryFnOnce for Sums<'_> {
     }
 }
 
-/// Gradient of the input.
+/// Computation of the gradient of the input.
 struct OfInput<'a> {
     state: &'a State,
     gradient: &'a [f32],
@@ -225,10 +225,10 @@ impl NullaryFnOnce for OfInput<'_> {
     }
 }
 
-/// Mean and biased variance of each channel.
+/// Returns mean and biased variance of each channel.
 fn moments(values: &[f32], channels: usize) -> (Vec<f32>, Vec<f32>) {
     let run = (TASK / channels).max(1) * channels;
-    // Of each part its own mean, and the squares around that.
+    // Each part has its own mean, and squared deviations from that mean.
     let parts: Vec<(usize, Vec<f32>, Vec<f32>)> = values
         .par_chunks(run)
         .map(|part| pulp::Arch::new().dispatch(Moments { part, channels }))
@@ -308,9 +308,9 @@ impl NormRelu for Flex {
     }
 }
 
-/// Gradients of input, gamma and beta.
+/// Returns the gradients of input, gamma and beta.
 ///
-/// With `x'` the normalised input and `g` the gradient where the output is above zero: `dgamma = sum g x'`, `dbeta = sum g`,
+/// With `x'` the normalised input and `g` the gradient where the output is positive: `dgamma = sum g x'`, `dbeta = sum g`,
 /// `dx = gamma / deviation (g - dbeta / rows - x' dgamma / rows)`.
 fn backward(state: &State, gradient: &[f32]) -> [Vec<f32>; 3] {
     let channels = state.mean.len();
@@ -417,7 +417,7 @@ mod tests {
     use super::*;
     use crate::values;
 
-    /// Output, statistics and gradients by this operation and by Burn's own.
+    /// Returns output, statistics and gradients, by this operation and by Burn's.
     fn both_ways(rows: usize, channels: usize, offset: f64) -> [Vec<Vec<f32>>; 2] {
         let device = Device::flex().autodiff();
         let draw = |extents: [usize; 2]| {

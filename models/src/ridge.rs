@@ -1,44 +1,45 @@
-//! Ridge classifier with its penalty chosen by closed-form leave-one-out: what random-convolution features are read with.
+//! Ridge classifier on random-convolution features, with a penalty chosen by closed-form leave-one-out cross-validation.
 //!
-//! One column of targets a material, +1 for it and -1 else (Dempster et al., 2020; scikit-learn's `RidgeClassifierCV`).
-//! There are more features than sweeps, so everything happens in the Gram matrix `K = X X^T` of the centred features:
-//! with `K = Q diag(w) Q^T` the dual weights are `c = Q diag(1/(w + penalty)) Q^T y`, and the residual of sweep `i` when it
-//! is left out is `c_i / G_ii`, `G = (K + penalty)^-1` (Rifkin & Lippert, 2007). The intercept is not penalised: targets
-//! are centred and the direction of ones, an eigenvector of the centred `K` with eigenvalue 0, is taken out of `G`.
+//! Each material has one target column: +1 for the material, else -1 (Dempster et al., 2020; scikit-learn's `RidgeClassifierCV`).
+//! There are more features than sweeps, so the fit uses the Gram matrix `K = X X^T = Q diag(w) Q^T` of the centred features.
+//! The dual weights are `c = Q diag(1/(w + penalty)) Q^T y`. The leave-one-out residual of sweep `i` is `c_i / G_ii` with
+//! `G = (K + penalty)^-1` (Rifkin & Lippert, 2007). The intercept is not penalised: targets are centred, and the vector of ones, an
+//! eigenvector of `K` with eigenvalue 0, is removed from `G`.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 
 use crate::{Features, ModelError};
 
-/// Columns that are multiplied in single precision before they are summed in double precision.
+/// Number of columns that are multiplied in single precision before their sums are added in double precision.
 const COLUMNS: usize = 2048;
 
-/// Penalties tried, `10^-3 … 10^5`: aeon's ten logarithmic steps up to `10^3`, and three more, as scaled features of noisy
-/// sweeps want stronger ones.
+/// Returns the default penalties, `10^-3 … 10^5`.
+///
+/// The first ten are aeon's logarithmic steps up to `10^3`; scaled features of noisy sweeps need the three stronger ones.
 pub fn default_penalties() -> Vec<f64> {
     (0..13)
         .map(|i| 10.0_f64.powf(-3.0 + 6.0 * f64::from(i) / 9.0))
         .collect()
 }
 
-/// A fitted ridge classifier.
+/// Fitted ridge classifier.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ridge {
     /// `[materials][width]`
     pub coefficients: Vec<f32>,
     /// `[materials]`
     pub intercepts: Vec<f64>,
-    /// The chosen penalty.
+    /// Penalty with the smallest leave-one-out residual.
     pub penalty: f64,
 }
 
-/// Scalar products of all pairs of training sweeps: `[sweeps][sweeps]`, in `f64`.
+/// Gram matrix of training sweeps: dot products of all pairs, `[sweeps][sweeps]`, in `f64`.
 #[derive(Debug, Clone)]
 pub struct Gram(Mat<f64>);
 
 impl Gram {
-    /// `X X^T`, summed in double precision over blocks of columns.
+    /// Returns `X X^T`, summed in double precision over blocks of columns.
     pub fn of(features: &Features) -> Self {
         let sweeps = features.len();
         let mut gram = Mat::<f64>::zeros(sweeps, sweeps);
@@ -65,20 +66,21 @@ impl Gram {
         Self(gram)
     }
 
-    /// The same for the sweeps at `positions`.
+    /// Returns the Gram matrix of the sweeps at `positions`.
     pub fn select(&self, positions: &[usize]) -> Self {
         Self(Mat::from_fn(positions.len(), positions.len(), |i, j| {
             self.0[(positions[i], positions[j])]
         }))
     }
 
-    /// Scores `[held][materials]` of the sweeps at `held` by a classifier fitted to those at `train` alone; its penalty, too, is
-    /// chosen on them.
+    /// Returns scores `[held][materials]` of the held-out sweeps at `held`.
     ///
-    /// - `labels`: of all sweeps
+    /// Classifier and penalty are fitted to the sweeps at `train` only.
+    ///
+    /// - `labels`: labels of all sweeps
     ///
     /// # Errors
-    /// A matrix whose eigenvalues are not found.
+    /// The eigenvalue decomposition fails; no penalty gives a finite residual.
     pub fn held_out_scores(
         &self,
         train: &[usize],
@@ -89,7 +91,7 @@ impl Gram {
     ) -> Result<Vec<Vec<f64>>, ModelError> {
         let truth: Vec<usize> = train.iter().map(|&position| labels[position]).collect();
         let dual = solve(self.select(train), &truth, materials, penalties)?;
-        // With W = X^T c and weights c that sum to zero: (x - mean) W = sum over i of c_i (K_xi - mean over j of K_ji).
+        // W = X^T c with weights c that sum to zero, so (x - mean) W = sum over i of c_i (K_xi - mean over j of K_ji).
         let means: Vec<f64> = train
             .iter()
             .map(|&i| train.iter().map(|&j| self.0[(j, i)]).sum::<f64>() / train.len() as f64)
@@ -108,7 +110,7 @@ impl Gram {
             .collect())
     }
 
-    /// Moves the features' mean to zero.
+    /// Returns the Gram matrix of the centred features.
     fn centred(mut self) -> Mat<f64> {
         let sweeps = self.0.nrows();
         let means: Vec<f64> = (0..sweeps)
@@ -125,7 +127,7 @@ impl Gram {
     }
 }
 
-/// Dual weights of a fit, and how good each penalty was.
+/// Dual weights of a fit and the penalty that gave them.
 struct Dual {
     /// `[sweeps][materials]`
     weights: Mat<f64>,
@@ -135,13 +137,12 @@ struct Dual {
 }
 
 impl Ridge {
-    /// Fits to `features` with the Gram matrix `gram` of the same sweeps, choosing the penalty with the smallest mean squared
-    /// leave-one-out residual.
+    /// Fits to `features` and their Gram matrix with the penalty that has the smallest mean squared leave-one-out residual.
     ///
     /// - `labels`: `[sweeps]`, below `materials`
     ///
     /// # Errors
-    /// A matrix whose eigenvalues are not found.
+    /// The eigenvalue decomposition fails; no penalty gives a finite residual.
     pub fn fit(
         features: &Features,
         gram: Gram,
@@ -187,7 +188,7 @@ impl Ridge {
         })
     }
 
-    /// Scores `[sweeps][materials]`: about +1 for the true material, about -1 else.
+    /// Returns scores `[sweeps][materials]`: about +1 for the true material, else about -1.
     ///
     /// # Panics
     /// If `queries` have another width.
@@ -216,7 +217,7 @@ impl Ridge {
     }
 }
 
-/// A matrix product on all threads; each element is summed by one of them.
+/// Returns the matrix product, computed on all threads; one thread sums each element.
 fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64> {
     let mut out = Mat::zeros(left.nrows(), right.ncols());
     matmul(
@@ -238,7 +239,7 @@ fn solve(
 ) -> Result<Dual, ModelError> {
     let sweeps = labels.len();
     let gram = gram.centred();
-    // faer's tridiagonalisation sums one part per thread: on one thread, results do not depend on how many there are.
+    // faer's tridiagonalisation adds one partial sum per thread. With one thread, results do not depend on the number of threads.
     faer::set_global_parallelism(Par::Seq);
     let eigen = gram
         .self_adjoint_eigen(Side::Lower)
@@ -261,7 +262,7 @@ fn solve(
     let squares = Mat::<f64>::from_fn(sweeps, sweeps, |i, j| vectors[(i, j)].powi(2));
     let mut best: Option<(f64, Dual)> = None;
     for &penalty in penalties {
-        // Eigenvalues of a Gram matrix are not negative; rounding may make them so.
+        // Eigenvalues of a Gram matrix are not negative, except by rounding.
         let inverse: Vec<f64> = (0..sweeps)
             .map(|i| 1.0 / (values[i].max(0.0) + penalty))
             .collect();

@@ -1,4 +1,4 @@
-//! Safetensors files that are equal to the bit where their content is.
+//! Safetensors files with reproducible bytes.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -6,12 +6,14 @@ use safetensors::SafeTensorError;
 use safetensors::tensor::View;
 use serde_json::Value;
 
-/// Where the header begins: behind its length.
+/// Number of bytes of the length field in front of the header.
 const LENGTH: usize = size_of::<u64>();
-/// Tensors begin at a multiple of so many bytes.
+/// Alignment of the first tensor in bytes.
 const ALIGNMENT: usize = 8;
 
-/// Returns the bytes of a file with `metadata`. `safetensors::serialize` alone writes metadata in an order that changes from call to call.
+/// Returns the bytes of a file with `metadata`; equal content gives equal bytes.
+///
+/// `safetensors::serialize` alone writes metadata in an order that changes from call to call.
 ///
 /// # Errors
 /// Shapes that do not match their values.
@@ -28,7 +30,7 @@ where
     Ok(in_order(&bytes).unwrap_or(bytes))
 }
 
-/// Returns the same file with the names of its header in alphabetical order; `None` for no such file.
+/// Returns the file with the names in its header in alphabetical order; `None` if `bytes` is not such a file.
 fn in_order(bytes: &[u8]) -> Option<Vec<u8>> {
     let (length, rest) = bytes.split_first_chunk::<LENGTH>()?;
     let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;

@@ -1,25 +1,25 @@
-//! Are these two sweeps of one material? A distance between two embeddings, and what is learnt about it.
+//! Siamese network that decides if two sweeps are of the same material, from the distance between their embeddings.
 //!
-//! Tulbure & Bäuml, Humanoids 2018, figure 4b, after Koch et al., 2015: two identical, frozen networks, the distance between their
-//! outputs, and a small network from the distance to 'same' or 'different'.
+//! Tulbure & Bäuml, Humanoids 2018, figure 4b, after Koch et al., 2015: two identical networks with fixed weights, the distance between
+//! their outputs, and a small network that maps the distance to 'same' or 'different'.
 
 use burn::tensor::activation::softmax;
 use burn::tensor::{Tensor, TensorData};
 
 use crate::Mlp;
 
-/// Added under the square root of a distance, whose gradient at zero has no direction.
+/// Added under the square root of a distance, because the gradient is undefined at zero.
 const FLOOR: f64 = 1e-12;
-/// Index of 'different' among the two outputs; 'same' is 0.
+/// Index of output 'different'; output 0 is 'same'.
 const DIFFERENT: usize = 1;
 
-/// Euclidean distance of corresponding rows: two `[pairs, width]` to `[pairs, 1]`.
+/// Returns the Euclidean distance of corresponding rows: two `[pairs, width]` to `[pairs, 1]`.
 pub fn distance(first: Tensor<2>, second: Tensor<2>) -> Tensor<2> {
     let difference = first - second;
     ((difference.clone() * difference).sum_dim(1) + FLOOR).sqrt()
 }
 
-/// Contrastive loss (Hadsell et al., 2006, equation 4), mean over pairs:
+/// Returns the contrastive loss (Hadsell et al., 2006, equation 4), averaged over pairs:
 /// `(1 - y) d^2 / 2 + y max(0, margin - d)^2 / 2` with y = 1 where the pair differs.
 ///
 /// - `distance`: `[pairs, 1]`, not negative
@@ -32,13 +32,13 @@ pub fn contrastive_loss(distance: Tensor<2>, different: Tensor<2>, margin: f64) 
     (same * near + different * far).mean().mul_scalar(0.5)
 }
 
-/// Contrastive loss of all pairs of a batch, those of one material and those of two weighing half each, whatever their number. Distances
-/// are divided by the root of the width: the margin is in root mean squares of a unit.
+/// Returns the contrastive loss over all pairs of a batch, and the distances `[sweeps, sweeps]`.
+///
+/// Pairs of equal materials and pairs of different materials each contribute half, whatever their number. Distances are divided by the
+/// square root of the width, so the margin is in root mean squares of one unit.
 ///
 /// - `embeddings`: `[sweeps, width]`
 /// - `labels`: `[sweeps]`
-///
-/// Returns the loss and the distances, `[sweeps, sweeps]`.
 pub fn batch_contrastive_loss(
     embeddings: Tensor<2>,
     labels: &[usize],
@@ -56,7 +56,7 @@ pub fn batch_contrastive_loss(
         let rows = 0..sweeps;
         let chosen = rows.flat_map(|i| (0..sweeps).map(move |j| f32::from(u8::from(takes(i, j)))));
         let chosen: Vec<f32> = chosen.collect();
-        // Half of the weight of all pairs, half of which is the loss's own.
+        // Each kind of pair has half of the weight, and the loss itself has a factor of one half.
         let each = 0.25 / chosen.iter().sum::<f32>().max(1.0);
         let weights = chosen.into_iter().map(|one| one * each).collect::<Vec<_>>();
         Tensor::<2>::from_data(TensorData::new(weights, [sweeps, sweeps]), &device)
@@ -68,12 +68,11 @@ pub fn batch_contrastive_loss(
     (loss, distances)
 }
 
-/// Probability that the two differ, given their distances: `[pairs, inputs] -> [pairs, 1]`.
+/// Returns the probability that two sweeps differ, from their distances: `[pairs, inputs] -> [pairs, 1]`.
 ///
-/// As the last layer has two units and a softmax, this probability is the distance that the contrastive loss is applied to, with
-/// margin 1.
+/// The contrastive loss takes this probability as its distance, with margin 1.
 ///
-/// - `head`: two outputs, 'same' and 'different'
+/// - `head`: network with two outputs, 'same' and 'different'
 pub fn probability_of_difference(
     head: &Mlp,
     distances: Tensor<2>,
@@ -89,7 +88,7 @@ mod tests {
     use burn::optim::GradientsParams;
     use burn::tensor::Device;
 
-    /// `tests/golden/siamese_with_torch.py`
+    /// Tensors written by `tests/golden/siamese_with_torch.py`.
     struct Golden(Weights);
 
     impl Golden {

@@ -1,4 +1,4 @@
-//! Settings of a network on spectra, and the sizes that follow from them for sweeps of one shape.
+//! Settings of a network on spectra, and the resulting sizes for sweeps of one shape.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,23 +6,23 @@ use crate::config::{product, require};
 use crate::log_spectra::{LogSpectra, SpectralTables, windows};
 use crate::{InputShape, ModelError};
 
-/// Features of the spectra of short windows, as a recipe states them.
+/// Settings of a network on the spectra of short windows, as a recipe describes them.
 ///
-/// By default, sizes in steps follow from the length of a sweep: see [`default_window`].
+/// Sizes in steps depend on the sweep length by default, see [`default_window`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Spectra {
-    /// Steps of a window, a multiple of four; by [`default_window`] when absent.
+    /// Window length in steps, a multiple of four; [`default_window`] when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub window: Option<usize>,
     /// Steps from one window to the next; a quarter of a window when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hop: Option<usize>,
-    /// Frequency bands of each taxel; no more than half the steps of a window are made.
+    /// Number of frequency bands per taxel, limited to half the window length.
     pub bands: usize,
-    /// Units that mix the bands of a taxel, the same for all taxels.
+    /// Number of units of the layer that combines the bands of a taxel, with weights shared by all taxels.
     pub taxel_units: usize,
-    /// Units that mix the taxels of a window.
+    /// Number of units of the layer that combines the taxels of a window.
     pub units: usize,
 }
 
@@ -38,9 +38,9 @@ impl Default for Spectra {
     }
 }
 
-/// Steps of a window for sweeps of `steps` steps: the largest power of two of at most a sixth of the sweep, from 8 to 128, and never more
-/// than the sweep.
+/// Returns the window length for sweeps of `steps` steps.
 ///
+/// It is the largest power of two that is at most a sixth of the sweep, between 8 and 128, and never longer than the sweep.
 /// 1000 steps give 128, 400 steps give 64, 8800 steps give 128.
 pub fn default_window(steps: usize) -> usize {
     let sixth = (steps / 6).clamp(8, 128);
@@ -48,7 +48,7 @@ pub fn default_window(steps: usize) -> usize {
     window.min(steps - steps % 4)
 }
 
-/// Sizes of a network on spectra.
+/// Validated sizes of a network on spectra.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpectralShape {
     pub(crate) window: usize,
@@ -105,17 +105,17 @@ impl SpectralShape {
         })
     }
 
-    /// Steps of a window.
+    /// Returns the window length in steps.
     pub fn window(&self) -> usize {
         self.window
     }
 
-    /// Steps from one window to the next.
+    /// Returns the steps from one window to the next.
     pub fn hop(&self) -> usize {
         self.hop
     }
 
-    /// Frequency bands of each taxel.
+    /// Returns the number of frequency bands per taxel.
     pub fn bands(&self) -> usize {
         self.bands
     }
@@ -127,7 +127,7 @@ impl SpectralShape {
             .clone()
     }
 
-    /// Values of a window and a taxel: its bands and its mean.
+    /// Returns the number of values per window and taxel: the bands and the mean.
     pub(crate) fn values(&self) -> usize {
         self.bands + 1
     }
@@ -140,7 +140,7 @@ impl SpectralShape {
             .checked_add(product(&[2, self.units])?)
     }
 
-    /// Of a window and a taxel: the Fourier transform by its definition, squares and two weights of each bin, the layers.
+    /// Returns the multiply-adds for one sweep: Fourier transform by its definition, squares, two weights per bin, and both layers.
     pub(crate) fn multiply_adds(&self) -> Option<u64> {
         let half = self.window / 2;
         let transform = product(&[self.window, self.window])?.checked_add(product(&[4, half])?)?;
@@ -150,16 +150,16 @@ impl SpectralShape {
         each.checked_mul(product(&[self.windows, self.taxels])?)
     }
 
-    /// Numbers that the widest layer makes of one sweep.
+    /// Returns the number of outputs of the widest layer for one sweep.
     pub(crate) fn widest_layer(&self) -> Option<u64> {
         let of_taxel = self.values().max(self.taxel_units).max(self.window);
         let of_window = product(&[self.taxels, of_taxel])?.max(self.units as u64);
-        // The Fourier matrices have about a window's square of numbers.
+        // The Fourier matrices hold about `window * window` numbers.
         let matrices = product(&[self.window, self.window])?;
         Some(of_window.checked_mul(self.windows as u64)?.max(matrices))
     }
 
-    /// Mean and deviation of each unit.
+    /// Returns the number of features: mean and deviation of each unit.
     pub(crate) fn features(&self) -> Option<u64> {
         product(&[2, self.units])
     }

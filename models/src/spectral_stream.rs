@@ -1,4 +1,4 @@
-//! Features of spectra frame by frame.
+//! Network on spectra, evaluated frame by frame.
 
 use std::sync::Arc;
 
@@ -8,16 +8,16 @@ use crate::DenseWeights;
 use crate::log_spectra::{LogSpectra, Scratch};
 use crate::spectral_trunk::{DEVIATION_EPSILON, SpectralTrunk};
 
-/// The features of the frames so far: mean and deviation over the windows that are complete, zeros before the first one is.
+/// Features of the frames so far: mean and deviation over the complete windows; zeros before the first one.
 #[derive(Debug, Clone)]
 pub(crate) struct SpectralStream {
     spectra: Arc<LogSpectra>,
     taxel: Layer,
     window: Layer,
     taxels: usize,
-    /// Frames from the beginning of the next window on: `[up to window][taxels]`
+    /// Frames since the beginning of the next window: `[up to window][taxels]`.
     frames: Vec<f32>,
-    /// Frames before the next window begins, where windows have gaps between them.
+    /// Number of frames to skip before the next window, if the hop is longer than a window.
     skip: usize,
     scratch: Scratch,
     /// `[taxels][bands + 1]`
@@ -26,7 +26,7 @@ pub(crate) struct SpectralStream {
     of_taxels: Vec<f32>,
     /// `[units]`
     of_window: Vec<f32>,
-    /// Windows so far; mean and sum of squares around it of each unit (Welford, 1962).
+    /// Number of windows so far; `mean` and `squares` hold each unit's mean and sum of squared deviations (Welford, 1962).
     windows: usize,
     mean: Vec<f64>,
     squares: Vec<f64>,
@@ -34,7 +34,7 @@ pub(crate) struct SpectralStream {
     features: Vec<f32>,
 }
 
-/// `relu(weight x + bias)`
+/// Layer `relu(weight x + bias)`.
 #[derive(Debug, Clone)]
 struct Layer {
     /// `[inputs][outputs]`
@@ -57,7 +57,7 @@ impl Layer {
         self.bias.len()
     }
 
-    /// Of every row of `inputs` a row of `outputs`.
+    /// Computes one row of `outputs` for each row of `inputs`.
     fn apply(&self, inputs: &[f32], outputs: &mut [f32]) {
         Arch::new().dispatch(Apply {
             layer: self,
@@ -164,7 +164,7 @@ impl SpectralStream {
         }
     }
 
-    /// Returns `[2 x units]`.
+    /// Returns the features of the frames so far, `[2 x units]`.
     pub(crate) fn features(&self) -> &[f32] {
         &self.features
     }
@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn at_any_frame_the_features_are_those_of_a_shorter_sweep() {
         let device = Device::flex();
-        // Window, hop, steps, taxels: usual, with gaps between windows, a single window, one taxel.
+        // Window, hop, steps, taxels. Cases: usual, gaps between windows, a single window, one taxel.
         for [window, hop, steps, taxels] in [
             [16, 4, 90, 5],
             [8, 11, 70, 16],
@@ -214,7 +214,7 @@ mod tests {
             };
             let batch = TensorData::new(noise(6), [6, 1, steps, taxels]);
             let sweep = noise(1);
-            // Statistics that are not those of a fresh network.
+            // The statistics differ from those of a new network.
             let mask = dropout_masks(6, config.features(), 0.8, &device, &mut rng);
             let trained = net.forward_train(Tensor::from_data(batch, &device), mask);
             net.update_running_stats(&trained.statistics);

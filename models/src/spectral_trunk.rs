@@ -1,9 +1,9 @@
-//! Features of the spectra of short windows.
+//! Feature extraction from the spectra of short windows.
 //!
 //! ```text
 //! sweeps [batch, steps, taxels] ─> log spectra [batch, windows, taxels, bands + 1]
-//!    ─> Dense, of every taxel the same [batch, windows, taxels, taxel units]
-//!    ─> Dense, of all taxels of a window [batch, windows, units]
+//!    ─> Dense for each taxel, shared weights [batch, windows, taxels, taxel units]
+//!    ─> Dense over all taxels of a window [batch, windows, units]
 //!    ─> mean and deviation over windows [batch, 2 x units]
 //! ```
 
@@ -19,10 +19,10 @@ use crate::log_spectra::LogSpectra;
 use crate::log_spectra_op::log_spectra;
 use crate::spectral_shape::SpectralShape;
 
-/// Added to the variance over windows before the square root, so that its gradient is bounded.
+/// Added to the variance over windows before the square root, which bounds its gradient.
 pub const DEVIATION_EPSILON: f64 = 1e-5;
 
-/// The layers. Sweeps are `[batch, steps, taxels]`.
+/// Layers on sweeps `[batch, steps, taxels]`.
 #[derive(Module, Debug)]
 pub struct SpectralTrunk {
     pub(crate) taxel: NormalizedDense,
@@ -32,7 +32,7 @@ pub struct SpectralTrunk {
 }
 
 impl SpectralTrunk {
-    /// Fresh weights; each layer takes its ids from `next_id`.
+    /// Creates layers with random weights; each layer takes its first id from `next_id`.
     pub(crate) fn init(
         shape: &SpectralShape,
         mut next_id: impl FnMut() -> u64,
@@ -51,7 +51,7 @@ impl SpectralTrunk {
         }
     }
 
-    /// Features `[batch, 2 x units]`, normalised with the batch's own statistics, which are appended to `statistics`.
+    /// Returns features `[batch, 2 x units]` with batch statistics, which it appends to `statistics`.
     pub(crate) fn forward_train(
         &self,
         sweeps: Tensor<3>,
@@ -64,7 +64,7 @@ impl SpectralTrunk {
         })
     }
 
-    /// The same with frozen statistics.
+    /// Returns features with fixed statistics.
     pub(crate) fn forward(&self, sweeps: Tensor<3>) -> Tensor<2> {
         self.pass(sweeps, |layer, rows| layer.forward(rows))
     }
@@ -86,12 +86,12 @@ impl SpectralTrunk {
         moments(of_windows.reshape([batch, windows, units]))
     }
 
-    /// The layers with their names, in the order of their statistics.
+    /// Returns the layers with their names, in the order of their statistics.
     pub(crate) fn layers_mut(&mut self) -> [(&'static str, &mut NormalizedDense); 2] {
         [("taxel", &mut self.taxel), ("window", &mut self.window)]
     }
 
-    /// Layers with running statistics.
+    /// Returns the number of layers with running statistics.
     pub(crate) fn normalized_layers(&self) -> usize {
         [&self.taxel, &self.window].len()
     }
@@ -104,7 +104,7 @@ impl SpectralTrunk {
     }
 }
 
-/// Mean and deviation over the middle axis: `[batch, windows, units] -> [batch, 2 x units]`.
+/// Returns mean and deviation over the middle axis: `[batch, windows, units] -> [batch, 2 x units]`.
 fn moments(values: Tensor<3>) -> Tensor<2> {
     let mean = values.clone().mean_dim(1);
     let centred = values - mean.clone();

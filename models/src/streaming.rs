@@ -1,4 +1,4 @@
-//! The network frame by frame.
+//! Network evaluated frame by frame.
 
 use tactnet_conv::StreamHead;
 
@@ -8,11 +8,11 @@ use crate::spectral_stream::SpectralStream;
 use crate::weights::values;
 use crate::{Network, NetworkConfig};
 
-/// A trained network with frozen statistics that takes one sweep, frame by frame.
+/// Trained network with fixed statistics that receives one sweep frame by frame.
 ///
-/// Every frame advances the network as far as it goes; after the last one little is left. At any time [`StreamingNet::features`] are those
-/// of the frames so far: the features that [`Network::features`] gives for a sweep of that many steps, with zeros for pooled steps that
-/// have not begun and, of spectra, before the first window is complete. Nothing allocates after [`StreamingNet::new`].
+/// Each frame does as much of the computation as possible, so little is left after the last one. [`StreamingNet::features`] are those of
+/// [`Network::features`] for a sweep of the frames so far, with zeros for pooled steps that have not begun; a network on spectra gives zeros
+/// before its first complete window. Only [`StreamingNet::new`] allocates.
 #[derive(Debug, Clone)]
 pub struct StreamingNet {
     trunk: TrunkStream,
@@ -21,7 +21,7 @@ pub struct StreamingNet {
     frames: usize,
 }
 
-/// What makes features of the frames so far.
+/// Layers that extract features frame by frame.
 #[derive(Debug, Clone)]
 enum TrunkStream {
     Convolutions(Box<ConvStream>),
@@ -40,7 +40,7 @@ impl TrunkStream {
 impl StreamingNet {
     /// Copies the weights of `net`.
     ///
-    /// - `masks`: `[mc_samples][features]`, see [`crate::dropout_masks`]; may be empty
+    /// - `masks`: `[mc_samples][features]`, from [`crate::dropout_masks`]; may be empty
     ///
     /// # Panics
     /// If `config` does not describe `net`, or the masks are not whole rows.
@@ -71,7 +71,7 @@ impl StreamingNet {
         }
     }
 
-    /// Discards the sweep; the next frame is the first of a new one.
+    /// Discards the sweep; the next frame starts a new one.
     pub fn restart(&mut self) {
         self.frames = 0;
         match &mut self.trunk {
@@ -85,7 +85,7 @@ impl StreamingNet {
         self.frames
     }
 
-    /// Returns whether the sweep is complete.
+    /// Returns true if the sweep is complete.
     pub fn is_complete(&self) -> bool {
         self.frames == self.steps
     }
@@ -110,19 +110,19 @@ impl StreamingNet {
         self.trunk.features()
     }
 
-    /// Calls `visit` with the scores `[materials]` of the frames so far.
+    /// Calls `visit` with the scores `[materials]` for the frames so far.
     ///
     /// # Panics
-    /// Before the first frame.
+    /// If there is no frame yet.
     pub fn scores(&mut self, visit: impl FnMut(&[f32])) {
         assert!(self.frames > 0, "scores need a frame");
         self.head.plain(self.trunk.features(), visit);
     }
 
-    /// As [`StreamingNet::scores`], once for every dropout mask.
+    /// Calls `visit` with the scores `[materials]` for the frames so far, once for every dropout mask.
     ///
     /// # Panics
-    /// Before the first frame.
+    /// If there is no frame yet.
     pub fn monte_carlo_scores(&mut self, visit: impl FnMut(&[f32])) {
         assert!(self.frames > 0, "scores need a frame");
         self.head.monte_carlo(self.trunk.features(), visit);
@@ -157,7 +157,7 @@ mod tests {
         let config = NetworkConfig::new(architecture, InputShape { steps, taxels }, 4).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut net = Network::init(&config, &Device::flex(), &mut rng);
-        // Statistics that are not those of a fresh network.
+        // The statistics differ from those of a new network.
         let sweeps = noise(6 * steps * taxels, 8);
         let sweeps = Tensor::from_data(
             TensorData::new(sweeps, [6, 1, steps, taxels]),

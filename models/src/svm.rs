@@ -1,9 +1,8 @@
-//! Support vector machine, one against one, radial basis kernel; the binary problems are solved by linfa-svm.
+//! Support vector machine, one against one, with a radial basis kernel.
 //!
-//! Between its solver and a multi-class classifier three things are missing in linfa-svm 0.8 and stand here:
-//! the pairs, decision values from one shared kernel matrix (linfa copies the support vectors into every pair),
-//! and probabilities: linfa fits Platt's sigmoid to decision values of the very sweeps the machine was fitted to, which
-//! are too good; here the sigmoids are fitted to held-out decisions, as Platt (1999) and LIBSVM do.
+//! linfa-svm solves the binary problems. This module adds what version 0.8 lacks: pairs of materials, decision values from one shared kernel
+//! matrix (linfa copies the support vectors for each pair), and probabilities. linfa fits Platt's sigmoid to decision values of the training
+//! sweeps, which are too optimistic; here the sigmoids are fitted to held-out decisions, as by Platt (1999) and LIBSVM.
 
 use linfa::ParamGuard;
 use linfa::composing::platt_scaling::{Platt, platt_newton_method};
@@ -14,13 +13,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Features, ModelError};
 
-/// Settings chosen before fitting.
+/// Hyperparameters of the machine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SvmSettings {
-    /// Price of a margin violation, C.
+    /// Penalty of a margin violation, C.
     pub c: f64,
-    /// `k(x, y) = exp(-gamma |x - y|^2)`.
+    /// Kernel coefficient: `k(x, y) = exp(-gamma |x - y|^2)`.
     pub gamma: f64,
 }
 
@@ -29,11 +28,11 @@ pub struct SvmSettings {
 pub struct Pair {
     first: usize,
     second: usize,
-    /// Training rows with a weight, the support vectors.
+    /// Training rows with non-zero weight: the support vectors.
     pub rows: Vec<usize>,
     /// `[rows]`, dual variables, positive for the pair's first material.
     pub weights: Vec<f64>,
-    /// Decision value: weighted kernel sum minus this.
+    /// Offset: the decision value is the weighted kernel sum minus `rho`.
     pub rho: f64,
 }
 
@@ -44,12 +43,12 @@ pub struct Svm {
     pub features: Features,
     /// See [`SvmSettings::gamma`].
     pub gamma: f64,
-    /// By first material, then second.
+    /// Machines ordered by first material, then second.
     pub pairs: Vec<Pair>,
     materials: usize,
 }
 
-/// A sigmoid for each pair: `p(first) = 1 / (1 + exp(slope * decision + offset))`.
+/// Slope and offset of each pair's sigmoid: `p(first) = 1 / (1 + exp(slope * decision + offset))`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlattSigmoids(pub Vec<[f64; 2]>);
 
@@ -59,7 +58,7 @@ impl Svm {
     /// - `labels`: `[sweeps]`, below `materials`
     ///
     /// # Errors
-    /// Settings that linfa-svm refuses, such as a negative C.
+    /// linfa-svm rejects the settings, for example a negative C.
     pub fn fit(
         features: &Features,
         labels: &[usize],
@@ -99,11 +98,8 @@ impl Svm {
 
     /// Restores a machine from its parts.
     ///
-    /// - `counts`, `rho`: `[pairs]`, support vectors and offset of each pair
-    /// - `rows`, `weights`: of all pairs, one after the other
-    ///
     /// # Panics
-    /// If the lengths do not fit together.
+    /// If the lengths do not match.
     pub fn from_parts(
         features: Features,
         gamma: f64,
@@ -137,7 +133,7 @@ impl Svm {
         }
     }
 
-    /// Decision values `[sweeps][pairs]`: positive for the pair's first material.
+    /// Returns decision values `[sweeps][pairs]`, positive for the first material of a pair.
     ///
     /// # Panics
     /// If `queries` have another width.
@@ -166,7 +162,7 @@ impl Svm {
             .collect()
     }
 
-    /// The label with the most won pairs, the lowest among equals: what scikit-learn's `SVC.predict` gives.
+    /// Returns the label that wins most pairs, the lowest one on a tie, as scikit-learn's `SVC.predict`.
     ///
     /// - `decisions`: `[pairs]`
     pub fn vote(&self, decisions: &[f64]) -> usize {
@@ -181,7 +177,7 @@ impl Svm {
         crate::argmax(&won)
     }
 
-    /// Log-probabilities `[sweeps][materials]` from decisions `[sweeps][pairs]`.
+    /// Returns log-probabilities `[sweeps][materials]` for decisions `[sweeps][pairs]`.
     pub fn log_probabilities(
         &self,
         decisions: &[Vec<f64>],
@@ -194,7 +190,7 @@ impl Svm {
                 for ((pair, decision), [slope, offset]) in
                     self.pairs.iter().zip(decisions).zip(&sigmoids.0)
                 {
-                    // As LIBSVM: no pair is ever quite certain.
+                    // LIBSVM also limits the probability of a pair.
                     let p = 1.0 / (1.0 + (slope * decision + offset).exp());
                     let p = p.clamp(1e-7, 1.0 - 1e-7);
                     pairwise[pair.first][pair.second] = p;
@@ -206,8 +202,7 @@ impl Svm {
     }
 }
 
-/// Fits the sigmoids of all pairs (Platt, 1999; Lin, Lin & Weng, 2007) to decisions on sweeps that the machines have not
-/// been fitted to.
+/// Fits the sigmoids of all pairs (Platt, 1999; Lin, Lin & Weng, 2007) to decisions on held-out sweeps.
 ///
 /// - `decisions`: `[sweeps][pairs]`
 /// - `labels`: `[sweeps]`
@@ -233,8 +228,10 @@ pub fn fit_platt(
         .map(PlattSigmoids)
 }
 
-/// linfa gives up where the line search cannot improve any more, even next to the optimum; LIBSVM keeps what it has.
-/// A stronger ridge on the Hessian shortens the steps and lets linfa converge there, too.
+/// Returns slope and offset of one sigmoid.
+///
+/// linfa fails where its line search makes no further progress, even next to the optimum; LIBSVM keeps the current solution there.
+/// A stronger ridge on the Hessian shortens the steps, so that linfa converges there too.
 fn sigmoid(values: &Array1<f64>, positive: &Array1<bool>) -> Result<[f64; 2], ModelError> {
     let mut last = String::new();
     for ridge in [1e-12, 1e-6, 1e-3, 1e-1] {
@@ -253,14 +250,14 @@ fn sigmoid(values: &Array1<f64>, positive: &Array1<bool>) -> Result<[f64; 2], Mo
     })
 }
 
-/// All pairs `(first, second)` with `first < second`, in scikit-learn's order.
+/// Returns all pairs `(first, second)` with `first < second`, in scikit-learn's order.
 fn pairs_of(materials: usize) -> Vec<(usize, usize)> {
     (0..materials)
         .flat_map(|first| (first + 1..materials).map(move |second| (first, second)))
         .collect()
 }
 
-/// Signed dual variables and rho.
+/// Returns the signed dual variables and rho of one machine.
 fn fit_pair(
     features: &Features,
     positive: Vec<bool>,
@@ -303,9 +300,9 @@ fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// Probabilities of all materials from those of the pairs: the second method of Wu, Lin & Weng (2004), as in LIBSVM.
+/// Returns probabilities of all materials from pairwise ones: the second method of Wu, Lin & Weng (2004), as in LIBSVM.
 ///
-/// - `pairwise`: `[materials][materials]`, probability of the row against the column
+/// - `pairwise`: `[materials][materials]`, probability of the row's material against the column's
 fn couple(pairwise: &[Vec<f64>]) -> Vec<f64> {
     let materials = pairwise.len();
     if materials == 1 {

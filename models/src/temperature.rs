@@ -1,13 +1,13 @@
-//! Temperature scaling: turns scores into probabilities that mean what they say (Guo et al., 2017).
+//! Temperature scaling, which calibrates scores to probabilities (Guo et al., 2017).
 
-/// The inverse temperature that makes `softmax(inverse * scores)` most likely for the true labels.
+/// Returns the inverse temperature that maximises the likelihood of the labels under `softmax(inverse * scores)`.
 ///
-/// - `scores`: `[sweeps][materials]`, of sweeps that the classifier was not fitted to
+/// - `scores`: `[sweeps][materials]`, of held-out sweeps
 /// - `labels`: `[sweeps]`
 ///
-/// As in Platt scaling the targets are not quite certain: of `n` sweeps' labels, one more would have been wrong, so a label counts
-/// `(n + 1) / (n + 2)` and the rest is spread over the other materials. So there is an optimum even where every sweep is right.
-/// The objective is convex in the inverse temperature; its slope is bisected within `1e-4 ..= 1e4`.
+/// As in Platt scaling, the targets are smoothed: for `n` sweeps the label has weight `(n + 1) / (n + 2)`, and the other materials share
+/// the rest. So an optimum exists even if all sweeps are classified correctly. The objective is convex in the inverse temperature;
+/// bisection finds the root of its slope within `1e-4 ..= 1e4`.
 pub fn fit_inverse_temperature(scores: &[Vec<f64>], labels: &[usize]) -> f64 {
     let certain = (labels.len() + 1) as f64 / (labels.len() + 2) as f64;
     let slope = |inverse: f64| -> f64 {
@@ -45,8 +45,8 @@ mod tests {
 
     #[test]
     fn two_scores_give_the_odds() {
-        // With scores 1 and 0, softmax(b * scores) is right with probability 1 / (1 + exp(-b)). Three of four labels are right, each
-        // counting 5/6: 3/4 * 5/6 + 1/4 * 1/6 = 2/3.
+        // With scores 1 and 0, softmax(b * scores) is correct with probability 1 / (1 + exp(-b)). Three of four labels are correct, each with
+        // weight 5/6: 3/4 * 5/6 + 1/4 * 1/6 = 2/3.
         let scores = vec![vec![1.0, 0.0]; 4];
         let found = fit_inverse_temperature(&scores, &[0, 0, 0, 1]);
         assert!((found - 2.0_f64.ln()).abs() < 1e-9, "{found}");

@@ -1,4 +1,4 @@
-//! A network's weights as named tensors, and as a safetensors file.
+//! Network weights as named tensors and as a safetensors file.
 
 use std::collections::BTreeMap;
 
@@ -14,26 +14,27 @@ use crate::network::{Network, TrunkNet};
 use crate::safetensors_bytes::safetensors_bytes;
 use crate::{ModelError, NetworkConfig};
 
-/// One tensor: its shape and its values in row-major order.
+/// Shape and values of one tensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedTensor {
-    /// Extents.
+    /// Extents of the axes.
     pub shape: Vec<usize>,
     /// `f32` values, row-major.
     pub values: Vec<f32>,
 }
 
 /// Named tensors in name order: `conv1.weight`, `conv1.gamma`, `conv1.beta`, `conv1.running_mean`,
-/// `conv1.running_variance`, …, `hidden.*`, `output.weight`, `output.bias`; of networks on spectra `taxel.*` and `window.*` instead of
-/// `conv*`.
+/// `conv1.running_variance`, …, `hidden.*`, `output.weight`, `output.bias`.
+///
+/// Networks on spectra have `taxel.*` and `window.*` in place of `conv*`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Weights(pub BTreeMap<String, NamedTensor>);
 
 impl Weights {
-    /// The bytes of a safetensors file with `metadata` in its header; equal weights and metadata give equal bytes.
+    /// Returns the bytes of a safetensors file with `metadata` in its header; equal content gives equal bytes.
     ///
     /// # Errors
-    /// Shapes that do not match their values.
+    /// A shape does not match the number of values.
     pub fn to_safetensors(
         &self,
         metadata: BTreeMap<String, String>,
@@ -58,10 +59,10 @@ impl Weights {
         Ok(safetensors_bytes(views, metadata)?)
     }
 
-    /// Reads the `f32` tensors of a safetensors file; tensors of other types are left out.
+    /// Reads the `f32` tensors of a safetensors file and ignores tensors of other types.
     ///
     /// # Errors
-    /// Bytes that are no safetensors file.
+    /// `bytes` is not a safetensors file.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self, ModelError> {
         let file = safetensors::SafeTensors::deserialize(bytes)?;
         let mut tensors = BTreeMap::new();
@@ -84,10 +85,10 @@ impl Weights {
         Ok(Self(tensors))
     }
 
-    /// Succeeds if every value is a finite number.
+    /// Returns an error unless all values are finite.
     ///
     /// # Errors
-    /// The first tensor with one that is not.
+    /// Names the first tensor with a value that is not finite.
     pub fn check_finite(&self) -> Result<(), ModelError> {
         for (name, tensor) in &self.0 {
             if let Some(value) = tensor.values.iter().find(|value| !value.is_finite()) {
@@ -132,7 +133,7 @@ impl Weights {
     }
 }
 
-/// Returns a tensor's values, row-major; not copied unless they are shared.
+/// Returns a tensor's values in row-major order; copies them only if they are shared.
 pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor
         .into_data_as::<f32>()
@@ -159,7 +160,7 @@ macro_rules! normalized_layer {
     };
 }
 
-/// Visits every tensor of the network with its name; the one list of names.
+/// Visits every tensor of the network with its name. This is the only list of names.
 macro_rules! for_each_tensor {
     ($net:expr, $parameter:ident, $statistic:ident) => {
         match &mut $net.trunk {
@@ -181,7 +182,7 @@ macro_rules! for_each_tensor {
 }
 
 impl Network {
-    /// All weights and running statistics.
+    /// Returns all weights and running statistics.
     pub fn weights(&self) -> Weights {
         let mut weights = Weights::default();
         let mut net = self.clone();
@@ -199,7 +200,7 @@ impl Network {
         weights
     }
 
-    /// The gradient of every parameter, under the parameter's name; what the loss does not reach is left out.
+    /// Returns the gradient of every parameter under the parameter's name; omits parameters that do not affect the loss.
     pub fn gradients(&self, gradients: &GradientsParams) -> Weights {
         let mut named = Weights::default();
         let mut net = self.clone();
@@ -217,16 +218,16 @@ impl Network {
         named
     }
 
-    /// Rebuilds a network from `weights` on `device`.
+    /// Creates a network from `weights` on `device`.
     ///
     /// # Errors
-    /// Names the tensor that is missing or has another shape than `config` asks for.
+    /// A tensor is missing or its shape does not match `config`.
     pub fn from_weights(
         config: &NetworkConfig,
         weights: &Weights,
         device: &Device,
     ) -> Result<Self, ModelError> {
-        // Before anything is allocated that is far larger than the file; what is near is told by the tensor that differs.
+        // Prevents the allocation of a network far larger than the file. Smaller differences are reported by tensor below.
         let numbers: usize = weights.0.values().map(|tensor| tensor.values.len()).sum();
         let expected = config.parameters().unwrap_or(u64::MAX);
         if expected > (16 * numbers as u64).max(1 << 20) {

@@ -4,12 +4,12 @@ use crate::heads::span::Span;
 use crate::lbfgs::{Minimum, dot, minimise};
 use crate::{Features, ModelError, log_softmax};
 
-/// Norm of the gradient at the end of a fit, relative to the larger of 1 and the norm of the weights.
+/// Bound of the gradient's norm at the end of a fit, relative to the larger of 1 and the norm of the weights.
 pub(super) const TOLERANCE: f64 = 1e-7;
-/// Iterations after which a fit is given up.
+/// Maximum number of iterations of a fit.
 pub(super) const ITERATIONS: usize = 5000;
 
-/// Weights of class neurons: `score = weights . u + bias`.
+/// Weights of the class neurons: `score = weights . u + bias`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearHead {
     /// `[materials][width]`
@@ -18,29 +18,29 @@ pub struct LinearHead {
     pub biases: Vec<f64>,
 }
 
-/// Gaussian prior on the weights of class neurons.
+/// Gaussian prior on the weights of the class neurons.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeightPrior {
     /// `[width + 1]`: mean weights, then mean bias.
     pub mean: Vec<f64>,
-    /// Strength s: the penalty is `s |w - mean|^2` for each class.
+    /// Strength s of the penalty `s |w - mean|^2` of each class.
     pub strength: f64,
-    /// The bias's penalty is `s (b - mean)^2 / bias_scale^2`; 1 where the bias is penalised as the weights are.
+    /// Scale of the bias penalty `s (b - mean)^2 / bias_scale^2`; 1 penalises the bias as strongly as the weights.
     pub bias_scale: f64,
 }
 
-/// A bias that is as good as free: of biases that differ by a constant, one is still the best.
+/// Bias scale of a nearly unpenalised bias; the small penalty selects one of the solutions that differ by a constant.
 const FREE_BIAS: f64 = 30.0;
 
 impl WeightPrior {
-    /// The prior that knowledge classes give: their mean, and `s = 1 / (2 sigma^2)` with `sigma^2` their mean squared distance
+    /// Returns the prior given by known classes: their mean, and `s = 1 / (2 sigma^2)` with `sigma^2` their mean squared distance
     /// from it per dimension (thesis, section 4.6.3; Bauer et al., 2017).
     ///
-    /// It is a prior on the weights alone, F of them. Biases are as good as free: a strong pull of the bias towards a common value would
+    /// The prior applies to the weights only; biases are nearly unpenalised. A strong pull of the biases towards one value would
     /// favour classes with large features.
     ///
     /// # Panics
-    /// With fewer than two classes, or classes that are all the same.
+    /// If there are fewer than two classes, or all classes are equal.
     pub fn of_knowledge(head: &LinearHead) -> Self {
         let classes = head.weights.len();
         assert!(classes > 1, "a variance needs at least two classes");
@@ -64,7 +64,7 @@ impl WeightPrior {
         }
     }
 
-    /// The same mean, less of it: an n-th of the strength.
+    /// Returns the prior with its strength divided by `times`.
     pub fn weaker(&self, times: f64) -> Self {
         Self {
             strength: self.strength / times,
@@ -72,7 +72,7 @@ impl WeightPrior {
         }
     }
 
-    /// The same, with a bias that is penalised as the weights are, not as good as free.
+    /// Returns the prior with a bias that is penalised as strongly as the weights.
     pub fn with_penalised_bias(&self) -> Self {
         Self {
             bias_scale: 1.0,
@@ -80,8 +80,9 @@ impl WeightPrior {
         }
     }
 
-    /// Centred at zero: the penalty that training a network with this L2 puts on the sum of the losses of `sweeps` sweeps. Adding
-    /// `l2 * w` to the gradient of their mean is a penalty of `sweeps * l2 / 2` on their sum.
+    /// Returns the prior that corresponds to training a network on `sweeps` sweeps with L2 penalty `l2`; its mean is zero.
+    ///
+    /// Adding `l2 * w` to the gradient of the mean loss is a penalty of `sweeps * l2 / 2` on the sum of the losses.
     pub fn weight_decay(width: usize, l2: f64, sweeps: usize) -> Self {
         Self {
             mean: vec![0.0; width + 1],
@@ -92,7 +93,7 @@ impl WeightPrior {
 }
 
 impl LinearHead {
-    /// Softmax regression: minimises `-log p(labels | W) + s sum over classes of |w_c - m|^2`.
+    /// Fits softmax regression: minimises `-log p(labels | W) + s sum over classes of |w_c - m|^2`.
     ///
     /// - `labels`: `[sweeps]`, below `materials`
     ///
@@ -110,7 +111,7 @@ impl LinearHead {
             width,
             "a mean for each weight and the bias"
         );
-        // In these units the penalty is the same in all directions.
+        // Dividing the bias by its scale makes the penalty the same in all directions.
         let scale = prior.bias_scale;
         let mut centre = prior.mean.clone();
         centre[width - 1] /= scale;
@@ -153,7 +154,7 @@ impl LinearHead {
             ..
         } = minimise(start, objective, TOLERANCE, ITERATIONS);
         let norm = point.iter().map(|w| w * w).sum::<f64>().sqrt().max(1.0);
-        // Rounding leaves a gradient that grows with the one at the start, a sum over all sweeps.
+        // The gradient is a sum over all sweeps, so its rounding error grows with its norm at the start.
         let most = TOLERANCE * (100.0 * norm).max(start_norm);
         if gradient_norm.is_nan() || gradient_norm > most {
             return Err(ModelError::Fit {
@@ -171,7 +172,7 @@ impl LinearHead {
         })
     }
 
-    /// Scores in front of the softmax: `[sweeps][materials]`.
+    /// Returns the scores in front of the softmax, `[sweeps][materials]`.
     pub fn scores(&self, features: &Features) -> Vec<Vec<f64>> {
         features
             .rows()
@@ -186,7 +187,7 @@ impl LinearHead {
             .collect()
     }
 
-    /// Log-probabilities `[sweeps][materials]`.
+    /// Returns log-probabilities `[sweeps][materials]`.
     pub fn log_probabilities(&self, features: &Features) -> Vec<Vec<f64>> {
         self.scores(features)
             .iter()

@@ -1,9 +1,9 @@
-//! Nearest class mean.
+//! Nearest class mean on whitened features.
 
 use super::{class_means, squared_distance};
 use crate::Features;
 
-/// Linear discriminant analysis with the knowledge set's within-class covariance: the nearest class mean among whitened features.
+/// Nearest class mean; on features whitened with the knowledge set's covariance it is linear discriminant analysis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NearestMean {
     /// `[materials][width]`
@@ -11,7 +11,7 @@ pub struct NearestMean {
 }
 
 impl NearestMean {
-    /// Means of the task's classes.
+    /// Computes the means of the task's classes.
     ///
     /// # Panics
     /// If a class has no sweep.
@@ -25,7 +25,7 @@ impl NearestMean {
         }
     }
 
-    /// Minus half the squared distance to every class mean: log-likelihoods up to a constant where features are whitened.
+    /// Returns minus half the squared distance to every class mean, `[sweeps][materials]`: log-likelihoods up to a constant on whitened features.
     pub fn scores(&self, features: &Features) -> Vec<Vec<f64>> {
         features
             .rows()

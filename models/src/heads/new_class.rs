@@ -1,11 +1,11 @@
-//! One more class beside others that stay as they are.
+//! Fit of one new class next to fixed known classes.
 
 use super::linear::{ITERATIONS, TOLERANCE};
 use super::{LinearHead, WeightPrior};
 use crate::lbfgs::{Minimum, dot, minimise};
 use crate::{Features, ModelError};
 
-/// Weights of one more class neuron.
+/// Weights of a new class neuron.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewClass {
     /// `[width]`
@@ -14,15 +14,16 @@ pub struct NewClass {
     pub bias: f64,
 }
 
-/// Fits one more class to a few sweeps of it and to sweeps of the known classes, whose own weights stay: minimises
-/// `-sum of log p(label) + s |w - m|^2` over the new class's weights alone, a convex problem in `width + 1` numbers. Here, unlike among
-/// new classes only, the prior's mean matters.
+/// Fits one new class to a few of its sweeps and to sweeps of the known classes, whose weights stay fixed.
 ///
-/// Every class weighs the same, however many sweeps it has, so that a class learnt from few sweeps is not overrun by the next one; with
-/// unequal numbers this is no maximum a posteriori estimate any more.
+/// It minimises `-sum of log p(label) + s |w - m|^2` over the new class's weights only, a convex problem in `width + 1` numbers.
+/// The prior's mean matters here, unlike in a fit of new classes only.
 ///
-/// - `known`, `new`: features of sweeps of known classes and of the new one
-/// - `labels`: of the known sweeps
+/// All classes have equal weight, whatever their number of sweeps. So a class with few sweeps keeps them when a further class is added.
+/// With unequal numbers the result is therefore not a maximum a posteriori estimate.
+///
+/// - `known`, `new`: features of sweeps of the known classes and of the new class
+/// - `labels`: labels of the known sweeps
 ///
 /// # Errors
 /// The gradient does not vanish.
@@ -65,11 +66,11 @@ pub fn fit_new_class(
             *g = 2.0 * prior.strength * (w - m);
             value += prior.strength * (w - m).powi(2);
         }
-        // The bias has a penalty of its own.
+        // The bias has a separate penalty.
         let (away, share) = (x[last] - prior.mean[last], prior.bias_scale.powi(-2));
         gradient[last] *= share;
         value -= prior.strength * (1.0 - share) * away * away;
-        // A sweep's loss is softplus of how far the wrong side is ahead.
+        // The loss of a sweep is the softplus of the margin by which the wrong side leads.
         for (rows, sign, weights) in [(&known, 1.0, &known_weights), (&new, -1.0, &new_weights)] {
             for ((row, others), weight) in rows.iter().zip(weights) {
                 let ahead = sign * (dot(x, row) - others);
@@ -111,7 +112,7 @@ fn log_sum_exp(scores: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Four corners; the fourth is new. Of a joint fit with the same weights, the new class's neuron must not gain by any small step.
+    /// Four corners, of which the fourth is the new class.
     #[test]
     fn a_new_class_takes_its_own_corner_and_leaves_the_others() {
         let corners: [[f32; 2]; 4] = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0], [4.0, 4.0]];
@@ -149,12 +150,12 @@ mod tests {
         );
     }
 
-    /// A network that knows its training sweeps by heart feels others less strongly. A free bias then stands for "not strongly felt".
+    /// Features of training sweeps are stronger than those of other sweeps. With a free bias, the new class would claim all weak features.
     #[test]
     fn a_penalised_bias_leaves_weakly_felt_sweeps_of_known_classes_to_them() {
         const CLASSES: usize = 4;
         const WIDTH: usize = 8 * (CLASSES + 1);
-        // Each class has eight features of its own; the last eight are the new one's.
+        // Each class activates eight features; the last eight belong to the new class.
         let felt = |class: usize, strength: f32| -> Vec<f32> {
             let own = 8 * class..8 * class + 8;
             (0..WIDTH)

@@ -1,9 +1,9 @@
-//! Nearest class mean among directions.
+//! Nearest class mean on unit vectors.
 
 use super::{class_means, squared_distance};
 use crate::Features;
 
-/// Nearest class mean after centring on the knowledge set's mean and scaling to unit length (SimpleShot, CL2N; Wang et al., 2019).
+/// Nearest class mean after subtracting the knowledge set's mean and scaling to unit length (SimpleShot, CL2N; Wang et al., 2019).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimpleShot {
     /// `[width]`, mean feature of the knowledge set.
@@ -13,7 +13,7 @@ pub struct SimpleShot {
 }
 
 impl SimpleShot {
-    /// Means of the task's classes.
+    /// Computes the means of the task's classes.
     ///
     /// # Panics
     /// If a class has no sweep.
@@ -28,7 +28,7 @@ impl SimpleShot {
         }
     }
 
-    /// Minus the squared distance to every class mean: `[sweeps][materials]`.
+    /// Returns minus the squared distance to every class mean, `[sweeps][materials]`.
     pub fn scores(&self, features: &Features) -> Vec<Vec<f64>> {
         features
             .rows()

@@ -1,20 +1,22 @@
-//! Few sweeps in the small space that they span.
+//! Subspace that a few sweeps span.
 
 use faer::{Mat, Par};
 
 use crate::Features;
 
-/// Sweeps in an orthonormal basis of what they span, where they are fewer than the features: the loss only depends on a weight's part
-/// in that span, and the penalty is least with its other part at the prior's mean. So a few sweeps make a small problem.
+/// Sweeps in an orthonormal basis of their span, if they are fewer than the features.
+///
+/// The loss depends only on the weights' component in this span, and the penalty is smallest if the other component equals the prior's
+/// mean. So a few sweeps give a small optimisation problem.
 pub(super) struct Span {
     /// `[sweeps][dimension]`
     pub(super) coordinates: Vec<Vec<f64>>,
-    /// `[width + 1, dimension]`; absent where nothing is gained.
+    /// `[width + 1, dimension]`; `None` if there are at least as many sweeps as values.
     basis: Option<Mat<f64>>,
 }
 
 impl Span {
-    /// `constant`: what stands for the bias behind every sweep's features.
+    /// - `constant`: value appended to every sweep's features as the input of the bias
     pub(super) fn of(features: &Features, constant: f64) -> Self {
         let (sweeps, width) = (features.len(), features.width() + 1);
         let rows: Vec<Vec<f64>> = features
@@ -32,7 +34,7 @@ impl Span {
                 basis: None,
             };
         }
-        // On several threads faer's sums depend on how many there are.
+        // With several threads, faer's sums depend on their number.
         faer::set_global_parallelism(Par::Seq);
         let columns = Mat::<f64>::from_fn(width, sweeps, |i, j| rows[j][i]);
         let qr = columns.qr();
@@ -59,7 +61,7 @@ impl Span {
         self.coordinates.first().map_or(0, Vec::len)
     }
 
-    /// A vector's part in the span, in its coordinates.
+    /// Returns the coordinates of a vector's projection onto the span.
     pub(super) fn project(&self, vector: &[f64]) -> Vec<f64> {
         match &self.basis {
             None => vector.to_vec(),
@@ -75,7 +77,9 @@ impl Span {
         }
     }
 
-    /// The vector with these coordinates whose part outside the span is that of `outside`, which itself projects to `projected`.
+    /// Returns the vector with these coordinates in the span and the component of `outside` orthogonal to it.
+    ///
+    /// - `projected`: coordinates of `outside`
     pub(super) fn lift(&self, coordinates: &[f64], projected: &[f64], outside: &[f64]) -> Vec<f64> {
         match &self.basis {
             None => coordinates.to_vec(),

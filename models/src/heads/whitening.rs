@@ -1,11 +1,11 @@
-//! Features whose within-class covariance is the identity.
+//! Whitening with the within-class covariance.
 
 use faer::{Mat, Par, Side};
 
 use super::class_means;
 use crate::{Features, ModelError};
 
-/// A linear map that makes the knowledge set's within-class covariance the identity, shrunk towards its mean variance.
+/// Linear map that makes the knowledge set's within-class covariance the identity, after shrinkage towards its mean variance.
 #[derive(Debug, Clone)]
 pub struct Whitening {
     /// `[width]`
@@ -17,10 +17,10 @@ pub struct Whitening {
 impl Whitening {
     /// Fits to the knowledge set.
     ///
-    /// - `shrinkage`: share of the mean variance in every direction, 0 to 1; above 0 where there are fewer sweeps than features
+    /// - `shrinkage`: weight of the mean variance, 0 to 1; above 0 if there are fewer sweeps than features
     ///
     /// # Errors
-    /// A covariance whose eigenvalues are not found.
+    /// The eigenvalue decomposition of the covariance fails.
     pub fn fit(
         features: &Features,
         labels: &[usize],
@@ -66,7 +66,7 @@ impl Whitening {
         })
     }
 
-    /// Whitened features: `[sweeps][width]`.
+    /// Returns the whitened features, `[sweeps][width]`.
     pub fn apply(&self, features: &Features) -> Features {
         faer::set_global_parallelism(Par::Seq);
         let width = features.width();
@@ -86,8 +86,8 @@ impl Whitening {
 mod tests {
     use super::*;
 
-    /// Two sweeps of each of two classes: residuals of 2 on one axis and two degrees of freedom are variances of 8 and 0, whose mean is 4;
-    /// shrunk by a half, 4 + 2 and 0 + 2.
+    /// Two classes with two sweeps each: residuals of 2 on one axis and two degrees of freedom give variances of 8 and 0, with mean 4.
+    /// Shrinkage by one half gives 4 + 2 and 0 + 2.
     #[test]
     fn the_covariance_is_shrunk_towards_the_mean_variance() {
         let features = Features::new(2, vec![-2.0, 1.0, 2.0, 1.0, 8.0, 5.0, 12.0, 5.0]);
