@@ -1,4 +1,4 @@
-//! The fused block, layer by layer, at TactMat's size: `cargo bench -p tactnet-conv --bench block`.
+//! Time of the block, layer by layer, at TactMat's size: `cargo bench -p tactnet-conv --bench block`.
 
 use divan::{Bencher, black_box};
 use tactnet_conv::{Block, BlockShape};
@@ -7,11 +7,11 @@ fn main() {
     divan::main();
 }
 
-/// Layers of TactNet-II: steps, maps in, maps out.
+/// Layers of TactNet-II: steps, input maps, output maps.
 const LAYERS: [(usize, usize, usize); 3] = [(1000, 1, 32), (100, 32, 64), (10, 64, 128)];
 const BATCHES: [usize; 2] = [1, 36];
 
-/// Everything a pass needs, with deterministic values.
+/// Block with deterministic inputs for all passes.
 struct Layer {
     block: Block,
     input: Vec<f32>,

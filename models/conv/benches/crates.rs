@@ -1,6 +1,6 @@
-//! Transforms and complex products of this crate beside `rustfft` and `gemm`, one thread: `cargo bench -p tactnet-conv --bench crates`.
+//! Transforms and complex products compared with `rustfft` and `gemm` on one thread: `cargo bench -p tactnet-conv --bench crates`.
 //!
-//! Shapes are those of layers 2 and 3 at batch 36. `rustfft` transforms the same 16 maps one after the other, as they would lie for it.
+//! The shapes are those of layers 2 and 3 at batch 36. `rustfft` transforms the same 16 maps one after another, in its own layout.
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
@@ -14,7 +14,7 @@ fn main() {
 }
 
 const LENGTHS: [usize; 3] = [18, 108, 120];
-/// Rows, inner, columns: forward, input gradient and weight gradient of layer 2, forward of layer 3.
+/// Rows, inner size, columns: forward, input gradient and weight gradient of layer 2, forward of layer 3.
 const PRODUCTS: [[usize; 3]; 4] = [[36, 32, 64], [36, 64, 32], [32, 36, 64], [36, 64, 128]];
 
 #[divan::bench(args = LENGTHS)]
@@ -30,7 +30,7 @@ fn transform_of_16_maps_rustfft(bencher: Bencher, length: usize) {
     bencher.bench_local(|| plan.process_with_scratch(&mut values, &mut scratch));
 }
 
-/// Real multiplications and additions of a complex product.
+/// Returns the number of real multiplications and additions in a complex product.
 fn operations([rows, inner, columns]: [usize; 3]) -> ItemsCount {
     ItemsCount::new(8 * rows * inner * columns)
 }

@@ -1,6 +1,7 @@
-//! Where a training step on an array of any shape goes, layer by layer of TactNet-II:
-//! `cargo bench -p tactnet-conv --bench layers -- 6x10x75 [BATCH]` (rows x columns x steps; batch 36). The last line is the memory that
-//! all layers together leave behind for the next step.
+//! Time of a training step by layer of TactNet-II, for an array of any shape:
+//! `cargo bench -p tactnet-conv --bench layers -- 6x10x75 [BATCH]` (rows x columns x steps; batch 36 by default).
+//!
+//! The last line is the memory that all layers together keep for the next step.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -16,7 +17,7 @@ fn values(len: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Median of 31 runs in milliseconds; `prepare` is not timed.
+/// Returns the median of 31 runs in milliseconds, without the time of `prepare`.
 fn median<T>(mut prepare: impl FnMut() -> T, mut run: impl FnMut(T)) -> f64 {
     let mut times: Vec<f64> = (0..31)
         .map(|_| {
@@ -31,7 +32,7 @@ fn median<T>(mut prepare: impl FnMut() -> T, mut run: impl FnMut(T)) -> f64 {
 }
 
 fn main() {
-    // On a thread of the pool, as `tactnet-models` calls blocks.
+    // On a pool thread, as in `tactnet-models`.
     rayon::scope(|_| run());
 }
 

@@ -1,14 +1,14 @@
-//! The planner's choice beside all tilings it had: `cargo bench -p tactnet-conv --bench planner [-- --threads 1] [--json]`.
+//! The planner's choice compared with all its tilings: `cargo bench -p tactnet-conv --bench planner [-- --threads 1] [--json]`.
 //!
-//! Each candidate of each shape of a grid is timed, a training step with the input's gradient, in turns, medians. `choice` is the time of
-//! the first candidate over that of the fastest: 1.15 or less is what the cost model promises.
+//! Times a training step with the input's gradient for each candidate of each shape in a grid, interleaved, as medians. `choice` is the time of
+//! the first candidate over that of the fastest; the cost model aims at 1.15 or less.
 
 use std::time::Instant;
 
 use tactnet_conv::{Block, BlockShape, Isa};
 
 const TURNS: usize = 5;
-/// Taxels, steps, kernel, batch; two pairs of maps each.
+/// Taxels, steps, kernel, batch; each with two pairs of maps.
 const GRID: [(usize, usize, [usize; 2], usize); 16] = [
     (1, 880, [15, 5], 36),
     (4, 300, [9, 3], 36),
@@ -69,7 +69,7 @@ fn main() {
                 };
                 let (input, weight) = (values(shape.input_len()), values(shape.weight_len()));
                 let candidates = Block::candidates(shape, isa);
-                // What is predicted to take three times as long is not timed.
+                // Skips candidates with three times the best predicted time.
                 let limit = 3.0 * candidates[0].predicted_ms;
                 let mut timed: Vec<_> = candidates
                     .iter()

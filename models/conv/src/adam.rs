@@ -1,30 +1,30 @@
-//! One step of Adam in one pass over parameters and moments.
+//! Adam step in one pass over parameters and moments.
 
 use rayon::prelude::*;
 
 use super::simd::{Isa, Kernel, Lanes};
 
-/// Values that one task updates.
+/// Number of values that one task updates.
 const RUN: usize = 1 << 14;
 
-/// Adam (Kingma & Ba, 2015) with an L2 penalty added to the gradient.
+/// Adam step (Kingma & Ba, 2015) with an L2 penalty that is added to the gradient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AdamStep {
     /// Weight of the L2 penalty.
     pub l2: f32,
-    /// Decay of the first and of the second moment.
+    /// Decay rates of the first and the second moment.
     pub beta: [f32; 2],
-    /// Learning rate, times `sqrt(1 - beta_2^t) / (1 - beta_1^t)`.
+    /// Learning rate times `sqrt(1 - beta_2^t) / (1 - beta_1^t)`.
     pub rate: f32,
-    /// Added to the second moment's root, times `sqrt(1 - beta_2^t)`.
+    /// Added to the square root of the second moment, times `sqrt(1 - beta_2^t)`.
     pub epsilon: f32,
 }
 
 impl AdamStep {
-    /// Changes `parameter` and its `moments`, the first and the second, where they lie; all of one length.
+    /// Updates `parameter` and its first and second moment in place; all slices have one length.
     ///
-    /// Moments below the smallest normal number become zero: a weight without gradient would otherwise slow every later step, since
-    /// processors compute such numbers in microcode.
+    /// Subnormal moments become zero. Processors handle subnormal numbers in microcode, so a weight without gradient would otherwise slow
+    /// down every later step.
     pub fn update(self, parameter: &mut [f32], gradient: &[f32], moments: [&mut [f32]; 2]) {
         let isa = Isa::detect();
         let [first, second] = moments;
@@ -36,7 +36,7 @@ impl AdamStep {
                 first,
                 second,
             };
-            // Two octets, for the widest vectors there are.
+            // Two octets, for the widest vectors.
             isa.run(2, part);
         };
         if parameter.len() <= RUN {
@@ -51,7 +51,7 @@ impl AdamStep {
     }
 }
 
-/// Values of one task; the compiler turns its loop into the vectors of the function that it is inlined into.
+/// Update of one task's values. The compiler vectorises its loop for the instruction set of the function that inlines it.
 struct Part<'a> {
     step: AdamStep,
     parameter: &'a mut [f32],
@@ -83,7 +83,7 @@ impl Kernel for Part<'_> {
     }
 }
 
-/// Zero for numbers below the smallest normal one.
+/// Returns zero for subnormal numbers, else `value`.
 #[inline(always)]
 fn normal(value: f32) -> f32 {
     if value.abs() < f32::MIN_POSITIVE {
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn every_instruction_set_takes_the_same_step_to_the_bit() {
-        // Beyond one task, and no multiple of a vector.
+        // More than one task, and not a multiple of a vector.
         let len = RUN + 21;
         let gradient = noise(len, 2);
         let found: Vec<[Vec<f32>; 3]> = Isa::all()

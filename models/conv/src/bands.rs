@@ -1,9 +1,10 @@
-//! A row of taxels, or the steps of a sweep, cut into bands that are taken by themselves (overlap-save).
+//! Division of a row of taxels, or of the steps of a sweep, into bands that are convolved separately (overlap-save).
 
 use std::ops::Range;
 
-/// A row of `len` cut into bands of `span` outputs each (the last may be shorter), which see `width` inputs, `pad` of them before the
-/// first output. Inputs beside the row are zeros.
+/// Division of a row of `len` values into bands with `span` outputs each; the last band may be shorter.
+///
+/// Each band reads `width` inputs, of which `pad` come before its first output. Inputs outside the row are zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Bands {
     pub(super) len: usize,
@@ -13,7 +14,7 @@ pub(super) struct Bands {
 }
 
 impl Bands {
-    /// One band: what a kernel's edge sees beside it are the transform's own zeros.
+    /// Returns a single band; the transform pads it with zeros.
     pub(super) fn one(len: usize) -> Self {
         Self {
             len,
@@ -23,7 +24,7 @@ impl Bands {
         }
     }
 
-    /// The fewest bands of equal span whose inputs, `pad` more on either side, are at most `width`; one band if the row is that narrow.
+    /// Returns the fewest bands of equal span that read at most `width` inputs, of which `pad` lie on either side of the outputs.
     pub(super) fn at_most(width: usize, len: usize, pad: usize) -> Self {
         if len <= width {
             return Self::one(len);
@@ -32,7 +33,7 @@ impl Bands {
         Self::of_span(len.div_ceil(len.div_ceil(widest)), len, pad)
     }
 
-    /// Bands of `span` outputs that see `pad` inputs more on either side; one band if that covers the row.
+    /// Returns bands of `span` outputs with `pad` more inputs on either side; a single band if that covers the row.
     pub(super) fn of_span(span: usize, len: usize, pad: usize) -> Self {
         if span >= len {
             return Self::one(len);
@@ -45,24 +46,24 @@ impl Bands {
         }
     }
 
-    /// Number of bands.
+    /// Returns the number of bands.
     pub(super) fn count(&self) -> usize {
         self.len.div_ceil(self.span)
     }
 
-    /// Returns the places of the row whose outputs are those of a band.
+    /// Returns the positions in the row of a band's outputs.
     pub(super) fn outputs(&self, band: usize) -> Range<usize> {
         band * self.span..self.len.min((band + 1) * self.span)
     }
 
-    /// Returns the place in the row of input `at` of a band; `None` beside the row.
+    /// Returns the position in the row of a band's input `at`; `None` outside the row.
     #[inline(always)]
     pub(super) fn input(&self, band: usize, at: usize) -> Option<usize> {
         let place = (band * self.span + at).wrapping_sub(self.pad);
         (place < self.len).then_some(place)
     }
 
-    /// Returns the place in the row of input `at` of a band if it is one of the band's outputs.
+    /// Returns the position in the row of a band's input `at` if it is also one of the band's outputs.
     #[inline(always)]
     pub(super) fn output(&self, band: usize, at: usize) -> Option<usize> {
         let own = at.wrapping_sub(self.pad);
@@ -70,7 +71,7 @@ impl Bands {
         (own < self.span && place < self.len).then_some(place)
     }
 
-    /// Iterates over the bands that see a place of the row, and which of their inputs it is.
+    /// Iterates over the bands that read a position of the row, with the index among their inputs.
     pub(super) fn seeing(&self, place: usize) -> impl Iterator<Item = (usize, usize)> {
         let reach = place + self.pad;
         let first = (reach + 1).saturating_sub(self.width).div_ceil(self.span);
@@ -79,12 +80,12 @@ impl Bands {
         (first..=last).map(move |band| (band, reach - band * span))
     }
 
-    /// Returns whether there are several.
+    /// Returns true if there are several bands.
     pub(super) fn is_cut(&self) -> bool {
         self.span < self.len
     }
 
-    /// Returns the first output among a band's inputs.
+    /// Returns the index of the first output among a band's inputs.
     pub(super) fn margin(&self) -> usize {
         self.pad
     }

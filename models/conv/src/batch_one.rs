@@ -1,14 +1,14 @@
-//! One sweep by itself, with frozen statistics: transforms over time alone.
+//! Forward pass of a single sweep with fixed statistics: transforms over time only.
 //!
-//! Spectra over time and taxels (`spectral.rs`) need the fewest products, but the weights' spectra are large, 27 MB for layers 2 and 3. A
-//! batch shares the time it takes to read them; for one sweep that time dominates. Over time alone a kernel has a spectrum for each of its few
-//! taxel taps, and half of the frequencies mirror the others, as all values are real: 8 MB.
+//! Spectra over time and taxels (`spectral.rs`) need the fewest products, but the weights' spectra are large: 27 MB for layers 2 and 3.
+//! A batch shares the time to read them; for a single sweep that time dominates. With transforms over time only, a kernel has one spectrum
+//! for each of its few taxel taps. Since all values are real, half of the frequencies mirror the others, which leaves 8 MB.
 //!
 //! At every frequency the convolution over taxels is one complex matrix product whose rows are the sweep's taxels,
-//! `[taxels, kernel taxels * maps_in] x [kernel taxels * maps_in, maps_out]`. The left factor is no copy: the spectra of all taxels lie one
-//! after the other between taxels of zeros, and every row begins one taxel further on.
+//! `[taxels, kernel taxels * maps_in] x [kernel taxels * maps_in, maps_out]`. The left factor needs no copy: the spectra of all taxels are
+//! consecutive, between taxels of zeros, and each row begins one taxel later.
 //!
-//! Two taxels go through one complex transform, as its real and its imaginary part. With `Z = A + iB` and `A`, `B` spectra of real signals,
+//! One complex transform handles two taxels as its real and imaginary part. With `Z = A + iB`, where `A` and `B` are spectra of real signals,
 //! `A(f) = (Z(f) + conj Z(-f)) / 2` and `B(f) = (Z(f) - conj Z(-f)) / 2i`.
 
 use rayon::prelude::*;
@@ -24,10 +24,10 @@ use super::spare;
 use super::spectral_plan::{Plan, by_group, following, padded};
 use super::weight::{Remembered, Weight};
 
-/// Most steps.
+/// Maximum number of steps; longer sweeps are faster in ranges.
 const MAX_STEPS: usize = 1024;
 
-/// Plan and kept spectra.
+/// Plan with cached weight spectra.
 #[derive(Debug)]
 pub(super) struct BatchOne {
     plan: Plan,
@@ -36,7 +36,7 @@ pub(super) struct BatchOne {
     buffers: &'static Buffers<Octets>,
 }
 
-/// Returns `0..count` in pairs of neighbours; for an odd `count` the last pair overlaps the one before.
+/// Returns `0..count` in pairs of neighbours; if `count` is odd, the last pair overlaps the one before.
 fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
     let first = move |at: usize| at.min(count - 2);
     (0..count)
@@ -45,8 +45,8 @@ fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
 }
 
 impl BatchOne {
-    /// Returns `None` unless the batch is one, [`Plan::tiled`] takes the shape, there are two taxels and two kernel taxels to pair, and the
-    /// steps are not so many that they are better cut.
+    /// Returns `None` unless the batch has one sweep of at most [`MAX_STEPS`] steps, [`Plan::tiled`] supports the shape, and there are at
+    /// least two taxels and two kernel taxels.
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         if shape.batch != 1 || shape.taxels < 2 || shape.kernel[1] < 2 {
             return None;
@@ -62,7 +62,7 @@ impl BatchOne {
         })
     }
 
-    /// Convolves and pools; the outputs (or winners), `[pooled_steps, taxels, maps_out]`, are written over `out`.
+    /// Convolves, pools and overwrites `out` with the outputs (or winners), `[pooled_steps, taxels, maps_out]`.
     pub(super) fn forward(
         &self,
         input: &[f32],
@@ -95,37 +95,37 @@ impl BatchOne {
         spare::give(found);
     }
 
-    /// Frequencies that do not mirror another.
+    /// Returns the number of frequencies that do not mirror another.
     fn frequencies(&self) -> usize {
         self.plan.time.length() / 2 + 1
     }
 
-    /// Taxels with those of zeros on either side.
+    /// Returns the number of taxels including the zeros on either side.
     fn wide(&self) -> usize {
         self.plan.shape.taxels + 2 * self.plan.shape.padding()[1]
     }
 
-    /// Octets per frequency of the input, `[2, taxels with zeros, maps_in]`.
+    /// Returns the octets per frequency of the input, `[2, taxels with zeros, maps_in]`.
     fn input_stride(&self) -> usize {
         padded(2 * self.wide() * self.plan.ins)
     }
 
-    /// Octets per frequency of a block of weights, `[kernel taxel, maps_in, 2, block]`.
+    /// Returns the octets per frequency of a block of weights, `[kernel taxel, maps_in, 2, block]`.
     fn weight_stride(&self) -> usize {
         padded(self.right())
     }
 
-    /// Octets of the right factor of a product.
+    /// Returns the octets of a product's right factor.
     fn right(&self) -> usize {
         self.plan.shape.kernel[1] * self.plan.shape.maps_in * 2 * self.plan.out_block
     }
 
-    /// Octets of a block of weights.
+    /// Returns the octets of a block of weights.
     fn weight_block(&self) -> usize {
         self.frequencies() * self.weight_stride()
     }
 
-    /// Octets per frequency of a block of products, `[taxels, 2, block]`.
+    /// Returns the octets per frequency of a block of products, `[taxels, 2, block]`.
     fn output_stride(&self) -> usize {
         padded(self.plan.shape.taxels * 2 * self.plan.out_block)
     }
@@ -179,7 +179,7 @@ impl BatchOne {
         spectra
     }
 
-    /// Spectra of all taxels, divided by the transform's length: `[frequency, 2, taxels with zeros, maps_in]`.
+    /// Returns the spectra of all taxels divided by the transform length, `[frequency, 2, taxels with zeros, maps_in]`.
     fn input_spectra(&self, input: &[f32]) -> Octets {
         let plan = &self.plan;
         let (ins, group, taxels) = (plan.ins, plan.in_group, plan.shape.taxels);
@@ -230,7 +230,7 @@ impl BatchOne {
         spectra
     }
 
-    /// The spectrum of a pair: `[length, 2, vector]`, for vectors of `group` octets.
+    /// Returns the layout of a pair's spectrum, `[length, 2, vector]`, for vectors of `group` octets.
     fn both(&self, group: usize) -> Rows<'_> {
         Rows {
             table: &self.plan.all,
@@ -240,7 +240,7 @@ impl BatchOne {
         }
     }
 
-    /// One block of output maps: products, back to steps, pooled `[pooled_steps, taxels, block's maps]`.
+    /// Computes one block of output maps: products, inverse transform, pooling to `[pooled_steps, taxels, block's maps]`.
     fn maps(&self, input: &[Octet], weight: &[Octet], goal: Goal<'_>, outputs: &mut [f32]) {
         let plan = &self.plan;
         let BlockShape { steps, taxels, .. } = plan.shape;
@@ -290,7 +290,7 @@ impl BatchOne {
         }
     }
 
-    /// All products of one block of output maps: `[frequency, taxels, 2, block]`.
+    /// Computes all products of one block of output maps, `[frequency, taxels, 2, block]`.
     fn multiply(&self, input: &[Octet], weight: &[Octet], products: &mut [Octet]) {
         let plan = &self.plan;
         let (block, maps_in) = (plan.out_block, plan.shape.maps_in);
@@ -337,7 +337,7 @@ mod tests {
         }
     }
 
-    /// `tests/agreement/batch_one.rs` compares the results of these shapes with the reference.
+    /// `tests/agreement/batch_one.rs` compares the results for these shapes with the reference.
     #[test]
     fn one_sweep_of_multiples_of_eight_maps_takes_this_route() {
         for shape in [

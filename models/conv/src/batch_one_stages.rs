@@ -1,26 +1,26 @@
-//! The kernels of the batch-of-one route: two taxels' spectra from one transform, and back; winners.
+//! Kernels of the single-sweep route: spectra of two taxels from one transform, its inverse, and pooling.
 
 use super::pooling::{Goal, Window, WindowMaps, pool_column};
 use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Octet};
 use super::spectral_plan::Plan;
 
-/// Where the spectra of two signals lie.
+/// Layout of the spectra of two signals.
 pub(super) struct Spectra {
     /// Octets from one frequency to the next.
     pub(super) stride: usize,
-    /// Their real parts at frequency zero.
+    /// Index of each signal's real part at frequency zero.
     pub(super) firsts: [usize; 2],
     /// Octets from a real part to its imaginary part.
     pub(super) imaginary: usize,
 }
 
-/// Two real signals' spectra, at half the frequencies, from that of one as real and the other as imaginary part.
+/// Separation of two real signals' spectra from the transform that holds them as real and imaginary part.
 pub(super) struct Untangle<'a> {
     /// `[length, 2, vector]`
     pub(super) both: &'a [Octet],
     pub(super) length: usize,
-    /// Half of what both are multiplied by.
+    /// Half of the factor applied to both spectra.
     pub(super) scale: f32,
     pub(super) to: Spectra,
     pub(super) target: &'a mut [Octet],
@@ -49,7 +49,7 @@ impl Kernel for Untangle<'_> {
     }
 }
 
-/// Real and imaginary part of one frequency, scaled.
+/// Returns the scaled real and imaginary part at one frequency.
 #[inline(always)]
 fn element<L: Lanes>(both: &[Octet], f: usize, scale: L) -> [L; 2] {
     let at = f * 2 * L::OCTETS;
@@ -59,7 +59,7 @@ fn element<L: Lanes>(both: &[Octet], f: usize, scale: L) -> [L; 2] {
     ]
 }
 
-/// The other way: one spectrum whose signal has the first as its real and the second as its imaginary part.
+/// Combination of two spectra into one whose signal holds them as real and imaginary part; inverse of [`Untangle`].
 pub(super) struct Tangle<'a> {
     pub(super) source: &'a [Octet],
     pub(super) from: Spectra,
@@ -83,7 +83,7 @@ impl Kernel for Tangle<'_> {
             let a_im = L::load(self.source, at + a + imaginary);
             let b_re = L::load(self.source, at + b);
             let b_im = L::load(self.source, at + b + imaginary);
-            // Where a frequency mirrors itself, the lines after these write last.
+            // Where a frequency mirrors itself, the stores below overwrite this one.
             let mirrored = (self.length - f) % self.length * 2 * L::OCTETS;
             a_re.add(b_im).store(self.both, mirrored);
             b_re.sub(a_im).store(self.both, mirrored + L::OCTETS);
@@ -94,7 +94,7 @@ impl Kernel for Tangle<'_> {
     }
 }
 
-/// All pooling windows of one block of maps.
+/// Pooling of all windows of one block of maps.
 pub(super) struct Pool<'a> {
     pub(super) plan: &'a Plan,
     /// `[steps, taxels, block]`
@@ -110,7 +110,7 @@ impl Kernel for Pool<'_> {
     fn run<L: Lanes>(self) {
         let BlockShape { taxels, pool, .. } = self.plan.shape;
         let block = self.plan.out_block;
-        // Neither steps nor statistics are wanted.
+        // Positions and statistics are computed but not used.
         let mut positions = vec![0; taxels * 8 * block];
         let mut sums = vec![Octet::ZERO; 3 * block];
         let windows = self.maps.chunks(pool * taxels * block);

@@ -1,4 +1,4 @@
-//! One planned block: the route its shape takes, forward and backward.
+//! Planned block, forward and backward.
 
 use super::batch_one::BatchOne;
 use super::buffers::{BYTES, Buffers, VALUES};
@@ -14,43 +14,43 @@ use super::spectral::{SavedSpectral, Spectral};
 use super::trim::Trim;
 use super::weight::Weight;
 
-/// Least output maps for which maps of zeros are added to the input.
+/// Minimum number of output maps for which zero maps are added to the input.
 const MIN_PADDED_MAPS: usize = 16;
 
-/// A block planned for one shape. Its workspace comes from pools that all blocks share.
+/// Block planned for one shape. All blocks share process-wide workspace pools.
 ///
-/// All calls take `&self` and may run on several threads at once; each call's parallel parts run on rayon's current pool. Results do not
-/// depend on the number of threads, to the bit. They do differ between instruction sets, within rounding.
+/// All methods take `&self` and may run on several threads at once; parallel parts run on rayon's current pool. Results do not depend
+/// on the number of threads, to the bit. Between instruction sets they differ by rounding.
 #[derive(Debug)]
 pub struct Block {
     shape: BlockShape,
-    /// The same with a kernel of no more taps than meet a sweep.
+    /// Shape with a kernel restricted to taps that can reach a sweep.
     met: BlockShape,
     trim: Option<Trim>,
     route: Route,
-    /// Present where one sweep with frozen statistics is computed faster over time alone.
+    /// Faster route over time only, for single sweeps with fixed statistics.
     batch_one: Option<BatchOne>,
     values: &'static Buffers<Vec<f32>>,
     bytes: &'static Buffers<Vec<u8>>,
 }
 
-/// The algorithm of a shape.
+/// Algorithm for a shape.
 #[derive(Debug)]
 enum Route {
-    /// Tap by tap: any shape.
+    /// Tap by tap, for any shape.
     Direct,
-    /// Multiples of eight maps in and out; bands of at most 32 taxels, kernels of at most as many.
+    /// Spectral: maps in multiples of eight, bands of at most 32 taxels, kernels of at most that width.
     Spectral(Spectral),
-    /// The same with maps of zeros added to the input.
+    /// Spectral, with zero maps added to the input.
     Padded(Spectral),
-    /// One map in, multiples of eight out; bands of at most 16 taxels and a kernel of at most 15 x 5.
+    /// First layer: one input map, output maps in multiples of eight, bands of at most 16 taxels, a kernel of at most 15 x 5.
     FirstLayer(FirstLayer),
 }
 
-/// A tiling of taxels and steps for the spectral route; displayed as bands and their taxels, ranges and their steps.
+/// Tiling of taxels and steps for the spectral route; displayed as bands and their taxels, ranges and their steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
-    /// Time of a training step on one thread as the cost model predicts it, milliseconds.
+    /// Predicted time of a training step on one thread in milliseconds.
     pub predicted_ms: f64,
     tiling: Tiling,
 }
@@ -68,13 +68,13 @@ pub struct ForwardTrain {
     pub pooled: Vec<f32>,
     /// `[maps_out]`: mean of the convolution over batch, steps and taxels.
     pub mean: Vec<f32>,
-    /// `[maps_out]`: its biased variance.
+    /// `[maps_out]`: biased variance of the convolution.
     pub variance: Vec<f32>,
     /// State for [`Block::backward`] or [`Block::recycle`].
     pub saved: Saved,
 }
 
-/// State that a forward pass leaves for its backward pass: winners, their positions, and spectra or maps of the input.
+/// State of a forward pass for its backward pass: winners, their positions, and spectra or maps of the input.
 #[derive(Debug)]
 pub struct Saved {
     normalizer: Normalizer,
@@ -90,7 +90,7 @@ enum SavedRoute {
     FirstLayer(SavedFirstLayer),
 }
 
-/// Gradients of a scalar with respect to what a block takes.
+/// Gradients of a scalar with respect to the inputs of a block.
 #[derive(Debug)]
 pub struct Gradients {
     /// `[maps_out, maps_in, kernel steps, kernel taxels]`
@@ -107,7 +107,7 @@ impl Block {
     /// Plans a block for the best instruction set of this processor.
     ///
     /// # Panics
-    /// On even kernel sizes, a pool outside 1 to 256 and empty dimensions.
+    /// If a kernel size is even, the pool is outside 1 to 256, or a dimension is empty.
     pub fn plan(shape: BlockShape) -> Self {
         Self::plan_for(shape, Isa::detect())
     }
@@ -132,7 +132,7 @@ impl Block {
         } else if shape.maps_out >= MIN_PADDED_MAPS {
             Spectral::new(padded, isa).map_or(Route::Direct, Route::Padded)
         } else {
-            // Few maps are quick in any way; this one rounds least.
+            // With few maps all routes are fast; this one has the smallest rounding error.
             Route::Direct
         };
         Self {
@@ -149,9 +149,9 @@ impl Block {
         }
     }
 
-    /// Returns the tilings among which the planner chooses for a shape of the spectral route, cheapest first; none for other shapes.
+    /// Returns the planner's tilings for the spectral route, fastest predicted first; empty for shapes of other routes.
     ///
-    /// The planner takes the first. [`Block::plan_candidate`] takes any, to compare predictions with measurements.
+    /// [`Block::plan`] uses the first; [`Block::plan_candidate`] accepts any, to compare predictions with measurements.
     pub fn candidates(shape: BlockShape, isa: Isa) -> Vec<Candidate> {
         let shape = Trim::of(&shape).map_or(shape, |trim| trim.shape(shape));
         if Spectral::new(shape, isa).is_none() || FirstLayer::new(shape, isa).is_some() {
@@ -169,10 +169,10 @@ impl Block {
         found
     }
 
-    /// Plans a block as `candidate`, one of [`Block::candidates`] of the same shape, says.
+    /// Plans a block with `candidate`, one of [`Block::candidates`] for the same shape.
     ///
     /// # Panics
-    /// As [`Block::plan_for`], and for a candidate of another shape.
+    /// As [`Block::plan_for`], and if `candidate` belongs to another shape.
     pub fn plan_candidate(shape: BlockShape, isa: Isa, candidate: &Candidate) -> Self {
         let planned = Self::plan_for(shape, isa);
         let spectral = Spectral::tiled(planned.met, isa, candidate.tiling);
@@ -183,7 +183,7 @@ impl Block {
         }
     }
 
-    /// Writes winners (or outputs) to the buffer that `out` returns; the direct route computes winners only, in a buffer of its own.
+    /// Writes winners (or outputs) to the buffer that `out` returns; the direct route allocates its own buffer for winners.
     fn convolve(
         &self,
         input: &[f32],
@@ -218,19 +218,19 @@ impl Block {
         }
     }
 
-    /// The planned shape.
+    /// Returns the planned shape.
     pub fn shape(&self) -> &BlockShape {
         &self.shape
     }
 
-    /// Forward pass that normalises with the statistics of this batch.
+    /// Runs the forward pass with the statistics of this batch.
     ///
     /// - `input`: `[batch, steps, taxels, maps_in]`
     /// - `weight`: `[maps_out, maps_in, kernel steps, kernel taxels]`
     /// - `gamma`, `beta`: `[maps_out]`
     ///
     /// # Panics
-    /// If a slice has another length.
+    /// If a slice has the wrong length.
     pub fn forward_train<'a>(
         &self,
         input: &[f32],
@@ -264,13 +264,13 @@ impl Block {
         }
     }
 
-    /// Forward pass that normalises with the given mean and variance. Returns `[batch, pooled_steps, taxels, maps_out]`.
+    /// Runs the forward pass with the given mean and variance; returns `[batch, pooled_steps, taxels, maps_out]`.
     ///
     /// - `input`, `weight`, `gamma`, `beta`: as for [`Block::forward_train`]
     /// - `mean`, `variance`: `[maps_out]`
     ///
     /// # Panics
-    /// If a slice has another length.
+    /// If a slice has the wrong length.
     pub fn forward_eval<'a>(
         &self,
         input: &[f32],
@@ -303,11 +303,11 @@ impl Block {
 
     /// Returns the gradients of a forward pass with batch statistics.
     ///
-    /// - `saved`: of that forward pass of this block
-    /// - `gradient`: `[batch, pooled_steps, taxels, maps_out]`, with respect to its pooled output
+    /// - `saved`: state of that forward pass, from this block
+    /// - `gradient`: `[batch, pooled_steps, taxels, maps_out]`, gradient of the pooled output
     ///
     /// # Panics
-    /// If `gradient` has another length, or `saved` comes from a block of another route.
+    /// If `gradient` has the wrong length, or `saved` comes from a block with another route.
     pub fn backward(&self, saved: Saved, gradient: &[f32], need_input: bool) -> Gradients {
         assert_eq!(
             gradient.len(),
@@ -355,13 +355,13 @@ impl Block {
         }
     }
 
-    /// Takes back the buffers of a forward pass whose gradient is not wanted.
+    /// Returns the buffers of a forward pass whose gradient is not needed.
     pub fn recycle(&self, saved: Saved) {
         self.recycle_route(saved.route);
         self.give_back(saved.winners, saved.positions);
     }
 
-    /// Returns buffers to the block; those of the direct route are freed.
+    /// Returns buffers to the pools; buffers of the direct route are freed.
     fn give_back(&self, winners: Vec<f32>, positions: Vec<u8>) {
         if !matches!(self.route, Route::Direct) {
             self.values.give(winners);
@@ -401,7 +401,7 @@ impl Block {
     }
 }
 
-/// `[…, maps, run]` to `[…, wide, run]`, filled up with zeros.
+/// Pads `[…, maps, run]` with zeros to `[…, wide, run]`.
 fn padded(values: &[f32], maps: usize, run: usize, wide: usize) -> Vec<f32> {
     let mut out = vec![0.0; values.len() / maps * wide];
     for (out, values) in out
@@ -413,7 +413,7 @@ fn padded(values: &[f32], maps: usize, run: usize, wide: usize) -> Vec<f32> {
     out
 }
 
-/// `[…, wide, run]` to the first `[…, maps, run]`.
+/// Cuts `[…, wide, run]` to the first maps, `[…, maps, run]`.
 fn unpadded(values: &[f32], maps: usize, run: usize, wide: usize) -> Vec<f32> {
     let mut out = Vec::with_capacity(values.len() / wide * maps);
     for values in values.chunks_exact(wide * run) {
@@ -423,7 +423,7 @@ fn unpadded(values: &[f32], maps: usize, run: usize, wide: usize) -> Vec<f32> {
 }
 
 impl Saved {
-    /// Returns the step of the winner within every pooling window, `[batch, pooled_steps, taxels, maps_out]`.
+    /// Returns the step of the winner within each pooling window, `[batch, pooled_steps, taxels, maps_out]`.
     pub fn positions(&self) -> &[u8] {
         &self.positions
     }

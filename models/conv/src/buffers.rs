@@ -1,7 +1,7 @@
-//! Pools of large buffers, so that a training step allocates (and page-faults) nothing after the first.
+//! Pools of large buffers, so that only the first training step allocates (and page-faults).
 //!
-//! The pools are process-wide: blocks run one after the other, and an epoch's last batch is smaller than the others, so they all use the same
-//! memory. Any thread may take and give.
+//! The pools are process-wide, since blocks run one after another and the last batch of an epoch is smaller than the others.
+//! Any thread may take and return buffers.
 
 use std::fmt::Debug;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -9,39 +9,40 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use super::first_layer_backward::Winner;
 use super::simd::Octets;
 
-/// Most bytes that a pool keeps (1 GiB), and most buffers.
+/// Maximum number of bytes in a pool: 1 GiB.
 const MAX_BYTES: usize = 1 << 30;
+/// Maximum number of buffers in a pool.
 const MAX_KEPT: usize = 256;
 
-/// Spectra, maps and rows between the stages of a block.
+/// Pool of spectra, maps and rows between the stages of a block.
 pub(super) static OCTETS: Buffers<Octets> = Buffers::at_most(MAX_KEPT);
-/// Winners, gradients and sums.
+/// Pool of winners, gradients and sums.
 pub(super) static VALUES: Buffers<Vec<f32>> = Buffers::at_most(MAX_KEPT);
-/// Steps of winners.
+/// Pool of the winners' steps.
 pub(super) static BYTES: Buffers<Vec<u8>> = Buffers::at_most(MAX_KEPT);
-/// Lists of winners.
+/// Pool of winner lists.
 pub(super) static WINNERS: Buffers<Vec<Winner>> = Buffers::at_most(MAX_KEPT);
 
-/// Returns the bytes that all pools of workspaces keep between passes, results that [`crate::spare`] keeps not counted.
+/// Returns the bytes that all workspace pools keep between passes, without the results that [`crate::spare`] keeps.
 pub fn workspace_bytes() -> usize {
     OCTETS.bytes() + VALUES.bytes() + BYTES.bytes() + WINNERS.bytes()
 }
 
-/// A pool of buffers, the one that has been unused longest first.
+/// Pool of buffers, ordered by last use, oldest first.
 #[derive(Debug)]
 pub(super) struct Buffers<B> {
     kept: Mutex<Vec<B>>,
     max: usize,
 }
 
-/// Memory of a number of values, zero when allocated.
+/// Resizable memory that is zero when newly allocated.
 pub(super) trait Buffer: Sized {
     fn zeros(len: usize) -> Self;
-    /// Values that it has room for.
+    /// Returns the capacity in values.
     fn room(&self) -> usize;
-    /// Makes it `len` values, at most as many as there is room for.
+    /// Sets the length to `len` values, at most [`Buffer::room`].
     fn set_len(&mut self, len: usize);
-    /// Bytes of a value.
+    /// Size of a value in bytes.
     const BYTES: usize;
 }
 
@@ -72,7 +73,7 @@ impl Buffer for Octets {
 }
 
 impl<B> Buffers<B> {
-    /// Returns an empty pool that keeps at most `max` buffers.
+    /// Creates an empty pool that keeps at most `max` buffers.
     pub(super) const fn at_most(max: usize) -> Self {
         Self {
             kept: Mutex::new(Vec::new()),
@@ -82,8 +83,9 @@ impl<B> Buffers<B> {
 }
 
 impl<B: Buffer> Buffers<B> {
-    /// Returns a buffer of `len` values: zero if newly allocated, else with former contents of any kind. The smallest is taken that has room,
-    /// but none with room for more than half as much again.
+    /// Returns a buffer of `len` values: zero if newly allocated, else with arbitrary old content.
+    ///
+    /// It is the smallest buffer with enough capacity, but not one with capacity for more than 1.5 `len` values.
     pub(super) fn take(&self, len: usize) -> B {
         let mut kept = self.kept();
         let fitting = kept.iter().enumerate().filter(|(_, buffer)| {
@@ -104,7 +106,7 @@ impl<B: Buffer> Buffers<B> {
         }
     }
 
-    /// Adds a buffer to the pool; a full pool frees those that have been unused longest.
+    /// Adds a buffer to the pool; a full pool frees the least recently used ones.
     pub(super) fn give(&self, buffer: B) {
         let mut kept = self.kept();
         kept.push(buffer);
@@ -119,7 +121,7 @@ impl<B: Buffer> Buffers<B> {
         drop(freed);
     }
 
-    /// Returns the bytes that the pool keeps now.
+    /// Returns the bytes in the pool.
     pub(super) fn bytes(&self) -> usize {
         self.kept().iter().map(|kept| kept.room() * B::BYTES).sum()
     }

@@ -1,10 +1,10 @@
-//! Short Fourier transforms in registers, eight maps to a vector.
+//! Short Fourier transforms in registers, one map per lane.
 //!
-//! 3 and 5 use the symmetry of their roots; 6, 8, 9, 10 and 12 are two steps of the short ones.
+//! Radices 3 and 5 use the symmetry of their roots of unity; 6, 8, 9, 10 and 12 combine two shorter transforms.
 
 use super::simd::Lanes;
 
-/// Eight complex values.
+/// Vector of complex values.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Complex<L> {
     pub(super) re: L,
@@ -36,7 +36,7 @@ impl<L: Lanes> Complex<L> {
         }
     }
 
-    /// `self + factor * other`, real factor.
+    /// Returns `self + factor * other` for a real factor.
     #[inline(always)]
     fn plus_scaled(self, other: Self, factor: f32) -> Self {
         let factor = L::splat(factor);
@@ -46,7 +46,7 @@ impl<L: Lanes> Complex<L> {
         }
     }
 
-    /// `self + i * other`
+    /// Returns `self + i * other`.
     #[inline(always)]
     fn plus_turned(self, other: Self) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl<L: Lanes> Complex<L> {
         }
     }
 
-    /// `self - i * other`
+    /// Returns `self - i * other`.
     #[inline(always)]
     fn minus_turned(self, other: Self) -> Self {
         Self {
@@ -64,7 +64,7 @@ impl<L: Lanes> Complex<L> {
         }
     }
 
-    /// Times `factor[0] + i factor[1]`.
+    /// Returns the product with `factor[0] + i factor[1]`.
     #[inline(always)]
     pub(super) fn rotated(self, factor: [f32; 2]) -> Self {
         let (cos, sin) = (L::splat(factor[0]), L::splat(factor[1]));
@@ -75,7 +75,7 @@ impl<L: Lanes> Complex<L> {
     }
 }
 
-/// Transforms `RADIX` values in place, forward (`exp(-i ...)`), natural order.
+/// Transforms `RADIX` values in place: forward (`exp(-i ...)`), natural order.
 #[inline(always)]
 pub(super) fn butterfly<L: Lanes, const RADIX: usize>(x: &mut [Complex<L>; RADIX]) {
     match RADIX {
@@ -109,7 +109,7 @@ pub(super) fn butterfly<L: Lanes, const RADIX: usize>(x: &mut [Complex<L>; RADIX
             [x[2], x[5], x[8]] = three([a2, b2.rotated(w2), c2.rotated(w4)]);
         }
         10 => {
-            // Good and Thomas: 2 and 5 have no common factor, so no roots stand between them.
+            // Good-Thomas: 2 and 5 have no common factor, so no twiddle factors are needed.
             let [a0, a1, a2, a3, a4] = five([x[0], x[2], x[4], x[6], x[8]]);
             let [b0, b1, b2, b3, b4] = five([x[5], x[7], x[9], x[1], x[3]]);
             [x[0], x[5]] = two([a0, b0]);
@@ -119,7 +119,7 @@ pub(super) fn butterfly<L: Lanes, const RADIX: usize>(x: &mut [Complex<L>; RADIX
             [x[4], x[9]] = two([a4, b4]);
         }
         12 => {
-            // Good and Thomas with 3 and 4.
+            // Good-Thomas with 3 and 4.
             let [a0, a1, a2, a3] = four([x[0], x[3], x[6], x[9]]);
             let [b0, b1, b2, b3] = four([x[4], x[7], x[10], x[1]]);
             let [c0, c1, c2, c3] = four([x[8], x[11], x[2], x[5]]);
@@ -140,7 +140,7 @@ const NINTH: [[f32; 2]; 3] = [
     [0.173_648_18, -0.984_807_8],
     [-0.939_692_6, -0.342_020_14],
 ];
-/// Cosine and sine of a fifth and of two fifths of a turn.
+/// Cosine and sine of one and of two fifths of a turn.
 const FIFTH: [[f32; 2]; 2] = [[0.309_017, 0.951_056_5], [-0.809_017, 0.587_785_24]];
 
 #[inline(always)]

@@ -1,18 +1,18 @@
-//! What a spectral route costs, so that the cheapest tiling of a shape can be chosen before anything is computed.
+//! Cost model of the spectral route, which selects the fastest tiling of a shape.
 //!
-//! The model counts what one training step does, forward and backward with the input's gradient, in operations on eight values, for `P` parts
-//! (sweeps times bands of taxels times ranges of steps) of `C` columns and `F` time frequencies:
+//! The model counts the operations on octets of one training step, forward and backward with the input's gradient, for `P` parts
+//! (sweeps times bands of taxels times ranges of steps) with `C` columns and `F` time frequencies:
 //!
 //! | term | operations |
 //! |---|---|
-//! | taxel transforms, dense | `2 P C (taxels of a band, padded) (steps seen * ins + steps * outs)` |
+//! | taxel transforms, dense | `2 P C (taxels of a band, padded) (input steps * ins + output steps * outs)` |
 //! | time transforms | `2 P C F log2 F (ins + outs) + 2 C F log2 F (maps_in * outs)`, the latter for weights |
 //! | products | `12 P C F maps_in * outs`, half of it in columns that mirror themselves |
 //! | memory | octets written and read again: rows, spectra, products and weights |
-//! | calls | products of small matrices, one a frequency, column and block of maps |
+//! | calls | products of small matrices: one per frequency, column and block of maps |
 //!
-//! with `ins` and `outs` the octets of maps. The prices of an operation were fitted to measurements over a grid of shapes; `cargo bench -p
-//! tactnet-conv --bench planner` measures all tilings of that grid again and says how far the choice is from the best.
+//! `ins` and `outs` are the octets of input and output maps. The time per operation was fitted to measurements over a grid of shapes.
+//! The benchmark `planner` of this crate measures all tilings of that grid and compares the model's choice with the fastest.
 
 use super::bands::Bands;
 use super::fft::TimePlan;
@@ -20,21 +20,21 @@ use super::shape::BlockShape;
 use super::simd::Isa;
 use super::taxel::{MAX_TAXELS, padded_pairs};
 
-/// How the taxels and steps of a shape are cut.
+/// Division of a shape's taxels and steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Tiling {
     pub(super) bands: Bands,
     pub(super) ranges: Bands,
 }
 
-/// Taxels of a band that fill the transform's pairs.
+/// Band widths in taxels that fill the transform's pairs.
 const WIDTHS: [usize; 4] = [MAX_TAXELS, 24, 16, 10];
-/// About how many steps of a range.
+/// Approximate range lengths in steps.
 const SPANS: [usize; 5] = [1000, 480, 240, 120, 60];
-/// Most octets of the weights' spectra (128 MiB); a tiling that needs more is chosen only if there is no other.
+/// Maximum number of octets in the weights' spectra (128 MiB); larger tilings are used only if all are larger.
 const MAX_WEIGHTS: f64 = (1 << 22) as f64;
 
-/// Nanoseconds of an operation on one thread.
+/// Nanoseconds per operation on one thread.
 struct Prices {
     dense: f64,
     time: f64,
@@ -44,7 +44,7 @@ struct Prices {
 }
 
 fn prices(isa: Isa, shape: &BlockShape) -> Prices {
-    // Vectors of two octets halve what is computed where both counts of maps fill them.
+    // If both counts of maps fill vectors of two octets, these halve the number of vector operations.
     let wide = isa.group(shape.maps_in / 8) + isa.group(shape.maps_out / 8) > 2;
     if wide {
         Prices {
@@ -80,14 +80,14 @@ impl std::fmt::Display for Tiling {
 }
 
 impl Tiling {
-    /// All tilings worth a thought.
+    /// Returns all tilings that are worth comparing.
     pub(super) fn candidates(shape: &BlockShape) -> Vec<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         let mut found = Vec::new();
         let mut spans = vec![shape.steps];
         spans.extend(SPANS.map(|span| (span / shape.pool).max(1) * shape.pool));
         for width in WIDTHS {
-            // A kernel may be wider than a band.
+            // A band is at least as wide as the kernel.
             let bands = Bands::at_most(width.max(2 * pad_taxels + 1), shape.taxels, pad_taxels);
             for &span in &spans {
                 let tiling = Self {
@@ -102,7 +102,7 @@ impl Tiling {
         found
     }
 
-    /// All steps at once.
+    /// Returns the tiling with all steps in one range.
     pub(super) fn over_taxels(shape: &BlockShape) -> Self {
         let pad = shape.padding()[1];
         Self {
@@ -111,7 +111,7 @@ impl Tiling {
         }
     }
 
-    /// The candidate that is predicted to cost least; `None` if no band is wide enough for the kernel.
+    /// Returns the candidate with the lowest predicted cost; `None` if no band is wide enough for the kernel.
     pub(super) fn cheapest(shape: &BlockShape, isa: Isa) -> Option<Self> {
         let costs = Self::candidates(shape)
             .into_iter()
@@ -121,7 +121,7 @@ impl Tiling {
             .map(|(_, tiling)| tiling)
     }
 
-    /// Points of the transform over steps, at least.
+    /// Returns the minimum length of the transform over steps.
     pub(super) fn least_length(&self, shape: &BlockShape) -> usize {
         let zeros = if self.ranges.is_cut() {
             0
@@ -131,13 +131,13 @@ impl Tiling {
         self.ranges.width + zeros
     }
 
-    /// Points of the transform over taxels.
+    /// Returns the length of the transform over taxels.
     pub(super) fn taxel_length(&self, shape: &BlockShape) -> usize {
         let pad = shape.padding()[1];
         self.bands.width + if self.bands.is_cut() { 0 } else { pad }
     }
 
-    /// Predicted nanoseconds of a training step on one thread.
+    /// Returns the predicted time of a training step on one thread in nanoseconds.
     pub(super) fn cost(&self, shape: &BlockShape, isa: Isa) -> f64 {
         let prices = prices(isa, shape);
         let float = |count: usize| count as f64;

@@ -1,7 +1,7 @@
-//! The direct route: any shape, convolved tap by tap.
+//! Direct route: convolution tap by tap, for any shape.
 //!
-//! The map `y` is stored at full resolution, so this needs far more arithmetic and memory than the spectral routes; it serves
-//! shapes that those do not take.
+//! It stores the map `y` at full resolution and needs far more arithmetic and memory than the spectral routes, so it serves only shapes that
+//! they do not support.
 
 use rayon::prelude::*;
 
@@ -16,7 +16,7 @@ pub(super) struct SavedDirect {
     maps: Vec<f32>,
 }
 
-/// Weights `[out][in][tap]` to `[tap][in][out]`.
+/// Reorders weights from `[out][in][tap]` to `[tap][in][out]`.
 fn by_tap(shape: &BlockShape, weight: &[f32]) -> Vec<f32> {
     let (taps, ins, outs) = (
         shape.kernel[0] * shape.kernel[1],
@@ -32,7 +32,7 @@ fn by_tap(shape: &BlockShape, weight: &[f32]) -> Vec<f32> {
     turned
 }
 
-/// Calls `visit(tap, output position, input position)` for every pair of cells within one sweep that a tap connects.
+/// Calls `visit(tap, output position, input position)` for every pair of cells in one sweep that a tap connects.
 fn for_each_tap(
     shape: &BlockShape,
     taps: std::ops::Range<usize>,
@@ -57,14 +57,14 @@ fn for_each_tap(
     }
 }
 
-/// `out += factor * row`
+/// Adds `factor * row` to `out`.
 fn add_scaled(out: &mut [f32], factor: f32, row: &[f32]) {
     for (out, &value) in out.iter_mut().zip(row) {
         *out += factor * value;
     }
 }
 
-/// Convolves, pools and keeps what the backward pass needs.
+/// Convolves, pools and saves the state for the backward pass.
 pub(super) fn forward(
     shape: &BlockShape,
     input: &[f32],
@@ -136,7 +136,7 @@ fn pool(shape: &BlockShape, maps: &[f32], gamma: &[f32]) -> Pooled {
     }
 }
 
-/// Gradients of the weights and, if wanted, of the input.
+/// Returns the gradients of the weights and, if requested, of the input.
 pub(super) fn backward(
     shape: &BlockShape,
     saved: SavedDirect,
@@ -200,7 +200,7 @@ pub(super) fn backward(
     (by_map, input)
 }
 
-/// Turns the maps `y` into their gradient, in place.
+/// Replaces the maps `y` by their gradient.
 fn spread(shape: &BlockShape, maps: &mut [f32], output: OutputGradient<'_>) {
     let OutputGradient {
         gradient,

@@ -1,31 +1,30 @@
-//! Complex Fourier transforms over time, eight maps to a vector.
+//! Complex Fourier transforms over time, one map per lane.
 //!
-//! Stockham's self-sorting form: every pass splits the length by one radix and leaves the next pass's input in order, so there is no
-//! bit reversal and, as the lanes are maps, no shuffling. The first pass reads through a table of rows and the last one writes through
-//! another, which covers zero padding, the kernel's wrap around zero and the cropping of outputs at no cost. Their rows lie far apart, so
-//! their cache lines are prefetched one pass or one transform ahead. The inverse (unscaled) transform is the forward one with real and
-//! imaginary parts exchanged.
+//! Stockham's self-sorting form: every pass divides the length by one radix and leaves the next pass's input in order. So there is no
+//! bit reversal and, since lanes are maps, no shuffling. The first pass reads and the last pass writes through a table of rows, which handles
+//! zero padding, the kernel's wrap around zero and cropping at no cost. These rows are far apart in memory, so their cache lines are
+//! prefetched one pass or one transform ahead. The unscaled inverse transform is the forward one with real and imaginary parts exchanged.
 
 use super::butterfly::butterfly;
 use super::simd::{
     Isa, Kernel, Lanes, NOTHING, Octet, Reader, Rows, Sequence, Table, WRITTEN, Writer, unrolled,
 };
 
-/// A transform of one length.
+/// Transform of one length.
 #[derive(Debug, Clone)]
 pub(super) struct TimePlan {
     length: usize,
     passes: Vec<Pass>,
-    /// Rows of the buffers between passes.
+    /// Rows of the buffers between passes, in order.
     order: Table,
 }
 
 #[derive(Debug, Clone)]
 struct Pass {
     radix: usize,
-    /// Butterflies that differ in their twiddle factors.
+    /// Number of groups of butterflies; groups differ in their twiddle factors.
     groups: usize,
-    /// Butterflies that share them.
+    /// Number of butterflies in a group, which share twiddle factors.
     stride: usize,
     /// `[groups, radix, 2]`: cosine and sine
     twiddles: Vec<[f32; 2]>,
@@ -101,7 +100,7 @@ impl TimePlan {
     }
 }
 
-/// Compiled once per instruction set: with all its radices it is too large to be part of other kernels.
+/// Transform kernel, compiled once per instruction set: it is too large to inline into other kernels.
 struct Transform<'a> {
     plan: &'a TimePlan,
     source: &'a [Octet],
@@ -166,7 +165,7 @@ impl Kernel for Transform<'_> {
     }
 }
 
-/// The shortest length of at least `least` that is a product of the radices, and these.
+/// Returns the shortest length of at least `least` that is a product of the radices, with those radices.
 fn smooth(least: usize) -> (usize, Vec<usize>) {
     let lengths = least.max(1)..;
     let mut found = lengths.filter_map(|length| Some((length, factor(length)?)));
@@ -175,7 +174,7 @@ fn smooth(least: usize) -> (usize, Vec<usize>) {
         .unwrap_or_else(|| unreachable!("powers of two are products of the radices"))
 }
 
-/// Returns the fewest radices whose product is `length`, large ones first, or `None` if a prime factor is above 5.
+/// Returns the fewest radices with product `length`, large ones first; `None` if a prime factor exceeds 5.
 fn factor(length: usize) -> Option<Vec<usize>> {
     fn search(left: usize, most: usize) -> Option<Vec<usize>> {
         if left == 1 {
@@ -212,7 +211,7 @@ macro_rules! with_radix {
 }
 
 impl Pass {
-    /// A pass that others follow.
+    /// Runs any pass except the last.
     #[inline(always)]
     fn run<L: Lanes>(
         &self,
@@ -223,13 +222,13 @@ impl Pass {
         with_radix!(self.turned(source, target, last));
     }
 
-    /// The last pass: it has no twiddle factors.
+    /// Runs the last pass, which has no twiddle factors.
     #[inline(always)]
     fn run_last<L: Lanes>(&self, source: Sequence<&[Octet], L>, target: Writer<'_, L>) {
         with_radix!(self.straight(source, target));
     }
 
-    /// Butterflies and twiddle factors. If the pass after this one writes to `last`, its cache lines are prefetched.
+    /// Runs butterflies and twiddle factors; prefetches the cache lines of `last` if the next pass writes there.
     #[inline(always)]
     fn turned<L: Lanes, const RADIX: usize>(
         &self,
@@ -256,7 +255,7 @@ impl Pass {
         }
     }
 
-    /// Butterflies alone.
+    /// Runs butterflies without twiddle factors.
     #[inline(always)]
     fn straight<L: Lanes, const RADIX: usize>(
         &self,

@@ -1,10 +1,10 @@
-//! The first layer, one input map: overlap-save tiles.
+//! First layer, with one input map: overlap-save tiles.
 //!
-//! A tile of `tile` steps needs `tile + 2 pad` input steps; its two-dimensional spectrum times those of the kernels gives all output
-//! maps. The spectra of eight tiles are computed at once, one tile a lane; from the product on, lanes are maps. A tile is
+//! A tile of `tile` steps reads `tile + 2 pad` input steps. Its two-dimensional spectrum times the kernels' spectra gives all output maps.
+//! The spectra of eight tiles are computed at once, one tile per lane; from the product on, lanes are maps. Each tile is
 //! pooled while it is in cache, so the full-resolution maps are never written. The backward pass does not need them either.
 //!
-//! Processors with AVX-512 go tap by tap instead (`first_layer_taps.rs`).
+//! Processors with AVX-512 convolve tap by tap instead (`first_layer_taps.rs`).
 
 use rayon::prelude::*;
 
@@ -24,14 +24,14 @@ use super::spectral_stages::KernelRows;
 use super::taxel::TaxelPlan;
 use super::weight::{Remembered, Weight};
 
-/// Most steps of a tile, unless one pooling window is longer.
+/// Maximum number of steps in a tile, unless one pooling window is longer.
 const TILE: usize = 100;
-/// Most taxels of a band, and of the inputs of a band that is transformed.
+/// Maximum number of taxels in a band, and of a transformed band's inputs.
 const MAX_BAND: usize = 16;
-/// Most kernel steps and taxels.
+/// Maximum number of kernel steps and taxels.
 pub(super) const MAX_KERNEL: [usize; 2] = [15, 5];
 
-/// Plan and kept spectra.
+/// Plan with cached kernel spectra.
 #[derive(Debug)]
 pub(super) struct FirstLayer {
     pub(super) shape: BlockShape,
@@ -39,10 +39,11 @@ pub(super) struct FirstLayer {
     pub(super) time: TimePlan,
     pub(super) taxel: TaxelPlan,
     pub(super) bands: Bands,
-    /// Octets of output maps, and how many make a vector.
+    /// Octets of output maps.
     pub(super) outs: usize,
+    /// Octets per vector of output maps.
     pub(super) group: usize,
-    /// Output steps of a tile.
+    /// Number of output steps in a tile.
     pub(super) tile: usize,
     all: Table,
     taps: Table,
@@ -60,7 +61,7 @@ pub(super) struct SavedFirstLayer {
     pub(super) weight: Vec<f32>,
 }
 
-/// One tile: its sweep, its first step and the outputs of its windows; the sums are `[window, band, 3, columns]`.
+/// One tile: its sweep, first step and output windows; the sums are `[window, band, 3, columns]`.
 pub(super) struct Tile<'a> {
     pub(super) input: &'a [f32],
     pub(super) first: usize,
@@ -69,7 +70,7 @@ pub(super) struct Tile<'a> {
 }
 
 impl FirstLayer {
-    /// Returns `None` if the route does not take the shape.
+    /// Returns `None` if the route does not support the shape.
     pub(super) fn new(shape: BlockShape, isa: Isa) -> Option<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         if shape.maps_in != 1
@@ -118,7 +119,7 @@ impl FirstLayer {
         })
     }
 
-    /// Convolves and pools; with the winners it saves what the backward pass needs. Winners (or outputs) and positions are written over `to`.
+    /// Convolves, pools and overwrites `to` with winners (or outputs) and positions; for winners it saves the state for the backward pass.
     pub(super) fn forward(
         &self,
         input: &[f32],
@@ -199,14 +200,14 @@ impl FirstLayer {
         )
     }
 
-    /// Convolves and pools every tile by its spectrum.
+    /// Convolves and pools every tile through its spectrum.
     fn convolve_by_tiles(&self, weight: &Weight<'_>, goal: Goal<'_>, tiles: &mut [Tile<'_>]) {
         let shape = &self.shape;
         let spectra = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
             self.weight_spectra(&weight.values())
         });
-        // Eight tiles are analysed at once; fewer where that would leave threads idle.
+        // Eight tiles are analysed at once; fewer if threads would otherwise be idle.
         let at_once = tiles
             .len()
             .div_ceil(2 * rayon::current_num_threads())
@@ -311,7 +312,7 @@ impl FirstLayer {
             });
     }
 
-    /// `[group of maps_out octets, column, time frequency, 2]`
+    /// Returns the kernels' spectra, `[group of maps_out octets, column, time frequency, 2]`.
     fn weight_spectra(&self, weight: &[f32]) -> Octets {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let (columns, length, group) = (self.taxel.frequencies(), self.time.length(), self.group);
@@ -348,7 +349,7 @@ impl FirstLayer {
         spectra
     }
 
-    /// Input of a band of up to eight tiles, `[length, width]`, one tile a lane, zero outside the sweep.
+    /// Gathers the input of a band of up to eight tiles, `[length, width]`, one tile per lane, zero outside the sweep.
     fn gather(&self, tiles: &[Tile<'_>], band: usize, rows: &mut [Octet]) {
         let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
         let width = self.bands.width;

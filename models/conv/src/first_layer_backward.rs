@@ -1,12 +1,12 @@
-//! Gradient of the first layer's weights: winners gathered, the rest by autocorrelation.
+//! Gradient of the first layer's weights, from the winners and the input's autocorrelation.
 //!
 //! With `dy = ka g + kb + kc y` (see [`super::norm`]) the gradient of tap `k` of a map with weights `w` is
 //!
 //! `sum ka g x[winner + k] + kb P[k] + kc (R w)[k]`, `P[k] = sum x[p + k]`, `R[k', k] = sum x[p + k'] x[p + k]`,
 //!
-//! sums over winners and over all output cells `p`. So the maps `y` are not needed. `R` depends on the two taps' distance alone
-//! but for the borders: products of rows `a` and `a + d` are summed over all `a`, and for each tap those few rows that it
-//! does not meet are taken away again.
+//! where the first sum is over winners and the others over all output cells `p`. So the maps `y` are not needed. Except for the borders,
+//! `R` depends only on the distance between the two taps: products of rows `a` and `a + d` are summed over all `a`, and the few rows that a
+//! tap does not reach are subtracted.
 
 use rayon::prelude::*;
 
@@ -15,32 +15,32 @@ use super::norm::OutputGradient;
 use super::simd::{Narrow, NarrowKernel, Octet};
 use super::spare;
 
-/// Zeros before the first taxel: the farthest that two taps of a row lie apart.
+/// Number of zeros before the first taxel: the largest distance between two taps of a row.
 pub(super) const MARGIN: usize = MAX_KERNEL[1] - 1;
-/// Sums that a thread takes at once.
+/// Number of sums that a thread computes at once.
 const RUN: usize = 1 << 11;
-/// Most values of the shares that are kept at once, unless one sweep for each thread has more.
+/// Maximum number of values in the partial sums kept at once, unless one sweep per thread needs more.
 const MAX_SHARED: usize = 1 << 24;
-/// Steps that are summed in single precision, about; sweeps that are shorter share their sums.
+/// Approximate number of steps that are summed in single precision; shorter sweeps share their sums.
 const SUMMED_STEPS: usize = 1000;
-/// Fewest shares of a batch, for threads to take.
+/// Minimum number of partial sums per batch, for threads to share.
 const MIN_SHARES: usize = 8;
-/// Distances between two taps of a row, from `-MARGIN` on.
+/// Number of distances between two taps of a row, from `-MARGIN` to `MARGIN`.
 const ACROSS: usize = 2 * MARGIN + 1;
 
-/// A winner with a gradient: the gradient times `ka`, and the padded row that its patch begins with.
+/// Winner with a gradient: the gradient times `ka`, and the padded row where its patch begins.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Winner {
     pub(super) gradient: f32,
     pub(super) row: u32,
 }
 
-/// The winners of one sweep that have a gradient, taxel by taxel and map by map.
+/// Winners of one sweep with non-zero gradient, by taxel and map.
 ///
-/// The patches of one taxel's winners lie in the same few columns of the sweep. These are copied, an octet a row: patches are then whole
-/// octets, one after the other, in the nearest cache.
+/// The patches of one taxel's winners lie in the same few columns of the sweep. These columns are copied, one octet per row, so that
+/// patches are whole consecutive octets in the L1 cache.
 pub(super) struct Winners {
-    /// `[taxels, maps_out, pooled_steps]`, of which each map's first `counts` are winners
+    /// `[taxels, maps_out, pooled_steps]`; the first `counts` entries of each map are winners
     all: Vec<Winner>,
     /// `[taxels, maps_out]`
     counts: Vec<usize>,
@@ -48,7 +48,7 @@ pub(super) struct Winners {
 }
 
 impl Winners {
-    /// Iterates over taxels, and for each over the winners of every map.
+    /// Iterates over taxels and, for each, over the winners of every map.
     pub(super) fn by_taxel(&self) -> impl Iterator<Item = impl Iterator<Item = &[Winner]>> {
         let windows = self.all.len() / self.counts.len();
         let taxels = self.all.chunks_exact(windows * self.maps);
@@ -61,17 +61,17 @@ impl Winners {
     }
 }
 
-/// What a few sweeps add up to.
+/// Partial sums over a few sweeps.
 struct Share {
     /// `[maps_out, MAX_KERNEL[0], 8]`
     sparse: Vec<f32>,
     /// `[time distance, 1 + edges, kernel taxels, kernel taxels]`: products of two tap columns over all rows, and over each edge row
     products: Vec<f64>,
-    /// `[1 + edges, lanes]`: column sums over all rows and the edge rows
+    /// `[1 + edges, lanes]`: column sums over all rows and over each edge row
     sums: Vec<f32>,
 }
 
-/// All shares, added in their order.
+/// Total of all partial sums, added in order.
 struct Total {
     sparse: Vec<f64>,
     products: Vec<f64>,
@@ -105,7 +105,7 @@ fn add_all<T: Copy + Into<f64> + Sync>(
 }
 
 impl FirstLayer {
-    /// Gradients of the weights and, if wanted, of the input.
+    /// Returns the gradients of the weights and, if requested, of the input.
     pub(super) fn backward(
         &self,
         saved: SavedFirstLayer,
@@ -187,7 +187,7 @@ impl FirstLayer {
         (weight, d_input)
     }
 
-    /// The sweep within zeros: `pad` rows before, enough for a patch after.
+    /// Returns the sweep padded with zeros: `pad` rows before it, and enough rows after it for a patch.
     fn pad(&self, input: &[f32]) -> Vec<f32> {
         let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
         let row = self.row();
@@ -202,17 +202,17 @@ impl FirstLayer {
         padded
     }
 
-    /// Taxels in whole octets.
+    /// Returns the number of taxels rounded up to whole octets.
     pub(super) fn lanes(&self) -> usize {
         self.shape.taxels.next_multiple_of(8)
     }
 
-    /// Values in a padded row: four zeros, the taxels, zeros.
+    /// Returns the number of values in a padded row: four zeros, the taxels, zeros.
     pub(super) fn row(&self) -> usize {
         self.lanes() + 2 * MARGIN
     }
 
-    /// Where the patches of the first taxel begin in their rows.
+    /// Returns the offset of the first taxel's patches in their rows.
     pub(super) fn corner(&self) -> usize {
         MARGIN - self.shape.padding()[1]
     }
@@ -242,7 +242,7 @@ impl FirstLayer {
                 .zip(&output.affine.ka)
                 .zip(lists)
             {
-                // Written always and counted if the gradient is not zero: about half are, so a branch would be mispredicted.
+                // Every winner is written, but counted only if its gradient is not zero. About half are zero, so a branch would be mispredicted.
                 winners[*count] = Winner {
                     gradient: gradient * ka,
                     row: (first + usize::from(position)) as u32,
@@ -253,7 +253,7 @@ impl FirstLayer {
         found
     }
 
-    /// Padded rows of the sweep that some tap does not meet.
+    /// Returns the padded rows of the sweep that some tap does not reach.
     fn edges(&self) -> Vec<usize> {
         let (steps, pad) = (self.shape.steps, self.shape.padding()[0]);
         (0..2 * pad + steps)
@@ -292,18 +292,18 @@ impl FirstLayer {
         out
     }
 
-    /// Returns whether tap row `tap` meets padded row `a` for some output step.
+    /// Returns true if tap row `tap` reads padded row `a` for some output step.
     fn meets(&self, tap: usize, a: usize) -> bool {
         (tap..tap + self.shape.steps).contains(&a)
     }
 
-    /// Taxels that tap column `tap` meets.
+    /// Returns the taxels that tap column `tap` reads.
     fn met_taxels(&self, tap: usize) -> std::ops::Range<usize> {
         let (taxels, pad) = (self.shape.taxels, self.shape.padding()[1]);
         tap.saturating_sub(pad)..(taxels + tap).saturating_sub(pad).min(taxels)
     }
 
-    /// `P`, per tap.
+    /// Returns `P` for each tap.
     fn patch_sums(&self, sums: &[f64]) -> Vec<f64> {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let (edges, lanes) = (self.edges(), self.lanes());
@@ -324,13 +324,13 @@ impl FirstLayer {
         out
     }
 
-    /// `R`, `[tap, tap]`.
+    /// Returns `R`, `[tap, tap]`.
     fn correlation(&self, products: &[f64], edges: usize) -> Vec<f64> {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let taps = kernel_steps * kernel_taxels;
         let (rows, columns) = (self.edges(), kernel_taxels * kernel_taxels);
         let mut out = vec![0f64; taps * taps];
-        // The tap further up first; the other half is the same.
+        // Only pairs with the upper tap first are computed; the matrix is symmetric.
         out.par_chunks_exact_mut(taps)
             .enumerate()
             .for_each(|(tap, out)| {
@@ -359,8 +359,9 @@ impl FirstLayer {
 }
 
 impl FirstLayer {
-    /// Products of two tap columns, `[left, right]`, from those of every taxel with its neighbours, `[ACROSS, lanes]`: a tap column left of
-    /// the middle does not meet the last taxels, one right of it not the first.
+    /// Sums the products of two tap columns, `[left, right]`, from the products of every taxel with its neighbours, `[ACROSS, lanes]`.
+    ///
+    /// Tap columns before the middle do not read the last taxels, those after it do not read the first.
     fn by_columns(&self, by_taxel: &[f32], out: &mut [f64]) {
         let (lanes, width) = (self.lanes(), self.shape.kernel[1]);
         let mut all = [0f64; ACROSS];
@@ -380,7 +381,7 @@ impl FirstLayer {
     }
 }
 
-/// Sums in double precision, eight sums side by side.
+/// Returns the sum in double precision, accumulated in eight lanes.
 fn sum(values: &[f32]) -> f64 {
     let (eights, rest) = values.as_chunks::<8>();
     let mut sums = [0f64; 8];
@@ -392,13 +393,13 @@ fn sum(values: &[f32]) -> f64 {
     sums.iter().sum::<f64>() + rest.iter().map(|&value| f64::from(value)).sum::<f64>()
 }
 
-/// Sums of `gradient * patch` per map.
+/// Computation of the sums of `gradient * patch` for each map.
 struct Gather<'a> {
     corner: usize,
-    /// Values in a padded row.
+    /// Number of values in a padded row.
     row: usize,
     padded: &'a [f32],
-    /// `[rows of the padded sweep]`: eight columns around one taxel.
+    /// `[rows of the padded sweep]`: eight columns around one taxel
     columns: &'a mut [Octet],
     winners: &'a Winners,
     out: &'a mut [f32],
@@ -442,17 +443,17 @@ impl NarrowKernel for Gather<'_> {
     }
 }
 
-/// Sums of the products of every two rows up to a kernel apart, over all rows and for each edge row alone, and column sums.
+/// Computation of the products of any two rows up to a kernel apart, summed over all rows and over each edge row, and of column sums.
 struct Autocorrelation<'a> {
     plan: &'a FirstLayer,
-    /// Padded sweeps.
+    /// Padded sweeps
     sweeps: &'a [Vec<f32>],
     edges: &'a [usize],
     share: &'a mut Share,
 }
 
 impl Autocorrelation<'_> {
-    /// Sums the products of padded rows `first..end` with those `distance` later, `[ACROSS, lanes]`.
+    /// Sums the products of padded rows `first..end` with the rows `distance` later, `[ACROSS, lanes]`.
     #[inline(always)]
     fn sum<L: Narrow>(
         (sweeps, row): (&[Vec<f32>], usize),
@@ -506,7 +507,7 @@ impl NarrowKernel for Autocorrelation<'_> {
                     0 => (pad, pad + steps),
                     _ => (self.edges[line - 1], self.edges[line - 1] + 1),
                 };
-                // Of the first rows only those are asked for that a later tap leaves out; the last ones see zeros so far below.
+                // Of the first rows, only those that a later tap skips are needed; the last rows meet zeros at this distance.
                 let later_tap = rows.0 + 1 + distance < self.plan.shape.kernel[0];
                 let below = rows.0 >= steps && rows.0 + distance < pad + steps;
                 if line > 0 && !later_tap && !below {

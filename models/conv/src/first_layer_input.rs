@@ -1,8 +1,8 @@
-//! Gradient of the first layer's input: winners scattered, the rest by a composite kernel.
+//! Gradient of the first layer's input: winners scattered, the affine part by a composite kernel.
 //!
-//! The affine part `kb + kc y` of `dy` is itself a convolution of the input, so convolving it back is one wider convolution, of
-//! `2 kernel - 1` steps and taxels, with coefficients `sum_map kc w[i, j] w[i + d, j + e]` over the taps `(i, j)` that meet the output. As
-//! that depends on the output taxel (and, near the ends, on the step), there is one table for all inner steps and one for each
+//! The affine part `kb + kc y` of `dy` is a convolution of the input. Convolving it back is one wider convolution with
+//! `2 kernel - 1` steps and taxels and coefficients `sum_map kc w[i, j] w[i + d, j + e]` over the taps `(i, j)` that reach the output. The
+//! coefficients depend on the output taxel and, near the ends, on the step. So there is one table for all inner steps and one for each
 //! step near an end, each with a coefficient per taxel.
 
 use rayon::prelude::*;
@@ -12,18 +12,18 @@ use super::first_layer_backward::{MARGIN, Winners};
 use super::norm::GradientAffine;
 use super::simd::{Narrow, NarrowKernel, Octet};
 
-/// Distances between two taps of a row, from `-MARGIN` on.
+/// Number of distances between two taps of a row, from `-MARGIN` to `MARGIN`.
 const ACROSS: usize = 2 * MARGIN + 1;
-/// Zero rows around the sweep: the farthest that two taps lie apart.
+/// Number of zero rows around the sweep: the largest distance between two taps in time.
 const REACH: usize = MAX_KERNEL[0] - 1;
-/// Steps that are computed together.
+/// Number of steps that are computed together.
 const STEPS: usize = 4;
 
 /// Coefficients of the affine part.
 pub(super) struct Composite {
     /// One table per range of kernel rows
     tables: Vec<Table>,
-    /// Which table each step uses
+    /// Index of each step's table
     of_step: Vec<usize>,
 }
 
@@ -35,7 +35,7 @@ struct Table {
 }
 
 impl FirstLayer {
-    /// Tables for this step's weights and affine part.
+    /// Returns the tables for the weights and affine part of this training step.
     pub(super) fn composite(&self, weight: &[f32], affine: &GradientAffine) -> Composite {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let (taps, pad) = (kernel_steps * kernel_taxels, self.shape.padding()[0]);
@@ -55,7 +55,7 @@ impl FirstLayer {
         let mut ranges: Vec<(usize, usize)> = Vec::new();
         let mut of_step = Vec::with_capacity(self.shape.steps);
         for step in 0..self.shape.steps {
-            // Tap row i comes from output step `step + pad - i`.
+            // Tap row i belongs to output step `step + pad - i`.
             let range = (
                 (step + pad + 1).saturating_sub(self.shape.steps),
                 (step + pad + 1).min(kernel_steps),
@@ -108,7 +108,7 @@ impl FirstLayer {
         table
     }
 
-    /// One sweep's input gradient, `[steps, taxels]`, written over `out`.
+    /// Overwrites `out` with one sweep's input gradient, `[steps, taxels]`.
     pub(super) fn input_gradient(
         &self,
         composite: &Composite,
@@ -120,7 +120,7 @@ impl FirstLayer {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let (steps, taxels, pad) = (self.shape.steps, self.shape.taxels, self.shape.padding()[0]);
         let row = self.row();
-        // The same sweep with REACH zero rows on either side.
+        // The sweep with REACH zero rows on either side.
         let mut wide = vec![0f32; (steps + 2 * REACH + STEPS) * row];
         wide[REACH * row..(REACH + steps) * row]
             .copy_from_slice(&padded[pad * row..(pad + steps) * row]);
@@ -160,13 +160,13 @@ impl FirstLayer {
     }
 }
 
-/// Adds `gradient * kernel` around every winner.
+/// Addition of `gradient * kernel` around every winner.
 struct Scatter<'a> {
     corner: usize,
-    /// Values in a padded row.
+    /// Number of values in a padded row.
     row: usize,
     kernels: &'a [f32],
-    /// `[rows of the padded sweep]`: eight columns around one taxel.
+    /// `[rows of the padded sweep]`: eight columns around one taxel
     columns: &'a mut [Octet],
     winners: &'a Winners,
     gradient: &'a mut [f32],
@@ -207,10 +207,10 @@ impl NarrowKernel for Scatter<'_> {
     }
 }
 
-/// Adds the affine part.
+/// Addition of the affine part.
 struct Convolve<'a> {
     composite: &'a Composite,
-    /// Values in a padded row.
+    /// Number of values in a padded row.
     row: usize,
     wide: &'a [f32],
     gradient: &'a mut [f32],
@@ -220,7 +220,7 @@ impl NarrowKernel for Convolve<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Narrow>(self) {
-        // The most frequent width is known to the compiler.
+        // The most frequent width is a compile-time constant.
         match self.row - 2 * MARGIN {
             16 => self.of_width::<L, 16>(),
             _ => self.of_width::<L, 0>(),
@@ -229,7 +229,7 @@ impl NarrowKernel for Convolve<'_> {
 }
 
 impl Convolve<'_> {
-    /// For rows of `LANES` taxels, or of any number if it is 0.
+    /// Runs for rows of `LANES` taxels; 0 stands for any number.
     #[inline(always)]
     fn of_width<L: Narrow, const LANES: usize>(self) {
         let of_step = &self.composite.of_step;
@@ -240,7 +240,7 @@ impl Convolve<'_> {
         };
         let mut step = 0;
         while step < of_step.len() {
-            // Four steps at once where they share a table.
+            // Four steps at once if they share a table.
             let together = of_step[step..].len() >= STEPS
                 && of_step[step..step + STEPS]
                     .iter()

@@ -1,4 +1,4 @@
-//! The kernels of the first layer's tiles.
+//! Kernels of the first layer's tiles.
 
 use super::bands::Bands;
 use super::first_layer::{FirstLayer, Tile};
@@ -7,7 +7,7 @@ use super::shape::BlockShape;
 use super::simd::{Kernel, Lanes, Octet};
 use super::taxel::{Sink, Source};
 
-/// A row of up to eight tiles, one a lane.
+/// Row of up to eight tiles, one per lane.
 struct Tiles<'a>(&'a [Octet]);
 
 impl<L: Lanes> Source<L> for Tiles<'_> {
@@ -17,11 +17,11 @@ impl<L: Lanes> Source<L> for Tiles<'_> {
     }
 }
 
-/// A row of a band's own outputs, a vector of maps each.
+/// Row of a band's outputs, one vector of maps each.
 struct MapRow<'a, const CUT: bool> {
     bands: &'a Bands,
     band: usize,
-    /// The band's first output.
+    /// Index of the band's first output.
     first: usize,
     row: &'a mut [Octet],
 }
@@ -37,7 +37,7 @@ impl<L: Lanes, const CUT: bool> Sink<L> for MapRow<'_, CUT> {
     }
 }
 
-/// `[length, width of a band]` to `[column, length, 2]`.
+/// Spectra of tiles: `[length, width of a band]` to `[column, length, 2]`.
 pub(super) struct Analyze<'a> {
     pub(super) plan: &'a FirstLayer,
     pub(super) rows: &'a [Octet],
@@ -56,7 +56,7 @@ impl Kernel for Analyze<'_> {
     }
 }
 
-/// One lane of the tiles' spectra times the spectra of a vector of kernels.
+/// Product of one lane of the tiles' spectra with the spectra of a vector of kernels.
 pub(super) struct Scale<'a> {
     pub(super) spectrum: &'a [Octet],
     pub(super) lane: usize,
@@ -83,7 +83,7 @@ impl Kernel for Scale<'_> {
     }
 }
 
-/// A vector of maps of a band of one tile, window by window, and their winners.
+/// Inverse transform and pooling of a vector of maps of one band and tile.
 pub(super) struct Synthesize<'a, 'b> {
     pub(super) plan: &'a FirstLayer,
     pub(super) spectra: &'a [Octet],
@@ -91,7 +91,7 @@ pub(super) struct Synthesize<'a, 'b> {
     pub(super) goal: Goal<'a>,
     pub(super) tile: &'a mut Tile<'b>,
     pub(super) band: usize,
-    /// First octet of maps.
+    /// First octet of the maps.
     pub(super) column: usize,
 }
 

@@ -1,8 +1,8 @@
-//! The first layer tap by tap, for processors that multiply much faster than they move data (AVX-512).
+//! First layer tap by tap, for processors with AVX-512, which multiply much faster than they move data.
 //!
-//! With one input map an output costs only `kernel steps * kernel taxels` products, 75 for TactNet-II, of which the tiles' transforms save two
-//! thirds; but they go back and forth through the cache for it. Here ten steps of two vectors of maps are summed in registers, and
-//! pooled from the nearest cache.
+//! With one input map an output takes only `kernel steps * kernel taxels` products, 75 for TactNet-II. The tiles' transforms save two thirds
+//! of them, but move data through the cache several times. Here ten steps of two vectors of maps are summed in registers and
+//! pooled from the L1 cache.
 
 use rayon::prelude::*;
 
@@ -13,12 +13,12 @@ use super::shape::BlockShape;
 use super::simd::{Isa, Kernel, Lanes, Octet, Octets, Walk};
 use super::spectral_plan::by_group;
 
-/// Output steps that are summed at once.
+/// Number of output steps that are summed at once.
 const STRIP: usize = 10;
-/// Vectors of maps that are summed at once.
+/// Number of vectors of maps that are summed at once.
 const VECTORS: usize = 2;
 
-/// Returns whether the shape is computed tap by tap.
+/// Returns true if the shape is convolved tap by tap.
 pub(super) fn by_taps(shape: &BlockShape, isa: Isa) -> bool {
     let octets = shape.maps_out / 8;
     let whole = octets.is_multiple_of(2 * VECTORS) && shape.pool.is_multiple_of(STRIP);
@@ -26,7 +26,7 @@ pub(super) fn by_taps(shape: &BlockShape, isa: Isa) -> bool {
 }
 
 impl FirstLayer {
-    /// `[panel of maps_out octets, kernel step, kernel taxel, octets of a panel]`
+    /// Reorders weights to `[panel of maps_out octets, kernel step, kernel taxel, octets of a panel]`.
     pub(super) fn panels(&self, weight: &[f32]) -> Octets {
         let taps = self.shape.kernel[0] * self.shape.kernel[1];
         let mut panels = self.buffers.take(weight.len() / 8);
@@ -63,7 +63,7 @@ impl FirstLayer {
         });
     }
 
-    /// The input rows of a tile, `[rows, row]`, within zeros.
+    /// Copies the input rows of a tile to `padded`, `[rows, row]`, with zeros around them.
     fn pad_tile(&self, tile: &Tile<'_>, padded: &mut [f32]) {
         let (taxels, pad) = (self.shape.taxels, self.shape.padding()[0]);
         padded.fill(0.0);
@@ -78,10 +78,10 @@ impl FirstLayer {
     }
 }
 
-/// All maps of one tile, window by window, and their winners.
+/// Convolution and pooling of all maps of one tile.
 struct Taps<'a, 'b> {
     plan: &'a FirstLayer,
-    /// See [`FirstLayer::panels`].
+    /// Weights from [`FirstLayer::panels`].
     panels: &'a [Octet],
     /// `[tile + kernel steps - 1, row]`
     padded: &'a [f32],
@@ -91,11 +91,11 @@ struct Taps<'a, 'b> {
     tile: &'a mut Tile<'b>,
 }
 
-/// Sums of a strip, two steps to a pair.
+/// Sums of a strip, in pairs of steps.
 type Strip<L> = [[[L; VECTORS]; 2]; STRIP / 2];
 
 impl Taps<'_, '_> {
-    /// The strip of one taxel that begins at step `first` of the tile.
+    /// Returns one taxel's strip that begins at step `first` of the tile.
     #[inline(always)]
     fn strip<L: Lanes>(&self, panel: &[Octet], first: usize, taxel: usize) -> Strip<L> {
         let shape = &self.plan.shape;
@@ -106,7 +106,7 @@ impl Taps<'_, '_> {
             *offset = [2 * pair * row, (2 * pair + 1) * row];
         }
         let mut sums = [[[L::splat(0.0); VECTORS]; 2]; STRIP / 2];
-        // Kernel columns that lie beside the taxels contribute zero and are skipped.
+        // Kernel columns outside the taxels contribute zero and are skipped.
         let corner = MARGIN - shape.padding()[1] + taxel;
         let met =
             MARGIN.saturating_sub(corner)..(MARGIN + shape.taxels - corner).min(kernel_taxels);

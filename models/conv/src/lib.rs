@@ -1,5 +1,5 @@
-//! The convolution block of TactNet-II in one operation: convolution, batch normalisation, ReLU and max-pool, forward and backward, on
-//! plain slices. The README explains the mathematics.
+//! Convolution block of TactNet-II on plain slices: convolution, batch normalisation, ReLU and max-pool, forward and backward, in one
+//! operation. The README explains the mathematics.
 //!
 //! ```
 //! use tactnet_conv::{Block, BlockShape};
@@ -17,34 +17,34 @@
 //!
 //! | type | use |
 //! |---|---|
-//! | [`Block`], [`BlockShape`] | a planned shape: [`Block::forward_train`], [`Block::backward`], [`Block::forward_eval`] |
-//! | [`shared_block`] | the same from a process-wide cache of plans |
-//! | [`Weight`] | weights whose spectra are kept while they stay the same |
-//! | [`StreamBlock`], [`StreamHead`] | the network row by row, for one sweep as it is recorded; nothing allocates |
-//! | [`AdamStep`] | one step of the optimiser, in place |
-//! | [`Candidate`] | a tiling that the planner weighed, with its predicted time |
-//! | [`Isa`] | the instruction set, detected at run time |
-//! | [`spare`] | memory of earlier results, for later ones |
+//! | [`Block`], [`BlockShape`] | planned block: [`Block::forward_train`], [`Block::backward`], [`Block::forward_eval`] |
+//! | [`shared_block`] | block from a process-wide cache of plans |
+//! | [`Weight`] | weights whose spectra are cached while they do not change |
+//! | [`StreamBlock`], [`StreamHead`] | network row by row, for a sweep during recording, without allocation |
+//! | [`AdamStep`] | in-place optimiser step |
+//! | [`Candidate`] | tiling that the planner considered, with its predicted time |
+//! | [`Isa`] | instruction set, detected at run time |
+//! | [`spare`] | memory of earlier results for later ones |
 //!
-//! Slices of a wrong length panic; there are no other errors. Parallel parts run on rayon's current pool. Every sum has a fixed order, so
+//! Slices of a wrong length panic; other errors do not occur. Parallel parts run on rayon's current pool. Every sum has a fixed order, so
 //! results do not depend on the number of threads.
 //!
 //! # Files
 //! ```text
-//!      plans -> block             one planned shape: its route
+//!      plans -> block             planned block and its route
 //!       ┌────────┼─────────┐
-//!  first_layer spectral  direct   one input map | multiples of eight maps | anything
-//!  first_layer_taps batch_one     the same with AVX-512 | for one sweep with frozen statistics
+//!  first_layer spectral  direct   one input map | multiples of eight maps | any shape
+//!  first_layer_taps batch_one     first layer with AVX-512 | single sweep with fixed statistics
 //!       └────┬───┘
-//!        cost  bands             how taxels and steps are cut
+//!        cost  bands             division of taxels and steps
 //!    taxel  fft  product          transforms over taxels and time, products of spectra
-//!        pooling  norm            winners of every window, batch statistics, their part of the gradients
+//!        pooling  norm            winners of every window, batch statistics and their part of the gradients
 //!            simd                 vectors of maps
-//!        stream  stream_head      the network row by row
-//!        adam                     the optimiser's step
+//!        stream  stream_head      network row by row
+//!        adam                     optimiser step
 //! ```
 
-// Kernels walk several register arrays by one index.
+// Kernels index several register arrays with one variable.
 #![allow(clippy::needless_range_loop)]
 
 mod adam;

@@ -1,6 +1,6 @@
-//! Values for tests; `tests/agreement` includes this file too.
+//! Test values; `tests/agreement` includes this file too.
 
-/// Deterministic values, roughly uniform in -1..1.
+/// Returns deterministic values, approximately uniform in -1..1.
 pub(crate) fn noise(len: usize, seed: u64) -> Vec<f32> {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     (0..len)

@@ -1,9 +1,8 @@
 //! Batch normalisation around a max-pool that keeps only the winners.
 //!
 //! With `y` the convolution's output, a map's block output is `max(0, max_window(scale * y + shift))`. As `scale * y + shift` is
-//! monotone in `y`, the window's winner is the largest `y` (the smallest where gamma is negative), so the
-//! winner can be chosen before the batch statistics are known. Only winners ever receive a gradient `g`; what normalisation adds
-//! is affine in `y`:
+//! monotone in `y`, the window's winner is the largest `y` (the smallest if gamma is negative). So the winner is known before the batch
+//! statistics are. Only winners receive a gradient `g`; the contribution of the normalisation is affine in `y`:
 //!
 //! `dy = ka * g + kb + kc * y`, with `ka = gamma / sigma`, `kc = -ka * dgamma / (n sigma)`, `kb = -ka * dbeta / n - kc * mean`.
 
@@ -13,10 +12,10 @@ use super::shape::BlockShape;
 
 /// Added to the variance before its square root.
 const EPSILON: f64 = 1e-5;
-/// Cells that are summed in f32 before f64 takes over.
+/// Number of cells that are summed in f32 before the sum continues in f64.
 const RUN: usize = 512;
 
-/// Mean and sum of squared deviations per map over `count` values; merged in a fixed order so that results do not depend on threads.
+/// Mean and sum of squared deviations per map over `count` values; merged in a fixed order, so that results do not depend on threads.
 #[derive(Debug, Clone)]
 pub(super) struct Moments {
     count: f64,
@@ -33,9 +32,9 @@ impl Moments {
         }
     }
 
-    /// Adds `count` values of map `map` onwards, given as sums and sums of squares of `y - pivot`.
+    /// Adds `count` values of the maps from `map` on, given as sums and sums of squares of `y - pivot`.
     ///
-    /// Chan, Golub & LeVeque's update; a pivot near the mean avoids the cancellation of `E[y^2] - mean^2`.
+    /// Update of Chan, Golub & LeVeque; a pivot near the mean avoids the cancellation of `E[y^2] - mean^2`.
     pub(super) fn add_shifted(
         &mut self,
         count: usize,
@@ -54,7 +53,7 @@ impl Moments {
         self.count += more;
     }
 
-    /// Adds the values of `other`, by the same update.
+    /// Adds the values of `other` by the same update.
     pub(super) fn merge(&mut self, other: &Self) {
         let (n, more) = (self.count, other.count);
         for (map, (&mean, &deviation)) in other.mean.iter().zip(&other.deviation).enumerate() {
@@ -69,7 +68,7 @@ impl Moments {
         self.mean.iter().map(|&m| m as f32).collect()
     }
 
-    /// Biased variance.
+    /// Returns the biased variance.
     pub(super) fn variance(&self) -> Vec<f32> {
         self.deviation
             .iter()
@@ -78,7 +77,7 @@ impl Moments {
     }
 }
 
-/// `y -> scale * y + shift` per map, with what its gradient needs.
+/// Map `y -> scale * y + shift` per map, with the values for its gradient.
 #[derive(Debug, Clone)]
 pub(super) struct Normalizer {
     pub(super) scale: Vec<f32>,
@@ -87,7 +86,7 @@ pub(super) struct Normalizer {
     inverse_deviation: Vec<f32>,
 }
 
-/// `dy = ka * g + kb + kc * y` per map, and the gradients of gamma and beta.
+/// Coefficients of `dy = ka * g + kb + kc * y` per map, and the gradients of gamma and beta.
 #[derive(Debug, Clone)]
 pub(super) struct GradientAffine {
     pub(super) ka: Vec<f32>,
@@ -97,15 +96,15 @@ pub(super) struct GradientAffine {
     pub(super) beta: Vec<f32>,
 }
 
-/// Winners of every pooling window, their step within it, and the batch moments of all values.
+/// Winners of all pooling windows, their step in the window, and the batch moments of all values.
 pub(super) struct Pooled {
     pub(super) winners: Vec<f32>,
     pub(super) positions: Vec<u8>,
-    /// Absent with frozen statistics.
+    /// `None` with fixed statistics.
     pub(super) moments: Option<Moments>,
 }
 
-/// Gradient of the winners, zero where ReLU cut off, with their steps and the affine part.
+/// Gradient of the winners, zero where ReLU is inactive, with their steps and the affine part.
 #[derive(Clone, Copy)]
 pub(super) struct OutputGradient<'a> {
     pub(super) gradient: &'a [f32],
@@ -132,7 +131,7 @@ impl Normalizer {
         made
     }
 
-    /// Winners to outputs: `max(0, scale * y + shift)`.
+    /// Writes the outputs `max(0, scale * y + shift)` of the winners `y`.
     pub(super) fn rectify(&self, winners: &[f32], out: &mut [f32]) {
         let maps = self.scale.len();
         out.par_chunks_mut(maps * RUN)
@@ -148,7 +147,7 @@ impl Normalizer {
             });
     }
 
-    /// Copies the gradient to `gated`, with zeros for every output that ReLU cut off, and finds the affine part.
+    /// Copies the gradient to `gated`, with zeros where ReLU is inactive, and returns the affine part.
     ///
     /// `gradient`, `winners` and `gated` are `[batch, pooled_steps, taxels, maps_out]`.
     pub(super) fn backward(
@@ -159,7 +158,7 @@ impl Normalizer {
         gated: &mut [f32],
     ) -> GradientAffine {
         let maps = self.scale.len();
-        // Short f32 runs, summed in f64 in a fixed order.
+        // Short f32 runs, whose sums are added in f64 in a fixed order.
         let runs: Vec<(Vec<f32>, Vec<f32>)> = gated
             .par_chunks_mut(maps * RUN)
             .zip(gradient.par_chunks(maps * RUN))
@@ -176,7 +175,7 @@ impl Normalizer {
         self.affine(shape.count() as f64, &gamma, &beta)
     }
 
-    /// One run's gated gradient, its sum and its sum weighted with `y - mean`, per map.
+    /// Writes one run's gated gradient; returns its sum and its sum weighted with `y - mean`, per map.
     fn gate(&self, gradient: &[f32], winners: &[f32], gated: &mut [f32]) -> (Vec<f32>, Vec<f32>) {
         let maps = self.scale.len();
         let (mut sum, mut weighted) = (vec![0f32; maps], vec![0f32; maps]);

@@ -1,16 +1,16 @@
-//! A process-wide cache of planned blocks.
+//! Process-wide cache of planned blocks.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::block::Block;
 use super::shape::BlockShape;
 
-/// Most plans kept: three blocks for two batch sizes of a training run and two of an evaluation.
+/// Maximum number of cached plans: three blocks for two batch sizes each in training and in evaluation.
 const MAX_PLANS: usize = 12;
 
 static PLANS: Mutex<Vec<Arc<Block>>> = Mutex::new(Vec::new());
 
-/// Returns the block for `shape` from a process-wide cache of the twelve plans used last, planned now if it is not there.
+/// Returns the block for `shape` from a process-wide cache of the twelve most recent plans; plans it if needed.
 ///
 /// # Panics
 /// As [`Block::plan`].

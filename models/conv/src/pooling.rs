@@ -1,21 +1,21 @@
-//! One pooling window, eight maps to a vector, while the maps are in cache: winners, their steps, and sums for the batch statistics; or, with
-//! frozen statistics, outputs.
+//! Pooling of one window while its maps are in cache, one map per lane: winners, their steps and sums for the batch statistics or, with
+//! fixed statistics, outputs.
 
 use rayon::prelude::*;
 
 use super::norm::Moments;
 use super::simd::{Lanes, Octet, floats};
 
-/// Result to compute of a pooling window.
+/// Result of pooling: winners or outputs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Goal<'a> {
-    /// `[octets of maps]`: multiplied by it, the winner is the largest value.
+    /// `[octets of maps]`: factor after which the winner is the largest value.
     factor: &'a [Octet],
     shift: Option<&'a [Octet]>,
 }
 
 impl<'a> Goal<'a> {
-    /// The winners: the largest value where `signs` are 1, the smallest where they are -1.
+    /// Requests winners: the largest value where `signs` are 1, the smallest where they are -1.
     pub(super) fn winners(signs: &'a [Octet]) -> Self {
         Self {
             factor: signs,
@@ -23,7 +23,7 @@ impl<'a> Goal<'a> {
         }
     }
 
-    /// The outputs, `max(0, scale * y + shift)` of the winner `y`, in the winners' place; neither steps nor sums.
+    /// Requests the outputs `max(0, scale * y + shift)` of the winners `y` in place of winners, without steps and sums.
     pub(super) fn outputs(scale: &'a [Octet], shift: &'a [Octet]) -> Self {
         Self {
             factor: scale,
@@ -31,12 +31,12 @@ impl<'a> Goal<'a> {
         }
     }
 
-    /// Returns whether winners are computed, not outputs.
+    /// Returns true if winners are requested, not outputs.
     pub(super) fn is_winners(&self) -> bool {
         self.shift.is_none()
     }
 
-    /// Returns the goal of block `block` of `octets` octets of maps.
+    /// Returns the goal for block `block` of `octets` octets of maps.
     pub(super) fn of_block(self, block: usize, octets: usize) -> Self {
         let range = block * octets..(block + 1) * octets;
         Self {
@@ -46,7 +46,7 @@ impl<'a> Goal<'a> {
     }
 }
 
-/// Buffers for a window's results.
+/// Output buffers of a window.
 pub(super) struct Window<'a> {
     /// `[taxels, maps]`
     pub(super) winners: &'a mut [f32],
@@ -54,23 +54,23 @@ pub(super) struct Window<'a> {
     pub(super) positions: &'a mut [u8],
     /// `[3, columns]`: pivot, sum and sum of squares of `y - pivot`
     pub(super) sums: &'a mut [Octet],
-    /// Octets of maps in a row of these.
+    /// Octets of maps in a row of these buffers.
     pub(super) columns: usize,
 }
 
-/// Maps of a window's steps: taxel `w` of step `t` lies at `t * row + first + w * columns`.
+/// Maps of a window's steps: taxel `w` of step `t` is at octet `t * row + first + w * columns`.
 #[derive(Clone, Copy)]
 pub(super) struct WindowMaps<'a> {
     pub(super) values: &'a [Octet],
-    /// Octets of a step.
+    /// Octets per step.
     pub(super) row: usize,
-    /// Octets of a taxel.
+    /// Octets per taxel.
     pub(super) columns: usize,
     /// Octet of the first taxel.
     pub(super) first: usize,
 }
 
-/// Pools a vector of maps of `taxels` taxels; `column` is its octet in `goal` and `to`.
+/// Pools a vector of maps over `taxels` taxels; `column` is its octet in `goal` and `to`.
 #[inline(always)]
 pub(super) fn pool_column<L: Lanes>(
     maps: WindowMaps<'_>,
@@ -121,11 +121,10 @@ pub(super) fn pool_column<L: Lanes>(
     squares.store(to.sums, 2 * columns + column);
 }
 
-/// Windows whose sums one task merges.
+/// Number of windows whose sums one task merges.
 const RUN: usize = 64;
 
-/// Merges the sums of windows, in an order that does not depend on threads; `count` tells how many values per map a window of that index
-/// holds.
+/// Merges the sums of windows in an order that does not depend on threads; `count` returns the number of values per map in a window.
 pub(super) fn merge_sums(
     sums: &[Octet],
     columns: usize,
@@ -148,13 +147,13 @@ pub(super) fn merge_sums(
     moments
 }
 
-/// Whole octets of one value for each map.
+/// Converts one value per map to whole octets.
 pub(super) fn octets(values: &[f32]) -> Vec<Octet> {
     let (octets, _) = values.as_chunks::<8>();
     octets.iter().map(|octet| Octet(*octet)).collect()
 }
 
-/// 1 where gamma is not negative, else -1.
+/// Returns 1 where gamma is not negative, else -1.
 pub(super) fn signs(gamma: &[f32]) -> Vec<Octet> {
     let sign = |g: f32| if g < 0.0 { -1.0 } else { 1.0 };
     let octets = octets(gamma).into_iter();

@@ -1,9 +1,9 @@
-//! Complex matrix products, eight columns to a vector.
+//! Complex matrix products, eight columns per octet.
 //!
-//! Real and imaginary parts lie apart: a row of the right factor and of the result is `[2, columns]`. The left factor is read
-//! element by element with any strides, so that it may be transposed. A register block of 2 rows by 2 vectors keeps eight accumulators, four vectors
-//! of the right factor and the two broadcast parts in sixteen registers; AVX-512 has room for 4 rows, or for 8 where a row is one vector.
-//! While a product is computed, the cache lines of the next one's factors are prefetched.
+//! Real and imaginary parts are separate: a row of the right factor and of the result is `[2, columns]`. The left factor is read element by
+//! element with any strides, so it may be transposed. A register block of 2 rows by 2 vectors needs sixteen registers: eight accumulators,
+//! four vectors of the right factor and two broadcast parts. AVX-512 has room for 4 rows, or for 8 if a row is one vector.
+//! During a product, the cache lines of the next product's factors are prefetched.
 
 use super::simd::{Isa, Kernel, Lanes, Octet, Walk, prefetch};
 
@@ -17,10 +17,10 @@ pub(super) struct Left<'a> {
     pub(super) soon: Soon<'a>,
 }
 
-/// Values of a cache line.
+/// Number of f32 values in a cache line.
 const LINE: usize = 16;
 
-/// Factors of the next product: prefetched while this one is computed, from these addresses on and in this product's strides.
+/// Factors of the next product, prefetched during this one with this product's strides.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Soon<'a> {
     pub(super) left: &'a [f32],
@@ -28,17 +28,17 @@ pub(super) struct Soon<'a> {
 }
 
 impl Left<'_> {
-    /// `out = self * right`; `right` is `[inner, 2, columns]`, `out` `[rows, 2, columns]`, with `columns` in octets.
+    /// Computes `out = self * right`; `right` is `[inner, 2, columns]`, `out` is `[rows, 2, columns]`, with `columns` in octets.
     pub(super) fn times(self, isa: Isa, right: &[Octet], out: &mut [Octet], columns: usize) {
         self.run::<false, false>(isa, right, out, columns);
     }
 
-    /// `out += self * right`
+    /// Computes `out += self * right`.
     pub(super) fn times_onto(self, isa: Isa, right: &[Octet], out: &mut [Octet], columns: usize) {
         self.run::<false, true>(isa, right, out, columns);
     }
 
-    /// `out = conj(self) * right`
+    /// Computes `out = conj(self) * right`.
     pub(super) fn conjugate_times(
         self,
         isa: Isa,

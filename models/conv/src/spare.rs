@@ -1,18 +1,17 @@
-//! Memory of large results that are no longer needed, for the results of later operations.
+//! Reuse of the memory of large results.
 //!
-//! The caller owns a result and frees it when its graph is done with it. If the next one were allocated afresh, the system would clear it
-//! page by page before it is overwritten; in a training step that takes a twentieth of the time, on one thread. The pool is process-wide;
-//! any thread may call these functions.
+//! The caller owns a result and frees it with its autodiff graph. If the next result were newly allocated, the system would first clear
+//! its pages, which takes a twentieth of a training step on one thread. The pool is process-wide, and any thread may call these functions.
 
 use super::buffers::Buffers;
 
-/// Values from which on memory is kept.
+/// Minimum number of values for which memory is kept.
 pub const MIN_LEN: usize = 1 << 14;
 
-/// Most results kept; a training step has fewer at once.
+/// Pool of at most 16 results; a training step has fewer at once.
 static SPARE: Buffers<Vec<f32>> = Buffers::at_most(16);
 
-/// Returns memory for `len` values: zeros, or from [`MIN_LEN`] values on whatever a buffer of that length held when it was given back.
+/// Returns memory for `len` values: zeros, or from [`MIN_LEN`] values on possibly the content of an earlier result.
 pub fn take(len: usize) -> Vec<f32> {
     if len < MIN_LEN {
         vec![0.0; len]
@@ -21,12 +20,12 @@ pub fn take(len: usize) -> Vec<f32> {
     }
 }
 
-/// Returns the bytes that are kept now.
+/// Returns the bytes that are currently kept.
 pub fn bytes() -> usize {
     SPARE.bytes()
 }
 
-/// Gives memory back for [`take`]; less than [`MIN_LEN`] values are freed.
+/// Keeps memory for [`take`]; frees it if it has fewer than [`MIN_LEN`] values.
 pub fn give(values: Vec<f32>) {
     if values.len() >= MIN_LEN {
         SPARE.give(values);

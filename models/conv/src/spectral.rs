@@ -1,11 +1,11 @@
-//! Blocks with many input maps: the convolution in the two-dimensional frequency domain.
+//! Spectral route for many input maps: convolution in the two-dimensional frequency domain.
 //!
-//! A sweep of `steps x taxels` is transformed with `steps + pad` by `taxels + pad` points: SAME padding needs no more, as
-//! what wraps around falls on outputs that are cropped away. At every frequency the convolution is one complex matrix product,
-//! `[batch, maps_in] x [maps_in, maps_out]`. The same spectra serve the backward pass.
+//! A sweep of `steps x taxels` is transformed with `steps + pad` by `taxels + pad` points. SAME padding needs no more, because
+//! only cropped outputs wrap around. At every frequency the convolution is one complex matrix product,
+//! `[batch, maps_in] x [maps_in, maps_out]`. The backward pass uses the same spectra.
 //!
-//! One taxel frequency after the other (a *column*) is taken through its time spectrum, its products and back, and of its output maps one
-//! block of sixteen after the other, so only these spectra need to stay in a core's cache; columns are also what threads share out.
+//! Each taxel frequency (a *column*) goes separately through its time spectrum, its products and back, and its output maps in
+//! blocks of sixteen, so that only these spectra need to stay in a core's cache. Columns are the units that threads share.
 
 use std::sync::Arc;
 
@@ -22,14 +22,14 @@ use super::spectral_plan::{Plan, by_group, following, in_blocks};
 use super::spectral_stages::{Analyze, KernelRows, Synthesize};
 use super::weight::{Remembered, Weight};
 
-/// Plan and kept spectra.
+/// Plan with cached weight spectra.
 #[derive(Debug)]
 pub(super) struct Spectral {
-    /// Of as many sweeps as are taken together.
+    /// Plan for a full group of sweeps.
     pub(super) plan: Plan,
-    /// Of the sweeps that are left over at the end of a batch.
+    /// Plan for the remaining sweeps at the end of a batch.
     rest: Option<Plan>,
-    /// Whether groups of sweeps are what threads share, since a group has few columns.
+    /// True if threads share groups of sweeps, because a group has few columns.
     at_once: bool,
     weights: Remembered<Octets>,
     pub(super) buffers: &'static Buffers<Octets>,
@@ -43,18 +43,18 @@ pub(super) struct SavedSpectral {
     pub(super) groups: Vec<SavedGroup>,
 }
 
-/// What is saved of sweeps that were taken together.
+/// Saved spectra and maps of one group of sweeps.
 #[derive(Debug)]
 pub(super) struct SavedGroup {
     /// `[column, time frequency, parts, 2, maps_in]`
     pub(super) input: Octets,
-    /// `[sweeps, steps, taxels, maps_out]`, empty if no backward pass will come
+    /// `[sweeps, steps, taxels, maps_out]`, empty without a backward pass
     pub(super) maps: Octets,
 }
 
-/// Most octets between the stages (64 MiB) unless one sweep has more: so many sweeps are taken together.
+/// Maximum number of octets between the stages (64 MiB), which limits a group's sweeps unless one sweep has more.
 const MAX_BETWEEN: usize = 1 << 21;
-/// Fewest columns for threads to share; where there are fewer, sweeps are taken in groups that threads share.
+/// Minimum number of columns for threads to share; with fewer, threads share groups of sweeps.
 const MIN_TASKS: usize = 8;
 
 impl Spectral {
@@ -62,7 +62,7 @@ impl Spectral {
         Self::tiled(shape, isa, Tiling::cheapest(&shape, isa)?)
     }
 
-    /// The same with a tiling of the caller's choice.
+    /// Plans the route with a given tiling.
     pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
         let of = |batch: usize| Plan::tiled(BlockShape { batch, ..shape }, isa, tiling);
         let one = of(1)?;
@@ -84,19 +84,19 @@ impl Spectral {
         })
     }
 
-    /// The plan of a group of sweeps that has `values` of a sweep's `sweep` values.
+    /// Returns the plan for a group with `values` values, where one sweep has `sweep` values.
     pub(super) fn plan_of(&self, values: usize, sweep: usize) -> &Plan {
         let whole = values == self.plan.shape.batch * sweep;
         let rest = if whole { None } else { self.rest.as_ref() };
         rest.unwrap_or(&self.plan)
     }
 
-    /// Least groups that a thread takes: all, unless groups are what threads share.
+    /// Returns the minimum number of groups per thread: all, unless threads share groups.
     pub(super) fn groups_of_thread(&self) -> usize {
         if self.at_once { 1 } else { usize::MAX }
     }
 
-    /// Convolves and pools; with the winners it saves what the backward pass needs. Winners (or outputs) and positions are written over `to`.
+    /// Convolves, pools and overwrites `to` with winners (or outputs) and positions; for winners it saves the state for the backward pass.
     pub(super) fn forward(
         &self,
         input: &[f32],
@@ -150,7 +150,7 @@ impl Spectral {
         (pooled, SavedSpectral { weight, groups })
     }
 
-    /// The sweeps of one group; the sums are `[sweep, window, band, 3, columns]`.
+    /// Convolves and pools the sweeps of one group; the sums are `[sweep, window, band, 3, columns]`.
     fn forward_group(
         &self,
         plan: &Plan,
@@ -214,7 +214,7 @@ impl Spectral {
         SavedGroup { input, maps }
     }
 
-    /// Spectra of all kernels, column by column.
+    /// Returns the spectra of all kernels, column by column.
     fn weight_spectra(&self, weight: &[f32]) -> Octets {
         let plan = &self.plan;
         let columns = plan.taxel.frequencies();
@@ -302,14 +302,14 @@ impl Spectral {
         for group in saved.groups {
             self.recycle_group(group);
         }
-        // Returned with the last reference to them.
+        // The last reference returns the weights' spectra.
         if let Some(weight) = Arc::into_inner(saved.weight) {
             self.buffers.give(weight);
         }
     }
 }
 
-/// One column: time spectra of the input, then, block by block of output maps, products and back to steps,
+/// Forward pass of one column: time spectra of the input, then for each block of output maps the products and the inverse transform,
 /// `[block, parts, steps, 2, block's octets]`.
 struct Column<'a> {
     plan: &'a Plan,
@@ -416,7 +416,7 @@ impl Column<'_> {
     }
 }
 
-/// One column of the weights' spectra: `[block of maps_out, time frequency, maps_in, 2, block's octets]`.
+/// Computes one column of the weights' spectra, `[block of maps_out, time frequency, maps_in, 2, block's octets]`.
 fn weight_spectrum(
     plan: &Plan,
     column: usize,

@@ -1,7 +1,7 @@
-//! Gradients of a spectral block, from the spectra that its forward pass kept.
+//! Gradients of the spectral route, from the spectra that the forward pass saved.
 //!
-//! With `Y = X W` at every frequency, `dX = dY conj(W)` (over the output maps) and `dW = conj(X) dY` (over the batch). `dy` itself is
-//! built row by row from the winners' gradients and the maps, see [`super::norm`], and goes straight into its taxel spectrum.
+//! With `Y = X W` at every frequency, `dX = dY conj(W)` (over the output maps) and `dW = conj(X) dY` (over the batch). `dy` is
+//! built row by row from the winners' gradients and the maps, see [`super::norm`], and written directly into its taxel spectrum.
 
 use rayon::prelude::*;
 
@@ -16,7 +16,7 @@ use super::spectral_stages::{InputGradient, Spread, TurnConjugated, WeightGradie
 use super::taxel::Mirror;
 
 impl Spectral {
-    /// Gradients of the weights and, if wanted, of the input.
+    /// Returns the gradients of the weights and, if requested, of the input.
     pub(super) fn backward(
         &self,
         saved: SavedSpectral,
@@ -68,7 +68,7 @@ impl Spectral {
         (d_weight, d_input)
     }
 
-    /// The weights' gradient of a group's sweeps; that of their input is written to `target`.
+    /// Adds the weights' gradient of a group's sweeps; writes the gradient of their input to `target`.
     fn backward_group(
         &self,
         plan: &Plan,
@@ -177,15 +177,15 @@ impl Spectral {
     }
 }
 
-/// One column: block by block of output maps, the time spectrum of `dy` and its product with the input; then, over all blocks, the
-/// product with the weights; and back.
+/// Backward pass of one column: for each block of output maps the time spectrum of `dy` and its product with the input; then the product
+/// with the weights over all blocks, and the inverse transform.
 struct ColumnBackward<'a> {
     plan: &'a Plan,
     column: usize,
     rows: &'a [Octet],
     input: &'a [Octet],
     weight: &'a [Octet],
-    /// `[block of maps_in, parts, steps seen, 2, block's octets]`, empty if not wanted
+    /// `[block of maps_in, parts, input steps, 2, block's octets]`, empty if not requested
     d_input: &'a mut [Octet],
     /// `[group of maps_out octets, maps_in, kernel steps, 2]`
     d_taps: &'a mut [Octet],
@@ -193,7 +193,7 @@ struct ColumnBackward<'a> {
     d_spectrum: &'a mut [Octet],
     /// `[time frequency, parts, 2, maps_in]`
     d_input_spectrum: &'a mut [Octet],
-    /// Of one block, `[time frequency, maps_in, 2, block's octets]`.
+    /// `[time frequency, maps_in, 2, block's octets]`, of one block
     d_weight_spectrum: &'a mut [Octet],
     turned: &'a mut [Octet],
     scratch: &'a mut [Octet],
@@ -211,7 +211,7 @@ impl ColumnBackward<'_> {
         }
     }
 
-    /// Time spectrum of a block of `dy`.
+    /// Computes the time spectrum of a block of `dy`.
     fn transform(&mut self, block: usize) {
         let plan = self.plan;
         let (octets, steps) = (plan.out_block, plan.ranges.span);
@@ -245,7 +245,7 @@ impl ColumnBackward<'_> {
         }
     }
 
-    /// `conj(X) dY` of a block, and back to taps.
+    /// Computes `conj(X) dY` of a block and transforms it back to taps.
     fn weight_gradient(&mut self, block: usize) {
         let plan = self.plan;
         let BlockShape {
@@ -282,7 +282,7 @@ impl ColumnBackward<'_> {
                 );
             }
         }
-        // Products of two spectra of the same kind: the weights' gradient is real in time wherever the column mirrors itself.
+        // A product of two spectra with equal symmetry: in self-mirroring columns the weights' gradient is real in time.
         let real = match plan.taxel.mirror(self.column) {
             Mirror::Imaginary => Mirror::Real,
             mirror => mirror,
@@ -315,7 +315,7 @@ impl ColumnBackward<'_> {
         }
     }
 
-    /// `dY conj(W)` over all blocks, and back to steps.
+    /// Computes `dY conj(W)` over all blocks and transforms it back to steps.
     fn input_gradient(&mut self) {
         let plan = self.plan;
         let (parts, seen, maps_in) = (plan.parts(), plan.ranges.width, plan.shape.maps_in);
@@ -334,7 +334,7 @@ impl ColumnBackward<'_> {
                     ins,
                     outs: octets,
                 });
-                // The next block, or the first of the next frequency.
+                // The next block, or the first block of the next frequency.
                 let next = match block + 1 {
                     next if next < plan.out_blocks() => next * length + s,
                     _ => (s + 1).min(length - 1),

@@ -1,4 +1,4 @@
-//! Sizes, transforms and tables of rows of a spectral block.
+//! Sizes, transforms and row tables of the spectral route.
 
 use rayon::prelude::*;
 
@@ -9,61 +9,66 @@ use super::shape::BlockShape;
 use super::simd::{Isa, NOWHERE, Octet, Table};
 use super::taxel::{Mirror, TaxelPlan};
 
-/// Sizes, transforms and tables of rows.
+/// Sizes, transforms and row tables.
 #[derive(Debug)]
 pub(super) struct Plan {
     pub(super) shape: BlockShape,
     pub(super) isa: Isa,
     pub(super) time: TimePlan,
     pub(super) taxel: TaxelPlan,
-    /// Taxels and steps in parts that are transformed by themselves.
+    /// Division of the taxels; bands are transformed separately.
     pub(super) bands: Bands,
+    /// Division of the steps; ranges are transformed separately.
     pub(super) ranges: Bands,
-    /// Octets of input and output maps.
+    /// Octets of input maps.
     pub(super) ins: usize,
+    /// Octets of output maps.
     pub(super) outs: usize,
-    /// Octets of input and output maps that make a vector.
+    /// Octets of input maps per vector.
     pub(super) in_group: usize,
+    /// Octets of output maps per vector.
     pub(super) out_group: usize,
-    /// Octets of input and output maps that lie together: a block of them is taken through its transforms and products at a time, so
-    /// that its spectra stay in a core's cache. A block is one or more vectors.
+    /// Octets of input maps per block; blocks are processed one after another, so that their spectra stay in a core's cache.
     pub(super) in_block: usize,
+    /// Octets of output maps per block, one or more vectors.
     pub(super) out_block: usize,
-    /// Steps of a part within the transform: those that it sees, and those that it computes.
+    /// Steps that a part reads, as rows of the transform.
     pub(super) seen: Table,
+    /// Steps that a part computes, as rows of the transform.
     pub(super) steps: Table,
-    /// The kernel's taps within the transform.
+    /// Kernel taps, as rows of the transform.
     pub(super) taps: Table,
-    /// All time frequencies, and those that do not mirror another.
+    /// All time frequencies.
     pub(super) all: Table,
+    /// Time frequencies that do not mirror another.
     pub(super) half: Table,
 }
 
-/// Octets of a block, among `octets`: two fill a cache line, and the product's registers.
+/// Returns the octets of a block: two, which fill a cache line and the product's registers, or one if `octets` is odd.
 fn block_of(octets: usize) -> usize {
     if octets.is_multiple_of(2) { 2 } else { 1 }
 }
 
-/// Where octet `v` lies among blocks of `block` octets each of which spans `span`.
+/// Returns the index of octet `v` in blocks of `block` octets that each span `span` octets.
 #[inline(always)]
 pub(super) fn in_blocks(v: usize, block: usize, span: usize) -> usize {
     v / block * span + v % block
 }
 
-/// For every row the one after it, for the last one nothing.
+/// Iterates over each row's successor; the last row has an empty one.
 pub(super) fn following<'a>(
     rows: impl Iterator<Item = &'a [Octet]>,
 ) -> impl Iterator<Item = &'a [Octet]> {
     rows.skip(1).chain(std::iter::once(&[][..]))
 }
 
-/// Octets per time frequency: padded, as strides of powers of two would crowd into few cache sets.
+/// Returns octets per time frequency with padding, since strides of powers of two collide in few cache sets.
 pub(super) fn padded(octets: usize) -> usize {
     octets + 2
 }
 
 impl Plan {
-    /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] takes the kernel.
+    /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] supports the kernel.
     pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         if !shape.maps_in.is_multiple_of(8) || !shape.maps_out.is_multiple_of(8) {
@@ -107,18 +112,18 @@ impl Plan {
         })
     }
 
-    /// Octets that lie between the stages.
+    /// Returns the octets between the stages.
     pub(super) fn between(&self) -> usize {
         let Bands { width, span, .. } = self.ranges;
         self.parts() * self.taxel.frequencies() * 2 * (width * self.ins + span * self.outs)
     }
 
-    /// Parts of a sweep: ranges of steps of a band, band after band.
+    /// Returns the number of parts in a sweep: the ranges of steps of all bands.
     pub(super) fn parts_of_sweep(&self) -> usize {
         self.bands.count() * self.ranges.count()
     }
 
-    /// Parts of the batch, which the transforms take for sweeps.
+    /// Returns the number of parts in the batch, which the transforms treat as separate sweeps.
     pub(super) fn parts(&self) -> usize {
         self.shape.batch * self.parts_of_sweep()
     }
@@ -129,32 +134,32 @@ impl Plan {
         (part / ranges / bands, part / ranges % bands, part % ranges)
     }
 
-    /// Octets per time frequency of the inputs of a column, `[parts, 2, maps_in]`.
+    /// Returns the octets per time frequency of a column's inputs, `[parts, 2, maps_in]`.
     pub(super) fn input_stride(&self) -> usize {
         padded(self.parts() * 2 * self.ins)
     }
 
-    /// Octets per time frequency of a block of outputs, `[parts, 2, block]`.
+    /// Returns the octets per time frequency of a block of outputs, `[parts, 2, block]`.
     pub(super) fn output_stride(&self) -> usize {
         padded(self.parts() * 2 * self.out_block)
     }
 
-    /// Octets per time frequency of a block of weights, `[maps_in, 2, block]`.
+    /// Returns the octets per time frequency of a block of weights, `[maps_in, 2, block]`.
     pub(super) fn weight_stride(&self) -> usize {
         padded(self.shape.maps_in * 2 * self.out_block)
     }
 
-    /// Blocks of output maps.
+    /// Returns the number of blocks of output maps.
     pub(super) fn out_blocks(&self) -> usize {
         self.outs / self.out_block
     }
 
-    /// Octets of a column of weights, `[block, time frequency, maps_in, 2, block's octets]`.
+    /// Returns the octets of a column of weights, `[block, time frequency, maps_in, 2, block's octets]`.
     pub(super) fn weight_column(&self) -> usize {
         self.out_blocks() * self.time.length() * self.weight_stride()
     }
 
-    /// Time frequencies to multiply in a column, as a table of rows.
+    /// Returns the time frequencies to multiply in a column, as a table of rows.
     pub(super) fn wanted(&self, column: usize) -> &Table {
         if self.taxel.mirror(column) == Mirror::Free {
             &self.all
@@ -163,7 +168,7 @@ impl Plan {
         }
     }
 
-    /// Fills in the mirrored half of a column's spectrum.
+    /// Computes the mirrored half of a column's spectrum.
     pub(super) fn mirror(
         &self,
         mirror: Mirror,
@@ -190,7 +195,7 @@ impl Plan {
     }
 }
 
-/// Weights `[out][in][tap]` to `[group of out octets][in][tap]` vectors of `group` octets.
+/// Reorders weights from `[out][in][tap]` to `[group of out octets][in][tap]` vectors of `group` octets.
 pub(super) fn by_group(weight: &[f32], row: usize, group: usize, out: &mut [Octet]) {
     out.par_chunks_exact_mut(row * group)
         .zip(weight.par_chunks_exact(8 * row * group))

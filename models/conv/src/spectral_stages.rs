@@ -1,4 +1,4 @@
-//! The kernels of a spectral block: taxel spectra of inputs, kernels and gradients, and back.
+//! Kernels of the spectral route: taxel spectra of inputs, kernels and gradients, and their inverses.
 
 use super::bands::Bands;
 use super::norm::OutputGradient;
@@ -8,7 +8,7 @@ use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
 use super::spectral_plan::{Plan, in_blocks};
 use super::taxel::{MAX_TAXELS, Sink, Source, TaxelPlan};
 
-/// Taxel spectra of one part: from a sweep, `[steps, taxels, maps_in]`, to `[column, block of maps_in, steps seen, 2, block's octets]`.
+/// Taxel spectra of one part: from a sweep `[steps, taxels, maps_in]` to `[column, block of maps_in, input steps, 2, block's octets]`.
 pub(super) struct Analyze<'a> {
     pub(super) plan: &'a Plan,
     pub(super) band: usize,
@@ -35,7 +35,7 @@ impl Analyze<'_> {
         let (plan, ins, block) = (self.plan, self.plan.ins, self.plan.in_block);
         let (row, seen) = (plan.shape.taxels * ins * 8, plan.ranges.width);
         for at in 0..seen {
-            // What lies beside the sweep or the array is zero.
+            // Values outside the sweep or the array are zero.
             let Some(step) = plan.ranges.input(self.range, at) else {
                 for rows in self.rows.chunks_exact_mut(seen * 2 * block) {
                     rows[at * 2 * block..][..2 * block].fill(Octet::ZERO);
@@ -84,7 +84,7 @@ impl Kernel for KernelRows<'_> {
     }
 }
 
-/// Maps of one pooling window from the columns, and its winners.
+/// Maps of one pooling window from the columns, and their pooling.
 pub(super) struct Synthesize<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
@@ -93,7 +93,7 @@ pub(super) struct Synthesize<'a> {
     /// `[steps of the window, taxels, maps_out]`
     pub(super) maps: &'a mut [Octet],
     pub(super) goal: Goal<'a>,
-    /// Its sums are `[band, 3, columns]`.
+    /// Output buffers; their sums are `[band, 3, columns]`.
     pub(super) to: Window<'a>,
 }
 
@@ -163,7 +163,7 @@ impl Synthesize<'_> {
     }
 }
 
-/// `dy` of one part as taxel spectra, `[column, block of maps_out, steps, 2, block's octets]`; zero but for the part's own outputs.
+/// Taxel spectra of one part's `dy`, `[column, block of maps_out, steps, 2, block's octets]`; zero outside the part's outputs.
 pub(super) struct Spread<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
@@ -194,7 +194,7 @@ impl Spread<'_> {
         let BlockShape { taxels, pool, .. } = plan.shape;
         let (window_row, block, span) = (taxels * outs, plan.out_block, plan.ranges.span);
         let affine = self.output.affine;
-        // A range is of whole windows.
+        // A range consists of whole windows.
         let windows_before =
             self.sweep * plan.shape.pooled_steps() + self.range * (span / pool.min(span));
         for (window, tile) in self.maps.chunks(pool * window_row).enumerate() {
@@ -239,7 +239,7 @@ impl Spread<'_> {
     }
 }
 
-/// `[maps_in, 2, maps_out]` to the conjugate of its transpose, `[maps_out, 2, maps_in]`, for `outs` octets of output maps.
+/// Conjugate transpose from `[maps_in, 2, maps_out]` to `[maps_out, 2, maps_in]`, for `outs` octets of output maps.
 pub(super) struct TurnConjugated<'a> {
     pub(super) weight: &'a [Octet],
     pub(super) turned: &'a mut [Octet],
@@ -275,10 +275,10 @@ impl NarrowKernel for TurnConjugated<'_> {
     }
 }
 
-/// Weight gradients of a vector of output maps from all columns: `[maps, maps_in, kernel steps, kernel taxels]`.
+/// Weight gradients of a vector of output maps from all columns, `[maps, maps_in, kernel steps, kernel taxels]`.
 pub(super) struct WeightGradient<'a> {
     pub(super) plan: &'a Plan,
-    /// Vector of output maps.
+    /// Index of the vector of output maps.
     pub(super) group: usize,
     /// `[column, group of maps_out octets, maps_in, kernel steps, 2]`
     pub(super) d_taps: &'a [Octet],
@@ -313,7 +313,7 @@ impl Kernel for WeightGradient<'_> {
     }
 }
 
-/// One sweep's input gradient, `[steps, taxels, maps_in]`, from the columns.
+/// Input gradient of one sweep from the columns, `[steps, taxels, maps_in]`.
 pub(super) struct InputGradient<'a> {
     pub(super) plan: &'a Plan,
     pub(super) sweep: usize,
@@ -325,7 +325,7 @@ impl Kernel for InputGradient<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        // Where parts overlap, their gradients add up.
+        // The gradients of overlapping parts are added.
         if self.plan.bands.is_cut() || self.plan.ranges.is_cut() {
             self.of_parts::<L, true>();
         } else {
@@ -371,7 +371,7 @@ impl InputGradient<'_> {
     }
 }
 
-/// A vector of maps of an input row; zero beside the array.
+/// Vector of maps of an input row; zero outside the array.
 struct InputRow<'a, const CUT: bool> {
     bands: &'a Bands,
     band: usize,
@@ -393,7 +393,7 @@ impl<L: Lanes, const CUT: bool> Source<L> for InputRow<'_, CUT> {
     }
 }
 
-/// A vector of maps of a row; only a band's own outputs are written.
+/// Vector of maps of an output row; only the band's outputs are written.
 struct MapRow<'a, const CUT: bool> {
     bands: &'a Bands,
     band: usize,
@@ -413,18 +413,18 @@ impl<L: Lanes, const CUT: bool> Sink<L> for MapRow<'_, CUT> {
     }
 }
 
-/// A vector of maps of a row of `dy`; zero but for a band's own outputs.
+/// Vector of maps of a row of `dy`; zero outside the band's outputs.
 struct GradientRow<'a, L, const CUT: bool> {
     bands: &'a Bands,
     band: usize,
-    /// Gradient and step of the window's winners, by place in the band.
+    /// Gradient and step of the window's winners, by position in the band.
     sparse: &'a [[L; 2]; MAX_TAXELS],
     maps: &'a [Octet],
     outs: usize,
     v: usize,
     /// `kb` and `kc`
     affine: [L; 2],
-    /// The step, which the winners of this row have.
+    /// Step of the row, compared with the winners' steps.
     won: L,
 }
 
@@ -446,7 +446,7 @@ impl<L: Lanes, const CUT: bool> Source<L> for GradientRow<'_, L, CUT> {
     }
 }
 
-/// A vector of maps of a row of the input's gradient, to which a band's share is added; a whole row is written.
+/// Vector of maps of a row of the input's gradient: a band is added to it, a whole row overwrites it.
 struct InputGradientRow<'a, const CUT: bool> {
     bands: &'a Bands,
     band: usize,

@@ -1,9 +1,9 @@
-//! The block with frozen statistics, row by row: each row is added to the outputs around it when it arrives.
+//! Block with fixed statistics, row by row: each row is added to the outputs around it when it arrives.
 //!
-//! Output row `r` sums the input rows `r - h ... r + h` (`h` is half the kernel), so it is complete `h` rows after its own input. Until then it
-//! lies in a ring as long as the kernel. At any time the ring holds exactly what a sweep that ended now would have, since SAME padding adds
-//! nothing behind the last row: [`StreamBlock::end`] only reads out what is there. A row costs `taxels` by `kernel` by `maps_in` by
-//! `maps_out` products, spread evenly over the sweep; batch normalisation is folded into the weights.
+//! Output row `r` sums the input rows `r - h ... r + h` (`h` is half the kernel), so it is complete `h` rows after its own input. Until then
+//! it is in a ring as long as the kernel. At any time the ring holds the results of a sweep that ends now, since SAME padding adds
+//! only zeros after the last row: [`StreamBlock::end`] just reads them. A row costs `taxels * kernel * maps_in * maps_out` products,
+//! spread evenly over the sweep. Batch normalisation is folded into the weights.
 
 use std::sync::Arc;
 
@@ -12,41 +12,41 @@ use super::simd::{Isa, Kernel, Lanes, Octet, Octets, Walk, floats};
 /// Sizes of a [`StreamBlock`]; see [`crate::BlockShape`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StreamShape {
-    /// Taxels of a row.
+    /// Number of taxels in a row.
     pub taxels: usize,
-    /// Maps that come in.
+    /// Number of input maps.
     pub maps_in: usize,
-    /// Maps that go out.
+    /// Number of output maps.
     pub maps_out: usize,
-    /// Kernel: time steps by taxels, both odd.
+    /// Kernel size, time steps by taxels; both are odd.
     pub kernel: [usize; 2],
-    /// Rows that one pooled row covers.
+    /// Number of rows in one pooled row.
     pub pool: usize,
 }
 
-/// A block with frozen statistics that takes a sweep row by row, and the rows that are not yet pooled.
+/// Block with fixed statistics that receives a sweep row by row, with the rows that are not pooled yet.
 ///
-/// Only [`StreamBlock::new`] and `clone` allocate; [`StreamBlock::copy_from`] updates a clone. All of it runs on the calling thread.
+/// Only [`StreamBlock::new`] and `clone` allocate; [`StreamBlock::copy_from`] updates a clone. Everything runs on the calling thread.
 #[derive(Debug, Clone)]
 pub struct StreamBlock {
     shape: StreamShape,
     isa: Isa,
     weights: Arc<Weights>,
-    /// `[taxels rounded up + padding][maps_in]`, zeros around the newest row
+    /// `[taxels rounded up + padding][maps_in]`: latest row with zeros around it
     row: Vec<f32>,
-    /// `[kernel steps][taxels rounded up][octets]`: row `r` lies at `r % kernel steps`
+    /// `[kernel steps][taxels rounded up][octets]`: row `r` is at `r % kernel steps`
     ring: Octets,
-    /// `[taxels][maps_out]`: largest values of the window that is open
+    /// `[taxels][maps_out]`: largest values of the open window
     largest: Vec<f32>,
     /// `[taxels][maps_out]`: the window that was closed last
     pooled: Vec<f32>,
-    /// Rows pushed.
+    /// Number of rows pushed.
     pushed: usize,
-    /// Rows pooled.
+    /// Number of rows pooled.
     complete: usize,
 }
 
-/// With the running statistics folded in.
+/// Weights with the running statistics folded in.
 #[derive(Debug)]
 struct Weights {
     /// `[kernel steps][panels][kernel taxels x maps_in][octets of a panel]`
@@ -56,7 +56,7 @@ struct Weights {
     octets: usize,
 }
 
-/// Octets of outputs that one pass through the weights serves: two vectors.
+/// Returns the octets of outputs per pass through the weights: two vectors.
 fn panel(isa: Isa) -> usize {
     2 * isa.group(2)
 }
@@ -65,10 +65,10 @@ impl StreamBlock {
     /// Copies the weights and folds the normalisation in.
     ///
     /// - `weight`: `[maps_out, maps_in, kernel steps, kernel taxels]`
-    /// - `scale`, `shift`: `[maps_out]`, from convolution to normalised map
+    /// - `scale`, `shift`: `[maps_out]`, from convolution output to normalised map
     ///
     /// # Panics
-    /// If `weight` has another length.
+    /// If `weight` has the wrong length.
     pub fn new(shape: StreamShape, weight: &[f32], scale: &[f32], shift: &[f32]) -> Self {
         Self::on(Isa::detect(), shape, weight, scale, shift)
     }
@@ -124,7 +124,7 @@ impl StreamBlock {
         self.complete = 0;
     }
 
-    /// Copies the rows of `other`, which must be a clone of this block or the reverse.
+    /// Copies the rows of `other`; one of the two blocks must be a clone of the other.
     pub fn copy_from(&mut self, other: &Self) {
         debug_assert!(Arc::ptr_eq(&self.weights, &other.weights));
         self.ring.copy_from_slice(&other.ring);
@@ -133,13 +133,13 @@ impl StreamBlock {
         self.complete = other.complete;
     }
 
-    /// Adds the next row. Returns the pooled row `[taxels][maps_out]` that it completes, if any.
+    /// Adds the next row and returns the pooled row `[taxels][maps_out]` that it completes, if any.
     ///
     /// - `row`: `[taxels][maps_in]`
-    /// - `rows`: rows of the whole sweep
+    /// - `rows`: number of rows in the whole sweep
     ///
     /// # Panics
-    /// If `row` has another length.
+    /// If `row` has the wrong length.
     pub fn push(&mut self, row: &[f32], rows: usize) -> Option<&[f32]> {
         let StreamShape {
             taxels,
@@ -170,7 +170,7 @@ impl StreamBlock {
         self.finish_row(rows)
     }
 
-    /// Returns the next pooled row of a sweep that ends with the row pushed last; call it until it returns `None`.
+    /// Returns the next pooled row of a sweep that ends with the latest row; call it until it returns `None`.
     pub fn end(&mut self) -> Option<&[f32]> {
         let rows = self.pushed;
         let pool = self.shape.pool;
@@ -225,15 +225,15 @@ impl StreamBlock {
     }
 }
 
-/// Adds one input row, times the weights of each tap, to the output rows around it.
+/// Addition of one input row, times the weights of each tap, to the output rows around it.
 struct Spread<'a> {
     row: &'a [f32],
     maps_in: usize,
     weights: &'a [Octet],
     ring: &'a mut [Octet],
-    /// Output rows.
+    /// Output rows to add to.
     targets: std::ops::Range<usize>,
-    /// The output row that tap 0 leads to.
+    /// Output row of tap 0.
     reach: usize,
     time: usize,
     octets: usize,
@@ -269,7 +269,7 @@ impl Kernel for Spread<'_> {
     }
 }
 
-/// A register block of `PAIRS` pairs of taxels by two vectors of maps; returns the number of taxels.
+/// Adds a register block of `PAIRS` pairs of taxels by two vectors of maps; returns the number of taxels.
 #[inline(always)]
 fn add<L: Lanes, const PAIRS: usize>(
     row: &[f32],
@@ -321,7 +321,7 @@ mod tests {
     use crate::shape::BlockShape;
     use proptest::prelude::*;
 
-    /// The block over a whole sweep.
+    /// Returns the output of the block for a whole sweep.
     fn whole(
         shape: StreamShape,
         steps: usize,
@@ -346,7 +346,7 @@ mod tests {
             pool,
         });
         let [scale, shift] = norm;
-        // Whose standard deviation is one.
+        // The standard deviation is one.
         let (mean, variance) = (vec![0.0; maps_out], vec![1.0 - 1e-5; maps_out]);
         block.forward_eval(input, weight, scale, shift, &mean, &variance)
     }
@@ -366,7 +366,7 @@ mod tests {
             for isa in Isa::all() {
                 let mut block = StreamBlock::on(isa, shape, &weight, &scale, &shift);
                 let mut copy = block.clone();
-                // What pushed before a restart leaves no trace.
+                // Rows pushed before a restart have no effect.
                 for row in input.chunks_exact(taxels * maps_in).take(seed as usize % 7) {
                     block.push(row, steps);
                 }

@@ -1,17 +1,17 @@
-//! Dense and output layer for one sweep at a time, plainly and with many dropout masks, without allocating.
+//! Dense and output layer for one sweep, without dropout and with many dropout masks, without allocation.
 //!
-//! The masks are known in advance. A sample drops few features (or keeps few), so its dense layer is the plain one less what it drops: with a keep
-//! probability of 0.8 a fifth of the products of a masked matrix product. The dense layer's outputs are computed in panels whose weights stay in the
-//! second-level cache for all Monte Carlo samples.
+//! The masks are known in advance. A sample drops few features (or keeps few), so its dense layer is computed as the one without dropout minus
+//! the dropped features. With a keep probability of 0.8 this takes a fifth of the products of a masked matrix product. The dense layer
+//! is computed in panels whose weights stay in the L2 cache for all Monte Carlo samples.
 
 use super::simd::{Isa, Kernel, Lanes, Octet, Octets, floats};
 
-/// Octets of hidden units that are computed together: 2048 features of them are half a megabyte.
+/// Octets of hidden units per panel; with 2048 features a panel's weights take half a megabyte.
 const PANEL: usize = 8;
 
-/// The layers behind the convolutions: dense, ReLU, output.
+/// Layers behind the features: dense, ReLU, output.
 ///
-/// Only [`StreamHead::new`] allocates. All of it runs on the calling thread.
+/// Only [`StreamHead::new`] allocates. Everything runs on the calling thread.
 #[derive(Debug, Clone)]
 pub struct StreamHead {
     isa: Isa,
@@ -32,18 +32,18 @@ pub struct StreamHead {
     scores: Octets,
 }
 
-/// One draw of the dropout.
+/// One dropout mask.
 #[derive(Debug, Clone)]
 struct Mask {
-    /// The smaller of the two sets: features that are dropped, or kept.
+    /// Indices of the dropped or of the kept features, whichever are fewer.
     features: Vec<u32>,
     dropped: bool,
-    /// Factor of the features that are kept.
+    /// Factor of the kept features.
     gain: f32,
 }
 
 impl Mask {
-    /// - `mask`: `[features]`, one value where a feature is kept, zero elsewhere
+    /// - `mask`: `[features]`, one positive value for all kept features, else zero
     fn new(mask: &[f32]) -> Self {
         let set = |dropped: bool| -> Vec<u32> {
             let chosen = mask.iter().enumerate();
@@ -63,7 +63,7 @@ impl Mask {
 }
 
 impl StreamHead {
-    /// Copies the weights and sorts the masks.
+    /// Copies the weights and converts the masks.
     ///
     /// - `hidden_weight`: `[hidden][features]`, `hidden_bias`: `[hidden]`, with batch normalisation folded in
     /// - `output_weight`: `[materials][hidden]`, `output_bias`: `[materials]`
@@ -118,22 +118,22 @@ impl StreamHead {
     /// - `features`: `[features]`
     ///
     /// # Panics
-    /// If `features` has another length.
+    /// If `features` has the wrong length.
     pub fn plain(&mut self, features: &[f32], visit: impl FnMut(&[f32])) {
         self.hidden(features, 0);
         self.visit_scores(1, visit);
     }
 
-    /// Calls `visit` with the scores `[materials]` of every dropout mask, in their order.
+    /// Calls `visit` with the scores `[materials]` of every dropout mask, in order.
     ///
     /// # Panics
-    /// As [`StreamHead::plain`].
+    /// If `features` has the wrong length.
     pub fn monte_carlo(&mut self, features: &[f32], visit: impl FnMut(&[f32])) {
         self.hidden(features, self.masks.len());
         self.visit_scores(self.masks.len(), visit);
     }
 
-    /// Fills the activations of `mc_samples` masks, or of none.
+    /// Computes the activations of `mc_samples` masks, or without dropout if it is 0.
     fn hidden(&mut self, features: &[f32], mc_samples: usize) {
         assert_eq!(features.len(), self.features, "number of features");
         let units = self.bias.len();
@@ -176,7 +176,7 @@ struct Hidden<'a> {
     /// `[features][PANEL]`
     weights: &'a [Octet],
     bias: &'a [Octet],
-    /// None for the plain layer.
+    /// Empty without dropout.
     masks: &'a [Mask],
     /// `[mc_samples]`, `units` octets apart
     activations: &'a mut [Octet],
@@ -219,7 +219,7 @@ impl Kernel for Hidden<'_> {
     }
 }
 
-/// Sum of the rows of `chosen` features, each times its feature; the first `PANEL / L::OCTETS` vectors are meant.
+/// Returns the sum of the `chosen` features' weight rows times their features, in the first `PANEL / L::OCTETS` vectors.
 #[inline(always)]
 fn weighted<L: Lanes>(
     features: &[f32],
@@ -238,7 +238,7 @@ fn weighted<L: Lanes>(
     sum
 }
 
-/// The output layer.
+/// Output layer.
 struct Output<'a> {
     activations: &'a [f32],
     /// `[units][octets]`
@@ -253,7 +253,7 @@ impl Kernel for Output<'_> {
     fn run<L: Lanes>(self) {
         let octets = self.bias.len();
         for octet in (0..octets).step_by(L::OCTETS) {
-            // Four sums, to hide the latency of multiply-add.
+            // Four sums hide the latency of multiply-add.
             let mut sums = [L::splat(0.0); 4];
             sums[0] = L::load(self.bias, octet);
             for (four, values) in self.activations.chunks_exact(4).enumerate() {

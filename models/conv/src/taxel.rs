@@ -1,17 +1,17 @@
-//! Real Fourier transforms across the few taxels, as dense products, a vector of maps at once.
+//! Real Fourier transforms over the few taxels, as dense products, one vector of maps at a time.
 //!
-//! Positions are counted from the middle of the taxel row, `u = w - (taxels - 1) / 2`, so every pair `+-u` enters as its sum
-//! (times a cosine) and its difference (times a sine): half the multiplications. The middle may lie between two taxels; the
-//! phase this adds is the same before and after a convolution, so products of spectra do not see it. Only frequencies
-//! `0 ..= length / 2` are kept, as the values are real.
+//! Positions count from the middle of the taxel row, `u = w - (taxels - 1) / 2`. So every pair `+-u` contributes its sum times a cosine and
+//! its difference times a sine, with half of the multiplications. The middle may lie between two taxels; this adds the same phase
+//! before and after a convolution, so products of spectra are unaffected. Since values are real, only frequencies `0 ..= length / 2` are kept.
 
 use super::bands::Bands;
 use super::simd::{Lanes, Octet, prefetch};
 
-/// Most taxels that a plan takes.
+/// Maximum number of taxels of a plan.
 pub(super) const MAX_TAXELS: usize = 32;
-/// Pairs of taxels that are handled together; rows of other widths are padded with zero pairs. Sums and differences of eight pairs fill
-/// sixteen registers.
+/// Supported numbers of taxel pairs that are handled together; other rows are padded with zero pairs.
+///
+/// Sums and differences of eight pairs fill sixteen registers.
 const PAIRS: [usize; 5] = [1, 5, 8, 12, MAX_TAXELS / 2];
 
 /// Calls a function that is generic over the number of pairs.
@@ -27,28 +27,29 @@ macro_rules! with_pairs {
     };
 }
 
-/// Pairs that a row of `taxels` is padded to.
+/// Returns the number of pairs that a row of `taxels` is padded to.
 pub(super) fn padded_pairs(taxels: usize) -> usize {
     let pairs = taxels.div_ceil(2);
     let fitting = PAIRS.into_iter().find(|&padded| pairs <= padded);
     fitting.unwrap_or(pairs)
 }
 
-/// The values of one row of taxels. A trait rather than a closure: only functions can be marked so that they are always compiled into the
-/// kernel, with its instruction set.
+/// Reads the values of one row of taxels.
+///
+/// It is a trait, not a closure, because only functions can be forced inline, which compiles them with the kernel's instruction set.
 pub(super) trait Source<L> {
     fn at(&self, taxel: usize) -> L;
 }
 
-/// Where the values of one row of taxels go.
+/// Writes the values of one row of taxels.
 pub(super) trait Sink<L> {
     fn put(&mut self, taxel: usize, value: L);
 }
 
-/// Symmetry of the time spectrum of one taxel frequency.
+/// Symmetry of the time spectrum at one taxel frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mirror {
-    /// It does not.
+    /// No symmetry.
     Free,
     /// Real in time: `z(-s) = conj z(s)`.
     Real,
@@ -63,19 +64,20 @@ pub(super) struct TaxelPlan {
     length: usize,
     /// `[frequency, pair, 2]`: cosine, minus sine
     forward: Vec<Octet>,
-    /// `[2, frequency, pair]`: the same, scaled by the inverse transform's weights
+    /// `[2, frequency, pair]`: the same factors times the inverse transform's weights
     inverse: Vec<Octet>,
     /// `[frequency, lag, 2]` for lags 0 ..= pad
     kernel: Vec<[f32; 2]>,
-    /// Taps on either side of the kernel's middle.
+    /// Number of taps on either side of the kernel's middle.
     pad: usize,
     scale: f32,
 }
 
 impl TaxelPlan {
-    /// For bands of taxels and kernels of `2 pad + 1`; the inverse also multiplies by `scale`. None if a band is too wide.
+    /// Creates tables for bands of taxels and kernels of `2 pad + 1` taxels; `None` if a band is too wide.
     ///
-    /// A whole row lies between zeros. Part of a longer row does not need them: what wraps around reaches none of its outputs.
+    /// The inverse transform also multiplies by `scale`. A whole row is padded with zeros. A band of a longer row is not, because
+    /// only inputs outside its outputs wrap around.
     pub(super) fn new(bands: &Bands, pad: usize, scale: f64) -> Option<Self> {
         let taxels = bands.width;
         let length = taxels + if bands.is_cut() { 0 } else { pad };
@@ -119,7 +121,7 @@ impl TaxelPlan {
         Some(Self { inverse, ..plan })
     }
 
-    /// Frequencies kept.
+    /// Returns the number of frequencies.
     pub(super) fn frequencies(&self) -> usize {
         self.length / 2 + 1
     }
@@ -146,7 +148,7 @@ impl TaxelPlan {
         }
     }
 
-    /// Share of a frequency in the inverse transform: all but zero and Nyquist stand for their negative too.
+    /// Returns the weight of a frequency in the inverse transform: two, for itself and its negative, except for zero and Nyquist.
     fn weight(&self, frequency: usize) -> f32 {
         let doubled = if frequency == 0 || 2 * frequency == self.length {
             1.0
@@ -156,7 +158,7 @@ impl TaxelPlan {
         self.scale * doubled / self.length as f32
     }
 
-    /// The taxels `+-u` of a pair; equal in the middle of an odd row.
+    /// Returns the taxels `+-u` of a pair; both are equal in the middle of an odd row.
     #[inline(always)]
     fn ends(&self, pair: usize) -> [usize; 2] {
         let (pairs, even) = (self.pairs(), self.taxels.is_multiple_of(2));
@@ -166,9 +168,7 @@ impl TaxelPlan {
         ]
     }
 
-    /// Spectrum of one row: frequency `f` goes to `out[f * stride]` (real) and `out[f * stride + imaginary]`.
-    ///
-    /// `values` gives the taxels' values.
+    /// Computes the spectrum of one row: frequency `f` goes to `out[f * stride]` (real) and `out[f * stride + imaginary]`.
     #[inline(always)]
     pub(super) fn forward<L: Lanes>(
         &self,
@@ -211,8 +211,9 @@ impl TaxelPlan {
         }
     }
 
-    /// One row from its spectrum, which lies as [`TaxelPlan::forward`] writes it; taxel `w` goes to `put`. What lies `ahead` octets
-    /// further is prefetched, unless `ahead` is 0.
+    /// Computes one row from its spectrum, in the layout of [`TaxelPlan::forward`]; taxel `w` goes to `put`.
+    ///
+    /// Cache lines `ahead` octets further are prefetched, unless `ahead` is 0.
     #[inline(always)]
     pub(super) fn inverse<L: Lanes>(
         &self,
@@ -277,7 +278,7 @@ impl TaxelPlan {
         &self.kernel[frequency * (self.pad + 1)..(frequency + 1) * (self.pad + 1)]
     }
 
-    /// Frequency `f` of a kernel row, given as taps of a cross-correlation, a vector each: the convolution's lags are the taps reversed.
+    /// Returns frequency `f` of a kernel row, given as taps of a cross-correlation, one vector each: the convolution's lags are the reversed taps.
     #[inline(always)]
     pub(super) fn kernel<L: Lanes>(&self, frequency: usize, taps: &[Octet]) -> [L; 2] {
         let table = self.kernel_row(frequency);

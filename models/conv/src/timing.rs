@@ -1,10 +1,10 @@
-//! Transforms and products on their own, for `benches/crates.rs`, which compares them with `rustfft` and `gemm`.
+//! Single transforms and products for `benches/crates.rs`, which compares them with `rustfft` and `gemm`.
 
 use super::fft::TimePlan;
 use super::product::{Left, Soon};
 use super::simd::{Isa, NOTHING, Octets, Rows, Table};
 
-/// A complex transform of `length` points of 16 maps at once; every call does it once.
+/// Returns a function that runs one complex transform of `length` points of 16 maps.
 pub fn transform(length: usize) -> impl FnMut() {
     let isa = Isa::detect();
     let plan = TimePlan::at_least(length);
@@ -25,7 +25,7 @@ pub fn transform(length: usize) -> impl FnMut() {
     }
 }
 
-/// A complex product `[rows, inner] x [inner, columns]`, `columns` a multiple of 8; every call does it once.
+/// Returns a function that computes one complex product `[rows, inner] x [inner, columns]`; `columns` is a multiple of 8.
 pub fn product(rows: usize, inner: usize, columns: usize) -> impl FnMut() {
     let isa = Isa::detect();
     let left = vec![1.0; rows * inner * 2];

@@ -1,14 +1,14 @@
-//! Kernels that are longer or wider than what they are laid over.
+//! Kernels that are longer or wider than the sweep.
 
 use rayon::prelude::*;
 
 use super::shape::BlockShape;
 use super::spare;
 
-/// Kernels that a thread takes at once, at least.
+/// Minimum number of kernels per thread.
 const RUN: usize = 512;
 
-/// The taps of a kernel that meet a sweep: of 15 time steps a sweep of one step meets the middle one alone.
+/// Taps of a kernel that can reach a sweep: for a sweep of one step only the middle one of 15 time steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Trim {
     kernel: [usize; 2],
@@ -16,7 +16,7 @@ pub(super) struct Trim {
 }
 
 impl Trim {
-    /// Returns `None` if every tap of the shape's kernel meets a sweep.
+    /// Returns `None` if all taps can reach a sweep.
     pub(super) fn of(shape: &BlockShape) -> Option<Self> {
         let met = |kernel: usize, len: usize| kernel.min(2 * len - 1);
         let [kernel_steps, kernel_taxels] = shape.kernel;
@@ -30,7 +30,7 @@ impl Trim {
         })
     }
 
-    /// Returns the shape with a kernel of these taps alone.
+    /// Returns the shape with a kernel of these taps only.
     pub(super) fn shape(&self, shape: BlockShape) -> BlockShape {
         BlockShape {
             kernel: self.met,
@@ -38,7 +38,7 @@ impl Trim {
         }
     }
 
-    /// Returns these taps of kernels, `[kernel, steps, taxels]`.
+    /// Returns these taps of all kernels, `[kernel, steps, taxels]`.
     pub(super) fn trimmed(&self, weights: &[f32]) -> Vec<f32> {
         let kernels = weights.len() / self.taps();
         let taps = self.met[0] * self.met[1];
@@ -54,7 +54,7 @@ impl Trim {
         met
     }
 
-    /// Returns gradients of all taps: zero but for these.
+    /// Returns gradients of all taps, with zeros for the other taps.
     pub(super) fn expanded(&self, gradient: Vec<f32>) -> Vec<f32> {
         let taps = self.met[0] * self.met[1];
         let mut all = spare::take(gradient.len() / taps * self.taps());
@@ -75,7 +75,7 @@ impl Trim {
         self.kernel[0] * self.kernel[1]
     }
 
-    /// Where the rows of these taps begin in a kernel.
+    /// Iterates over the offsets of these taps' rows in a kernel.
     fn rows(&self) -> impl Iterator<Item = usize> {
         let [above, beside] = [0, 1].map(|axis| (self.kernel[axis] - self.met[axis]) / 2);
         let width = self.kernel[1];

@@ -1,4 +1,4 @@
-//! Weights, and spectra of weights that are kept as long as the weights stay the same.
+//! Weights, and cached results that stay valid while the weights do not change.
 
 use std::any::Any;
 use std::borrow::Cow;
@@ -7,16 +7,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use super::trim::Trim;
 
-/// Identifies the memory that weights lie in.
+/// Identity of the memory that holds weights.
 ///
-/// Two equal identities must mean equal weights. With an [`Arc`] that is changed only through [`Arc::make_mut`] they do: where [`Weak`]
-/// pointers exist it moves the values first, and no other allocation takes the old address while one is left.
+/// Equal identities must mean equal weights. An [`Arc`] that is only modified through [`Arc::make_mut`] guarantees this: if [`Weak`]
+/// pointers exist, it moves the values first, and no other allocation reuses the old address while a pointer is left.
 pub type Identity = Weak<dyn Any + Send + Sync>;
 
-/// The weights of one call, `[maps_out, maps_in, kernel steps, kernel taxels]`.
+/// Weights of one call, `[maps_out, maps_in, kernel steps, kernel taxels]`.
 ///
-/// With an identity, their spectra are kept for the next call: the two passes of an adversarial step share them, and predictions
-/// with frozen weights compute them once.
+/// With an identity their spectra are cached for the next call. So the two passes of an adversarial step share them, and predictions
+/// with fixed weights compute them once.
 #[derive(Clone)]
 pub struct Weight<'a> {
     values: &'a [f32],
@@ -25,7 +25,7 @@ pub struct Weight<'a> {
 }
 
 impl<'a> Weight<'a> {
-    /// Returns weights with an identity.
+    /// Creates weights with an identity.
     ///
     /// - `values`: `[maps_out, maps_in, kernel steps, kernel taxels]`
     pub fn known(values: &'a [f32], identity: Identity) -> Self {
@@ -36,12 +36,12 @@ impl<'a> Weight<'a> {
         }
     }
 
-    /// Returns the same weights, of whose taps only those of `trim` are wanted.
+    /// Restricts the weights to the taps of `trim`.
     pub(super) fn of_taps(self, trim: Option<Trim>) -> Self {
         Self { trim, ..self }
     }
 
-    /// Returns the wanted taps, `[maps_out, maps_in, kernel steps, kernel taxels]`.
+    /// Returns the selected taps, `[maps_out, maps_in, kernel steps, kernel taxels]`.
     pub(super) fn values(&self) -> Cow<'a, [f32]> {
         match &self.trim {
             Some(trim) => Cow::Owned(trim.trimmed(self.values)),
@@ -49,7 +49,7 @@ impl<'a> Weight<'a> {
         }
     }
 
-    /// Number of all taps.
+    /// Returns the number of all taps.
     pub(super) fn len(&self) -> usize {
         self.values.len()
     }
@@ -71,7 +71,7 @@ impl<'a> From<&'a Vec<f32>> for Weight<'a> {
     }
 }
 
-/// Cache of the value computed from the last weights that had an identity.
+/// Cache of the value that was computed from the latest weights with an identity.
 pub(super) struct Remembered<T>(Mutex<Option<(Identity, Arc<T>)>>);
 
 impl<T> Default for Remembered<T> {
@@ -87,7 +87,7 @@ impl<T> fmt::Debug for Remembered<T> {
 }
 
 impl<T> Remembered<T> {
-    /// Returns the value for these weights, computed by `make` if they are new. `make` gets the previous value, unless it is in use.
+    /// Returns the value for these weights; if they are new, `make` computes it from the previous value, unless that is in use.
     pub(super) fn get_or_make(
         &self,
         weight: &Weight<'_>,
@@ -103,7 +103,7 @@ impl<T> Remembered<T> {
                 _ => last.take().and_then(|(_, made)| Arc::into_inner(made)),
             }
         };
-        // Not locked meanwhile: a thread of the pool that waits within `make` may run another task that locks this.
+        // The lock is released meanwhile: while `make` waits, this pool thread may run another task that needs the lock.
         let made = Arc::new(make(before));
         *self.last() = Some((Weak::clone(identity), Arc::clone(&made)));
         made
@@ -139,7 +139,7 @@ mod tests {
         let nameless = Weight::from(&values[..]);
         assert_eq!(*remembered.get_or_make(&nameless, make), 4);
         assert_eq!(*remembered.get_or_make(&known(&first), make), 3);
-        // Changed by the only one who holds it.
+        // The only owner changes the value.
         *Arc::make_mut(&mut first) += 1;
         assert_eq!(*remembered.get_or_make(&known(&first), make), 5);
     }

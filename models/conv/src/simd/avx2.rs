@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use super::{Kernel, Lanes, Narrow, NarrowKernel, Octet};
 
-/// Exists only inside the functions with `target_feature`, that is on processors with AVX2 and FMA.
+/// AVX2 vector; used only inside functions with `target_feature`, on processors with AVX2 and FMA.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Avx2(__m256);
 
@@ -22,8 +22,8 @@ pub(super) unsafe fn run_narrow<K: NarrowKernel>(kernel: K) -> K::Output {
     kernel.run::<Avx2>()
 }
 
-// SAFETY of every block below: `Avx2` is only named in functions whose callers have detected the features; loads and stores go
-// through slices of eight values or are granted by the caller, and `Octet` is 32-byte aligned.
+// SAFETY of every block below: `Avx2` is only used in functions whose callers have detected the features. Loads and stores use
+// slices of eight values or memory that the caller guarantees, and `Octet` is 32-byte aligned.
 impl Lanes for Avx2 {
     const OCTETS: usize = 1;
     #[inline(always)]

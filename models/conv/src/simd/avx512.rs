@@ -1,15 +1,15 @@
-//! Sixteen lanes of AVX-512, and eight with its 32 registers.
+//! Sixteen lanes of AVX-512, and eight lanes with its 32 registers.
 
 use std::arch::x86_64::*;
 
 use super::avx2::Avx2;
 use super::{Kernel, Lanes, NarrowKernel, Octet};
 
-/// Exists only inside [`run`], that is on processors with AVX-512 F, VL, BW and DQ.
+/// AVX-512 vector; used only inside [`run`], on processors with AVX-512 F, VL, BW and DQ.
 #[derive(Debug, Clone, Copy)]
 struct Avx512(__m512);
 
-/// Two octets to a vector.
+/// Runs a kernel with two octets per vector.
 ///
 /// # Safety
 /// The processor must have AVX2, FMA and AVX-512 F, VL, BW and DQ.
@@ -18,7 +18,7 @@ pub(super) unsafe fn run<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Avx512>()
 }
 
-/// One octet to a vector.
+/// Runs a kernel with one octet per vector.
 ///
 /// # Safety
 /// As for [`run`].
@@ -27,7 +27,7 @@ pub(super) unsafe fn run_octet<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Avx2>()
 }
 
-/// As [`run_octet`], for work on single octets.
+/// Runs a kernel on single octets.
 ///
 /// # Safety
 /// As for [`run`].
@@ -36,8 +36,8 @@ pub(super) unsafe fn run_narrow<K: NarrowKernel>(kernel: K) -> K::Output {
     kernel.run::<Avx2>()
 }
 
-// SAFETY of every block below: `Avx512` is only named in `run`, whose caller has detected the features; loads and stores go
-// through slices of sixteen values or are granted by the caller.
+// SAFETY of every block below: `Avx512` is only used in `run`, whose caller has detected the features. Loads and stores use
+// slices of sixteen values or memory that the caller guarantees.
 impl Lanes for Avx512 {
     const OCTETS: usize = 2;
     #[inline(always)]

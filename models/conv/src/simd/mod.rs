@@ -1,9 +1,10 @@
-//! Vectors of f32 lanes: eight with AVX2 and FMA, sixteen with AVX-512, plain arrays elsewhere. The only module with `unsafe` code.
+//! Vectors of f32 lanes: eight with AVX2 and FMA, sixteen with AVX-512, else plain arrays. The only module with `unsafe` code.
 //!
-//! Data lie in octets of eight maps; a vector is one octet or two neighbouring ones, so one layout serves all instruction sets.
+//! Data is stored in octets, that is eight neighbouring maps. A vector is one or two neighbouring octets, so one layout serves all
+//! instruction sets.
 //!
-//! A kernel is a type that implements [`Kernel`]; [`Isa::run`] calls it with the lanes that were detected at run time. Everything a
-//! kernel calls must be `#[inline(always)]`, so that it is compiled with the features of the function it is inlined into.
+//! A kernel is a type that implements [`Kernel`]; [`Isa::run`] calls it with the lanes that were detected at run time. Everything that a
+//! kernel calls must be `#[inline(always)]`, so that it is compiled with the features of the enclosing function.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -26,11 +27,11 @@ pub(super) use walk::Walk;
 pub(super) struct Octet(pub(super) [f32; 8]);
 
 impl Octet {
-    /// All lanes zero.
+    /// Octet of zeros.
     pub(super) const ZERO: Self = Self([0.0; 8]);
 }
 
-/// Octets that begin at a cache line, so that no vector of two straddles one.
+/// Octets that begin at a cache line, so that no vector of two crosses one.
 #[derive(Clone)]
 pub(super) struct Octets {
     lines: Vec<Line>,
@@ -50,15 +51,15 @@ impl Octets {
         }
     }
 
-    /// Octets that there is room for.
+    /// Returns the capacity in octets.
     pub(super) fn room(&self) -> usize {
         2 * self.lines.len()
     }
 
-    /// Makes it `len` octets.
+    /// Sets the length to `len` octets.
     ///
     /// # Panics
-    /// If there is no room for them.
+    /// If `len` exceeds the capacity.
     pub(super) fn set_len(&mut self, len: usize) {
         assert!(len <= self.room(), "room for {len} octets");
         self.len = len;
@@ -88,14 +89,14 @@ impl DerefMut for Octets {
     }
 }
 
-/// The values of a row of octets.
+/// Returns the values of octets.
 #[inline(always)]
 pub(super) fn floats(octets: &[Octet]) -> &[f32] {
     // SAFETY: an octet is exactly eight f32 without padding, and its alignment is stricter.
     unsafe { std::slice::from_raw_parts(octets.as_ptr().cast(), octets.len() * 8) }
 }
 
-/// The values of a row of octets, to write.
+/// Returns the values of octets for writing.
 pub(super) fn floats_mut(octets: &mut [Octet]) -> &mut [f32] {
     // SAFETY: as in `floats`; every bit pattern is a valid f32.
     unsafe { std::slice::from_raw_parts_mut(octets.as_mut_ptr().cast(), octets.len() * 8) }
@@ -103,62 +104,62 @@ pub(super) fn floats_mut(octets: &mut [Octet]) -> &mut [f32] {
 
 /// Arithmetic on a vector of one or more octets.
 pub(super) trait Lanes: Copy + Debug {
-    /// Octets in a vector.
+    /// Number of octets in a vector.
     const OCTETS: usize;
     fn splat(value: f32) -> Self;
-    /// An octet whose lanes are all equal, on all lanes.
+    /// Copies an octet of equal lanes to all lanes.
     fn load_equal(from: &Octet) -> Self;
-    /// The octets from `at` on.
+    /// Loads the octets from `at` on.
     #[inline(always)]
     fn load(from: &[Octet], at: usize) -> Self {
         // SAFETY: the slice that is taken has as many octets as are read.
         unsafe { Self::load_from(from[at..at + Self::OCTETS].as_ptr().cast()) }
     }
-    /// To the octets from `at` on.
+    /// Stores to the octets from `at` on.
     #[inline(always)]
     fn store(self, to: &mut [Octet], at: usize) {
         // SAFETY: the slice that is taken has as many octets as are written.
         unsafe { self.store_to(to[at..at + Self::OCTETS].as_mut_ptr().cast()) }
     }
-    /// As [`Lanes::load`], from plain values; `at` still counts octets.
+    /// Loads plain values; `at` counts octets.
     #[inline(always)]
     fn load_floats(from: &[f32], at: usize) -> Self {
         // SAFETY: the slice that is taken has as many values as are read.
         unsafe { Self::load_from(from[8 * at..8 * (at + Self::OCTETS)].as_ptr()) }
     }
-    /// As [`Lanes::store`], to plain values; `at` still counts octets.
+    /// Stores to plain values; `at` counts octets.
     #[inline(always)]
     fn store_floats(self, to: &mut [f32], at: usize) {
         // SAFETY: the slice that is taken has as many values as are written.
         unsafe { self.store_to(to[8 * at..8 * (at + Self::OCTETS)].as_mut_ptr()) }
     }
     /// # Safety
-    /// As many values as a vector holds can be read.
+    /// `from` must be valid for reads of a whole vector.
     unsafe fn load_from(from: *const f32) -> Self;
     /// # Safety
-    /// As many values as a vector holds can be written.
+    /// `to` must be valid for writes of a whole vector.
     unsafe fn store_to(self, to: *mut f32);
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
-    /// `self * factor + term`
+    /// Returns `self * factor + term`.
     fn mul_add(self, factor: Self, term: Self) -> Self;
-    /// `term - self * factor`
+    /// Returns `term - self * factor`.
     fn mul_sub_from(self, factor: Self, term: Self) -> Self;
     fn max(self, other: Self) -> Self;
-    /// Lane by lane `then` where `self > other`, else `otherwise`.
+    /// Returns `then` in lanes where `self > other`, else `otherwise`.
     fn if_greater(self, other: Self, then: Self, otherwise: Self) -> Self;
-    /// Lane by lane `then` where `self == other`, else zero.
+    /// Returns `then` in lanes where `self == other`, else zero.
     fn if_equal(self, other: Self, then: Self) -> Self;
-    /// Small whole numbers as bytes; `at` counts octets.
+    /// Stores small whole numbers as bytes; `at` counts octets.
     fn store_bytes(self, to: &mut [u8], at: usize);
-    /// Bytes as numbers; `at` counts octets.
+    /// Loads bytes as numbers; `at` counts octets.
     fn load_bytes(from: &[u8], at: usize) -> Self;
 }
 
-/// Vectors of one octet.
+/// Arithmetic on vectors of one octet.
 pub(super) trait Narrow: Lanes {
-    /// Turns eight rows into eight columns.
+    /// Transposes eight rows of eight lanes.
     fn transpose(rows: [Self; 8]) -> [Self; 8];
     #[inline(always)]
     fn load_slice(from: &[f32; 8]) -> Self {
@@ -172,38 +173,38 @@ pub(super) trait Narrow: Lanes {
     }
 }
 
-/// Work that is written once for vectors of any width.
+/// Computation that is written once for vectors of any width.
 pub(super) trait Kernel {
     type Output;
-    /// Must be `#[inline(always)]`.
+    /// Runs the computation; implementations must be `#[inline(always)]`.
     fn run<L: Lanes>(self) -> Self::Output;
 }
 
-/// Work on single octets.
+/// Computation on single octets.
 pub(super) trait NarrowKernel {
     type Output;
-    /// Must be `#[inline(always)]`.
+    /// Runs the computation; implementations must be `#[inline(always)]`.
     fn run<L: Narrow>(self) -> Self::Output;
 }
 
-/// Most that [`Isa::detect`] returns.
+/// Upper bound of [`Isa::detect`], set by [`Isa::limit`].
 static LIMIT: std::sync::OnceLock<Isa> = std::sync::OnceLock::new();
 
 /// Instruction set of the vector kernels, chosen when a block is planned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
-    /// Plain arrays.
+    /// Plain arrays, for any processor.
     Portable,
     /// AVX2 and FMA.
     #[cfg(target_arch = "x86_64")]
     Avx2,
-    /// AVX-512 F, VL, BW and DQ: two octets to a vector and twice the registers.
+    /// AVX-512 F, VL, BW and DQ: two octets per vector and twice as many registers.
     #[cfg(target_arch = "x86_64")]
     Avx512,
 }
 
 impl Isa {
-    /// Returns the fastest that this processor has, up to the one that [`Isa::limit`] set.
+    /// Returns the fastest instruction set of this processor, up to the one that [`Isa::limit`] set.
     pub fn detect() -> Self {
         let limit = LIMIT.get().copied();
         let mut fitting = Self::all();
@@ -211,12 +212,12 @@ impl Isa {
         fitting.pop().unwrap_or(Self::Portable)
     }
 
-    /// Plans no block for more than this from now on, in the whole process: to compare instruction sets. The first call counts.
+    /// Limits all later plans of this process to `self`, to compare instruction sets. Only the first call has an effect.
     pub fn limit(self) {
         LIMIT.get_or_init(|| self);
     }
 
-    /// Returns all that this processor has, the fastest last.
+    /// Returns all instruction sets of this processor, the fastest last.
     pub fn all() -> Vec<Self> {
         let mut found = vec![Self::Portable];
         #[cfg(target_arch = "x86_64")]
@@ -233,7 +234,7 @@ impl Isa {
         found
     }
 
-    /// Octets in the vectors with which [`Isa::run`] goes through rows of `octets` octets; divides `octets`.
+    /// Returns the octets per vector that [`Isa::run`] uses for rows of `octets` octets; it divides `octets`.
     pub(super) fn group(self, octets: usize) -> usize {
         match self {
             #[cfg(target_arch = "x86_64")]
@@ -242,18 +243,18 @@ impl Isa {
         }
     }
 
-    /// Runs a kernel that goes through rows of `octets` octets.
+    /// Runs a kernel on rows of `octets` octets.
     ///
-    /// Inlined, so that the kernel is built where its function reads it. If it were copied there, wide loads would stall on the narrow
-    /// stores before them.
+    /// It is inlined, so that the kernel's fields are created in the calling function. If they were copied there, wide loads would stall on
+    /// the preceding narrow stores.
     #[inline(always)]
     pub(super) fn run<K: Kernel>(self, octets: usize, kernel: K) -> K::Output {
         match self {
             Self::Portable => run_portable(kernel),
-            // SAFETY: `all` gives this only where both features were detected.
+            // SAFETY: `all` returns this variant only if both features were detected.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { avx2::run(kernel) },
-            // SAFETY: as above, with the features of AVX-512.
+            // SAFETY: as above, for the features of AVX-512.
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 if self.group(octets) == 2 => unsafe { avx512::run(kernel) },
             // SAFETY: as above.
@@ -262,15 +263,15 @@ impl Isa {
         }
     }
 
-    /// Runs a kernel on single octets; inlined as [`Isa::run`] is.
+    /// Runs a kernel on single octets; inlined like [`Isa::run`].
     #[inline(always)]
     pub(super) fn run_narrow<K: NarrowKernel>(self, kernel: K) -> K::Output {
         match self {
             Self::Portable => run_narrow_portable(kernel),
-            // SAFETY: `all` gives this only where both features were detected.
+            // SAFETY: `all` returns this variant only if both features were detected.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { avx2::run_narrow(kernel) },
-            // SAFETY: as above, with the features of AVX-512.
+            // SAFETY: as above, for the features of AVX-512.
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => unsafe { avx512::run_narrow(kernel) },
         }
@@ -313,7 +314,7 @@ impl Lanes for Portable {
     }
     #[inline(always)]
     unsafe fn load_from(from: *const f32) -> Self {
-        // SAFETY: the caller grants eight values.
+        // SAFETY: the caller guarantees eight values.
         Self(unsafe { from.cast::<[f32; 8]>().read() })
     }
     #[inline(always)]

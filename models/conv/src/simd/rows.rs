@@ -1,5 +1,5 @@
-//! Sources and targets of transforms: rows of a buffer, picked by a table, or a sequence of elements. The bounds of the rows are checked once,
-//! those of the elements once for all that a butterfly takes.
+//! Sources and targets of transforms: rows of a buffer, selected by a table, or a sequence of elements. Row bounds are checked once, element
+//! bounds once per butterfly.
 
 use std::marker::PhantomData;
 
@@ -7,15 +7,15 @@ use super::prefetch::{prefetch, prefetch_to_write};
 use super::{Lanes, Octet};
 use crate::butterfly::Complex;
 
-/// A row that reads as zero, or is not wanted.
+/// Row number of an element that reads as zero or is not written.
 pub(crate) const NOWHERE: u32 = u32::MAX;
 
-/// Value of [`Rows::ahead`]: nothing is prefetched.
+/// Value of [`Rows::ahead`] that disables prefetching.
 pub(crate) const NOTHING: usize = 0;
-/// Value of [`Rows::ahead`]: the rows themselves are prefetched before they are written.
+/// Value of [`Rows::ahead`] that prefetches the rows themselves before they are written.
 pub(crate) const WRITTEN: usize = 1;
 
-/// Which row of a buffer each element of a transform lies in; [`NOWHERE`] is allowed.
+/// Row of the buffer for each element of a transform, or [`NOWHERE`].
 #[derive(Debug, Clone)]
 pub(crate) struct Table {
     rows: Vec<u32>,
@@ -23,7 +23,7 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// Keeps the rows and notes the furthest.
+    /// Stores the rows and the largest row number.
     pub(crate) fn new(rows: impl Iterator<Item = u32>) -> Self {
         let rows: Vec<u32> = rows.collect();
         let furthest = rows
@@ -34,24 +34,24 @@ impl Table {
         Self { rows, furthest }
     }
 
-    /// Row of every element.
+    /// Returns the row of every element.
     pub(crate) fn rows(&self) -> &[u32] {
         &self.rows
     }
 }
 
-/// Where a transform reads or writes: element `t` has its real part at `table[t] * stride + parts[0]`.
+/// Memory layout of a transform's input or output: the real part of element `t` is at `table[t] * stride + parts[0]`.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rows<'a> {
     pub(crate) table: &'a Table,
     pub(crate) stride: usize,
     pub(crate) parts: [usize; 2],
-    /// Lines to prefetch: [`NOTHING`]; for rows that are read, those this many octets after each; for rows that are written, [`WRITTEN`].
+    /// Prefetching: [`NOTHING`]; the distance in octets for rows that are read; [`WRITTEN`] for rows that are written.
     pub(crate) ahead: usize,
 }
 
 impl<'a> Rows<'a> {
-    /// Real and imaginary parts exchanged: a forward transform between such rows is an inverse one.
+    /// Returns the rows with real and imaginary parts exchanged, which turns a forward transform into an inverse one.
     pub(crate) fn exchanged(self) -> Self {
         Self {
             parts: [self.parts[1], self.parts[0]],
@@ -59,7 +59,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Panics unless every row lies within `len` octets with all the octets of a vector; past this, rows are reached unchecked.
+    /// Panics unless every row, with a whole vector, is within `len` octets; later accesses are unchecked.
     #[inline(always)]
     fn check<L: Lanes>(&self, len: usize) {
         let part = self.parts[0].max(self.parts[1]);
@@ -75,8 +75,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Repeats a block for k = 0, 1, … as straight code, so that values stay in registers; a loop is not always unrolled, and a
-/// closure not always inlined.
+/// Unrolls a block for k = 0, 1, … so that values stay in registers; loops are not always unrolled, and closures not always inlined.
 macro_rules! unrolled {
     ($k:ident < $n:ident => $body:block) => {
         $crate::simd::unrolled!(@ $k $n $body 0 1 2 3 4 5 6 7 8 9 10 11)
@@ -90,7 +89,7 @@ macro_rules! unrolled {
 }
 pub(crate) use unrolled;
 
-/// Panics unless a table tells where `count` elements lie, `apart` from each other.
+/// Panics unless the table has `count` elements from `first` on, `apart` from each other.
 #[inline(always)]
 fn check_elements(rows: &[u32], first: usize, apart: usize, count: usize) {
     assert!(
@@ -99,11 +98,11 @@ fn check_elements(rows: &[u32], first: usize, apart: usize, count: usize) {
     );
 }
 
-/// Rows to read from; one that lies nowhere reads as zero.
+/// Reads from rows; an element at [`NOWHERE`] reads as zero.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reader<'a, L> {
     rows: &'a [u32],
-    /// Real and imaginary part of row 0.
+    /// Pointers to the real and imaginary part of row 0.
     parts: [*const Octet; 2],
     stride: usize,
     ahead: usize,
@@ -111,7 +110,7 @@ pub(crate) struct Reader<'a, L> {
 }
 
 impl<'a, L: Lanes> Reader<'a, L> {
-    /// Panics unless every row lies within `values`.
+    /// Panics unless every row is within `values`.
     #[inline(always)]
     pub(crate) fn new(values: &'a [Octet], rows: Rows<'a>) -> Self {
         rows.check::<L>(values.len());
@@ -124,14 +123,14 @@ impl<'a, L: Lanes> Reader<'a, L> {
         }
     }
 
-    /// `N` elements, `apart` from each other.
+    /// Reads `N` elements, `apart` from each other.
     #[inline(always)]
     pub(crate) fn read_every<const N: usize>(&self, first: usize, apart: usize) -> [Complex<L>; N] {
         check_elements(self.rows, first, apart, N);
         let [re, im] = self.parts;
         let mut found = [Complex::zero(); N];
         unrolled!(k < N => {
-            // SAFETY: `check_elements` has checked the last of these.
+            // SAFETY: `check_elements` has checked the last of these indices.
             let row = unsafe { *self.rows.get_unchecked(first + apart * k) };
             if row != NOWHERE {
                 let at = row as usize * self.stride;
@@ -139,7 +138,7 @@ impl<'a, L: Lanes> Reader<'a, L> {
                     prefetch(re.wrapping_add(at + self.ahead));
                     prefetch(im.wrapping_add(at + self.ahead));
                 }
-                // SAFETY: `new` has checked the furthest row with both parts, for vectors of this width.
+                // SAFETY: `new` has checked the last row with both parts, for vectors of this width.
                 found[k] = unsafe {
                     Complex {
                         re: L::load_from(re.add(at).cast()),
@@ -152,18 +151,18 @@ impl<'a, L: Lanes> Reader<'a, L> {
     }
 }
 
-/// Rows to write to; what goes nowhere is dropped.
+/// Writes to rows; an element at [`NOWHERE`] is dropped.
 #[derive(Debug)]
 pub(crate) struct Writer<'a, L> {
     rows: &'a [u32],
-    /// Real and imaginary part of row 0.
+    /// Pointers to the real and imaginary part of row 0.
     parts: [*mut Octet; 2],
     stride: usize,
     lanes: PhantomData<(&'a mut [Octet], L)>,
 }
 
 impl<'a, L: Lanes> Writer<'a, L> {
-    /// Panics unless every row lies within `values`.
+    /// Panics unless every row is within `values`.
     #[inline(always)]
     pub(crate) fn new(values: &'a mut [Octet], rows: Rows<'a>) -> Self {
         rows.check::<L>(values.len());
@@ -176,12 +175,12 @@ impl<'a, L: Lanes> Writer<'a, L> {
         }
     }
 
-    /// Prefetches the cache lines of `N` elements that will be written.
+    /// Prefetches the cache lines of `N` elements for writing.
     #[inline(always)]
     pub(crate) fn expect<const N: usize>(&self, first: usize) {
         check_elements(self.rows, first, 1, N);
         unrolled!(k < N => {
-            // SAFETY: `check_elements` has checked the last of these.
+            // SAFETY: `check_elements` has checked the last of these indices.
             let row = unsafe { *self.rows.get_unchecked(first + k) };
             if row != NOWHERE {
                 let at = row as usize * self.stride;
@@ -202,11 +201,11 @@ impl<'a, L: Lanes> Writer<'a, L> {
         check_elements(self.rows, first, apart, N);
         let parts = self.parts;
         unrolled!(k < N => {
-            // SAFETY: `check_elements` has checked the last of these.
+            // SAFETY: `check_elements` has checked the last of these indices.
             let row = unsafe { *self.rows.get_unchecked(first + apart * k) };
             if row != NOWHERE {
                 let at = row as usize * self.stride;
-                // SAFETY: `new` has checked the furthest row with both parts, for vectors of this width.
+                // SAFETY: `new` has checked the last row with both parts, for vectors of this width.
                 unsafe {
                     values[k].re.store_to(parts[0].add(at).cast());
                     values[k].im.store_to(parts[1].add(at).cast());
@@ -216,7 +215,7 @@ impl<'a, L: Lanes> Writer<'a, L> {
     }
 }
 
-/// Elements one after the other, each a vector of real and one of imaginary parts: what lies between two passes.
+/// Consecutive elements between two passes, each a vector of real and one of imaginary parts.
 #[derive(Debug)]
 pub(crate) struct Sequence<V, L> {
     elements: V,
@@ -232,7 +231,7 @@ impl<V, L: Lanes> Sequence<V, L> {
     }
 }
 
-/// Panics unless `count` elements, `apart` from each other, lie within a sequence of `len` octets.
+/// Panics unless `count` elements from `first` on, `apart` from each other, are within a sequence of `len` octets.
 #[inline(always)]
 fn check_sequence<L: Lanes>(len: usize, first: usize, apart: usize, count: usize) {
     assert!(
@@ -242,7 +241,7 @@ fn check_sequence<L: Lanes>(len: usize, first: usize, apart: usize, count: usize
 }
 
 impl<L: Lanes> Sequence<&[Octet], L> {
-    /// `N` elements, `apart` from each other.
+    /// Reads `N` elements, `apart` from each other.
     #[inline(always)]
     pub(crate) fn read_every<const N: usize>(&self, first: usize, apart: usize) -> [Complex<L>; N] {
         check_sequence::<L>(self.elements.len(), first, apart, N);

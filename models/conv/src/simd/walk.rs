@@ -1,12 +1,12 @@
-//! Strided reads whose bounds are checked once.
+//! Strided reads with a single bounds check.
 
 use std::marker::PhantomData;
 
 use super::{Lanes, Octet};
 
-/// A walk through a slice in equal strides that yields `PAIRS` pairs of values at fixed offsets from each stop.
+/// Iterator over a slice in equal strides that reads `PAIRS` pairs of values at fixed offsets from each position.
 ///
-/// The bounds are checked once, when the walk is made: this keeps inner loops free of checks.
+/// The constructor checks all bounds, which keeps inner loops free of checks.
 #[derive(Debug, Clone)]
 pub(crate) struct Walk<'a, T, L, const PAIRS: usize> {
     values: &'a [T],
@@ -20,37 +20,37 @@ pub(crate) struct Walk<'a, T, L, const PAIRS: usize> {
 /// Type of value that a walk reads.
 pub(crate) trait Stop<L>: Sized {
     type Read: Copy;
-    /// Values that one read spans.
+    /// Number of values per read.
     const SPAN: usize;
     /// # Safety
-    /// `SPAN` values can be read.
+    /// `from` must be valid for reads of `SPAN` values.
     unsafe fn read(from: *const Self) -> Self::Read;
 }
 
-/// Plain values are read as they are.
+/// Reads plain values.
 impl<L> Stop<L> for f32 {
     type Read = f32;
     const SPAN: usize = 1;
     #[inline(always)]
     unsafe fn read(from: *const f32) -> f32 {
-        // SAFETY: the caller grants one value.
+        // SAFETY: the caller guarantees one value.
         unsafe { *from }
     }
 }
 
-/// Octets are read as vectors.
+/// Reads octets as vectors.
 impl<L: Lanes> Stop<L> for Octet {
     type Read = L;
     const SPAN: usize = L::OCTETS;
     #[inline(always)]
     unsafe fn read(from: *const Octet) -> L {
-        // SAFETY: the caller grants the octets of a vector.
+        // SAFETY: the caller guarantees the octets of a vector.
         unsafe { L::load_from(from.cast()) }
     }
 }
 
 impl<'a, L, T: Stop<L>, const PAIRS: usize> Walk<'a, T, L, PAIRS> {
-    /// Panics unless every stop lies within `values`.
+    /// Panics unless every read is within `values`.
     #[inline(always)]
     pub(crate) fn new(
         values: &'a [T],
@@ -80,7 +80,7 @@ impl<'a, L, T: Stop<L>, const PAIRS: usize> Walk<'a, T, L, PAIRS> {
         }
     }
 
-    /// The values at the next stop.
+    /// Returns the values at the next position.
     #[inline(always)]
     pub(crate) fn step(&mut self) -> Option<[[T::Read; 2]; PAIRS]> {
         if self.at == self.end {
@@ -88,7 +88,7 @@ impl<'a, L, T: Stop<L>, const PAIRS: usize> Walk<'a, T, L, PAIRS> {
         }
         let at = self.at;
         self.at += self.stride;
-        // SAFETY: `at` is one of the stops whose furthest read `new` has checked.
+        // SAFETY: `at` is one of the positions whose last read `new` has checked.
         let read = |offset: usize| unsafe { T::read(self.values.as_ptr().add(at + offset)) };
         let mut found = [[read(self.offsets[0][0]); 2]; PAIRS];
         for pair in 0..PAIRS {

@@ -1,4 +1,4 @@
-//! One sweep with frozen statistics, which is transformed over time alone.
+//! Single sweeps with fixed statistics, which are transformed over time only.
 
 use tactnet_conv::{Block, Isa};
 
@@ -28,7 +28,7 @@ fn batch_one_agrees_with_f64_on_all_instruction_sets() {
         );
         for isa in Isa::all() {
             let block = Block::plan_for(s, isa);
-            // Twice: the second time with used buffers.
+            // Twice: the second run reuses buffers.
             for _ in 0..2 {
                 let found =
                     block.forward_eval(&c.x, &c.weight, &c.gamma, &c.beta, &c.beta, &variance);

@@ -1,15 +1,17 @@
-//! Cases, and how far results are from the reference.
+//! Test cases, and errors of results relative to the reference.
 
 use tactnet_conv::{Block, BlockShape};
 
 use crate::noise::noise;
 use crate::reference::{Branch, Reference, reference};
 
-/// Rounding unit of single precision.
+/// Unit roundoff of single precision.
 const UNIT: f64 = f32::EPSILON as f64 / 2.0;
-/// Roundings allowed in each term of the gradients of weights and of the input. Where a map has one weight or a batch two values, normalisation cancels the
-/// whole sum, and what remains is the rounding of variance, root, factors and additions.
+/// Number of roundings allowed in each term of the gradients of weights and input.
 const ROUNDINGS: f64 = 1.0;
+/// Number of roundings allowed if a map has one weight or a batch two values.
+///
+/// Normalisation then cancels the whole sum, which leaves the rounding of variance, root, factors and additions.
 const ROUNDINGS_WHERE_ALL_CANCELS: f64 = 16.0;
 
 pub(crate) struct Case {
@@ -41,12 +43,12 @@ pub(crate) fn case(s: &BlockShape, seed: u64) -> Case {
     }
 }
 
-/// Largest difference over the largest magnitude, which counts as 0.3 at least: normalisation cancels some gradients altogether.
+/// Returns the largest difference divided by the largest magnitude, which is at least 0.3 because normalisation cancels some gradients.
 pub(crate) fn error(found: &[f32], expected: &[f64]) -> f64 {
     error_beyond(0.0, found, expected)
 }
 
-/// As [`error`], of what differences exceed `rounding`, the error that single precision makes whatever the order of a sum.
+/// Returns the [`error`] of differences beyond `rounding`, the error of single precision for any order of summation.
 fn error_beyond(rounding: f64, found: &[f32], expected: &[f64]) -> f64 {
     assert_eq!(found.len(), expected.len());
     let scale = expected.iter().fold(0.3, |m: f64, v| m.max(v.abs()));
@@ -55,8 +57,10 @@ fn error_beyond(rounding: f64, found: &[f32], expected: &[f64]) -> f64 {
     (largest - rounding).max(0.0) / scale
 }
 
-/// Errors of pooled, mean, variance, d_weight, d_gamma, d_beta, d_input. Of d_weight and d_input counts what goes beyond the rounding of
-/// the terms of their sums: a kernel of one tap and a batch of two values have large terms that normalisation cancels.
+/// Returns the errors of pooled, mean, variance, d_weight, d_gamma, d_beta and d_input.
+///
+/// For d_weight and d_input only the error beyond the rounding of the summed terms counts: a kernel of one tap and a batch of two values have
+/// large terms that normalisation cancels.
 pub(crate) fn errors(s: BlockShape, seed: u64) -> [f64; 7] {
     let c = case(&s, seed);
     let block = Block::plan(s);

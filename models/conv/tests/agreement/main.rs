@@ -1,7 +1,7 @@
-//! Every route, forward and backward, against a plain f64 reference; threads and instruction sets against each other.
+//! Comparison of every route, forward and backward, with a plain f64 reference, and between threads and instruction sets.
 //!
-//! Tolerances are errors over the largest magnitude: 2e-5 where shapes are drawn at random, 1e-5 at full size. The blocks compute in f32,
-//! whose rounding unit is 6e-8, and sum up to some thousands of products.
+//! Tolerances are errors relative to the largest magnitude: 2e-5 for random shapes, 1e-5 at full size. The blocks compute in f32,
+//! with unit roundoff 6e-8, and add up to a few thousand products.
 
 mod batch_one;
 mod cases;
@@ -36,7 +36,7 @@ fn first_layer_route_agrees_with_f64() {
     holds(shape(5, 105, 13, [1, 16], [7, 5], 7), 3);
 }
 
-/// Where there is AVX-512; elsewhere by tiles.
+/// Uses taps with AVX-512, else tiles.
 #[test]
 fn first_layer_route_by_taps_agrees_with_f64() {
     holds(shape(2, 230, 16, [1, 32], [15, 5], 10), 1);
@@ -62,8 +62,8 @@ fn padded_route_agrees_with_f64() {
     holds(shape(2, 30, 4, [12, 24], [15, 5], 10), 3);
 }
 
-/// One tap and one input map: whatever the weight, normalisation gives the same output, so that its gradient is the rest of a sum that
-/// cancels.
+/// With one tap and one input map, normalisation makes the output independent of the weight, so the gradient is the rounding of a sum
+/// that cancels.
 #[test]
 fn a_gradient_that_cancels_is_within_the_rounding_of_its_terms() {
     for seed in [80, 81, 82] {
@@ -77,7 +77,7 @@ fn a_gradient_that_cancels_is_within_the_rounding_of_its_terms() {
     }
 }
 
-/// Two values of a map: normalisation cancels their gradients but for the rest that its epsilon leaves.
+/// With two values per map, normalisation cancels their gradients up to the effect of its epsilon.
 #[test]
 fn gradients_of_two_values_are_within_the_rounding_of_their_terms() {
     for seed in [250, 251, 252] {
@@ -87,7 +87,7 @@ fn gradients_of_two_values_are_within_the_rounding_of_their_terms() {
     }
 }
 
-/// Rows of taxels that are cut into bands, and sweeps that are cut into ranges of steps.
+/// Rows of taxels that are divided into bands, and sweeps that are divided into ranges of steps.
 #[test]
 fn wide_and_long_shapes_agree_with_f64() {
     holds(shape(2, 23, 33, [1, 8], [5, 3], 4), 1);
@@ -103,7 +103,7 @@ fn wide_and_long_shapes_agree_with_f64() {
     holds(shape(1, 30, 70, [3, 16], [5, 5], 10), 11);
 }
 
-/// Among many values some lie so near zero that single and double precision see them on different sides.
+/// Some values are so close to zero that single and double precision differ in their sign.
 #[test]
 fn values_within_rounding_of_zero_may_take_either_side() {
     for seed in [623, 828] {
@@ -173,7 +173,7 @@ proptest! {
     }
 }
 
-/// Everything a step computes, in one list.
+/// Returns all results of a training step in one list.
 fn step(s: BlockShape, isa: Isa, threads: usize) -> Vec<f32> {
     let c = case(&s, 7);
     let pool = rayon::ThreadPoolBuilder::new()
@@ -182,7 +182,7 @@ fn step(s: BlockShape, isa: Isa, threads: usize) -> Vec<f32> {
         .expect("threads");
     pool.install(|| {
         let block = Block::plan_for(s, isa);
-        // Twice: the second time with used buffers.
+        // Twice: the second run reuses buffers.
         let first = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
         block.backward(first.saved, &c.grad, true);
         let t = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
@@ -240,7 +240,7 @@ fn plain_arrays_agree_with_all_instruction_sets() {
     }
 }
 
-/// Full-size sweeps, few of them: the f64 reference takes a while.
+/// Few full-size sweeps, since the f64 reference is slow.
 #[test]
 fn full_size_blocks_agree_with_f64() {
     for (steps, maps, batch) in [(1000, [1, 32], 2), (100, [32, 64], 2), (10, [64, 128], 4)] {

@@ -1,17 +1,17 @@
-//! The block in f64, term by term, as the yardstick of the tests.
+//! Reference implementation of the block in f64, term by term.
 
 use tactnet_conv::BlockShape;
 
-/// Sides taken by a forward pass in single precision, `[batch, pooled_steps, taxels, maps_out]`.
+/// Choices of a forward pass in single precision, `[batch, pooled_steps, taxels, maps_out]`.
 #[derive(Clone, Copy)]
 pub(crate) struct Branch<'a> {
     /// Step of the winner within its window.
     pub(crate) positions: &'a [u8],
-    /// After ReLU: positive where the gradient passes.
+    /// Output after ReLU: the gradient passes where it is positive.
     pub(crate) pooled: &'a [f32],
 }
 
-/// How far from a tie or from zero, in standard deviations of the map, a choice may differ from the one in f64.
+/// Maximum distance from a tie or from zero, in standard deviations of the map, at which a choice may differ from the f64 result.
 const ROUNDING: f64 = 2e-5;
 
 pub(crate) struct Reference {
@@ -19,12 +19,12 @@ pub(crate) struct Reference {
     pub(crate) mean: Vec<f64>,
     pub(crate) variance: Vec<f64>,
     pub(crate) d_weight: Vec<f64>,
-    /// Magnitudes of the terms that sum up to `d_weight`, of the weight with the largest sum.
+    /// Sum of the magnitudes of the terms of `d_weight`, for the weight with the largest such sum.
     pub(crate) weight_terms: f64,
     pub(crate) d_gamma: Vec<f64>,
     pub(crate) d_beta: Vec<f64>,
     pub(crate) d_input: Vec<f64>,
-    /// As `weight_terms`, of `d_input`.
+    /// Sum of the magnitudes of the terms of `d_input`, for the value with the largest such sum.
     pub(crate) input_terms: f64,
 }
 
@@ -47,8 +47,10 @@ fn taps(s: &BlockShape, mut visit: impl FnMut(usize, usize, usize)) {
     }
 }
 
-/// Statistics of the batch unless `running` gives mean and variance (then gradients are left zero).
-/// `branch`, if given, names the side of every kink that the implementation under test took: within rounding both sides are right, but
+/// Computes the block with the statistics of the batch, or with mean and variance in `running` (gradients then stay zero).
+///
+/// `branch` holds the choices of the implementation under test at ties and at zero. Within rounding either choice is correct, but their
+/// gradients differ. A choice that rounding does not explain panics.
 /// their gradients differ. A choice that rounding does not explain is a panic.
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn reference(
