@@ -1,6 +1,6 @@
-//! Cost of a frame during a sweep, and of the scores after the last one, for arrays of 1 to 1024 taxels: `cargo bench --bench online`.
+//! Time of one frame during a sweep, and of the scores after the last one, for arrays of 1 to 1024 taxels: `cargo bench --bench online`.
 //!
-//! A fresh full-size network: the work does not depend on the weights.
+//! The network is full-size and untrained, because its computing time does not depend on the weights.
 
 use divan::Bencher;
 use rand_chacha::ChaCha8Rng;
@@ -25,7 +25,7 @@ fn network(taxels: usize, mc_samples: usize) -> StreamingNet {
         .unwrap_or_else(|error| panic!("{error}"));
     let mut rng: ChaCha8Rng = rand_chacha::rand_core::SeedableRng::seed_from_u64(1);
     let net = Network::init(&config, &device, &mut rng);
-    // Four features kept, one dropped, as with a keep probability of 0.8.
+    // Keeps four features of five, as with a keep probability of 0.8.
     let mask = |i: usize| {
         if (i.wrapping_mul(2_654_435_761)) >> 16 & 0xff < 205 {
             1.25
@@ -42,14 +42,14 @@ fn frame(taxels: usize, number: usize) -> Vec<f32> {
     (0..taxels).map(value).collect()
 }
 
-/// A sweep but for its last frame.
+/// Returns a network that has received all frames of a sweep except the last.
 fn almost_whole(taxels: usize, mc_samples: usize) -> StreamingNet {
     let mut net = network(taxels, mc_samples);
     (0..STEPS - 1).for_each(|number| net.push(&frame(taxels, number)));
     net
 }
 
-/// A whole sweep, frame by frame, without scores: divide by 1000. In real time a sweep lasts 1333 ms.
+/// Whole sweep frame by frame, without scores. Divide by 1000 for the time per frame; a real sweep lasts 1333 ms.
 #[divan::bench(args = ARRAYS, sample_count = 5, sample_size = 1)]
 fn all_frames_of_a_sweep(bencher: Bencher, taxels: usize) {
     let mut net = network(taxels, 0);
@@ -60,7 +60,7 @@ fn all_frames_of_a_sweep(bencher: Bencher, taxels: usize) {
     });
 }
 
-/// The frame that moves all three blocks.
+/// Frame that advances all three blocks.
 #[divan::bench(args = ARRAYS, sample_count = 20, sample_size = 1)]
 fn heaviest_frame(bencher: Bencher, taxels: usize) {
     // Layer 1 closes its windows seven frames late, layer 2 seven rows late.
@@ -73,7 +73,7 @@ fn heaviest_frame(bencher: Bencher, taxels: usize) {
         .bench_local_refs(|net| net.push(&last));
 }
 
-/// From the last frame to the scores, that frame included; with 0 or 100 dropout masks.
+/// Time from the last frame, including it, to the scores, with 0 or 100 dropout masks.
 #[divan::bench(args = [(1, 0), (16, 0), (64, 0), (256, 0), (1024, 0), (16, 100), (64, 100)], sample_count = 20, sample_size = 1)]
 fn after_the_last_frame(bencher: Bencher, (taxels, mc_samples): (usize, usize)) {
     let begun = almost_whole(taxels, mc_samples);

@@ -1,6 +1,6 @@
-//! Whole training steps and predictions, and how their cost grows: `cargo bench --bench step`.
+//! Time of whole training steps and predictions, by batch and sweep length: `cargo bench --bench step`.
 //!
-//! Everything from u8 digits to Adam, on sweeps of the twin.
+//! It covers everything from raw u8 values to Adam, on simulated sweeps.
 
 use divan::Bencher;
 use tactnet_data::twin::{TwinConfig, generate};
@@ -22,7 +22,7 @@ fn twin(steps: usize) -> Dataset {
     .unwrap_or_else(|error| panic!("the twin has no size limit here: {error}"))
 }
 
-/// Times steps of `batch` sweeps of `steps` time steps.
+/// Times training steps with batches of `batch` sweeps of `steps` time steps.
 fn train(bencher: Bencher, batch: usize, steps: usize, adversarial: bool) {
     let twin = twin(steps);
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0)

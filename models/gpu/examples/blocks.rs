@@ -1,4 +1,4 @@
-//! Times of the three blocks of TactNet-II on the default device, in ms: medians of ten runs of twenty passes each.
+//! Times of the three blocks of TactNet-II on the default device in ms: medians of ten runs of twenty passes each.
 use std::time::Instant;
 
 use cubecl::client::Client;

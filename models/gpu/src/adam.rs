@@ -1,4 +1,4 @@
-//! One step of Adam in one kernel.
+//! Adam step in one kernel.
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
@@ -9,9 +9,9 @@ use crate::device::{buffer, floats};
 
 const UNITS: usize = 256;
 
-/// Returns parameter and moments after a step from `[parameter, gradient, first moment, second moment]`, all of `len` values.
+/// Returns parameter and moments after a step from `[parameter, gradient, first moment, second moment]`, each of `len` values.
 ///
-/// Nothing is changed where it lies: CubeCL orders writes before reads of other threads by where a buffer was made.
+/// The step writes new buffers: CubeCL orders writes before reads of other threads by the thread that created a buffer.
 pub fn adam_update(
     client: &Client,
     step: AdamStep,
@@ -22,7 +22,7 @@ pub fn adam_update(
     let grid = cubes.clamp(1, 65_535);
     let all = |handle: &Handle| (handle.clone(), len);
     let out = [(); 3].map(|()| floats(client, len));
-    // SAFETY: every buffer holds `len` values, and the kernel stays below.
+    // SAFETY: every buffer holds `len` values, and the kernel checks that bound.
     unsafe {
         update::launch_unchecked(
             client,

@@ -1,4 +1,4 @@
-//! One planned block of a single network.
+//! Planned block of a single network.
 
 use std::fmt;
 
@@ -10,11 +10,11 @@ use tactnet_conv::BlockShape;
 use crate::blocks::{self, Blocks, Learnt};
 use crate::networks::Stacked;
 
-/// A block planned for one shape on one device. All buffers are 32-bit floats without gaps, in the order that [`BlockShape`] says.
+/// Block planned for one shape on one device. All buffers are contiguous 32-bit floats in the order that [`BlockShape`] describes.
 pub struct Block {
     client: Client,
     of_one: Blocks,
-    /// The sweeps of a batch, which all count.
+    /// Number of valid sweeps, which are all sweeps of the batch.
     counts: Stacked,
 }
 
@@ -31,17 +31,17 @@ pub struct ForwardTrain {
     pub pooled: Handle,
     /// `[maps_out]`: mean of the convolution over batch, steps and taxels.
     pub mean: Handle,
-    /// `[maps_out]`: its biased variance.
+    /// `[maps_out]`: biased variance of the convolution.
     pub variance: Handle,
     /// State for [`Block::backward`].
     pub saved: Saved,
 }
 
-/// State that a forward pass leaves for its backward pass.
+/// State of a forward pass for its backward pass.
 #[derive(Debug)]
 pub struct Saved(blocks::Saved);
 
-/// Gradients of a scalar with respect to what a block takes.
+/// Gradients of a scalar with respect to the inputs of a block.
 #[derive(Debug)]
 pub struct Gradients {
     /// `[maps_out, maps_in, kernel steps, kernel taxels]`
@@ -58,7 +58,7 @@ impl Block {
     /// Plans a block.
     ///
     /// # Panics
-    /// On even kernel sizes, a pool of no step and empty dimensions.
+    /// If a kernel size is even, the pool has no steps, or a dimension is empty.
     pub fn plan(client: &Client, shape: BlockShape) -> Self {
         let sweeps = client.create_from_slice(u32::as_bytes(&[shape.batch as u32]));
         Self {
@@ -68,12 +68,12 @@ impl Block {
         }
     }
 
-    /// The shape that this block was planned for.
+    /// Returns the planned shape.
     pub fn shape(&self) -> &BlockShape {
         &self.of_one.shape
     }
 
-    /// Returns the block with the batch's own statistics.
+    /// Runs the forward pass with the statistics of this batch.
     pub fn forward_train(
         &self,
         input: &Handle,
@@ -97,7 +97,7 @@ impl Block {
         }
     }
 
-    /// Returns the block with frozen statistics: `[batch, pooled_steps, taxels, maps_out]`.
+    /// Runs the forward pass with fixed statistics; returns `[batch, pooled_steps, taxels, maps_out]`.
     ///
     /// - `norm`: gamma, beta, mean and variance, `[maps_out]` each
     pub fn forward_eval(&self, input: &Handle, weight: &Handle, norm: [&Handle; 4]) -> Handle {
@@ -114,7 +114,7 @@ impl Block {
         pooled.buffer.0
     }
 
-    /// Returns the gradients from that of the pooled output.
+    /// Returns the gradients, given the gradient of the pooled output.
     pub fn backward(&self, saved: Saved, gradient: &Handle, need_input: bool) -> Gradients {
         let into = Learnt {
             weight: Stacked::floats(&self.client, 1, self.shape().weight_len()),

@@ -1,4 +1,4 @@
-//! One planned block of several networks: the route its shape takes, forward and backward, each kernel launched once for all of them.
+//! Planned block of several networks, forward and backward; each kernel is launched once for all networks.
 
 use cubecl::client::Client;
 use tactnet_conv::BlockShape;
@@ -9,14 +9,15 @@ use crate::networks::Stacked;
 use crate::norm::{self, Passed, Run};
 use crate::spectral::Spectral;
 
-/// Maps that come in from which on products of spectra are fewer than those of taps.
+/// Minimum number of input maps for which products of spectra are fewer than products of taps.
 const MIN_SPECTRAL_MAPS: usize = 4;
 
-/// A block of as many networks as `networks`, planned for one shape of each on one device. All buffers are 32-bit floats, of each network without gaps,
-/// in the order that [`BlockShape`] says.
+/// Block of `networks` networks, planned for one shape per network on one device.
+///
+/// All buffers are 32-bit floats, contiguous for each network, in the order that [`BlockShape`] describes.
 #[derive(Debug)]
 pub(crate) struct Blocks {
-    /// Of each network.
+    /// Shape of one network's block.
     pub(crate) shape: BlockShape,
     pub(crate) networks: usize,
     route: Route,
@@ -24,15 +25,15 @@ pub(crate) struct Blocks {
 
 #[derive(Debug)]
 enum Route {
-    /// One map in: taps in registers.
+    /// One input map: taps in registers.
     FirstLayer(FirstLayer),
-    /// One product over the taps.
+    /// One matrix product over the taps.
     Direct,
-    /// Spectra over time, products over taxels and maps for each frequency.
+    /// Spectra over time, then one product over taxels and maps per frequency.
     Spectral(Box<Spectral>),
 }
 
-/// What a block learns, and the sweeps of a batch that count.
+/// Parameters of a block, or buffers for their gradients.
 #[derive(Debug, Clone)]
 pub(crate) struct Learnt {
     /// `[maps_out, maps_in, kernel steps, kernel taxels]`
@@ -43,7 +44,7 @@ pub(crate) struct Learnt {
     pub(crate) beta: Stacked,
 }
 
-/// State that a forward pass leaves for its backward pass.
+/// State of a forward pass for its backward pass.
 #[derive(Debug)]
 pub(crate) struct Saved {
     convolved: Convolved,
@@ -58,9 +59,9 @@ pub(crate) struct Saved {
 #[derive(Debug)]
 struct Convolved {
     out: Stacked,
-    /// The input, or its spectra.
+    /// Input or its spectra.
     input: Stacked,
-    /// The weights, or their spectra.
+    /// Weights or their spectra.
     weight: Stacked,
 }
 
@@ -68,7 +69,7 @@ impl Blocks {
     /// Plans a block.
     ///
     /// # Panics
-    /// On even kernel sizes, a pool of no step and empty dimensions.
+    /// If a kernel size is even, the pool has no steps, or a dimension is empty.
     pub(crate) fn plan(client: &Client, shape: BlockShape, networks: usize) -> Self {
         assert!(
             shape.kernel.iter().all(|k| k % 2 == 1) && shape.pool > 0 && shape.output_len() > 0,
@@ -97,10 +98,10 @@ impl Blocks {
         }
     }
 
-    /// Returns the block with each network's own statistics, `[batch, pooled_steps, taxels, maps_out]`.
+    /// Runs the forward pass with each network's batch statistics; returns `[batch, pooled_steps, taxels, maps_out]`.
     ///
-    /// - `counts`: sweeps of each network that are not there to fill up its batch, `[1]` each
-    /// - `statistics`: where mean and biased variance go, `[maps_out]` each
+    /// - `counts`: number of valid sweeps of each network, without padding sweeps, `[1]` each
+    /// - `statistics`: target of mean and biased variance, `[maps_out]` each
     pub(crate) fn forward_train(
         &self,
         client: &Client,
@@ -130,7 +131,7 @@ impl Blocks {
         (pooled, saved)
     }
 
-    /// Returns the block with frozen statistics `[mean, variance]`.
+    /// Runs the forward pass with fixed statistics `[mean, variance]`.
     pub(crate) fn forward_eval(
         &self,
         client: &Client,
@@ -146,7 +147,7 @@ impl Blocks {
         pooled
     }
 
-    /// Writes the gradients of what is learnt into `into`, from that of the pooled output, and returns that of the input if it is needed.
+    /// Writes the parameters' gradients to `into`, given the gradient of the pooled output; returns the input's gradient if requested.
     pub(crate) fn backward(
         &self,
         client: &Client,

@@ -4,17 +4,17 @@ use cubecl::client::Client;
 use cubecl::prelude::*;
 use cubecl::server::Handle;
 
-/// A buffer, and the 32-bit numbers that it holds.
+/// Buffer and its length in 32-bit numbers.
 pub(crate) type Buffer = (Handle, usize);
 
-/// A buffer of `len` 32-bit numbers, not set.
+/// Allocates an uninitialised buffer of `len` 32-bit numbers.
 pub(crate) fn floats(client: &Client, len: usize) -> Buffer {
     (client.empty(len * size_of::<f32>()), len)
 }
 
 /// # Safety
-/// The length must be the buffer's.
+/// The length must be that of the buffer.
 pub(crate) unsafe fn buffer((handle, len): &Buffer) -> BufferArg {
-    // SAFETY: as the caller promises.
+    // SAFETY: guaranteed by the caller.
     unsafe { BufferArg::from_raw_parts(handle.clone(), *len) }
 }

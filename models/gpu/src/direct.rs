@@ -1,4 +1,4 @@
-//! The convolution as one product over the kernel's taps.
+//! Convolution as one product over the kernel's taps.
 
 use cubecl::prelude::*;
 use tactnet_conv::BlockShape;
@@ -8,12 +8,12 @@ use crate::networks::{Place, Stacked, begin};
 use crate::norm::Run;
 use crate::product::{Problem, Side, product};
 
-/// Parts that the sum over positions is cut into: the weights' gradient is one small product over many positions.
+/// Number of parts of the sum over positions: the weights' gradient is one small product over many positions.
 const PARTS: usize = 256;
-/// Most bytes of what positions give to taps, of as many networks at a time as fit.
+/// Maximum size in bytes of the products of positions and taps, which limits the number of networks processed at a time.
 const SHARES: usize = 1 << 30;
 
-/// Taps of one output map.
+/// Returns the number of taps of one output map.
 fn taps(shape: &BlockShape) -> usize {
     shape.kernel[0] * shape.kernel[1] * shape.maps_in
 }
@@ -37,7 +37,7 @@ pub(crate) fn convolve(run: &Run<'_>, input: &Stacked, weight: &Stacked) -> Stac
     out
 }
 
-/// Writes the gradient of the weights into `out`.
+/// Writes the gradient of the weights to `out`.
 pub(crate) fn weight_gradient(run: &Run<'_>, input: &Stacked, gradient: &Stacked, out: &Stacked) {
     let shape = run.shape;
     let (positions, maps) = (shape.count(), shape.maps_out);
@@ -62,8 +62,9 @@ pub(crate) fn weight_gradient(run: &Run<'_>, input: &Stacked, gradient: &Stacked
     sum_parts(run, parts, &partial, out);
 }
 
-/// Returns the gradient of the input: what each position gives to each tap, gathered. Holds `[positions][taps]` meanwhile, of as many networks
-/// as fit.
+/// Returns the gradient of the input, gathered from the products of positions and taps.
+///
+/// It temporarily holds `[positions][taps]`, for as many networks at a time as fit.
 pub(crate) fn input_gradient(run: &Run<'_>, gradient: &Stacked, weight: &Stacked) -> Stacked {
     let shape = run.shape;
     let (positions, maps) = (shape.count(), shape.maps_out);
@@ -127,10 +128,10 @@ fn position(#[comptime] s: Sizes) -> usize {
     (CUBE_POS_Y as usize * s.grid + CUBE_POS_X as usize) * UNITS + UNIT_POS as usize
 }
 
-/// Sums `parts` of `[parts][taps x maps in][maps out]` into weights `[maps out][maps in][taps]`.
+/// Sums `parts` of `[parts][taps x maps in][maps out]` to weights `[maps out][maps in][taps]`.
 fn sum_parts(run: &Run<'_>, parts: usize, partial: &Stacked, out: &Stacked) {
     let sizes = Sizes::of(run.shape, run.shape.weight_len(), parts);
-    // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
+    // SAFETY: lengths are those of the buffers, and the kernel stays within `sizes`.
     unsafe {
         sum_weights::launch_unchecked(
             run.client,
@@ -168,10 +169,10 @@ fn sum_weights(
     }
 }
 
-/// Adds up what each position gives to each tap, `[positions][taps][maps in]`, into the gradient of the input `[positions][maps in]` at `place`.
+/// Sums the products of positions and taps, `[positions][taps][maps in]`, to the gradient of the input `[positions][maps in]` at `place`.
 fn gather(run: &Run<'_>, networks: usize, shares: &Stacked, out: &Stacked, place: Place) {
     let sizes = Sizes::of(run.shape, run.shape.input_len(), 1);
-    // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
+    // SAFETY: lengths are those of the buffers, and the kernel stays within `sizes`.
     unsafe {
         gather_taps::launch_unchecked(
             run.client,

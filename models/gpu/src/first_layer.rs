@@ -1,4 +1,4 @@
-//! The convolution of one map, tap by tap, with values in registers: a product has too few multiplications for each load here.
+//! Convolution of one input map, tap by tap with values in registers; a matrix product has too few multiplications per load here.
 
 use cubecl::prelude::*;
 use tactnet_conv::BlockShape;
@@ -6,22 +6,22 @@ use tactnet_conv::BlockShape;
 use crate::networks::{Place, Stacked, begin};
 use crate::norm::{Passed, Places, Run, Sizes as NormSizes, gradient_at};
 
-/// Steps of a unit.
+/// Number of steps per unit.
 const STRIP: usize = 8;
-/// Maps of a unit.
+/// Number of maps per unit.
 const MAPS: usize = 4;
-/// Units of a cube, about.
+/// Approximate number of units per cube.
 const UNITS: usize = 256;
-/// Taps in time of a unit of the weights' gradient.
+/// Number of time taps per unit in the weights' gradient.
 const TAPS: usize = 2;
-/// Bytes of shared memory that every GPU has.
+/// Shared memory in bytes that every GPU has.
 const SHARED: usize = 16 << 10;
-/// Most partial sums of the weights' gradient.
+/// Maximum number of partial sums of the weights' gradient.
 const PARTS: usize = 528;
-/// Longest kernel in time whose steps fit the registers.
+/// Maximum number of kernel steps for which a strip fits into registers.
 const MAX_KERNEL: usize = 33;
 
-/// Sizes as kernels take them.
+/// Sizes that the kernels use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Sizes {
     steps: usize,
@@ -29,25 +29,28 @@ struct Sizes {
     maps: usize,
     kernel_t: usize,
     kernel_x: usize,
-    /// Units side by side that share positions and take [`MAPS`] maps each.
+    /// Number of neighbouring units that share positions and compute [`MAPS`] maps each.
     groups: usize,
-    /// Columns of the weights and gradients in shared memory: maps and what is left of the last group.
+    /// Columns of weights and gradients in shared memory: the maps, rounded up to whole groups.
     columns: usize,
     strips: usize,
-    /// Strips of all sweeps and taxels, and those of a cube.
+    /// Number of strips in all sweeps and taxels.
     pairs: usize,
+    /// Number of strips per cube.
     pairs_of_cube: usize,
     grid: usize,
-    /// Units of a cube of the weights' gradient that each take their share of its steps.
+    /// Number of units per cube of the weights' gradient that share its steps.
     teams: usize,
-    /// Steps of all sweeps, those of a cube of the weights' gradient, and those in shared memory at a time.
+    /// Number of steps in all sweeps.
     rows: usize,
+    /// Number of steps per cube of the weights' gradient.
     rows_of_part: usize,
+    /// Number of steps in shared memory at a time.
     rows_at_once: usize,
     parts: usize,
 }
 
-/// The route of a shape with one map in.
+/// Route of a shape with one input map.
 #[derive(Debug)]
 pub(crate) struct FirstLayer {
     shape: BlockShape,
@@ -55,7 +58,7 @@ pub(crate) struct FirstLayer {
 }
 
 impl FirstLayer {
-    /// `None` where weights or a frame's gradients do not fit into shared memory, or a strip not into registers.
+    /// Returns `None` if the weights or a frame's gradients exceed shared memory, or a strip exceeds the registers.
     pub(crate) fn of(shape: &BlockShape) -> Option<Self> {
         let [kernel_t, kernel_x] = shape.kernel;
         let groups = shape.maps_out.div_ceil(MAPS);
@@ -101,12 +104,12 @@ impl FirstLayer {
         })
     }
 
-    /// Returns `[batch][steps][taxels][maps]`.
+    /// Returns the convolution `[batch][steps][taxels][maps]`.
     pub(crate) fn convolve(&self, run: &Run<'_>, input: &Stacked, weight: &Stacked) -> Stacked {
         let s = self.sizes;
         let out = Stacked::floats(run.client, run.networks, self.shape.count() * s.maps);
         let cubes = s.pairs.div_ceil(s.pairs_of_cube).div_ceil(s.grid);
-        // SAFETY: lengths are those of the buffers, and the kernel stays inside of `s`.
+        // SAFETY: lengths are those of the buffers, and the kernel stays within `s`.
         unsafe {
             convolve_strips::launch_unchecked(
                 run.client,
@@ -122,7 +125,7 @@ impl FirstLayer {
         out
     }
 
-    /// Writes the gradient of the weights into `out`, from the convolution's output and what is known of its gradient.
+    /// Writes the gradient of the weights to `out`, from the convolution's output and the parts of its gradient.
     pub(crate) fn weight_gradient(
         &self,
         run: &Run<'_>,
@@ -133,7 +136,7 @@ impl FirstLayer {
         let s = self.sizes;
         let len = self.shape.weight_len();
         let partial = Stacked::floats(run.client, run.networks, s.parts * len);
-        // SAFETY: lengths are those of the buffers, and kernels stay inside of `s`.
+        // SAFETY: lengths are those of the buffers, and the kernels stay within `s`.
         unsafe {
             correlate::launch_unchecked(
                 run.client,
@@ -169,7 +172,7 @@ impl FirstLayer {
     }
 }
 
-/// Each unit takes a strip of steps of one taxel and every `groups`-th map: neighbours in a cube write side by side.
+/// Each unit computes a strip of steps of one taxel for every `groups`-th map, so that neighbouring units write to neighbouring addresses.
 #[cube(launch_unchecked)]
 fn convolve_strips(
     input: &[f32],
@@ -253,7 +256,7 @@ fn convolve_strips(
     }
 }
 
-/// Each unit takes two taps in time, all across and every `groups`-th map; a cube adds up its share of all steps.
+/// Each unit computes two time taps, all taxel taps and every `groups`-th map; a cube sums over its share of all steps.
 #[cube(launch_unchecked)]
 fn correlate(
     input: &[f32],
@@ -281,7 +284,7 @@ fn correlate(
     let units = comptime!(s.teams * s.groups * apart);
     let (half_t, half_x) = comptime!((s.kernel_t / 2, s.kernel_x / 2));
     let frame = comptime!(s.taxels * s.columns);
-    // Steps around those at once, and taxels with zeros around.
+    // Steps around the current ones, and taxels with zeros around them.
     let (slab_rows, slab_row) =
         comptime!((s.rows_at_once + s.kernel_t - 1, s.taxels + s.kernel_x - 1));
     let unit = UNIT_POS as usize;
@@ -365,7 +368,7 @@ fn correlate(
                     values[comptime!((q + 1) * s.kernel_x - 1)] =
                         slab[at + x + comptime!(s.kernel_x - 1)];
                 }
-                // Of other sweeps nothing counts.
+                // Steps of other sweeps do not contribute.
                 let mut inside = Array::<f32>::new(TAPS);
                 #[unroll]
                 for q in 0..TAPS {
@@ -411,10 +414,10 @@ fn correlate(
     }
 }
 
-/// Values that a cube sums side by side.
+/// Number of values that a cube sums in parallel.
 const LANES: usize = 32;
 
-/// Sums `[parts][taps][maps]` into `[maps][taps]`.
+/// Sums `[parts][taps][maps]` to `[maps][taps]`.
 #[cube(launch_unchecked)]
 fn sum_parts(
     partial: &[f32],

@@ -1,4 +1,4 @@
-//! What follows the blocks: dropout, a normalised dense layer, the output layer and its loss, of several networks at once.
+//! Layers behind the blocks for several networks: dropout, normalised dense layer, output layer and loss.
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
@@ -9,44 +9,44 @@ use crate::norm::EPSILON;
 use crate::product::{Problem, Side, product};
 use crate::stack_shape::WORD;
 
-/// Units of a cube.
+/// Number of units per cube.
 const UNITS: usize = 256;
 
 /// Sizes of one network's head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Head {
     pub(crate) batch: usize,
-    /// Of the last block.
+    /// Pooled steps of the last block.
     pub(crate) steps: usize,
     pub(crate) taxels: usize,
     pub(crate) maps: usize,
-    /// Words of a dropout mask.
+    /// Number of words in a dropout mask.
     pub(crate) words: usize,
     pub(crate) hidden: usize,
     pub(crate) materials: usize,
-    /// Where the number of sweeps of a network lies.
+    /// Location of each network's number of sweeps.
     pub(crate) counts: Place,
 }
 
-/// Cubes of an elementwise kernel over `len` values of each network.
+/// Returns the grid of an elementwise kernel over `len` values of each network.
 fn elements(len: usize, networks: usize) -> CubeCount {
     let cubes = len.div_ceil(UNITS);
     let grid = row(len);
     CubeCount::Static(grid as u32, cubes.div_ceil(grid) as u32, networks as u32)
 }
 
-/// Cubes along the first axis of [`elements`].
+/// Returns the number of cubes along the first axis of the grid.
 pub(crate) fn row(len: usize) -> usize {
     len.div_ceil(UNITS).clamp(1, 65_535)
 }
 
-/// The place of a unit among the values of its network.
+/// Returns the index of a unit's value within its network.
 #[cube]
 pub(crate) fn element(#[comptime] row: usize) -> usize {
     (CUBE_POS_Y as usize * row + CUBE_POS_X as usize) * UNITS + UNIT_POS as usize
 }
 
-/// How an elementwise kernel over `len` values of each of `networks` is launched.
+/// Returns grid and cube size of an elementwise kernel over `len` values of each of `networks`.
 pub(crate) fn launch(len: usize, networks: usize) -> (CubeCount, CubeDim) {
     (elements(len, networks), CubeDim::new_1d(UNITS as u32))
 }
@@ -56,10 +56,10 @@ impl Head {
         self.maps * self.steps * self.taxels
     }
 
-    /// Returns `[batch][features]` in the order of the dense layer's weights, dropped out, of the last block's `[batch][steps][taxels][maps]`.
+    /// Applies dropout to the last block's `[batch][steps][taxels][maps]`; returns `[batch][features]` in the order of the dense layer's weights.
     ///
-    /// - `masks`: of each network `[batch][words]`
-    /// - `kept`: what a feature that is kept is multiplied by
+    /// - `masks`: `[batch][words]` of each network
+    /// - `kept`: factor of kept features
     pub(crate) fn drop_out(
         &self,
         client: &Client,
@@ -90,7 +90,7 @@ impl Head {
         out
     }
 
-    /// The gradient of [`Self::drop_out`]'s input from that of its output.
+    /// Returns the gradient of [`Self::drop_out`]'s input, given that of its output.
     pub(crate) fn drop_out_gradient(
         &self,
         client: &Client,
@@ -121,7 +121,7 @@ impl Head {
         out
     }
 
-    /// Returns `relu(batch_norm(dense))`, `[batch][hidden]`, zero for sweeps that fill up a batch; mean and biased variance go to `statistics`.
+    /// Returns `relu(batch_norm(dense))`, `[batch][hidden]`, zero for padding sweeps; writes mean and biased variance to `statistics`.
     pub(crate) fn normalise(
         &self,
         client: &Client,
@@ -133,7 +133,7 @@ impl Head {
     ) -> Stacked {
         let out = Stacked::floats(client, networks, self.batch * self.hidden);
         let (count, dim) = launch(self.hidden, networks);
-        // SAFETY: lengths are those of the buffers, and the kernel stays inside of the head's sizes.
+        // SAFETY: lengths are those of the buffers, and the kernel stays within the head's sizes.
         unsafe {
             normalise_rows::launch_unchecked(
                 client,
@@ -154,7 +154,7 @@ impl Head {
         out
     }
 
-    /// Returns the gradient of `dense` from that of the normalised, rectified `hidden`; those of scale and shift go to `into`.
+    /// Returns the gradient of `dense`, given that of the rectified output `hidden`; writes those of scale and shift to `into`.
     pub(crate) fn normalise_gradient(
         &self,
         client: &Client,
@@ -166,7 +166,7 @@ impl Head {
     ) -> Stacked {
         let out = Stacked::floats(client, networks, self.batch * self.hidden);
         let (count, dim) = launch(self.hidden, networks);
-        // SAFETY: lengths are those of the buffers, and the kernel stays inside of the head's sizes.
+        // SAFETY: lengths are those of the buffers, and the kernel stays within the head's sizes.
         unsafe {
             normalise_rows_gradient::launch_unchecked(
                 client,
@@ -196,11 +196,11 @@ impl Head {
         out
     }
 
-    /// Returns the gradient of the logits, `[batch][materials]`, of `weight` times the mean cross entropy, and `[2]`: the cross entropy itself, the
-    /// sweeps recognised.
+    /// Returns the gradient of the logits, `[batch][materials]`, and `[2]`: mean cross entropy and number of correct predictions.
     ///
     /// - `logits`: `[batch][materials]` without the bias
     /// - `labels`: `[batch]`
+    /// - `weight`: factor of the cross entropy in the gradient
     pub(crate) fn losses(
         &self,
         client: &Client,
@@ -211,7 +211,7 @@ impl Head {
     ) -> [Stacked; 2] {
         let gradient = Stacked::floats(client, networks, self.batch * self.materials);
         let measured = Stacked::floats(client, networks, 2);
-        // SAFETY: lengths are those of the buffers, and the kernel stays inside of the head's sizes.
+        // SAFETY: lengths are those of the buffers, and the kernel stays within the head's sizes.
         unsafe {
             cross_entropy::launch_unchecked(
                 client,
@@ -231,7 +231,7 @@ impl Head {
         [gradient, measured]
     }
 
-    /// Writes the sums over the rows of `gradient`, `[batch][materials]`, into `into`, `[materials]`.
+    /// Sums the rows of `gradient`, `[batch][materials]`, to `into`, `[materials]`.
     pub(crate) fn bias_gradient(
         &self,
         client: &Client,
@@ -240,7 +240,7 @@ impl Head {
         into: &Stacked,
     ) {
         let (count, dim) = launch(self.materials, networks);
-        // SAFETY: lengths are those of the buffers, and the kernel stays inside of the head's sizes.
+        // SAFETY: lengths are those of the buffers, and the kernel stays within the head's sizes.
         unsafe {
             sum_rows::launch_unchecked(
                 client,
@@ -256,7 +256,7 @@ impl Head {
     }
 }
 
-/// `[rows][inputs]` by the transpose of `[outputs][inputs]`: `[rows][outputs]`.
+/// Multiplies `[rows][inputs]` by the transpose of `[outputs][inputs]`; returns `[rows][outputs]`.
 pub(crate) fn dense(
     client: &Client,
     networks: usize,
@@ -273,7 +273,7 @@ pub(crate) fn dense(
     out
 }
 
-/// The gradient of [`dense`]'s input from that of its output.
+/// Returns the gradient of [`dense`]'s input, given that of its output.
 pub(crate) fn dense_gradient(
     client: &Client,
     networks: usize,
@@ -290,7 +290,7 @@ pub(crate) fn dense_gradient(
     out
 }
 
-/// Writes the gradient of [`dense`]'s weights into `into`.
+/// Writes the gradient of [`dense`]'s weights to `into`.
 pub(crate) fn dense_weight_gradient(
     client: &Client,
     networks: usize,
@@ -327,7 +327,7 @@ fn multiply<L: Matrix, R: Matrix>(
     product::<L, R, InOrder>(client, problem, left, right, target);
 }
 
-/// Features in the order of the dense layer, `[maps][steps][taxels]`, from the blocks' order `[steps][taxels][maps]`, or `back`.
+/// Reorders from the blocks' order `[steps][taxels][maps]` to the dense layer's `[maps][steps][taxels]`, or `back`, and applies the mask.
 #[cube(launch_unchecked)]
 fn drop_features(
     values: &[f32],
@@ -344,7 +344,7 @@ fn drop_features(
     if at < comptime!(s.batch * features) {
         let network = CUBE_POS_Z as usize;
         let sweep = at / features;
-        // The position in the blocks' order, so that neighbours write (or read) side by side there.
+        // Units are numbered in the blocks' order, so that neighbours access neighbouring addresses there.
         let map = at % s.maps;
         let position = at % features / s.maps;
         let feature = map * comptime!(s.steps * s.taxels) + position;
@@ -365,7 +365,7 @@ fn drop_features(
     }
 }
 
-/// Each unit takes one output of the dense layer and goes over the sweeps.
+/// Each unit computes one output of the dense layer for all sweeps.
 #[cube(launch_unchecked)]
 fn normalise_rows(
     dense: &[f32],
@@ -411,7 +411,7 @@ fn normalise_rows(
     }
 }
 
-/// The gradient of [`normalise_rows`].
+/// Gradient of [`normalise_rows`].
 #[cube(launch_unchecked)]
 fn normalise_rows_gradient(
     dense: &[f32],
@@ -466,7 +466,7 @@ fn normalise_rows_gradient(
     }
 }
 
-/// A cube takes a network, each of its units every so many sweeps.
+/// Each cube handles one network, and each of its units every `UNITS`-th sweep.
 #[cube(launch_unchecked)]
 fn cross_entropy(
     logits: &[f32],

@@ -1,14 +1,14 @@
-//! The block of `tactnet-conv` (convolution, batch normalisation, ReLU, max-pool; forward, backward, gradient of the input) as kernels for
-//! GPUs, in 32-bit floats, from one source for Vulkan, Metal, DirectX 12 and CUDA.
+//! GPU kernels for the block of `tactnet-conv`: convolution, batch normalisation, ReLU and max-pool, forward and backward.
 //!
-//! With few maps coming in, the convolution is one product over the kernel's taps. With more, it goes through spectra over time: Fourier
-//! transforms are products with small constant matrices, of any length; for each frequency one product over the kernel's taxels and all
-//! maps remains, which takes a seventh of the multiplications of a kernel of 15 steps. All products are one kernel
-//! with rules for where entries lie. Results do not depend on the order of execution: no atomics, so runs on one device agree to the bit.
+//! They compute in 32-bit floats. One source serves Vulkan, Metal, DirectX 12 and CUDA.
+//!
+//! With few input maps, the convolution is one product over the kernel's taps. With more, it uses spectra over time: Fourier transforms
+//! of any length are products with small constant matrices, and each frequency needs one product over the kernel's taxels and all
+//! maps. That takes a seventh of the multiplications for a kernel of 15 steps. All products share one kernel with rules for the
+//! location of entries. There are no atomics, so results do not depend on the order of execution, and runs on one device are equal to the bit.
 
 //!
-//! [`Block`] is one block of one network. [`Stack`] is the whole training step of several networks at once, each kernel launched once for all of
-//! them.
+//! [`Block`] is one block of one network. [`Stack`] is the whole training step of several networks; each kernel is launched once for all.
 
 mod adam;
 mod block;

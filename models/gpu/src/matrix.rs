@@ -1,39 +1,42 @@
-//! Matrices that a product reads and writes, each a rule from indices to a place in a buffer.
+//! Matrices that a product reads and writes, each a rule that maps indices to an address in a buffer.
 
 use cubecl::prelude::*;
 use tactnet_conv::BlockShape;
 
-/// Sizes that the rules use. What each means is said there; those that a rule does not name do not matter to it.
+/// Sizes that the rules use; each rule uses only the fields that its documentation mentions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub(crate) struct Layout {
     pub(crate) steps: usize,
     pub(crate) taxels: usize,
     pub(crate) maps: usize,
-    /// Maps of the other side of the convolution.
+    /// Number of maps on the other side of the convolution.
     pub(crate) others: usize,
-    /// Kernel: time steps by taxels.
+    /// Kernel size, time steps by taxels.
     pub(crate) kernel: [usize; 2],
-    /// Rows and columns of a matrix that lies there as it is.
+    /// Number of rows of a row-major matrix.
     pub(crate) rows: usize,
+    /// Number of columns of a row-major matrix.
     pub(crate) columns: usize,
-    /// Ranges of steps that a sweep is cut into, the new steps of each, and the step of a window that the first of them is.
+    /// Number of ranges of steps in a sweep.
     pub(crate) ranges: usize,
+    /// Number of new steps per range.
     pub(crate) range: usize,
+    /// Step of a window where its range begins.
     pub(crate) offset: usize,
-    /// Steps of a window that are not zero.
+    /// Number of non-zero steps in a window.
     pub(crate) filled: usize,
-    /// Windows of the batch: sweeps times ranges.
+    /// Number of windows in the batch: sweeps times ranges.
     pub(crate) windows: usize,
-    /// Frequencies.
+    /// Number of frequencies.
     pub(crate) bins: usize,
-    /// Ranges on either side that reach into this one.
+    /// Number of ranges on either side whose windows overlap this one.
     pub(crate) neighbours: usize,
-    /// Whether taps count backwards.
+    /// True if taps are read in reverse order.
     pub(crate) mirrored: bool,
 }
 
 impl Layout {
-    /// Of a matrix that lies there as it is.
+    /// Returns the layout of a matrix in row-major order.
     pub(crate) fn in_order(rows: usize, columns: usize) -> Self {
         Self {
             rows,
@@ -42,7 +45,7 @@ impl Layout {
         }
     }
 
-    /// Of a block's maps: those that come in, and as others those that go out.
+    /// Returns the layout of a block's maps: `maps` are the input maps, `others` the output maps.
     pub(crate) fn of(shape: &BlockShape) -> Self {
         Self {
             steps: shape.steps,
@@ -55,14 +58,14 @@ impl Layout {
     }
 }
 
-/// A matrix for each member of a batch, that of a network beginning at `from`.
+/// Matrix for each member of a batch; the data of a network begins at `from`.
 #[cube]
 pub(crate) trait Matrix: Send + Sync + 'static {
     /// Returns entry `[i][j]` of member `z`.
     fn at(data: &[f32], from: usize, z: usize, i: usize, j: usize, #[comptime] l: Layout) -> f32;
 }
 
-/// The transpose of `M`.
+/// Transpose of `M`.
 pub(crate) struct Transposed<M> {
     _matrix: core::marker::PhantomData<M>,
 }
@@ -74,7 +77,7 @@ impl<M: Matrix> Matrix for Transposed<M> {
     }
 }
 
-/// `[rows][columns]`, the same for every member.
+/// `[rows][columns]`, shared by all members.
 pub(crate) struct Shared2;
 
 #[cube]
@@ -84,7 +87,7 @@ impl Matrix for Shared2 {
     }
 }
 
-/// Patches of maps `[batch][steps][taxels][maps]` under a kernel with zeros around: row = position, column = `(step, taxel, map)`.
+/// Patches of maps `[batch][steps][taxels][maps]` under a kernel, with zero padding: row = position, column = `(step, taxel, map)`.
 pub(crate) struct Patches;
 
 #[cube]
@@ -151,7 +154,7 @@ impl Matrix for Windows {
 }
 
 /// Spectra `[windows][2 bins][taxels][maps]` under the kernel's taxels: member = bin, row = `(window, taxel)`, column = `(taxel of the kernel,
-/// part, map)`. Part 0 is real, 1 imaginary.
+/// part, map)`. Part 0 is real, part 1 imaginary.
 pub(crate) struct Neighbours;
 
 #[cube]
@@ -175,7 +178,7 @@ impl Matrix for Neighbours {
     }
 }
 
-/// Spectra of the weights, conjugated, `[2 bins][kernel taxels][maps][others]`, as the real matrix that multiplies `(real, imaginary)`:
+/// Conjugated spectra of the weights, `[2 bins][kernel taxels][maps][others]`, as the real matrix that multiplies `(real, imaginary)`:
 /// member = bin, row = `(taxel, part, map)`, column = `(part, other map)`.
 pub(crate) struct Factors;
 
@@ -191,7 +194,7 @@ impl Matrix for Factors {
     }
 }
 
-/// The adjoint of [`Factors`]: row = `(taxel, part, other map)`, column = `(part, map)`.
+/// Adjoint of [`Factors`]: row = `(taxel, part, other map)`, column = `(part, map)`.
 pub(crate) struct AdjointFactors;
 
 #[cube]
@@ -218,7 +221,7 @@ fn factor(
     other: usize,
     #[comptime] l: Layout,
 ) -> f32 {
-    // Both real or both imaginary take the real part.
+    // Two equal parts use the real part of the spectrum, two different ones the imaginary part.
     let imaginary = (part + to) % 2;
     let row = (2 * z + imaginary) * comptime!(l.kernel[1]) + dx;
     let value = data[from + (row * l.maps + map) * l.others + other];
@@ -263,7 +266,7 @@ impl Matrix for Correlations {
         let dx = j / comptime!(l.others * l.maps);
         let part = i % 2;
         let row = i / 2 * comptime!(l.kernel[1]) + dx;
-        // Of x conj(y): re re + im im, and im re - re im.
+        // Parts of x conj(y): re re + im im, and im re - re im.
         let first = ((row * 2 + part) * l.maps + map) * 2 * l.others + other;
         let second = ((row * 2 + 1 - part) * l.maps + map) * 2 * l.others + l.others + other;
         let mut value = data[from + first];
@@ -276,7 +279,7 @@ impl Matrix for Correlations {
     }
 }
 
-/// Where a product's entries go.
+/// Rule for the address of a product's entries.
 #[cube]
 pub(crate) trait Store: Send + Sync + 'static {
     /// Writes entry `[i][j]` of member `z`.
@@ -291,7 +294,7 @@ pub(crate) trait Store: Send + Sync + 'static {
     );
 }
 
-/// `[members][rows][columns]`.
+/// `[members][rows][columns]`
 pub(crate) struct InOrder;
 
 #[cube]
@@ -331,7 +334,7 @@ impl Store for IntoSteps {
     }
 }
 
-/// Weights `[others][maps][kernel steps][kernel taxels]`; indices as of [`TapsInTime`].
+/// Weights `[others][maps][kernel steps][kernel taxels]`, with the indices of [`TapsInTime`].
 pub(crate) struct IntoTaps;
 
 #[cube]

@@ -1,7 +1,7 @@
-//! Tensors of several networks of one architecture, in one buffer each.
+//! Tensors of several networks with one architecture in a shared buffer.
 //!
-//! A kernel that is launched once for all networks takes the network from its place in the grid; what is the network's own lies at a distance
-//! from what is the first one's.
+//! A kernel launched for all networks reads the network's index from its position in the grid. A network's tensor is at a constant
+//! stride from the one of the network before.
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
@@ -9,17 +9,17 @@ use cubecl::server::Handle;
 
 use crate::device::{Buffer, buffer, floats};
 
-/// Where a tensor of each network lies in the buffer that holds it of all, in 32-bit numbers.
+/// Location of a tensor of every network in their shared buffer, in 32-bit numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub(crate) struct Place {
-    /// Of the first network.
+    /// Offset of the first network's tensor.
     pub(crate) offset: usize,
-    /// From one network to the next; 0 where all have the same.
+    /// Distance from one network's tensor to the next; 0 if all networks share it.
     pub(crate) stride: usize,
 }
 
 impl Place {
-    /// One network's tensor of `len` numbers after the other's.
+    /// Returns the location of consecutive tensors of `len` numbers.
     pub(crate) const fn each(len: usize) -> Self {
         Self {
             offset: 0,
@@ -27,7 +27,7 @@ impl Place {
         }
     }
 
-    /// The same for the networks from `first` on.
+    /// Returns the location for the networks from `first` on.
     pub(crate) const fn from(self, first: usize) -> Self {
         Self {
             offset: self.offset + first * self.stride,
@@ -36,13 +36,13 @@ impl Place {
     }
 }
 
-/// Where the tensor of `network` begins.
+/// Returns the offset of `network`'s tensor.
 #[cube]
 pub(crate) fn begin(network: usize, #[comptime] place: Place) -> usize {
     network * place.stride + place.offset
 }
 
-/// A tensor of each network.
+/// Tensors of all networks.
 #[derive(Debug, Clone)]
 pub(crate) struct Stacked {
     pub(crate) buffer: Buffer,
@@ -50,7 +50,7 @@ pub(crate) struct Stacked {
 }
 
 impl Stacked {
-    /// A buffer for tensors of `len` numbers each, not set.
+    /// Allocates uninitialised tensors of `len` numbers each.
     pub(crate) fn floats(client: &Client, networks: usize, len: usize) -> Self {
         Self {
             buffer: floats(client, networks * len),
@@ -58,7 +58,7 @@ impl Stacked {
         }
     }
 
-    /// The whole buffer as the tensor of a single network.
+    /// Returns the whole buffer as the tensor of a single network.
     pub(crate) fn single(handle: &Handle, len: usize) -> Self {
         Self {
             buffer: (handle.clone(), len),
@@ -66,7 +66,7 @@ impl Stacked {
         }
     }
 
-    /// Tensors of `len` numbers each that lie one after the other in `handle`.
+    /// Returns consecutive tensors of `len` numbers each in `handle`.
     pub(crate) fn each(handle: &Handle, networks: usize, len: usize) -> Self {
         Self {
             buffer: (handle.clone(), networks * len),
@@ -74,7 +74,7 @@ impl Stacked {
         }
     }
 
-    /// What lies `offset` numbers after the beginning of each.
+    /// Returns the tensors that begin `offset` numbers after these.
     pub(crate) fn after(&self, offset: usize) -> Self {
         Self {
             buffer: self.buffer.clone(),
@@ -86,9 +86,9 @@ impl Stacked {
     }
 
     /// # Safety
-    /// The length must be the buffer's.
+    /// The length must be that of the buffer.
     pub(crate) unsafe fn arg(&self) -> BufferArg {
-        // SAFETY: as the caller promises.
+        // SAFETY: guaranteed by the caller.
         unsafe { buffer(&self.buffer) }
     }
 }

@@ -6,33 +6,33 @@ use tactnet_conv::BlockShape;
 
 use crate::networks::{Place, Stacked, begin};
 
-/// Units of a cube.
+/// Number of units per cube.
 const UNITS: usize = 256;
-/// Most partial sums per map.
+/// Maximum number of partial sums per map.
 const CHUNKS: usize = 512;
-/// Added to the variance before its root.
+/// Added to the variance before its square root.
 pub(crate) const EPSILON: f32 = 1e-5;
 
-/// What every pass of a block takes: its shape, and how many networks there are.
+/// Arguments that all passes of a block share.
 #[derive(Clone, Copy)]
 pub(crate) struct Run<'a> {
     pub(crate) client: &'a Client,
     pub(crate) shape: &'a BlockShape,
     pub(crate) networks: usize,
-    /// Sweeps of each network, in front of those that fill up the batch: `[1]` each, whole numbers.
+    /// Number of valid sweeps of each network, which come before padding sweeps: `[1]` each, integers.
     pub(crate) counts: &'a Stacked,
 }
 
-/// How sums over rows of `[rows][maps]` are cut. The cut does not depend on how many rows are filled, so that a sum does not either.
+/// Division of sums over rows of `[rows][maps]`. It does not depend on the number of valid rows, so that results do not either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Sums {
     rows: usize,
-    /// Rows of a sweep.
+    /// Number of rows per sweep.
     sweep: usize,
     maps: usize,
-    /// Maps of a cube, side by side.
+    /// Number of neighbouring maps per cube.
     lanes: usize,
-    /// Rows of a cube.
+    /// Number of rows per cube.
     chunk: usize,
     chunks: usize,
     counts: Place,
@@ -64,7 +64,7 @@ impl Sums {
     }
 }
 
-/// Where the values per map lie.
+/// Locations of the values per map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Places {
     gamma: Place,
@@ -76,7 +76,7 @@ pub(crate) struct Places {
     counts: Place,
 }
 
-/// Sizes of a block as kernels take them.
+/// Sizes of a block that the kernels use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Sizes {
     steps: usize,
@@ -85,12 +85,13 @@ pub(crate) struct Sizes {
     /// Taxels times maps.
     row: usize,
     maps: usize,
-    /// Values of what a kernel writes.
+    /// Number of values that a kernel writes.
     len: usize,
-    /// Values of a map in a sweep.
+    /// Number of values of one map in a sweep.
     sweep: usize,
-    /// Values of a network's convolution and of its pooled output.
+    /// Number of values of a network's convolution.
     convolved: usize,
+    /// Number of values of a network's pooled output.
     out: usize,
     grid: usize,
 }
@@ -125,7 +126,7 @@ fn units() -> CubeDim {
 pub(crate) fn statistics(run: &Run<'_>, convolved: &Stacked, [mean, variance]: [&Stacked; 2]) {
     let sums = Sums::of(run, run.shape.steps * run.shape.taxels);
     let partial = sums.partial(run);
-    // SAFETY: lengths are those of the buffers, and kernels stay inside of `sums`.
+    // SAFETY: lengths are those of the buffers, and the kernels stay within `sums`.
     unsafe {
         sum_up::launch_unchecked(
             run.client,
@@ -151,13 +152,13 @@ pub(crate) fn statistics(run: &Run<'_>, convolved: &Stacked, [mean, variance]: [
     }
 }
 
-/// Rows that are filled of a network.
+/// Returns the number of valid rows of a network.
 #[cube]
 fn filled(network: usize, counts: &[u32], #[comptime] s: Sums) -> usize {
     counts[begin(network, s.counts)] as usize * s.sweep
 }
 
-/// Sums of values and of their squares, both less the first row, which lies near the mean: so squares do not cancel.
+/// Sums values and their squares after subtracting the first row, which is near the mean, so that squares do not cancel.
 #[cube(launch_unchecked)]
 fn sum_up(values: &[f32], counts: &[u32], partial: &mut [f32], #[comptime] s: Sums) {
     let network = CUBE_POS_Z as usize;
@@ -181,7 +182,7 @@ fn sum_up(values: &[f32], counts: &[u32], partial: &mut [f32], #[comptime] s: Su
     store_sums(first, second, map, partial, s);
 }
 
-/// Adds what the units of a cube summed for each map, always in one order.
+/// Adds the sums of a cube's units for each map, in a fixed order.
 #[cube]
 fn store_sums(first: f32, second: f32, map: usize, partial: &mut [f32], #[comptime] s: Sums) {
     let unit = UNIT_POS as usize;
@@ -203,7 +204,7 @@ fn store_sums(first: f32, second: f32, map: usize, partial: &mut [f32], #[compti
     }
 }
 
-/// Sums the partial sums of the map that is this cube's; every unit gets both.
+/// Adds the partial sums of this cube's map; every unit receives both totals.
 #[cube]
 fn total(partial: &[f32], #[comptime] s: Sums) -> (f32, f32) {
     let unit = UNIT_POS as usize;
@@ -259,7 +260,7 @@ fn finish_statistics(
     }
 }
 
-/// The pooled output `[batch][pooled steps][taxels][maps]`, and the step that won in each pool.
+/// Returns the pooled output `[batch][pooled steps][taxels][maps]` and the step of the winner in each pool.
 pub(crate) fn pool(
     run: &Run<'_>,
     convolved: &Stacked,
@@ -277,7 +278,7 @@ pub(crate) fn pool(
         of_beta: Place::default(),
         counts: run.counts.place,
     };
-    // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
+    // SAFETY: lengths are those of the buffers, and the kernel stays within `sizes`.
     unsafe {
         normalise_and_pool::launch_unchecked(
             run.client,
@@ -324,7 +325,7 @@ fn normalise_and_pool(
         let from = network * s.convolved + (sweep * s.steps + first) * s.row + at % s.row;
         let steps = (s.steps - first).min(s.pool);
         let gamma = gamma[begin(network, p.gamma) + map];
-        // Normalised values rise or fall with those of the convolution.
+        // Normalised values increase or decrease with those of the convolution.
         let mut sign = 1.0f32;
         if gamma < 0.0f32 {
             sign = -1.0f32;
@@ -346,7 +347,7 @@ fn normalise_and_pool(
     }
 }
 
-/// What the forward pass left, the gradient of the pooled output, and where those of scale and shift are or will be.
+/// Results of the forward pass, gradient of the pooled output, and targets of the gradients of scale and shift.
 pub(crate) struct Passed<'a> {
     pub(crate) convolved: &'a Stacked,
     pub(crate) gamma: &'a Stacked,
@@ -378,7 +379,7 @@ pub(crate) fn gradients(run: &Run<'_>, passed: &Passed<'_>) {
     let shape = run.shape;
     let sums = Sums::of(run, shape.pooled_steps() * shape.taxels);
     let partial = sums.partial(run);
-    // SAFETY: lengths are those of the buffers, and kernels stay inside of their sizes.
+    // SAFETY: lengths are those of the buffers, and the kernels stay within their sizes.
     unsafe {
         sum_up_gradients::launch_unchecked(
             run.client,
@@ -409,12 +410,12 @@ pub(crate) fn gradients(run: &Run<'_>, passed: &Passed<'_>) {
     }
 }
 
-/// Returns the gradient of the convolution's output, zero for sweeps that fill up a batch.
+/// Returns the gradient of the convolution's output, zero for padding sweeps.
 pub(crate) fn spread(run: &Run<'_>, passed: &Passed<'_>) -> Stacked {
     let all = run.shape.count() * run.shape.maps_out;
     let sizes = Sizes::of(run.shape, all);
     let spread = Stacked::floats(run.client, run.networks, all);
-    // SAFETY: lengths are those of the buffers, and the kernel stays inside of `sizes`.
+    // SAFETY: lengths are those of the buffers, and the kernel stays within `sizes`.
     unsafe {
         spread_gradient::launch_unchecked(
             run.client,
@@ -540,9 +541,8 @@ fn spread_gradient(
     }
 }
 
-/// The gradient of the convolution's output at `at` of a network:
-/// `gamma / deviation x (winner's gradient - mean of all - normalised value x mean of (gradient x normalised value))`; zero for sweeps that
-/// fill up a batch.
+/// Returns the gradient of a network's convolution output at `at`, zero for padding sweeps:
+/// `gamma / deviation x (winner's gradient - mean of all - normalised value x mean of (gradient x normalised value))`.
 #[cube]
 pub(crate) fn gradient_at(
     network: usize,

@@ -1,4 +1,4 @@
-//! One kernel for all matrix products: tiles in shared memory, a block of each in a unit's registers.
+//! Kernel for all matrix products: tiles in shared memory, a block of each tile in a unit's registers.
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
@@ -7,15 +7,16 @@ use crate::device::{Buffer, buffer};
 use crate::matrix::{Layout, Matrix, Store, Transposed};
 use crate::networks::{Place, begin};
 
-/// Most cubes along one axis of a launch that every GPU takes.
+/// Maximum number of cubes along one axis of a launch on any GPU.
 const AXIS: usize = 65_535;
 
-/// Values of a vector.
+/// Number of values in a vector.
 const FOUR: usize = 4;
 type Quad = Vector<f32, Const<4>>;
 
-/// Depth of a tile, and rows and columns of a unit's share of it.
+/// Depth of a tile.
 const DEPTH: usize = 16;
+/// Number of rows, and of columns, of a tile that one unit computes.
 const UNIT: usize = FOUR;
 
 /// Sizes of a tile.
@@ -30,25 +31,27 @@ impl Tile {
         self.rows / UNIT * (self.columns / UNIT)
     }
 
-    /// Chooses by the rows of a product. Of thirteen tiles from 16 x 128 to 128 x 128, with shares of 4 x 4 to 8 x 8, with and without loading
-    /// ahead, these were the fastest or within a tenth of it for every product of TactNet-II on an H200.
+    /// Chooses a tile by the number of rows.
+    ///
+    /// Of thirteen tiles from 16 x 128 to 128 x 128, with unit blocks from 4 x 4 to 8 x 8, with and without prefetching, these were the
+    /// fastest or within a tenth of the fastest for every product of TactNet-II on an H200.
     fn of(rows: usize) -> Self {
         let (rows, columns) = if rows <= 16 { (16, 128) } else { (64, 64) };
         Self { rows, columns }
     }
 }
 
-/// One side of a product.
+/// One factor of a product.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Side {
     layout: Layout,
-    /// Whether neighbours along the depth lie side by side in memory, else along rows or columns.
+    /// True if neighbours along the depth are adjacent in memory, false if neighbours along rows or columns are.
     along_depth: bool,
     place: Place,
 }
 
 impl Side {
-    /// A side whose neighbours along the depth lie side by side in memory, the same for all networks.
+    /// Creates a factor, shared by all networks, whose neighbours along the depth are adjacent in memory.
     pub(crate) fn along_depth(layout: Layout) -> Self {
         Self {
             layout,
@@ -57,7 +60,7 @@ impl Side {
         }
     }
 
-    /// A side whose neighbours along rows or columns lie side by side in memory, the same for all networks.
+    /// Creates a factor, shared by all networks, whose neighbours along rows or columns are adjacent in memory.
     pub(crate) fn across(layout: Layout) -> Self {
         Self {
             layout,
@@ -66,13 +69,13 @@ impl Side {
         }
     }
 
-    /// With a matrix for each network.
+    /// Sets the location of each network's matrix.
     pub(crate) fn of(self, place: Place) -> Self {
         Self { place, ..self }
     }
 }
 
-/// What a product multiplies: sizes, and the rules' own.
+/// Sizes of a product and of its factors' rules.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Problem {
     rows: usize,
@@ -88,7 +91,7 @@ pub(crate) struct Problem {
 }
 
 impl Problem {
-    /// `[rows][depth]` by `[depth][columns]`, into a matrix that lies in order.
+    /// Creates the product `[rows][depth]` by `[depth][columns]` with a row-major result.
     pub(crate) fn of([rows, depth, columns]: [usize; 3], left: Side, right: Side) -> Self {
         Self {
             rows,
@@ -104,12 +107,12 @@ impl Problem {
         }
     }
 
-    /// The same for as many matrices.
+    /// Sets the number of matrices.
     pub(crate) fn members(self, members: usize) -> Self {
         Self { members, ..self }
     }
 
-    /// The same for so many networks, with results at `out`.
+    /// Sets the number of networks and the location of their results.
     pub(crate) fn networks(self, networks: usize, out: Place) -> Self {
         Self {
             networks,
@@ -118,12 +121,12 @@ impl Problem {
         }
     }
 
-    /// With the depth cut into `parts`, each summed apart as a member of the result.
+    /// Divides the depth into `parts`, whose sums are separate members of the result.
     pub(crate) fn parts(self, parts: usize) -> Self {
         Self { parts, ..self }
     }
 
-    /// With entries stored by a rule with `out`.
+    /// Sets the layout of the result for a storage rule.
     pub(crate) fn into(self, out: Layout) -> Self {
         Self { out, ..self }
     }
@@ -139,7 +142,7 @@ struct Plan {
     part: usize,
 }
 
-/// Multiplies `left` `[rows][depth]` by `right` `[depth][columns]` into `out`, for every member of every network.
+/// Multiplies `left` `[rows][depth]` by `right` `[depth][columns]` to `out`, for every member of every network.
 pub(crate) fn product<L: Matrix, R: Matrix, S: Store>(
     client: &Client,
     problem: Problem,
@@ -152,7 +155,7 @@ pub(crate) fn product<L: Matrix, R: Matrix, S: Store>(
     let tiles = problem.rows.div_ceil(tile.rows) * column_tiles;
     let grid_x = tiles.min(AXIS);
     let plan = Plan {
-        // A kernel does not depend on how many networks there are.
+        // The compiled kernel does not depend on the number of networks.
         problem: Problem {
             networks: 1,
             ..problem
@@ -171,7 +174,7 @@ pub(crate) fn product<L: Matrix, R: Matrix, S: Store>(
         tiles.div_ceil(grid_x) as u32,
         (problem.networks * problem.members * problem.parts) as u32,
     );
-    // SAFETY: lengths are those of the buffers; every access stays inside by the rules' own bounds and the tile's.
+    // SAFETY: lengths are those of the buffers; the bounds of the rules and of the tile limit every access.
     unsafe {
         multiply::launch_unchecked::<L, R, S>(
             client,
@@ -195,7 +198,7 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
     let p = comptime!(plan.problem);
     let t = comptime!(plan.tile);
     let units = comptime!(t.units());
-    // Tiles hold vectors of four rows or columns; one more in each line keeps units on memory banks of their own.
+    // Tiles hold vectors of four rows or columns. One extra vector per line puts units on different memory banks.
     let (rows, columns) = comptime!((t.rows / FOUR, t.columns / FOUR));
     let (pitch_l, pitch_r) = comptime!((rows + 1, columns + 1));
     let (loads_l, loads_r) = comptime!((
@@ -295,7 +298,7 @@ fn multiply<L: Matrix, R: Matrix, S: Store>(
     }
 }
 
-/// Four rows of one column, zeros beyond the last row and column.
+/// Returns four rows of one column, zeros beyond the last row and column.
 #[cube]
 fn four_of<M: Matrix>(
     data: &[f32],
@@ -319,7 +322,7 @@ fn four_of<M: Matrix>(
     quad
 }
 
-/// Entry `e` of a tile as `(depth, other index)`.
+/// Returns entry `e` of a tile as `(depth, other index)`.
 #[cube]
 fn split(e: usize, #[comptime] others: usize, #[comptime] along_depth: bool) -> (usize, usize) {
     if along_depth {

@@ -1,4 +1,4 @@
-//! The convolution through spectra over time: for each frequency one product over the kernel's taxels and all maps.
+//! Convolution through spectra over time: for each frequency one product over the kernel's taxels and all maps.
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
@@ -14,7 +14,7 @@ use crate::norm::Run;
 use crate::product::{Problem, Side, product};
 use crate::tables::Windows;
 
-/// The route of a shape, with its Fourier matrices on the device.
+/// Route of a shape, with its Fourier matrices on the device.
 #[derive(Debug)]
 pub(crate) struct Spectral {
     shape: BlockShape,
@@ -26,14 +26,14 @@ pub(crate) struct Spectral {
     for_taps: Buffer,
 }
 
-/// What a forward pass leaves.
+/// Results of a forward pass.
 #[derive(Debug)]
 pub(crate) struct Convolved {
     /// `[batch][steps][taxels][maps out]`
     pub(crate) out: Stacked,
-    /// Of the input: `[windows][2 bins][taxels][maps in]`.
+    /// Spectra of the input: `[windows][2 bins][taxels][maps in]`.
     pub(crate) spectra: Stacked,
-    /// Of the weights, conjugated: `[2 bins][kernel taxels][maps in][maps out]`.
+    /// Conjugated spectra of the weights: `[2 bins][kernel taxels][maps in][maps out]`.
     pub(crate) factors: Stacked,
 }
 
@@ -87,7 +87,7 @@ impl Spectral {
         }
     }
 
-    /// Writes the gradient of the weights into `of_weight`, and returns that of the input if it is needed.
+    /// Writes the gradient of the weights to `of_weight`, and returns that of the input if requested.
     pub(crate) fn backward(
         &self,
         run: &Run<'_>,
@@ -172,12 +172,12 @@ impl Spectral {
         );
     }
 
-    /// Pairs of maps, for each taxel of the kernel.
+    /// Returns the number of map pairs times the kernel's taxels.
     fn pairs(&self) -> usize {
         self.shape.kernel[1] * self.shape.maps_in * self.shape.maps_out
     }
 
-    /// Sizes of windows of so many maps.
+    /// Returns the layout of windows of `maps` maps.
     fn windowed(&self, maps: usize) -> Layout {
         let windows = &self.windows;
         Layout {
@@ -190,7 +190,7 @@ impl Spectral {
         }
     }
 
-    /// Spectra `[windows][2 bins][taxels][maps]` of `values` `[batch][steps][taxels][maps]`.
+    /// Returns the spectra `[windows][2 bins][taxels][maps]` of `values` `[batch][steps][taxels][maps]`.
     fn spectra(&self, run: &Run<'_>, values: &Stacked, layout: Layout) -> Stacked {
         let (rows, columns) = (2 * self.windows.bins, self.shape.taxels * layout.maps);
         let out = Stacked::floats(run.client, run.networks, layout.windows * rows * columns);
@@ -206,7 +206,7 @@ impl Spectral {
         out
     }
 
-    /// Products over taxels and maps for each frequency: `[bins][windows][taxels][2][maps]`.
+    /// Returns the products over taxels and maps for each frequency, `[bins][windows][taxels][2][maps]`.
     fn multiply<F: Matrix>(
         &self,
         run: &Run<'_>,
@@ -230,7 +230,7 @@ impl Spectral {
         out
     }
 
-    /// From products back to steps: `[batch][steps][taxels][maps]`.
+    /// Transforms products back to steps, `[batch][steps][taxels][maps]`.
     fn to_steps(
         &self,
         run: &Run<'_>,

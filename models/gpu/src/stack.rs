@@ -1,8 +1,8 @@
-//! Training steps of several networks of one architecture at once: every kernel is launched once for all of them.
+//! Training steps of several networks with one architecture: every kernel is launched once for all of them.
 //!
-//! Each has weights, sweeps, dropout masks and batches of its own. Where a batch is smaller than the largest, sweeps of zeros fill it up: they are
-//! left out of statistics and loss, and have a gradient of zero. How sums are cut depends on sizes alone, so a network's numbers do not depend on
-//! which others are trained beside it, nor on how many.
+//! Each network has its own weights, sweeps, dropout masks and batches. Smaller batches are padded with sweeps of zeros, which
+//! statistics and loss exclude and whose gradient is zero. The order of summation depends on sizes only, so a network's results
+//! do not depend on the other networks in the stack.
 
 use std::fmt;
 use std::ops::Range;
@@ -18,16 +18,16 @@ use crate::stack_adam::{Learning, adam, follow};
 use crate::stack_shape::StackShape;
 use crate::sweeps::{Digits, perturbed};
 
-/// How networks learn, the same for all.
+/// Training method that all networks share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StackMethod {
-    /// What a feature that dropout keeps is multiplied by.
+    /// Factor of the features that dropout keeps.
     pub kept: f32,
-    /// The L2 penalty and the betas of Adam; rate and epsilon are each network's own.
+    /// L2 penalty and betas of Adam; learning rate and epsilon come with each network's batch.
     pub adam: AdamStep,
-    /// Of the parameters, the first so many have the penalty.
+    /// Number of leading parameters with an L2 penalty.
     pub penalized: usize,
-    /// Whether sweeps are attacked.
+    /// Adversarial perturbation of the sweeps, if any.
     pub attack: Option<StackAttack>,
 }
 
@@ -36,68 +36,68 @@ pub struct StackMethod {
 pub struct StackAttack {
     /// Weight of the clean loss.
     pub alpha: f64,
-    /// Step of each taxel in the units of the sweeps: `[networks][taxels]`.
+    /// Perturbation of each taxel in the units of the sweeps: `[networks][taxels]`.
     pub epsilon: Vec<f32>,
-    /// Whether running statistics follow the attacked sweeps too.
+    /// True if running statistics also follow the perturbed sweeps.
     pub follow_both: bool,
 }
 
-/// What networks are at a moment; of each network one after the other.
+/// State of all networks, one after another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StackState {
     /// `[networks][parameters]`
     pub parameters: Vec<f32>,
-    /// Adam's moments, the same.
+    /// First and second moments of Adam, `[networks][parameters]` each.
     pub moments: [Vec<f32>; 2],
     /// `[networks][statistics]`: running means and variances.
     pub running: Vec<f32>,
 }
 
-/// Sweeps from which batches are chosen on the device.
+/// Raw sweeps on the device, from which batches are selected.
 #[derive(Debug, Clone, Copy)]
 pub struct StackDigits<'a> {
-    /// Bits of a digit, 8 or 16.
+    /// Bits per raw value: 8 or 16.
     pub bits: usize,
-    /// `[sweeps][words]`: the digits of each sweep, the first in the lowest bits of a word.
+    /// `[sweeps][words]`: raw values of each sweep, the first in the lowest bits of a word.
     pub words: &'a [u32],
-    /// `[networks][2][taxels]`: what is subtracted from a digit, and what the rest is multiplied by.
+    /// `[networks][2][taxels]`: value to subtract from a raw value, then factor.
     pub scaling: &'a [f32],
 }
 
-/// The sweeps of a batch, `[networks][batch]`.
+/// Sweeps of a batch, `[networks][batch]`.
 #[derive(Debug, Clone, Copy)]
 pub enum StackSweeps<'a> {
-    /// By their numbers among those that lie on the device.
+    /// Indices of sweeps on the device.
     Chosen(&'a [u32]),
     /// `[networks][batch][steps][taxels]`, normalised.
     Values(&'a [f32]),
 }
 
-/// A batch of each network. What fills up batches counts for nothing; sweeps that do are of finite numbers, best of zeros.
+/// Batch of every network. Padding sweeps have no effect, but must be finite; use zeros.
 #[derive(Debug, Clone, Copy)]
 pub struct StackBatch<'a> {
-    /// Sweeps of each network's batch; 0: the network stays as it is.
+    /// Number of sweeps in each network's batch; 0 leaves the network unchanged.
     pub counts: &'a [u32],
-    /// Its sweeps.
+    /// Sweeps of all networks.
     pub sweeps: StackSweeps<'a>,
     /// `[networks][batch]`
     pub labels: &'a [u32],
-    /// Of each pass (clean, attacked) `[networks][batch][words]`: feature `f` is kept if bit `f % 32` of word `f / 32` is set.
+    /// `[networks][batch][words]` for each pass (clean, perturbed): bit `f % 32` of word `f / 32` is set if feature `f` is kept.
     pub masks: &'a [&'a [u32]],
-    /// Of each network Adam's rate and epsilon, with its bias corrected.
+    /// Learning rate and epsilon of Adam for each network, with bias correction.
     pub rates: &'a [[f32; 2]],
 }
 
-/// What a step measured of one network.
+/// Measurements of one network in one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StackMeasured {
-    /// Mean cross entropy, nats: of the clean and of the attacked sweeps.
+    /// Mean cross entropy in nats of the clean and of the perturbed sweeps.
     pub loss: [f32; 2],
-    /// Sweeps recognised of each; 0 of the attacked where there are none.
+    /// Number of correct predictions on the clean and on the perturbed sweeps; the latter is 0 without a perturbation.
     pub correct: [usize; 2],
 }
 
-/// Networks on a device.
+/// Networks that train together on a device.
 pub struct Stack {
     client: Client,
     shape: StackShape,
@@ -108,9 +108,9 @@ pub struct Stack {
     epsilon: Option<Stacked>,
     learning: Learning,
     running: Stacked,
-    /// For each statistic, which number of a step corrects its bias.
+    /// For each statistic, the index of the step's number that corrects its bias.
     factors: Stacked,
-    /// Of each step since the last reading what each pass measured.
+    /// Measurements of each pass of each step since the last call of [`Stack::measured`].
     measured: Vec<Vec<Stacked>>,
 }
 
@@ -120,21 +120,21 @@ impl fmt::Debug for Stack {
     }
 }
 
-/// What one step has on the device.
+/// Inputs of one step on the device.
 struct OnDevice {
     counts: Stacked,
     labels: Stacked,
     masks: Vec<Stacked>,
     chosen: Option<Stacked>,
-    /// `[rate, epsilon, of each layer the correction of its variance]`
+    /// `[rate, epsilon, correction of each layer's variance]`
     of_step: Stacked,
 }
 
-/// Parts of one buffer of words.
+/// Buffer of words with several parts.
 struct Words(Vec<u32>);
 
 impl Words {
-    /// Adds `[networks][len]` words, and returns where they lie.
+    /// Appends `[networks][len]` words and returns their location.
     fn add(&mut self, networks: usize, words: &[u32]) -> Place {
         assert_eq!(words.len() % networks, 0, "as many words for each network");
         let place = Place {
@@ -147,10 +147,10 @@ impl Words {
 }
 
 impl Stack {
-    /// Puts networks onto a device.
+    /// Uploads networks to a device.
     ///
     /// # Panics
-    /// If `state` or `digits` are not of the shape's sizes.
+    /// If `state` or `digits` do not match the shape.
     pub fn new(
         client: &Client,
         shape: StackShape,
@@ -175,7 +175,7 @@ impl Stack {
         };
         let mut factors = vec![0_u32; shape.statistics()];
         for layer in 0..shape.layers() {
-            // Behind rate and epsilon.
+            // After rate and epsilon.
             factors[shape.variance(layer)].fill(2 + layer as u32);
         }
         let of_factors = client.create_from_slice(u32::as_bytes(&factors));
@@ -192,7 +192,7 @@ impl Stack {
                 words: shape.mask_words(),
                 hidden: shape.hidden,
                 materials: shape.materials,
-                // The first of a step's words.
+                // The counts come first among a step's words.
                 counts: Place::each(1),
             },
             digits: digits.map(|digits| {
@@ -217,15 +217,15 @@ impl Stack {
         }
     }
 
-    /// Sizes of the networks.
+    /// Returns the sizes of the networks.
     pub fn shape(&self) -> &StackShape {
         &self.shape
     }
 
-    /// One step of every network that has sweeps. Asks the device for it and does not wait.
+    /// Queues one training step of every network whose batch has sweeps, without waiting for the device.
     ///
     /// # Panics
-    /// If the batch is not of the shape's sizes, or chooses from sweeps that are not on the device.
+    /// If the batch does not match the shape, or selects from sweeps that were not uploaded.
     pub fn step(&mut self, batch: &StackBatch<'_>) {
         let device = self.upload(batch);
         let sweeps = match (&batch.sweeps, &device.chosen, &self.digits) {
@@ -251,7 +251,7 @@ impl Stack {
                 statistics.push(pass.statistics);
             }
             Some(attack) => {
-                // The sign of dE/dx needs a clean loss even where that has no weight.
+                // The sign of dE/dx needs a clean loss even if its weight is zero.
                 let weight = if attack.alpha > 0.0 {
                     attack.alpha
                 } else {
@@ -356,11 +356,11 @@ impl Stack {
         }
     }
 
-    /// Forward and backward through all networks as they stand.
+    /// Runs forward and backward pass of all networks.
     ///
-    /// - `number`: of the pass, whose mask it takes
-    /// - `weight`: of the loss in its gradient
-    /// - `need_input`: whether the gradient of the sweeps is asked for
+    /// - `number`: index of the pass, which selects its mask
+    /// - `weight`: factor of the loss in its gradient
+    /// - `need_input`: true if the gradient of the sweeps is needed
     fn pass(
         &self,
         device: &OnDevice,
@@ -450,7 +450,7 @@ impl Stack {
         }
     }
 
-    /// What a normalised layer learns, of all parameters or their gradients.
+    /// Returns a normalised layer's part of all parameters or of their gradients.
     fn learnt(&self, all: &Stacked, layer: usize) -> Learnt {
         let shape = &self.shape;
         Learnt {
@@ -460,7 +460,7 @@ impl Stack {
         }
     }
 
-    /// Waits for the device, and returns what each step since the last reading measured of each network.
+    /// Waits for the device and returns the measurements of every network at each step since the last call.
     pub fn measured(&mut self) -> Vec<Vec<StackMeasured>> {
         let steps = std::mem::take(&mut self.measured);
         let handles = steps.iter().flatten().map(|pass| pass.buffer.0.clone());
@@ -487,7 +487,7 @@ impl Stack {
             .collect()
     }
 
-    /// Waits for the device, and returns the networks as they stand.
+    /// Waits for the device and returns the current state of the networks.
     pub fn state(&self) -> StackState {
         let Learning {
             parameters,
@@ -519,16 +519,16 @@ impl Stack {
     }
 }
 
-/// What a pass gives.
+/// Results of a pass.
 struct Pass {
     gradients: Stacked,
     statistics: Stacked,
     measured: Stacked,
-    /// Gradient of the sweeps, if it was asked for.
+    /// Gradient of the sweeps, if requested.
     input: Option<Stacked>,
 }
 
-/// A range of each network's numbers.
+/// Returns a range of each network's numbers.
 fn part(all: &Stacked, range: &Range<usize>) -> Stacked {
     all.after(range.start)
 }

@@ -1,4 +1,4 @@
-//! The end of a step of several networks: Adam over all parameters, and running statistics over all layers, one kernel each.
+//! End of a training step of several networks: Adam for all parameters and running statistics of all layers, one kernel each.
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
@@ -7,10 +7,10 @@ use tactnet_conv::AdamStep;
 use crate::head::{element, launch, row};
 use crate::networks::{Place, Stacked, begin};
 
-/// Weight of the newest batch in running statistics.
+/// Weight of the latest batch in the running statistics.
 const MOMENTUM: f32 = 0.1;
 
-/// Parameters of each network, or their moments: `[parameters]` each.
+/// Parameters and moments of every network, `[parameters]` each.
 #[derive(Debug, Clone)]
 pub(crate) struct Learning {
     pub(crate) parameters: Stacked,
@@ -20,22 +20,22 @@ pub(crate) struct Learning {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Sizes {
-    /// Parameters of a network.
+    /// Number of parameters of a network.
     len: usize,
-    /// Of these, the first so many have an L2 penalty.
+    /// Number of leading parameters with an L2 penalty.
     penalized: usize,
-    /// Numbers that each network has for its step.
+    /// Location of each network's numbers for this step.
     of_step: Place,
     counts: Place,
     cubes: usize,
-    /// Whether a second gradient is added.
+    /// True if a second gradient is added.
     two: bool,
 }
 
-/// Returns parameters and moments after a step; those of networks without sweeps stay.
+/// Returns parameters and moments after a step; networks without sweeps do not change.
 ///
-/// - `gradients`: one, or two that are added
-/// - `step`: its rate and epsilon are each network's own: in `of_step`, `[rate, epsilon, …]`
+/// - `gradients`: one gradient, or two that are added
+/// - `step`: L2 penalty and betas; `of_step` holds each network's `[rate, epsilon, …]`
 pub(crate) fn adam(
     client: &Client,
     networks: usize,
@@ -130,10 +130,10 @@ fn update(
     }
 }
 
-/// Returns the running statistics moved towards those of a batch; those of networks without sweeps stay.
+/// Returns the running statistics after moving them towards those of a batch; networks without sweeps do not change.
 ///
 /// - `batch`: means and biased variances
-/// - `factors`: for each statistic, which of the numbers of `of_step` it is multiplied by; 0: none
+/// - `factors`: for each statistic, the index of its factor in `of_step`; 0 for none
 pub(crate) fn follow(
     client: &Client,
     networks: usize,

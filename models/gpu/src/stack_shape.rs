@@ -1,35 +1,35 @@
-//! Sizes of networks that are trained at once, and where each of their tensors lies.
+//! Sizes of networks that train together, and the ranges of their tensors.
 
 use std::ops::Range;
 
 use tactnet_conv::BlockShape;
 
-/// Networks of one architecture: convolution blocks, dropout, a normalised dense layer, an output layer.
+/// Sizes of networks with one architecture: convolution blocks, dropout, a normalised dense layer, an output layer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StackShape {
-    /// How many there are.
+    /// Number of networks.
     pub networks: usize,
-    /// Sweeps of a batch, at most.
+    /// Maximum number of sweeps in a batch.
     pub batch: usize,
-    /// Steps of a sweep.
+    /// Number of steps in a sweep.
     pub steps: usize,
-    /// Taxels of a sweep.
+    /// Number of taxels in a sweep.
     pub taxels: usize,
-    /// Maps, and pool in steps, of each block.
+    /// Number of maps and pool size in steps of each block.
     pub blocks: Vec<[usize; 2]>,
-    /// Kernel of the convolutions: time steps by taxels, both odd.
+    /// Kernel size, time steps by taxels; both are odd.
     pub kernel: [usize; 2],
-    /// Units of the dense layer.
+    /// Number of units in the dense layer.
     pub hidden: usize,
-    /// Units of the output layer.
+    /// Number of units in the output layer.
     pub materials: usize,
 }
 
-/// Bits of a word of a dropout mask.
+/// Number of bits in a word of a dropout mask.
 pub(crate) const WORD: usize = 32;
 
 impl StackShape {
-    /// The blocks of one network.
+    /// Returns the blocks of one network.
     pub(crate) fn block_shapes(&self) -> Vec<BlockShape> {
         let (mut maps_in, mut steps) = (1, self.steps);
         let mut shapes = Vec::with_capacity(self.blocks.len());
@@ -49,45 +49,45 @@ impl StackShape {
         shapes
     }
 
-    /// Steps that the last block leaves.
+    /// Returns the number of steps after the last block.
     pub(crate) fn pooled_steps(&self) -> usize {
         let blocks = self.blocks.iter();
         blocks.fold(self.steps, |steps, [_, pool]| steps.div_ceil(*pool))
     }
 
-    /// Maps of the last block.
+    /// Returns the number of maps of the last block.
     pub(crate) fn last_maps(&self) -> usize {
         self.blocks.last().map_or(1, |[maps, _]| *maps)
     }
 
-    /// Features of a sweep.
+    /// Returns the number of features of a sweep.
     pub fn features(&self) -> usize {
         self.last_maps() * self.pooled_steps() * self.taxels
     }
 
-    /// Numbers of a sweep.
+    /// Returns the number of values in a sweep.
     pub fn values(&self) -> usize {
         self.steps * self.taxels
     }
 
-    /// Words of a dropout mask of one sweep: feature `f` is bit `f % 32` of word `f / 32`.
+    /// Returns the number of words in a dropout mask of one sweep; feature `f` is bit `f % 32` of word `f / 32`.
     pub fn mask_words(&self) -> usize {
         self.features().div_ceil(WORD)
     }
 
-    /// Normalised layers: the blocks and the dense layer.
+    /// Returns the number of normalised layers: the blocks and the dense layer.
     pub fn layers(&self) -> usize {
         self.blocks.len() + 1
     }
 
-    /// Outputs of a normalised layer.
+    /// Returns the number of outputs of a normalised layer.
     pub fn width(&self, layer: usize) -> usize {
         self.blocks
             .get(layer)
             .map_or(self.hidden, |[maps, _]| *maps)
     }
 
-    /// Values of each output of a normalised layer that one sweep makes, over which its statistics are taken.
+    /// Returns the number of values per sweep and output of a normalised layer that its statistics cover.
     pub fn values_of_sweep(&self, layer: usize) -> usize {
         let before = self.blocks.iter().take(layer);
         let steps = before.fold(self.steps, |steps, [_, pool]| steps.div_ceil(*pool));
@@ -109,59 +109,59 @@ impl StackShape {
         }
     }
 
-    /// Where the weights of a layer lie among the parameters of a network; the layer behind the normalised ones is the output layer.
+    /// Returns the range of a layer's weights among a network's parameters; the output layer follows the normalised layers.
     pub fn weight(&self, layer: usize) -> Range<usize> {
         let begin = (0..layer).map(|before| self.weight_len(before)).sum();
         begin..begin + self.weight_len(layer)
     }
 
-    /// Parameters of more than one dimension, which lie in front.
+    /// Returns the number of weights, which come first among the parameters.
     pub fn weights(&self) -> usize {
         self.weight(self.layers()).end
     }
 
-    /// Where the scale of a normalised layer lies among the parameters.
+    /// Returns the range of a normalised layer's scale among the parameters.
     pub fn gamma(&self, layer: usize) -> Range<usize> {
         let before: usize = (0..layer).map(|before| 2 * self.width(before)).sum();
         let begin = self.weights() + before;
         begin..begin + self.width(layer)
     }
 
-    /// Where the shift of a normalised layer lies among the parameters.
+    /// Returns the range of a normalised layer's shift among the parameters.
     pub fn beta(&self, layer: usize) -> Range<usize> {
         let gamma = self.gamma(layer);
         gamma.end..gamma.end + self.width(layer)
     }
 
-    /// Where the bias of the output layer lies among the parameters.
+    /// Returns the range of the output layer's bias among the parameters.
     pub fn bias(&self) -> Range<usize> {
         let begin = self.beta(self.layers() - 1).end;
         begin..begin + self.materials
     }
 
-    /// Parameters of a network.
+    /// Returns the number of parameters of a network.
     pub fn parameters(&self) -> usize {
         self.bias().end
     }
 
-    /// Where the mean of a normalised layer lies among the statistics of a network.
+    /// Returns the range of a normalised layer's mean among a network's statistics.
     pub fn mean(&self, layer: usize) -> Range<usize> {
         let begin = (0..layer).map(|before| 2 * self.width(before)).sum();
         begin..begin + self.width(layer)
     }
 
-    /// Where the variance of a normalised layer lies among the statistics.
+    /// Returns the range of a normalised layer's variance among the statistics.
     pub fn variance(&self, layer: usize) -> Range<usize> {
         let mean = self.mean(layer);
         mean.end..mean.end + self.width(layer)
     }
 
-    /// Means and variances of a network.
+    /// Returns the number of statistics of a network.
     pub fn statistics(&self) -> usize {
         self.variance(self.layers() - 1).end
     }
 
-    /// Bytes of the largest buffer that a step needs, for all networks together.
+    /// Returns the size in bytes of the largest buffer in a step, for all networks together.
     pub fn largest_buffer(&self) -> usize {
         let largest = self
             .block_shapes()
@@ -172,8 +172,10 @@ impl StackShape {
         self.networks * largest * size_of::<f32>()
     }
 
-    /// Bytes that a step needs at its most, for all networks together, about: what the blocks leave for the backward pass with its spectra,
-    /// gradients of the largest block, parameters with gradients and moments before and after.
+    /// Returns the approximate peak memory of a step in bytes, for all networks together.
+    ///
+    /// It covers the blocks' saved state and spectra, gradients of the largest block, and parameters with gradients and moments before
+    /// and after the step.
     pub fn bytes(&self) -> usize {
         let blocks = self.block_shapes();
         let convolved = |shape: &BlockShape| shape.count() * shape.maps_out;
@@ -213,7 +215,7 @@ mod tests {
             assert_eq!(range.start, end);
             end = range.end;
         }
-        // As the published network has them.
+        // Sizes of the published network.
         let convolutions = 75 * 32 + 75 * 32 * 64 + 75 * 64 * 128;
         let norms = 2 * (32 + 64 + 128 + 512);
         assert_eq!(end, convolutions + norms + 2048 * 512 + 512 * 36 + 36);

@@ -1,4 +1,4 @@
-//! The sweeps of a batch: chosen and normalised on the device, and moved along the sign of a gradient.
+//! Sweeps of a batch: selected and normalised on the device, and perturbed along the sign of a gradient.
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
@@ -6,15 +6,15 @@ use cubecl::prelude::*;
 use crate::head::{element, launch, row};
 use crate::networks::{Place, Stacked, begin};
 
-/// Bits of a word of digits.
+/// Number of bits in a word of raw values.
 const WORD: usize = 32;
 
-/// Digits of sweeps as they were recorded, on the device, the first in the lowest bits of a word.
+/// Raw sweeps on the device, packed into words with the first value in the lowest bits.
 #[derive(Debug)]
 pub(crate) struct Digits {
     /// `[sweeps][words]`, shared by all networks.
     words: Stacked,
-    /// `[2][taxels]` of each network: what is subtracted from a digit, and what the rest is multiplied by.
+    /// `[2][taxels]` of each network: value to subtract from a raw value, then factor.
     scaling: Stacked,
     sizes: Sizes,
 }
@@ -22,18 +22,17 @@ pub(crate) struct Digits {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Sizes {
     batch: usize,
-    /// Numbers of a sweep.
+    /// Number of values in a sweep.
     values: usize,
     taxels: usize,
-    /// Bits of a digit.
+    /// Bits per raw value.
     bits: usize,
-    /// Words of a sweep.
+    /// Number of words in a sweep.
     width: usize,
 }
 
 impl Digits {
-    /// - `shape`: sweeps of a batch, steps and taxels of a sweep
-    /// - `bits`: of a digit, 8 or 16
+    /// - `bits`: bits per raw value, 8 or 16
     /// - `words`: `[sweeps][words]`
     /// - `scaling`: `[networks][2][taxels]`
     pub(crate) fn upload(
@@ -61,9 +60,9 @@ impl Digits {
         }
     }
 
-    /// Returns the normalised sweeps of a batch, `[batch][steps][taxels]`; those that fill up are zero.
+    /// Returns the normalised sweeps of a batch, `[batch][steps][taxels]`; padding sweeps are zero.
     ///
-    /// - `chosen`: `[batch]`, numbers of sweeps
+    /// - `chosen`: `[batch]`, indices of sweeps
     pub(crate) fn batch(
         &self,
         client: &Client,
@@ -74,7 +73,7 @@ impl Digits {
         let len = self.sizes.batch * self.sizes.values;
         let out = Stacked::floats(client, networks, len);
         let (count, dim) = launch(len, networks);
-        // SAFETY: lengths are those of the buffers; numbers of sweeps are below those uploaded, as the caller of the stack promises.
+        // SAFETY: lengths are those of the buffers; the caller of the stack guarantees that the indices are below the number of uploaded sweeps.
         unsafe {
             unpack::launch_unchecked(
                 client,
@@ -126,7 +125,7 @@ fn unpack(
 
 /// Returns `sweeps + epsilon sign(gradient)`, each `[batch][steps][taxels]`.
 ///
-/// - `len`: numbers of a network's batch
+/// - `len`: number of values in a network's batch
 /// - `epsilon`: `[taxels]`
 pub(crate) fn perturbed(
     client: &Client,

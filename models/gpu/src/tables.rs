@@ -1,32 +1,32 @@
-//! How steps are cut into windows, and the Fourier matrices of a window.
+//! Division of steps into windows, and the Fourier matrices of a window.
 
 use std::f64::consts::TAU;
 
 use tactnet_conv::BlockShape;
 
-/// Steps that one window holds at most; longer sweeps are cut.
+/// Maximum number of steps in a window; longer sweeps are divided.
 const LONGEST: usize = 160;
-/// New steps of each window where sweeps are cut, about.
+/// Approximate number of new steps per window in a divided sweep.
 const RANGE: usize = 112;
 
 /// Windows over the steps of a sweep.
 ///
-/// A sweep that fits is one window with zeros behind, as many as a kernel reaches back: what comes around in a circular convolution falls on
-/// them. A longer one is cut into ranges; a window holds a range and what the kernel reaches on either side (overlap-save; backward,
-/// overlap-add).
+/// A sweep that fits is one window, followed by as many zeros as a kernel reaches back, so that the circular convolution wraps around to
+/// zeros. A longer sweep is divided into ranges; a window holds a range and the steps that the kernel reads on either side (overlap-save;
+/// overlap-add in the backward pass).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Windows {
-    /// Ranges of a sweep.
+    /// Number of ranges in a sweep.
     pub(crate) ranges: usize,
-    /// Steps of a range; the last may hold fewer.
+    /// Number of steps in a range; the last may hold fewer.
     pub(crate) range: usize,
-    /// Steps of a window in front of its range.
+    /// Number of steps of a window before its range.
     pub(crate) offset: usize,
-    /// Steps of a window.
+    /// Number of steps in a window.
     pub(crate) window: usize,
-    /// Frequencies of a window.
+    /// Number of frequencies of a window.
     pub(crate) bins: usize,
-    /// Ranges on either side that share a step with a window.
+    /// Number of ranges on either side that share a step with a window.
     pub(crate) neighbours: usize,
 }
 
@@ -51,15 +51,15 @@ impl Windows {
         }
     }
 
-    /// Cosine and sine of `frequency` at `step`, which may be negative.
+    /// Returns cosine and sine of `frequency` at `step`, which may be negative.
     fn turn(&self, frequency: usize, step: isize) -> [f64; 2] {
         let step = step.rem_euclid(self.window as isize) as usize;
-        // Of whole turns only the rest counts: exact in integers.
+        // Whole turns are removed exactly, in integers.
         let angle = TAU * ((frequency * step) % self.window) as f64 / self.window as f64;
         [angle.cos(), angle.sin()]
     }
 
-    /// A spectrum's parts from steps: `[2 bins][steps.len()]`, `sign` of the sine.
+    /// Returns the matrix from steps to the parts of a spectrum, `[2 bins][steps.len()]`; `sign` multiplies the sine.
     fn spectrum(&self, steps: &[isize], sign: f64) -> Vec<f32> {
         (0..2 * self.bins)
             .flat_map(|row| {
@@ -75,41 +75,41 @@ impl Windows {
             .collect()
     }
 
-    /// What part `row % 2` of frequency `row / 2` adds to a step.
+    /// Returns the contribution of part `row % 2` of frequency `row / 2` to a step.
     fn share(&self, row: usize, step: isize) -> f32 {
         let frequency = row / 2;
-        // All others stand for their conjugate, too.
+        // All other frequencies also represent their conjugates.
         let alone = frequency == 0 || 2 * frequency == self.window;
         let weight = if alone { 1.0 } else { 2.0 } / self.window as f64;
         let [cosine, sine] = self.turn(frequency, step);
         (weight * if row.is_multiple_of(2) { cosine } else { -sine }) as f32
     }
 
-    /// `[2 bins][window]`
+    /// Returns the transform of a window, `[2 bins][window]`.
     pub(crate) fn forward(&self) -> Vec<f32> {
         let steps: Vec<isize> = (0..self.window as isize).collect();
         self.spectrum(&steps, -1.0)
     }
 
-    /// The step of a window at which a kernel's tap reads for the range's first step.
+    /// Returns the step of a window that a kernel's tap reads for the range's first step.
     fn tap(&self, tap: usize, taps: usize) -> isize {
         tap as isize - (taps / 2) as isize + self.offset as isize
     }
 
-    /// Conjugated spectra of the kernel: `[2 bins][taps]`.
+    /// Returns the transform of a kernel to conjugated spectra, `[2 bins][taps]`.
     pub(crate) fn of_taps(&self, taps: usize) -> Vec<f32> {
         let steps: Vec<isize> = (0..taps).map(|tap| self.tap(tap, taps)).collect();
         self.spectrum(&steps, 1.0)
     }
 
-    /// Back to the steps of a range: `[range][2 bins]`.
+    /// Returns the inverse transform to the steps of a range, `[range][2 bins]`.
     pub(crate) fn backward(&self) -> Vec<f32> {
         (0..self.range as isize)
             .flat_map(|step| (0..2 * self.bins).map(move |row| self.share(row, step)))
             .collect()
     }
 
-    /// Back to the steps of a range from all windows that hold them: `[range][(neighbour, bin, part)]`.
+    /// Returns the inverse transform to the steps of a range from all windows that hold them, `[range][(neighbour, bin, part)]`.
     pub(crate) fn overlapped(&self) -> Vec<f32> {
         let around = self.neighbours as isize;
         let mut all = Vec::new();
@@ -127,7 +127,7 @@ impl Windows {
         all
     }
 
-    /// Back to the taps of a kernel: `[taps][2 bins]`.
+    /// Returns the inverse transform to the taps of a kernel, `[taps][2 bins]`.
     pub(crate) fn for_taps(&self, taps: usize) -> Vec<f32> {
         (0..taps)
             .map(|tap| self.tap(tap, taps))

@@ -1,4 +1,4 @@
-//! The block on a GPU against the one on the processor: outputs and all gradients.
+//! The GPU block compared with the CPU block: outputs and all gradients.
 #![cfg(feature = "vulkan")]
 
 use cubecl::client::Client;
@@ -116,7 +116,7 @@ fn shape(
 fn first_layer() {
     check(shape(3, 100, 16, [1, 32], [15, 5], 10));
     check(shape(2, 37, 5, [1, 7], [9, 3], 4));
-    // Taxels fewer than the kernel's, steps fewer than a strip, maps of several groups of lanes.
+    // Fewer taxels than the kernel, fewer steps than a strip, maps of several groups of lanes.
     check(shape(3, 5, 2, [1, 40], [15, 5], 3));
     check(shape(2, 21, 24, [1, 33], [5, 7], 10));
 }
@@ -124,7 +124,7 @@ fn first_layer() {
 #[test]
 fn few_maps() {
     check(shape(2, 50, 6, [3, 10], [15, 5], 10));
-    // A kernel too long for registers.
+    // A kernel that is too long for registers.
     check(shape(2, 60, 4, [1, 6], [35, 3], 8));
 }
 
@@ -154,7 +154,7 @@ fn adam_takes_the_same_step() {
         rate: 1e-2,
         epsilon: 1e-8,
     };
-    // No multiple of a cube.
+    // Not a multiple of a cube.
     let len = 70_001;
     let [mut parameter, gradient, mut first] = [1, 2, 3].map(|seed| noise(len, seed));
     let mut second: Vec<f32> = noise(len, 4).iter().map(|v| v * v).collect();

@@ -1,4 +1,4 @@
-//! Networks that are trained at once against each of them alone.
+//! Networks that train together compared with each network alone.
 #![cfg(feature = "vulkan")]
 
 use cubecl::client::Client;
@@ -20,7 +20,7 @@ fn noise(len: usize, seed: u64) -> Vec<f32> {
         .collect()
 }
 
-/// Sweeps of a batch, at most; of the second network one less in every other step, and of the third none in the last ones.
+/// Maximum number of sweeps in a batch. The second network has one less in every other step, the third has none in the last steps.
 const BATCH: usize = 4;
 const STEPS: usize = 5;
 const NETWORKS: usize = 3;
@@ -45,7 +45,7 @@ fn counts(step: usize) -> [u32; NETWORKS] {
     [4, second, third]
 }
 
-/// What `all` networks have, or the one at `only`: `[networks][len]`.
+/// Returns `[networks][len]` of all networks, or the part of the network `only`.
 fn of<T: Clone>(all: &[T], len: usize, only: Option<usize>) -> Vec<T> {
     match only {
         None => all.to_vec(),
@@ -56,12 +56,12 @@ fn of<T: Clone>(all: &[T], len: usize, only: Option<usize>) -> Vec<T> {
 struct Case {
     blocks: &'static [[usize; 2]],
     attack: Option<(f64, bool)>,
-    /// Sweeps lie on the device as digits.
+    /// True if raw sweeps are on the device.
     digits: bool,
     capacity: usize,
 }
 
-/// State and measurements after all steps.
+/// Returns state and measurements after all steps.
 fn trained(
     client: &Client,
     case: &Case,
@@ -96,7 +96,7 @@ fn trained(
             follow_both,
         }),
     };
-    // Sweeps of bytes, four of them in a word.
+    // Sweeps of bytes, four per word.
     let bytes: Vec<u8> = noise(SWEEPS * shape.values(), 3)
         .iter()
         .map(|value| (value * 200.0 + 110.0) as u8)
@@ -120,7 +120,7 @@ fn trained(
     });
     let mut stack = Stack::new(client, shape.clone(), method, &state, digits);
     for step in 0..STEPS {
-        // Everything of all networks; a stack of one takes its part.
+        // Draws for all networks; a stack of one network uses its part.
         let draw = |seed: u64, up_to: f32| -> Vec<u32> {
             let all = noise(NETWORKS * BATCH, 10 * step as u64 + seed);
             all.iter().map(|v| ((v + 0.5) * up_to) as u32).collect()
@@ -221,19 +221,19 @@ fn alone_and_beside_others(case: &Case) {
             assert!(alone[0].loss[0].is_finite());
         }
         let start = own(&noise(NETWORKS * shape.parameters(), 1), shape.parameters());
-        // All but those of units that no sweep excites.
+        // All parameters except those of units that no sweep activates.
         let pairs = alone.parameters.iter().zip(&start);
         let learnt = pairs.filter(|(a, b)| a != b).count();
         assert!(10 * learnt > 9 * start.len(), "{learnt} of {}", start.len());
     }
 }
 
-/// Routes: taps in registers and spectra.
+/// Blocks that take two routes: taps in registers, and spectra.
 const MAPS: &[[usize; 2]] = &[[4, 10], [6, 3]];
-/// Taps in registers and one product over taps.
+/// Blocks that take two routes: taps in registers, and one product over taps.
 const FEW: &[[usize; 2]] = &[[2, 10], [5, 6]];
 
-/// One process for all: each would have the driver compile the same kernels.
+/// A single test process, because each process makes the driver compile the same kernels.
 #[test]
 fn a_network_is_the_same_to_the_bit_alone_and_beside_others() {
     alone_and_beside_others(&case(MAPS, None));
@@ -253,7 +253,7 @@ fn digits_are_normalised_on_the_device_as_elsewhere() {
     assert!(trained(&client, &digits, None) == trained(&client, &values, None));
 }
 
-/// Sums are cut otherwise then, so not to the bit.
+/// The order of summation differs here, so results are not equal to the bit.
 fn sweeps_that_fill_up_a_batch_count_for_nothing() {
     let client = client();
     let (tight, measured) = trained(&client, &case(MAPS, None), None);
