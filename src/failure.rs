@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::CommandFactory;
 use clap::error::{ContextKind, ErrorKind};
 use tactnet_channel::ChannelError;
-use tactnet_data::{DataError, near_name};
+use tactnet_data::{DataError, Remedy, near_name};
 use tactnet_experiments::ExperimentError;
 use tactnet_pipeline::PipelineError;
 use tactnet_serving::ServeError;
@@ -234,6 +234,7 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
             message.push_str(&cause);
         }
     }
+    let mut message = with_cure(&message, error.chain().find_map(remedy_of).as_ref());
     if let Some(meant) = error.chain().find_map(mistyped_twin) {
         message.push_str(&format!("; did you mean `{meant}`?"));
     }
@@ -246,6 +247,57 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
     } else {
         USAGE
     })
+}
+
+/// Returns a message with the words of its cure, if there is one.
+pub fn with_cure(message: &str, remedy: Option<&Remedy>) -> String {
+    match remedy {
+        Some(remedy) => format!("{message}; {}", words_of(remedy)),
+        None => message.to_owned(),
+    }
+}
+
+/// Returns the options and commands that apply a cure.
+fn words_of(remedy: &Remedy) -> String {
+    match remedy {
+        Remedy::NameRate => "`--rate HZ` names it".into(),
+        Remedy::NameLabels => {
+            "`tactnet predict` classifies sweeps without materials, `tactnet data import --material NAME` names the material of all"
+                .into()
+        }
+        Remedy::NameShape { rows, cols } => format!(
+            "if the skin is a grid: `tactnet data import FILE --shape {rows}x{cols} --out NEW.npz`"
+        ),
+        Remedy::KeepSteps { steps } => format!(
+            "`tactnet data import FILE --out NEW.npz --steps {steps}` keeps the first {steps} frames of every sweep"
+        ),
+        Remedy::ChooseFolds => "`--folds N` or `--split hold-out` chooses another split".into(),
+        Remedy::ListFindings { data } => format!("`tactnet data check {data}` lists all"),
+        Remedy::ConvertRecording => {
+            "`tactnet data import FILE --out NEW.npz` converts it to a data set".into()
+        }
+        Remedy::PassDownloadedFile => {
+            "then pass it with `--data FILE` or convert it with `tactnet data import FILE`".into()
+        }
+    }
+}
+
+/// Returns the cure of an error of our own crates; `None` for others.
+fn remedy_of(cause: &(dyn Error + 'static)) -> Option<Remedy> {
+    if let Some(ServeError::Pipeline(error)) = cause.downcast_ref() {
+        return error.remedy();
+    }
+    #[cfg(feature = "fetch")]
+    if let Some(error) = cause.downcast_ref::<tactnet_data::FetchError>() {
+        return error.remedy();
+    }
+    #[cfg(feature = "recording")]
+    if let Some(tactnet_recording::RecordingError::Data(error)) = cause.downcast_ref() {
+        return error.remedy();
+    }
+    None.or_else(|| cause.downcast_ref().and_then(DataError::remedy))
+        .or_else(|| cause.downcast_ref().and_then(PipelineError::remedy))
+        .or_else(|| cause.downcast_ref().and_then(ExperimentError::remedy))
 }
 
 /// Returns a text without the numbers that the system has for its answers: `(os error 2)`.
@@ -441,6 +493,40 @@ mod tests {
             for error in errors {
                 assert_eq!(broken(error), fails, "{kind:?}");
             }
+        }
+    }
+
+    /// The wording of the cures is asserted only here.
+    #[test]
+    fn an_error_comes_with_the_command_that_cures_it() {
+        let error = || DataError::inconsistent("sweeps", "150 frames", "300");
+        let cut = || error().with_remedy(Remedy::KeepSteps { steps: 150 });
+        for error in [
+            anyhow::Error::from(cut()),
+            PipelineError::from(cut()).into(),
+            ExperimentError::from(PipelineError::from(cut())).into(),
+            ServeError::from(PipelineError::from(cut())).into(),
+        ] {
+            let remedy = error.chain().find_map(remedy_of);
+            assert_eq!(remedy, Some(Remedy::KeepSteps { steps: 150 }));
+        }
+        for (remedy, words) in [
+            (Remedy::NameRate, "--rate HZ"),
+            (Remedy::NameLabels, "data import --material NAME"),
+            (Remedy::NameShape { rows: 4, cols: 5 }, "--shape 4x5"),
+            (Remedy::KeepSteps { steps: 150 }, "--steps 150`"),
+            (Remedy::ChooseFolds, "--split hold-out"),
+            (
+                Remedy::ListFindings {
+                    data: "a.h5".into(),
+                },
+                "data check a.h5`",
+            ),
+            (Remedy::ConvertRecording, "data import FILE"),
+            (Remedy::PassDownloadedFile, "--data FILE"),
+        ] {
+            let text = with_cure("no", Some(&remedy));
+            assert!(text.starts_with("no; ") && text.contains(words), "{text}");
         }
     }
 

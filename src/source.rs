@@ -3,6 +3,8 @@
 use tactnet_data::{DataError, DataSource, Dataset, Finding, FindingKind, Severity, SweepShape};
 use tactnet_pipeline::{LabelOrder, PipelineError, TrainSpec, quoted};
 
+use crate::failure;
+
 /// Says so where the twin is about to be generated, which takes a moment and is no recording.
 pub fn announce(data: &str) {
     if DataSource::is_twin(data) {
@@ -54,9 +56,10 @@ pub fn review(
     // Once trained, a network keeps its arrangement.
     let told = finding.severity == Severity::Warning || finding.kind == FindingKind::AssumedPatch;
     if told && finding.is_general() && other {
+        let message = failure::with_cure(&finding.message, finding.remedy.as_ref());
         match name {
-            Some(name) => say!("{}: {name}: {}", finding.severity, finding.message),
-            None => say!("{finding}"),
+            Some(name) => say!("{}: {name}: {message}", finding.severity),
+            None => say!("{}: {message}", finding.severity),
         }
     }
     Ok(())
@@ -92,7 +95,14 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
             item,
             expected,
             found,
-        }) => DataError::inconsistent(format!("{data}: {item}"), expected, found).into(),
+            remedy,
+        }) => DataError::Inconsistent {
+            item: format!("{data}: {item}"),
+            expected,
+            found,
+            remedy,
+        }
+        .into(),
         other => other,
     }
 }

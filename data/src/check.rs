@@ -30,7 +30,7 @@ mod sweeps_per_material;
 pub use lengths::check_lengths;
 
 use crate::format::UNLABELLED;
-use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity, SweepShape};
+use crate::{DataError, Dataset, Finding, FindingKind, Place, Remedy, Severity, SweepShape};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::collections::hash_map::DefaultHasher;
@@ -196,6 +196,7 @@ fn finding(severity: Severity, kind: FindingKind, at: Place, message: String) ->
         kind,
         at,
         message,
+        remedy: None,
     }
 }
 
@@ -230,28 +231,23 @@ fn not_finite(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
             continue;
         };
         let (step, taxel) = (first / shape.taxels(), first % shape.taxels());
+        // NaN from one step to the end of the sweep is most likely padding.
+        let is_padded = step > 0 && count == shape.values() - step * shape.taxels();
         let message = format!(
             "{} (`X[{index}]`): {count} not finite, the first at step {step}, taxel {}{}",
             dataset.describe(index),
             taxel_name(shape, taxel),
-            // All that follows, to the last value.
-            if step > 0 && count == shape.values() - step * shape.taxels() {
-                format!("; padded? `--steps {step}` keeps what comes before")
-            } else {
-                String::new()
-            }
+            if is_padded { "; padded?" } else { "" }
         );
         let at = Place {
             sweep: Some(index),
             taxel: Some(taxel),
             step: Some(step),
         };
-        findings.push(finding(
-            Severity::Error,
-            FindingKind::NotFinite,
-            at,
-            message,
-        ));
+        findings.push(Finding {
+            remedy: is_padded.then_some(Remedy::KeepSteps { steps: step }),
+            ..finding(Severity::Error, FindingKind::NotFinite, at, message)
+        });
     }
     findings
 }
@@ -510,18 +506,20 @@ fn clock_taxels(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
 fn time_axis(dataset: &Dataset) -> Vec<Finding> {
     let shape = dataset.shape();
     let mut findings = Vec::new();
+    let rate = dataset.sample_rate_hz();
+    if dataset.is_rate_assumed() {
+        let message = format!(
+            "the data does not name its sample rate, {rate} Hz is assumed; an array `sample_rate_hz` or, in tables, a column `time` would name it"
+        );
+        let (kind, at) = (FindingKind::AssumedRate, Place::default());
+        findings.push(Finding {
+            remedy: Some(Remedy::NameRate),
+            ..finding(Severity::Warning, kind, at, message)
+        });
+    }
     let mut warn = |kind, message| {
         findings.push(finding(Severity::Warning, kind, Place::default(), message));
     };
-    let rate = dataset.sample_rate_hz();
-    if dataset.is_rate_assumed() {
-        warn(
-            FindingKind::AssumedRate,
-            format!(
-                "the data does not say its sample rate, {rate} Hz is assumed; `--rate HZ`, an array `sample_rate_hz` or, in tables, a column `time` names it"
-            ),
-        );
-    }
     let side = shape.rows.max(shape.cols);
     if side > WIDE_PATCH && side > shape.steps {
         warn(
@@ -565,12 +563,16 @@ fn assumed_patch(dataset: &Dataset) -> Option<Finding> {
     let sides = (2..taxels).take_while(|side| side * side <= taxels);
     let rows = sides.filter(|side| taxels.is_multiple_of(*side)).last()?;
     let message = format!(
-        "one row of {taxels} taxels, since the data does not say how they are arranged; if the skin is a grid: \
-         `tactnet data import FILE --shape {rows}x{} --out NEW.npz`",
-        taxels / rows
+        "one row of {taxels} taxels is assumed, since the data does not name their arrangement"
     );
-    let kind = FindingKind::AssumedPatch;
-    Some(finding(Severity::Note, kind, Place::default(), message))
+    let (kind, at) = (FindingKind::AssumedPatch, Place::default());
+    Some(Finding {
+        remedy: Some(Remedy::NameShape {
+            rows,
+            cols: taxels / rows,
+        }),
+        ..finding(Severity::Note, kind, at, message)
+    })
 }
 
 fn not_read(dataset: &Dataset) -> impl Iterator<Item = Finding> + use<'_> {

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::Remedy;
+
 /// An error about a data set; every variant that comes from a file names that file.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
@@ -26,6 +28,8 @@ pub enum DataError {
         expected: String,
         /// What was there.
         found: String,
+        /// Cure, if the caller can apply one.
+        remedy: Option<Remedy>,
     },
     /// Parts of a data set in memory contradict each other.
     #[error("{item}: expected {expected}, found {found}")]
@@ -36,10 +40,12 @@ pub enum DataError {
         expected: String,
         /// What was there.
         found: String,
+        /// Cure, if the caller can apply one.
+        remedy: Option<Remedy>,
     },
     /// A data set that [`crate::check()`] finds errors in.
     #[error(
-        "{name}: the data set has {errors} error{}, the first: {first}; `tactnet data check {name}` lists all", if *errors == 1 { "" } else { "s" }
+        "{name}: the data set has {errors} error{}, the first: {first}", if *errors == 1 { "" } else { "s" }
     )]
     Unsound {
         /// Its name or file, as it was given.
@@ -58,6 +64,24 @@ impl DataError {
             Self::Format { .. } | Self::Inconsistent { .. } | Self::Unsound { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
         }
+    }
+
+    /// Returns the cure that the caller can apply, if there is one; the message does not contain it.
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::Format { remedy, .. } | Self::Inconsistent { remedy, .. } => remedy.clone(),
+            Self::Unsound { name, .. } => Some(Remedy::ListFindings { data: name.clone() }),
+            Self::Io { .. } => None,
+        }
+    }
+
+    /// Returns the error with this cure; errors of the operating system and of [`crate::refuse_errors`] stay as they are.
+    #[must_use]
+    pub fn with_remedy(mut self, cure: Remedy) -> Self {
+        if let Self::Format { remedy, .. } | Self::Inconsistent { remedy, .. } = &mut self {
+            *remedy = Some(cure);
+        }
+        self
     }
 
     /// An [`DataError::Io`] for `path`.
@@ -81,6 +105,7 @@ impl DataError {
             item: item.into(),
             expected: expected.into(),
             found: found.into(),
+            remedy: None,
         }
     }
 
@@ -94,6 +119,7 @@ impl DataError {
             item: item.into(),
             expected: expected.into(),
             found: found.into(),
+            remedy: None,
         }
     }
 }

@@ -10,7 +10,7 @@ mod transfer;
 
 pub use blob::git_blob_id;
 
-use crate::DataError;
+use crate::{DataError, Remedy};
 use part::Part;
 use std::path::{Path, PathBuf};
 use transfer::{Patience, transfer};
@@ -75,10 +75,7 @@ pub enum Origin {
 #[derive(Debug, thiserror::Error)]
 pub enum FetchError {
     /// No answer: no network, no such host, nobody listening, no trust.
-    #[error(
-        "cannot reach {url} ({reason}): download the file by hand from {page}, then pass it with \
-         `--data FILE` or take it in with `tactnet data import FILE`"
-    )]
+    #[error("cannot reach {url} ({reason}): download the file by hand from {page}")]
     Unreachable {
         /// Address of the file.
         url: String,
@@ -88,10 +85,7 @@ pub enum FetchError {
         page: String,
     },
     /// The server answered, and not with the file.
-    #[error(
-        "{url}: the server answered {status}: look at {page} for where the file is now, download \
-         it by hand and pass it with `--data FILE`"
-    )]
+    #[error("{url}: the server answered {status}: find the file on {page} and download it by hand")]
     Refused {
         /// Address of the file.
         url: String,
@@ -155,6 +149,15 @@ pub enum FetchError {
 }
 
 impl FetchError {
+    /// Returns the cure that the caller can apply, if there is one; the message does not contain it.
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::Unreachable { .. } | Self::Refused { .. } => Some(Remedy::PassDownloadedFile),
+            Self::Disk(error) => error.remedy(),
+            _ => None,
+        }
+    }
+
     /// Returns true if another call would succeed; false for network, server and disk, where the same call may succeed later.
     pub fn is_usage(&self) -> bool {
         match self {

@@ -1,5 +1,6 @@
 //! One thing that a check found, and many of them for people to read.
 
+use crate::Remedy;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -98,6 +99,9 @@ pub struct Finding {
     pub at: Place,
     /// A sentence for people: material, sweep, taxels, numbers.
     pub message: String,
+    /// Cure, if the caller can apply one; [`Finding::message`] does not contain it.
+    #[serde(skip)]
+    pub remedy: Option<Remedy>,
 }
 
 impl fmt::Display for Severity {
@@ -150,7 +154,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Everything that a check found, with the numbers of errors and warnings; as text, the numbers alone.
+/// All findings of a check, with the numbers of errors and warnings.
 #[derive(Debug, Clone, Serialize)]
 pub struct CheckReport {
     /// Findings of [`Severity::Error`].
@@ -173,19 +177,6 @@ impl CheckReport {
     }
 }
 
-impl fmt::Display for CheckReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let plural = |count: usize| if count == 1 { "" } else { "s" };
-        let (errors, warnings) = (self.errors, self.warnings);
-        write!(
-            f,
-            "{errors} error{}, {warnings} warning{}",
-            plural(errors),
-            plural(warnings)
-        )
-    }
-}
-
 /// Findings of one kind and severity.
 #[derive(Debug, Clone, Serialize)]
 pub struct FindingGroup {
@@ -195,27 +186,6 @@ pub struct FindingGroup {
     pub kind: FindingKind,
     /// All of them, in the order of the sweeps.
     pub findings: Vec<Finding>,
-}
-
-impl fmt::Display for FindingGroup {
-    /// A heading and a line per finding; the precision (`{:.5}`) limits the lines.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{}: {} ({})",
-            self.severity,
-            self.kind,
-            self.findings.len()
-        )?;
-        let lines = f.precision().unwrap_or(usize::MAX);
-        for finding in self.findings.iter().take(lines) {
-            write!(f, "\n  {}", finding.message)?;
-        }
-        match self.findings.len().saturating_sub(lines) {
-            0 => Ok(()),
-            more => write!(f, "\n  and {more} more"),
-        }
-    }
 }
 
 /// Puts findings of one kind and severity together, errors first.

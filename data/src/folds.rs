@@ -212,7 +212,7 @@ impl<'a> Fold<'a> {
             Some(label) => Err(DataError::inconsistent(
                 format!("training sweeps of `{}`", self.dataset.labels().name(label)),
                 format!(
-                    "at least {least}, since a calibration (`--calibrate`) sets a fifth of every material's aside"
+                    "at least {least}, since a calibration sets a fifth of every material's aside"
                 ),
                 counts[label].to_string(),
             )),

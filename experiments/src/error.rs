@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use tactnet_data::is_wrong_path;
+use tactnet_data::{Remedy, is_wrong_path};
 use tactnet_pipeline::PipelineError;
 
 /// An error of planning, running or reporting an experiment.
@@ -70,6 +70,14 @@ pub enum ExperimentError {
 }
 
 impl ExperimentError {
+    /// Returns the cure that the caller can apply, if there is one; the message does not contain it.
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::Pipeline(error) => error.remedy(),
+            _ => None,
+        }
+    }
+
     /// Returns true for a mistake in the call, and false for a failure of the disk, of Slurm, of a task or of the
     /// numerics. A wrapping error returns the class of its cause.
     pub fn is_usage(&self) -> bool {

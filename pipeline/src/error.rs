@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use tactnet_data::{DataError, is_wrong_path};
+use tactnet_data::{DataError, Remedy, is_wrong_path};
 use tactnet_models::{ModelError, left_out};
 
 /// An error of training, prediction or a run directory.
@@ -147,6 +147,14 @@ pub(crate) struct InvalidSetting {
 }
 
 impl PipelineError {
+    /// Returns the cure that the caller can apply, if there is one; the message does not contain it.
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::Data(error) => error.remedy(),
+            _ => None,
+        }
+    }
+
     /// Returns true if the caller can fix the error, because the request or its data is at fault and not the machine.
     pub fn is_usage(&self) -> bool {
         match self {

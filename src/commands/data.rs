@@ -5,6 +5,7 @@ mod fetch;
 mod import;
 #[cfg(feature = "recording")]
 mod import_recording;
+mod info_table;
 mod make_twin;
 
 use std::path::{Path, PathBuf};
@@ -13,10 +14,12 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format, Keep, SweepsToClassify};
 use tactnet_data::{
-    CheckReport, DataSource, FindingKind, Severity, check, check_lengths, check_unlabelled,
-    group_findings, info,
+    CheckReport, DataSource, FindingGroup, FindingKind, Severity, check, check_lengths,
+    check_unlabelled, group_findings, info,
 };
 use tactnet_skin::packets::unfit;
+
+use info_table::InfoTable;
 
 use super::choices::rate;
 use crate::{failure, output, source, view};
@@ -148,7 +151,7 @@ fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&info)?;
     } else {
-        output::print(info)?;
+        output::print(InfoTable(info))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -179,7 +182,8 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
         &odd_lengths,
     ));
     for finding in &mut findings {
-        // What `train` refuses is an error here.
+        finding.message = failure::with_cure(&finding.message, finding.remedy.as_ref());
+        // `train` refuses axes in a suspicious order, so they are an error here.
         if finding.kind == FindingKind::AxisOrder && !arguments.axes_are_right {
             finding.severity = Severity::Error;
             finding
@@ -209,15 +213,39 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
         ))?;
         let shown = if arguments.all { findings.len() } else { 3 };
         for group in group_findings(findings) {
-            output::print(format_args!("{group:.shown$}"))?;
+            output::print(group_text(&group, shown))?;
         }
-        output::print(format_args!("{}: {report}", arguments.file.data))?;
+        output::print(format_args!(
+            "{}: {}, {}",
+            arguments.file.data,
+            output::counted(report.errors, "error"),
+            output::counted(report.warnings, "warning")
+        ))?;
     }
     Ok(ExitCode::from(if *errors > 0 {
         failure::FAILED
     } else {
         0
     }))
+}
+
+/// Returns a heading and the messages of the first `shown` findings, one a line.
+fn group_text(group: &FindingGroup, shown: usize) -> String {
+    let FindingGroup {
+        severity,
+        kind,
+        findings,
+    } = group;
+    let mut text = format!("{severity}: {kind} ({})", findings.len());
+    for finding in findings.iter().take(shown) {
+        text.push_str("\n  ");
+        text.push_str(&finding.message);
+    }
+    match findings.len().saturating_sub(shown) {
+        0 => {}
+        more => text.push_str(&format!("\n  and {more} more")),
+    }
+    text
 }
 
 fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {
@@ -232,4 +260,28 @@ fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {
         dataset.shape()
     );
     Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::{Finding, Place};
+
+    use super::*;
+
+    #[test]
+    fn a_group_is_a_heading_and_a_limited_number_of_lines() {
+        let of_sweep = |sweep| Finding {
+            severity: Severity::Error,
+            kind: FindingKind::NotFinite,
+            at: Place::default(),
+            message: format!("`cork` sweep {sweep}"),
+            remedy: None,
+        };
+        let findings: Vec<Finding> = (0..6).map(of_sweep).collect();
+        let text = group_text(&group_findings(&findings)[0], 2);
+        assert_eq!(
+            text,
+            "error: values that are not finite (6)\n  `cork` sweep 0\n  `cork` sweep 1\n  and 4 more"
+        );
+    }
 }

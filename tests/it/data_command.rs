@@ -118,7 +118,10 @@ fn own_tables_are_checked_imported_and_trained_on() {
     };
     let checked = stdout(&expect(0, with(&["data", "check"], &[])));
     assert!(checked.contains("assumed sample rate"), "{checked}");
-    assert!(checked.contains("`train` deals 3 folds"), "{checked}");
+    assert!(
+        checked.contains("cross-validation uses 3 folds"),
+        "{checked}"
+    );
 
     std::fs::write(
         lab.path("words.csv"),

@@ -335,7 +335,10 @@ fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
         refused.contains("the axes are in another order"),
         "{refused}"
     );
-    assert!(refused.contains("deals 2 folds instead of 5"), "{refused}");
+    assert!(
+        refused.contains("cross-validation uses 2 folds instead of 5"),
+        "{refused}"
+    );
     assert!(
         refused.contains(
             "training sweeps of `cork`: expected at least 5, since a calibration (`--calibrate`)"

@@ -11,7 +11,7 @@ use tactnet_data::{
     CheckReport, DataError, Fold, LabelSet, Samples, Scheme, Seed, SweepRecord, SweepShape, check,
 };
 
-use crate::error::{TactnetError, raised};
+use crate::error::{TactnetError, raised, with_cure};
 
 /// Sweeps of a tactile skin with their materials.
 #[pyclass(frozen, module = "tactnet")]
@@ -179,7 +179,11 @@ impl Dataset {
 
     /// Returns what is wrong or odd, as a JSON document: errors, warnings, findings.
     fn check_json(&self, py: Python<'_>) -> PyResult<String> {
-        let report = py.detach(|| CheckReport::of(check(&self.inner)));
+        let mut report = py.detach(|| CheckReport::of(check(&self.inner)));
+        for finding in &mut report.findings {
+            let message = std::mem::take(&mut finding.message);
+            finding.message = with_cure(message, finding.remedy.as_ref());
+        }
         serde_json::to_string(&report).map_err(raised)
     }
 

@@ -3,6 +3,8 @@
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use tactnet_data::{DataError, Remedy};
+use tactnet_pipeline::PipelineError;
 
 create_exception!(
     tactnet,
@@ -11,8 +13,8 @@ create_exception!(
     "What cannot be done, in one line: what was expected and what was found."
 );
 
-/// Returns the exception for any of the crates' errors, with its causes.
-pub(crate) fn raised(error: impl std::error::Error) -> PyErr {
+/// Returns the exception for an error of any crate, with its causes and its cure.
+pub(crate) fn raised(error: impl std::error::Error + 'static) -> PyErr {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(inner) = cause {
@@ -23,5 +25,38 @@ pub(crate) fn raised(error: impl std::error::Error) -> PyErr {
         }
         cause = inner.source();
     }
-    TactnetError::new_err(text)
+    TactnetError::new_err(with_cure(text, remedy_of(&error).as_ref()))
+}
+
+/// Returns the cure of an error; `None` if the caller cannot apply one.
+fn remedy_of(error: &(dyn std::error::Error + 'static)) -> Option<Remedy> {
+    let data = error.downcast_ref().and_then(DataError::remedy);
+    data.or_else(|| error.downcast_ref().and_then(PipelineError::remedy))
+}
+
+/// Returns a message with the words of its cure, if there is one.
+pub(crate) fn with_cure(message: String, remedy: Option<&Remedy>) -> String {
+    match remedy.map(words_of) {
+        Some(words) => format!("{message}; {words}"),
+        None => message,
+    }
+}
+
+/// Returns the arguments and functions that apply a cure.
+fn words_of(remedy: &Remedy) -> String {
+    match remedy {
+        Remedy::NameRate => "pass `rate=`".into(),
+        Remedy::NameLabels => {
+            "tactnet.read_sweeps opens it, and `predict` of a classifier takes arrays without materials"
+                .into()
+        }
+        Remedy::NameShape { rows, cols } => {
+            format!("if the skin is a grid, pass an array [sweeps][steps][{rows}][{cols}]")
+        }
+        Remedy::KeepSteps { steps } => format!("`X[:, :{steps}]` keeps the first {steps} steps"),
+        Remedy::ChooseFolds => "pass `folds=`".into(),
+        Remedy::ListFindings { data } => format!("`tactnet data check {data}` lists all"),
+        Remedy::ConvertRecording => "`tactnet data import` converts it to a data set".into(),
+        Remedy::PassDownloadedFile => "pass its path".into(),
+    }
 }

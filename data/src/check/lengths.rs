@@ -2,7 +2,7 @@
 
 use super::finding;
 use crate::format::OddLength;
-use crate::{Finding, FindingKind, Place, Severity};
+use crate::{Finding, FindingKind, Place, Remedy, Severity};
 
 /// Returns what is to be said of sweeps that are longer or shorter than `steps` frames: nothing where there are none.
 ///
@@ -26,12 +26,10 @@ pub fn check_lengths(steps: usize, sweeps: usize, odd: &[OddLength]) -> Vec<Find
     };
     let left_out = match short {
         0 => String::new(),
-        short => format!(
-            ", {short} shorter (not looked at further; `--steps {steps}` and without them, or `--steps {shortest}` for all)"
-        ),
+        short => format!(", {short} shorter (not checked further), the shortest {shortest}"),
     };
     let summary = format!(
-        "{} of {} sweeps are not {steps} frames long: {} longer{left_out}; `tactnet data import FILE --out NEW.npz --steps N` cuts all alike",
+        "{} of {} sweeps are not {steps} frames long: {} longer{left_out}",
         odd.len(),
         sweeps + short,
         odd.len() - short,
@@ -39,5 +37,9 @@ pub fn check_lengths(steps: usize, sweeps: usize, odd: &[OddLength]) -> Vec<Find
     let each = odd
         .iter()
         .map(|OddLength { sweep, frames }| say(format!("sweep `{sweep}`: {frames} frames")));
-    std::iter::once(say(summary)).chain(each).collect()
+    let summary = Finding {
+        remedy: Some(Remedy::KeepSteps { steps: shortest }),
+        ..say(summary)
+    };
+    std::iter::once(summary).chain(each).collect()
 }

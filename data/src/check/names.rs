@@ -26,7 +26,7 @@ pub(super) fn that_mislead(dataset: &Dataset) -> Vec<Finding> {
     let warn = |kind, message| finding(Severity::Warning, kind, Place::default(), message);
     if let [only] = names[..] {
         let message = format!(
-            "all sweeps are of `{only}`: a classifier of one material is always right; `train` wants at least two, `enroll` adds one"
+            "all sweeps are of `{only}`: a classifier of one material is always right; training needs at least two"
         );
         return vec![warn(FindingKind::SingleMaterial, message)];
     }

@@ -1,7 +1,7 @@
 //! Whether there are enough sweeps of each material, and as many of each.
 
 use super::finding;
-use crate::{Dataset, Finding, FindingKind, Place, Severity};
+use crate::{Dataset, Finding, FindingKind, Place, Remedy, Severity};
 
 /// Folds of the published cross-validation.
 const USUAL_FOLDS: usize = 5;
@@ -36,11 +36,12 @@ pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
         .iter()
         .filter(|count| (2..USUAL_FOLDS).contains(*count));
     if let Some(fewest) = few.clone().min() {
-        // Folds are dealt once every material has two.
-        let folds = match findings.is_empty() {
-            true => format!(
-                "`train` deals {fewest} folds instead of {USUAL_FOLDS} (`--folds N`, `--split hold-out`); "
-            ),
+        // Cross-validation is possible once every material has two sweeps.
+        let can_split = findings.is_empty();
+        let folds = match can_split {
+            true => {
+                format!("cross-validation uses {fewest} folds instead of {USUAL_FOLDS}; ")
+            }
             false => String::new(),
         };
         let message = format!(
@@ -48,12 +49,10 @@ pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
             few.count(),
             counts.len()
         );
-        findings.push(finding(
-            Severity::Warning,
-            FindingKind::FewSweeps,
-            nowhere,
-            message,
-        ));
+        findings.push(Finding {
+            remedy: can_split.then_some(Remedy::ChooseFolds),
+            ..finding(Severity::Warning, FindingKind::FewSweeps, nowhere, message)
+        });
     }
     let (least, most) = (extreme(|a, b| a < b), extreme(|a, b| a > b));
     if counts[least] != counts[most] {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::DataError;
+use crate::{DataError, Remedy};
 
 /// How many frames of each sweep are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,7 +72,7 @@ pub(super) fn settle(
     let odd = lengths.iter().filter(|&&length| length != wanted).count();
     let all = match keep {
         Keep::Equal if odd > 1 => {
-            format!(" ({odd} sweeps differ: `tactnet data check` lists them)")
+            format!(" ({odd} sweeps differ)")
         }
         _ => String::new(),
     };
@@ -80,11 +80,9 @@ pub(super) fn settle(
         path,
         format!("sweep `{}`", sweeps[refused]),
         expected,
-        format!(
-            "{}{all}; `tactnet data import FILE --out NEW.npz --steps {shortest}` keeps as many of each",
-            lengths[refused]
-        ),
-    ))
+        format!("{}{all}", lengths[refused]),
+    )
+    .with_remedy(Remedy::KeepSteps { steps: shortest }))
 }
 
 /// The number of frames that more than half of the sweeps have; where none is so common, that of which most are left.

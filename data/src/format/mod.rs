@@ -39,7 +39,7 @@ pub mod ts;
 pub use folder::is_folder_of_sweeps;
 pub use lengths::{Keep, OddLength};
 
-use crate::{DataError, Dataset, Samples};
+use crate::{DataError, Dataset, Remedy, Samples};
 pub(crate) use named_sweeps::UNLABELLED;
 use named_sweeps::{Labels, NamedSweeps};
 use std::io::Read;
@@ -214,18 +214,19 @@ fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError
                 "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"
                     .to_owned()
             }
-            head if head.starts_with(MCAP) => {
-                "a recording; `tactnet data import FILE --out NEW.npz` makes a data set of it"
-                    .to_owned()
-            }
+            head if head.starts_with(MCAP) => "a recording".to_owned(),
             head => format!("a file that begins with `{}`", head.escape_ascii()),
         };
-        Err(DataError::format(
+        let error = DataError::format(
             path,
             "file",
             "HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv or .npy",
             found,
-        ))
+        );
+        Err(match head.starts_with(MCAP) {
+            true => error.with_remedy(Remedy::ConvertRecording),
+            false => error,
+        })
     }
 }
 
@@ -257,24 +258,19 @@ fn refuse_non_finite(path: &Path, dataset: Dataset, labelled: bool) -> Result<Da
     let shape = dataset.shape();
     let (sweep, rest) = (first / shape.values(), first % shape.values());
     let (step, taxel) = (rest / shape.taxels(), rest % shape.taxels());
-    Err(DataError::format(
-        path,
-        "sweeps",
-        "finite numbers",
-        format!(
-            "{count} that are not, the first {} in {} at step {step}, taxel ({}, {}){}",
-            values[first],
-            dataset.describe(sweep),
-            taxel / shape.cols,
-            taxel % shape.cols,
-            // It reads sweeps with materials only.
-            if labelled {
-                "; `tactnet data check` lists all"
-            } else {
-                ""
-            }
-        ),
-    ))
+    let found = format!(
+        "{count} that are not, the first {} in {} at step {step}, taxel ({}, {})",
+        values[first],
+        dataset.describe(sweep),
+        taxel / shape.cols,
+        taxel % shape.cols,
+    );
+    let error = DataError::format(path, "sweeps", "finite numbers", found);
+    let data = path.display().to_string();
+    Err(match labelled {
+        true => error.with_remedy(Remedy::ListFindings { data }),
+        false => error,
+    })
 }
 
 /// The sweeps' indices, material by material, in the order of their numbers.
@@ -306,12 +302,19 @@ fn in_file(path: &Path, error: DataError) -> DataError {
             item,
             expected,
             found,
+            remedy,
         } => {
             let item = match item.as_str() {
                 "samples" | "materials" | "blocks" | "test_flag" => format!("data set `{item}`"),
                 _ => item,
             };
-            DataError::format(path, item, expected, found)
+            DataError::Format {
+                path: path.into(),
+                item,
+                expected,
+                found,
+                remedy,
+            }
         }
         other => other,
     }

@@ -17,7 +17,7 @@ use super::named_sweeps::{Labels, NAMED, UNLABELLED, records, some_names, some_o
 use super::npy::{Array, Header};
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use crate::twin::TwinVersion;
-use crate::{DataError, Dataset, LabelSet, SweepShape};
+use crate::{DataError, Dataset, LabelSet, Remedy, SweepShape};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
@@ -422,11 +422,13 @@ impl<'a> Arrays<'a> {
         let has_labels = LABELS.iter().any(|name| self.by_name.contains_key(*name));
         // Other arrays are named by the error of `required`: one of them may be meant.
         if !has_labels && self.others.is_empty() {
-            return Err(self.error(
-                "y",
-                format!("the material of each of the {count} sweeps of `{samples}`"),
-                "none; `tactnet predict` classifies sweeps without materials, `tactnet data import --material NAME` names the material of all",
-            ));
+            return Err(self
+                .error(
+                    "y",
+                    format!("the material of each of the {count} sweeps of `{samples}`"),
+                    "none",
+                )
+                .with_remedy(Remedy::NameLabels));
         }
         let (name, labels) = self.required(LABELS)?;
         // scikit-learn's column vectors are taken too.

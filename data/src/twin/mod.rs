@@ -4,7 +4,7 @@
 //! in [`SignalStatistics`]) and on the published confusion matrix ([`published_confusions`]); what it says beyond them is a
 //! prediction, and results on it are results on the twin, never on TactMat.
 //!
-//! There are two versions; a result names its own. Version 1 (`--data twin1`) is kept so that earlier results can be repeated.
+//! There are two versions; a result names its own. Version 1 (data set `twin1`) is kept so that earlier results can be repeated.
 //!
 //! # Signal
 //! Taxel `i` reads at step `t`, with `u` the steps since that taxel started to slip (0 before):
@@ -73,7 +73,7 @@ pub use construction::{Construction, Envelope};
 pub use embedding::published_confusions;
 pub use materials::NAMES;
 pub use statistics::{BAND_EDGES_HZ, LAGS, SignalStatistics, measure};
-pub use targets::{Comparison, Target, TargetSource};
+pub use targets::{Target, TargetSource};
 pub use version::TwinVersion;
 
 use crate::{DataError, Dataset, LabelSet, Samples, Seed, SweepRecord, SweepShape};

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
 pub enum TwinVersion {
-    /// Steady textures that differ in their power; materials are normal classes. `--data twin1`.
+    /// Steady textures that differ in their power; materials are normal classes. Data set `twin1`.
     One,
     /// Unsteady textures, larger differences at low frequencies, and sweeps that feel like another material.
     #[default]

@@ -1,5 +1,6 @@
 //! `tactnet data twin`: makes the synthetic TactMat twin.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -8,7 +9,7 @@ use clap::Args;
 use serde::Serialize;
 use tactnet_data::format::Format;
 use tactnet_data::twin::{
-    self, Comparison, Construction, Target, TwinConfig, TwinVersion, measure,
+    self, Construction, Target, TargetSource, TwinConfig, TwinVersion, measure,
 };
 
 use crate::{GIT, output};
@@ -125,7 +126,7 @@ pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
                 targets: &targets,
             })?;
         } else {
-            output::print(Comparison {
+            output::print(TargetTable {
                 name: twin.name(),
                 targets: &targets,
             })?;
@@ -141,4 +142,39 @@ pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
         );
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Table of targets, one a line; a missed one is marked `*`.
+struct TargetTable<'a> {
+    /// Name of the measured data set, which is the column's heading.
+    name: &'a str,
+    targets: &'a [Target],
+}
+
+impl fmt::Display for TargetTable<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let heading = |f: &mut fmt::Formatter<'_>, title, target| {
+            write!(f, "{title:<50}{target:>10}{:>10}{:>10}", "+-", self.name)
+        };
+        heading(f, "", "TactMat")?;
+        let trained = |target: &Target| target.source == TargetSource::Recorded;
+        let first_trained = self.targets.iter().position(trained);
+        for (number, target) in self.targets.iter().enumerate() {
+            if Some(number) == first_trained {
+                f.write_str("\n")?;
+                // Not all of these targets are published.
+                heading(f, "trained classifiers, means of those recorded", "wanted")?;
+            }
+            let mark = if target.met { "" } else { " *" };
+            write!(
+                f,
+                "\n{:<50}{:>10.3}{:>10.3}{:>10.3}{mark}",
+                target.name,
+                target.target,
+                target.tolerance,
+                target.value.unwrap_or(f64::NAN)
+            )?;
+        }
+        Ok(())
+    }
 }

@@ -60,11 +60,6 @@ def native_values(X: Any) -> np.ndarray:
     return np.ascontiguousarray(X)
 
 
-#: What the command line says of a file without materials, and what there is in Python instead.
-UNLABELLED = "`tactnet predict` classifies sweeps without materials, `tactnet data import --material NAME` names the material of all"
-UNLABELLED_HERE = "tactnet.read_sweeps opens it, and `predict` of a classifier takes arrays without materials"
-
-
 class Dataset:
     """Sweeps of a tactile skin, each with its material.
 
@@ -112,10 +107,7 @@ class Dataset:
 
         Sweeps without materials need no data set: :func:`read_sweeps` opens them, ``predict`` of a classifier takes arrays.
         """
-        try:
-            return cls(_tactnet.Dataset.read(path, rate))
-        except TactnetError as error:
-            raise TactnetError(str(error).replace(UNLABELLED, UNLABELLED_HERE)) from None
+        return cls(_tactnet.Dataset.read(path, rate))
 
     @classmethod
     def twin(cls, **settings: Any) -> Dataset:
