@@ -15,6 +15,7 @@ mod catch_run;
 mod channel;
 #[cfg(feature = "zenoh")]
 mod channel_hosts;
+mod cli_reference;
 mod command;
 mod command_line;
 mod data_command;
