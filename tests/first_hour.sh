@@ -123,7 +123,7 @@ port_taken() {
   local holder=$!
   for _ in $(seq 100); do grep -q bound bound && break; sleep 0.05; done
   local begun=$SECONDS code=0
-  exits 2 "(process $holder) has that port" t demo --listen "127.0.0.1:$port" || code=1
+  exits 2 "(process $holder) uses that port" t demo --listen "127.0.0.1:$port" || code=1
   kill $holder
   [ $code = 0 ] && [ $((SECONDS - begun)) -le 5 ] && grep -q 'is free' err
 }

@@ -1,11 +1,10 @@
 //! The online classifier as a component on the robot's channels.
 //!
-//! [`Service`] is the classifier between its channels, [`ModelSource`] the run directories that it serves, [`Measures`] its counters for
-//! Prometheus. [`web`] answers browsers, [`systemd`] the service manager.
+//! [`Service`] is the classifier between its channels, [`ModelSource`] the run directories that it serves, [`Metrics`]
+//! its counters for Prometheus. [`web`] serves the live page, [`systemd`] notifies the service manager.
 
 mod allocations;
-pub mod doctor;
-mod measures;
+mod metrics;
 mod model;
 mod model_worker;
 mod realtime;
@@ -18,7 +17,7 @@ pub mod systemd;
 pub mod web;
 
 pub use allocations::{CountingAllocator, allocations_of_this_thread};
-pub use measures::Measures;
+pub use metrics::Metrics;
 pub use model::{ModelSource, ServedModel};
 pub use realtime::Realtime;
 pub use report::ServeReport;

@@ -1,38 +1,38 @@
-//! The model that serves: loaded from a run directory, checked against the skin, made anew when a material is learnt.
+//! The serving model: loaded from a run directory, checked against the skin, extended when a material is enrolled.
 
 use std::path::{Path, PathBuf};
 
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Classifier, EnrolledMaterial, OnlineClassifier, PipelineError, RunDir, Thresholds,
-    TrainEmbeddings, enroll,
+    Classifier, ClassifierConfig, EnrolledMaterial, OnlineClassifier, PipelineError, RunDir,
+    Thresholds, TrainEmbeddings, enroll,
 };
-
-use crate::ServeError;
 use tactnet_skin::packets::{MAX_MATERIALS, ModelNames, Text, unfit};
 
-/// Where models come from.
+use crate::ServeError;
+
+/// Source of models.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ModelSource {
     /// One run directory.
     Run(PathBuf),
-    /// A folder of run directories with numbers for names; the largest that can serves, also when it lands while another one does.
+    /// A folder of run directories named by version numbers. The largest usable version serves, also if it appears later.
     Versions(PathBuf),
 }
 
 impl ModelSource {
-    /// Numbers and run directories of the versions that have landed, newest first; a single run is version 0.
+    /// Returns numbers and run directories of all complete versions, newest first. A single run is version 0.
     ///
     /// # Errors
-    /// No version there; a folder that cannot be read.
+    /// Fails if the folder cannot be read or contains no complete version.
     pub fn versions(&self) -> Result<Vec<(u64, PathBuf)>, ServeError> {
         let folder = match self {
             Self::Run(path) => return Ok(vec![(0, path.clone())]),
             Self::Versions(folder) => folder,
         };
         let mut versions = numbered(folder)?;
-        // The last file of a training is its result, of an enrolment its weights; a run without is still on its way.
+        // Training writes its result last, enrolment its weights; a run without them is incomplete.
         versions.retain(|(_, path)| {
             ["result.json", "enrolled.json"]
                 .iter()
@@ -48,12 +48,12 @@ impl ModelSource {
         Ok(versions)
     }
 
-    /// Loads the newest version that can serve, with what is wrong with newer ones.
+    /// Loads the newest version that can serve, and returns it with the errors of newer ones.
     ///
-    /// - `mc_samples`: Monte Carlo dropout masks that it is to serve with
+    /// - `mc_samples`: number of Monte Carlo dropout masks
     ///
     /// # Errors
-    /// Those of the newest version, where none can serve.
+    /// Returns the newest version's error if no version can serve.
     pub fn load_newest(
         &self,
         mc_samples: usize,
@@ -70,7 +70,7 @@ impl ModelSource {
     }
 }
 
-/// Whatever has a number for a name.
+/// Returns all entries of a folder whose names are numbers.
 pub(crate) fn numbered(folder: &Path) -> Result<Vec<(u64, PathBuf)>, ServeError> {
     let failed = |source| ServeError::Io {
         path: folder.into(),
@@ -90,12 +90,12 @@ pub(crate) fn numbered(folder: &Path) -> Result<Vec<(u64, PathBuf)>, ServeError>
     Ok(found)
 }
 
-/// A trained network that can serve.
+/// A trained network that can serve, with its run directory.
 pub struct ServedModel {
     version: u64,
     run: RunDir,
     classifier: Classifier,
-    /// For enrolment.
+    /// Embeddings of the training sweeps, needed for enrolment.
     known: Option<TrainEmbeddings>,
     thresholds: Option<Thresholds>,
 }
@@ -104,7 +104,7 @@ impl ServedModel {
     /// Loads a run directory.
     ///
     /// # Errors
-    /// A run that has not ended or cannot be read; more taxels or materials than packets hold.
+    /// Fails if the run is incomplete or unreadable, or if it has more taxels or materials than packets hold.
     pub fn load(path: &Path, version: u64) -> Result<Self, ServeError> {
         let run = RunDir::open(path)?;
         let config = run.config()?;
@@ -133,32 +133,32 @@ impl ServedModel {
         })
     }
 
-    /// Its number.
+    /// Returns the version number.
     pub fn version(&self) -> u64 {
         self.version
     }
 
-    /// Its run directory.
+    /// Returns the run directory.
     pub fn path(&self) -> &Path {
         self.run.path()
     }
 
-    /// The offline classifier.
+    /// Returns the offline classifier.
     pub fn classifier(&self) -> &Classifier {
         &self.classifier
     }
 
-    /// Returns true if it can tell unknown materials.
+    /// Returns true if the model can detect unknown materials.
     pub fn is_calibrated(&self) -> bool {
         self.thresholds.is_some()
     }
 
-    /// A classifier for the frames of one finger.
+    /// Creates a classifier for the frames of one finger.
     ///
-    /// - `mc_samples`: Monte Carlo dropout masks
+    /// - `mc_samples`: number of Monte Carlo dropout masks
     ///
     /// # Errors
-    /// A model that needs whole sweeps.
+    /// Fails if the model needs complete sweeps.
     pub fn online(&self, mc_samples: usize) -> Result<OnlineClassifier, ServeError> {
         let calibration = self.thresholds.as_ref().map(|of| of.calibration.clone());
         Ok(OnlineClassifier::new(
@@ -168,10 +168,10 @@ impl ServedModel {
         )?)
     }
 
-    /// Refuses a model for another skin.
+    /// Checks that the model fits the same skin as `serving`.
     ///
     /// # Errors
-    /// Another shape or rate than `serving`'s, or materials that are not its own in their order and perhaps more.
+    /// Fails on another shape or sample rate. Fails unless the materials start with those of `serving`, in the same order.
     pub fn check_replaces(&self, serving: &Self) -> Result<(), ServeError> {
         let (new, old) = (self.classifier.config(), serving.classifier.config());
         let unfit = |reason: String| {
@@ -181,18 +181,20 @@ impl ServedModel {
             })
         };
         if new.shape != old.shape {
-            return unfit(format!("sweeps of {}, served are {}", new.shape, old.shape));
+            return unfit(format!(
+                "expected sweeps of {}, found {}",
+                old.shape, new.shape
+            ));
         }
         if serving.is_calibrated() && !self.is_calibrated() {
             return unfit(
-                "it cannot tell unknown materials, the served one can; train it with `--calibrate`"
-                    .into(),
+                "it is not calibrated to detect unknown materials, but the serving model is".into(),
             );
         }
         if (new.sample_rate_hz - old.sample_rate_hz).abs() > 1e-6 * old.sample_rate_hz {
             return unfit(format!(
-                "{} Hz, served are {} Hz",
-                new.sample_rate_hz, old.sample_rate_hz
+                "expected a sample rate of {} Hz, found {} Hz",
+                old.sample_rate_hz, new.sample_rate_hz
             ));
         }
         let mut names = new.labels.names();
@@ -204,7 +206,7 @@ impl ServedModel {
         Ok(())
     }
 
-    /// Returns the packet for onlookers.
+    /// Returns the packet with materials and shape.
     pub fn names(&self, mc_samples: usize) -> ModelNames {
         let config = self.classifier.config();
         let mut names = [Text::default(); MAX_MATERIALS];
@@ -224,13 +226,14 @@ impl ServedModel {
         }
     }
 
-    /// Learns a material from sweeps that were just recorded, and writes the result as a run directory of its own.
+    /// Enrolls a material from recent sweeps and writes the result as a new run directory.
     ///
     /// - `digits`: `[sweeps][steps][taxels]`
-    /// - `path`: of the new run directory
+    /// - `path`: the new run directory
+    /// - `git`: commit of the program, recorded in the run
     ///
     /// # Errors
-    /// A name that is known; no embeddings of the training sweeps; a folder that cannot be written.
+    /// Fails if the material exists, if the run has no embeddings of the training sweeps, or if the folder cannot be written.
     pub fn enroll(
         &self,
         material: &str,
@@ -241,7 +244,7 @@ impl ServedModel {
     ) -> Result<Self, ServeError> {
         let known = match &self.known {
             Some(known) => known,
-            // Says what is missing.
+            // The error names the missing file.
             None => &self.run.train_embeddings()?,
         };
         let config = self.classifier.config();
@@ -252,23 +255,8 @@ impl ServedModel {
                 most: MAX_MATERIALS,
             });
         }
-        let sweeps = digits.len() / config.shape.values();
-        let records = (0..sweeps).map(|sweep| SweepRecord {
-            label: 0,
-            sweep,
-            block: None,
-            test: None,
-        });
-        let dataset = Dataset::new(
-            "live",
-            config.sample_rate_hz,
-            config.shape,
-            LabelSet::new([material]).map_err(PipelineError::from)?,
-            records.collect(),
-            Samples::F32(digits),
-        )
-        .map_err(PipelineError::from)?;
-        let view = SweepView::new(&dataset, (0..sweeps).collect());
+        let dataset = recent_dataset(config, material, digits)?;
+        let view = SweepView::new(&dataset, (0..dataset.len()).collect());
         let enrolled = enroll(
             &self.classifier,
             known,
@@ -277,7 +265,7 @@ impl ServedModel {
             material,
         )?;
         let record = EnrolledMaterial::new(material, &view, &self.run.weights()?, git)?;
-        // Under another name until it is whole and can be loaded.
+        // The folder gets its final name once it is complete and can be loaded.
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let draft = path.with_file_name(format!(".{name}"));
         let failed = |source| ServeError::Io {
@@ -292,4 +280,27 @@ impl ServedModel {
         std::fs::rename(&draft, path).map_err(failed)?;
         Self::load(path, version)
     }
+}
+
+/// Returns recent sweeps of one material as a data set.
+fn recent_dataset(
+    config: &ClassifierConfig,
+    material: &str,
+    digits: Vec<f32>,
+) -> Result<Dataset, PipelineError> {
+    let sweeps = digits.len() / config.shape.values();
+    let records = (0..sweeps).map(|sweep| SweepRecord {
+        label: 0,
+        sweep,
+        block: None,
+        test: None,
+    });
+    Ok(Dataset::new(
+        "live",
+        config.sample_rate_hz,
+        config.shape,
+        LabelSet::new([material])?,
+        records.collect(),
+        Samples::F32(digits),
+    )?)
 }

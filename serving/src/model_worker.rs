@@ -1,4 +1,4 @@
-//! A second thread for work that must not keep a frame waiting: loading models, learning materials, freeing memory.
+//! A second thread for work that must not delay a frame: loading models, enrolling materials, freeing memory.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -13,27 +13,27 @@ use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Event, ModelNames, Text};
 
 use crate::ServeError;
-use crate::measures::Measures;
+use crate::metrics::Metrics;
 use crate::model::{ModelSource, ServedModel, numbered};
 
-/// How often it looks for a new version.
-const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// Interval between checks for a new version.
+const CHECK_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A request of the service.
 pub(crate) enum Job {
-    /// Learn `material` from `[sweeps][steps][taxels]` digits.
+    /// Enroll `material` from `[sweeps][steps][taxels]` digits.
     Enroll {
         finger: u32,
         material: Text<56>,
         digits: Vec<f32>,
     },
-    /// Drop these: freeing memory takes its time.
+    /// Free these classifiers.
     Retire(Vec<OnlineClassifier>),
 }
 
-/// An answer to the service.
+/// A result for the service.
 pub(crate) enum WorkerEvent {
-    /// Another model is ready.
+    /// Another model is ready to serve.
     Ready {
         classifiers: Vec<OnlineClassifier>,
         names: Box<ModelNames>,
@@ -41,7 +41,7 @@ pub(crate) enum WorkerEvent {
         finger: u32,
         text: Text<192>,
     },
-    /// Something did not work out.
+    /// A job failed.
     Failed {
         event: Event,
         finger: u32,
@@ -49,25 +49,25 @@ pub(crate) enum WorkerEvent {
     },
 }
 
-/// The service's end.
+/// Handle of the worker thread, owned by the service.
 pub(crate) struct ModelWorker {
     jobs: Option<SyncSender<Job>>,
     events: Option<Receiver<WorkerEvent>>,
-    /// Set when an event waits, so that the service looks into the channel only then.
+    /// Set while an event is queued, so that the service reads the queue only then.
     has_event: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl ModelWorker {
-    /// Starts the thread with the model that serves.
+    /// Starts the thread with the serving model.
     pub(crate) fn start(
         model: ServedModel,
         source: ModelSource,
         config: &ServeConfig,
-        measures: Arc<Measures>,
+        metrics: Arc<Metrics>,
         git: &'static str,
     ) -> Result<Self, ServeError> {
-        let (jobs, wanted) = sync_channel(4);
+        let (jobs, requests) = sync_channel(4);
         let (sender, events) = sync_channel(4);
         let has_event = Arc::new(AtomicBool::new(false));
         let mut worker = Worker {
@@ -77,14 +77,14 @@ impl ModelWorker {
             fingers: config.fingers.len(),
             mc_samples: config.mc_samples,
             git,
-            measures,
+            metrics,
             sender,
             has_event: has_event.clone(),
             scratch: None,
         };
         let thread = std::thread::Builder::new()
             .name("model-worker".into())
-            .spawn(move || worker.run(&wanted))
+            .spawn(move || worker.run(&requests))
             .map_err(|source| ServeError::Io {
                 path: "model-worker".into(),
                 source,
@@ -97,7 +97,7 @@ impl ModelWorker {
         })
     }
 
-    /// Hands a job over; gives it back if the worker is busy.
+    /// Queues a job; returns it if the queue is full.
     pub(crate) fn ask(&self, job: Job) -> Result<(), Job> {
         match &self.jobs {
             Some(jobs) => jobs.try_send(job).map_err(|error| match error {
@@ -107,9 +107,9 @@ impl ModelWorker {
         }
     }
 
-    /// Returns the next event, if one waits.
+    /// Returns the next event, if there is one.
     pub(crate) fn next_event(&self) -> Option<WorkerEvent> {
-        // Without an event this is one read of memory.
+        // Without an event this is one atomic load.
         if !self.has_event.load(Ordering::Acquire) {
             return None;
         }
@@ -118,7 +118,7 @@ impl ModelWorker {
             Ok(event) => Some(event),
             Err(_) => {
                 self.has_event.store(false, Ordering::Release);
-                // What was sent between the two lines is found next time.
+                // An event sent between the two lines is received here.
                 let late = events.try_recv().ok();
                 if late.is_some() {
                     self.has_event.store(true, Ordering::Release);
@@ -131,7 +131,7 @@ impl ModelWorker {
 
 impl Drop for ModelWorker {
     fn drop(&mut self) {
-        // Without both ends the worker neither waits for us nor works off what is left.
+        // Closing both channels ends the worker without processing queued jobs.
         drop(self.events.take());
         drop(self.jobs.take());
         if let Some(thread) = self.thread.take() {
@@ -146,20 +146,20 @@ struct Worker {
     fingers: usize,
     mc_samples: usize,
     git: &'static str,
-    measures: Arc<Measures>,
+    metrics: Arc<Metrics>,
     sender: SyncSender<WorkerEvent>,
     has_event: Arc<AtomicBool>,
-    /// Versions that cannot serve, each said once.
+    /// Versions that cannot serve; each is reported once.
     refused: BTreeSet<u64>,
-    /// Holds what is learnt while a single run serves.
+    /// Folder for enrolled models while a single run is served.
     scratch: Option<tempfile::TempDir>,
 }
 
 impl Worker {
-    fn run(&mut self, wanted: &Receiver<Job>) {
-        let mut looked = Instant::now();
+    fn run(&mut self, requests: &Receiver<Job>) {
+        let mut checked = Instant::now();
         loop {
-            match wanted.recv_timeout(LOOK_EVERY) {
+            match requests.recv_timeout(CHECK_INTERVAL) {
                 Ok(Job::Retire(classifiers)) => drop(classifiers),
                 Ok(Job::Enroll {
                     finger,
@@ -173,14 +173,14 @@ impl Worker {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            if looked.elapsed() >= LOOK_EVERY {
-                self.look();
-                looked = Instant::now();
+            if checked.elapsed() >= CHECK_INTERVAL {
+                self.check_for_new_version();
+                checked = Instant::now();
             }
         }
     }
 
-    /// Sends an event to the service; returns false when the service has ended.
+    /// Sends an event to the service; returns false if the service has ended.
     fn send(&self, event: WorkerEvent) -> bool {
         let sent = self.sender.send(event).is_ok();
         self.has_event.store(true, Ordering::Release);
@@ -195,8 +195,8 @@ impl Worker {
         })
     }
 
-    /// Looks for a newer version.
-    fn look(&mut self) {
+    /// Loads a newer version, if there is one.
+    fn check_for_new_version(&mut self) {
         if self.source == ModelSource::Run(self.model.path().into()) || self.scratch.is_some() {
             return;
         }
@@ -216,7 +216,7 @@ impl Worker {
             });
             match loaded {
                 Ok(model) => {
-                    self.offer(
+                    self.publish(
                         model,
                         Event::Swapped,
                         0,
@@ -233,34 +233,34 @@ impl Worker {
     }
 
     fn enroll(&mut self, finger: u32, material: &str, digits: Vec<f32>) -> bool {
-        let begun = Instant::now();
-        let learnt = self.place().and_then(|(path, version)| {
+        let started = Instant::now();
+        let enrolled = self.enrolled_path().and_then(|(path, version)| {
             self.model
                 .enroll(material, digits, &path, version, self.git)
         });
-        match learnt {
+        match enrolled {
             Ok(model) => {
                 let kept = match self.source {
                     ModelSource::Versions(_) => "",
                     ModelSource::Run(_) => {
-                        "; it serves until this service ends, `tactnet enroll` keeps a material"
+                        "; it serves until this service ends; enroll it offline to keep it"
                     }
                 };
                 let text = format!(
-                    "`{material}` learnt in {:.2} s; what was fused is forgotten{kept}",
-                    begun.elapsed().as_secs_f64()
+                    "`{material}` enrolled in {:.2} s; fused sweeps discarded{kept}",
+                    started.elapsed().as_secs_f64()
                 );
-                self.offer(model, Event::Enrolled, finger, &text)
+                self.publish(model, Event::Enrolled, finger, &text)
             }
             Err(error) => self.fail(Event::Refused, finger, &error),
         }
     }
 
-    /// Where a classifier with one more material goes.
-    fn place(&mut self) -> Result<(PathBuf, u64), ServeError> {
+    /// Returns the run directory and version for the model with one more material.
+    fn enrolled_path(&mut self) -> Result<(PathBuf, u64), ServeError> {
         match &self.source {
             ModelSource::Versions(folder) => {
-                // Also above what is damaged or still on its way.
+                // The version is above those that are damaged or incomplete.
                 let newest = numbered(folder)?
                     .into_iter()
                     .map(|(number, _)| number)
@@ -284,13 +284,13 @@ impl Worker {
         }
     }
 
-    fn offer(&mut self, model: ServedModel, event: Event, finger: u32, text: &str) -> bool {
+    fn publish(&mut self, model: ServedModel, event: Event, finger: u32, text: &str) -> bool {
         let classifiers: Result<Vec<_>, _> = (0..self.fingers)
             .map(|_| model.online(self.mc_samples))
             .collect();
         match classifiers {
             Ok(classifiers) => {
-                self.measures.loaded(model.version(), model.path());
+                self.metrics.loaded(model.version(), model.path());
                 let sent = self.send(WorkerEvent::Ready {
                     classifiers,
                     names: Box::new(model.names(self.mc_samples)),

@@ -1,20 +1,21 @@
-//! Scheduling and memory for a thread that must be on time. Requests that Linux refuses are returned, and the work goes on.
+//! Real-time scheduling and memory locking for a thread. Requests that Linux refuses are returned as text, and the
+//! program continues.
 
 use std::io;
 
-/// Requests to the system.
+/// Requests to the operating system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Realtime {
-    /// Priority under `SCHED_FIFO`, 1 to 99; `None`: the usual scheduler.
+    /// Priority under `SCHED_FIFO`, 1 to 99; `None` keeps the default scheduler.
     pub priority: Option<u8>,
-    /// The only core for this thread; `None`: any.
+    /// The only core on which this thread runs; `None` allows any.
     pub cpu: Option<usize>,
-    /// Keep all memory of the process in RAM.
+    /// True to lock all memory of the process in RAM.
     pub lock_memory: bool,
 }
 
 impl Realtime {
-    /// Asks for it for this thread (and, for memory, this process). Gives one line for everything that could not be had.
+    /// Applies the requests to this thread (memory locking: to the process). Returns one line for each refused request.
     pub fn apply(self) -> Vec<String> {
         let mut refused = Vec::new();
         let mut note = |what: &str, outcome: io::Result<()>| {
@@ -23,19 +24,22 @@ impl Realtime {
             }
         };
         if self.lock_memory {
-            // SAFETY: changes nothing but where pages are kept.
+            // SAFETY: `mlockall` only changes where pages are kept.
             let failed = unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) };
-            note("cannot keep memory in RAM (mlockall)", done(failed));
+            note("cannot lock memory in RAM (mlockall)", done(failed));
             touch_stack();
         }
         if let Some(cpu) = self.cpu {
-            note(&format!("cannot stay on core {cpu}"), stay_on(cpu));
+            note(
+                &format!("cannot pin the thread to core {cpu}"),
+                stay_on(cpu),
+            );
         }
         if let Some(priority) = self.priority {
             let parameter = libc::sched_param {
                 sched_priority: i32::from(priority),
             };
-            // SAFETY: this thread and a valid parameter.
+            // SAFETY: thread 0 is the calling thread, and the parameter is valid.
             let failed =
                 unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter) };
             note(
@@ -59,7 +63,7 @@ fn stay_on(cpu: usize) -> io::Result<()> {
     if cpu >= libc::CPU_SETSIZE as usize {
         return Err(io::Error::from_raw_os_error(libc::EINVAL));
     }
-    // SAFETY: a set of cores is plain bits; `cpu` is below its size.
+    // SAFETY: a set of cores is plain bits, and `cpu` is below its size.
     let failed = unsafe {
         let mut cores: libc::cpu_set_t = std::mem::zeroed();
         libc::CPU_SET(cpu, &mut cores);
@@ -68,7 +72,7 @@ fn stay_on(cpu: usize) -> io::Result<()> {
     done(failed)
 }
 
-/// Maps the pages of the stack that the thread may come to use.
+/// Touches the stack pages that the thread may need, so that they are mapped.
 #[inline(never)]
 fn touch_stack() {
     let mut pages = [0_u8; 256 * 1024];

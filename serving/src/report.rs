@@ -1,40 +1,40 @@
-//! Counters at the end of a service, as `tactnet serve --json` prints them and other commands read them.
-
-use std::fmt;
+//! Counters of a service that has ended, as a JSON document.
 
 use serde::{Deserialize, Serialize};
 use tactnet_skin::packets::Counters;
 
-/// Counters of a service that has ended. Every field must be there when it is read, and no other.
+/// Counters of a service that has ended. Unknown and missing fields are errors.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ServeReport {
-    /// 1.
+    /// Version of the document: 1.
     pub schema_version: u32,
-    /// Frames that came.
+    /// Number of received frames.
     pub frames: u64,
-    /// Frames that were put and never came.
+    /// Number of frames that were sent but not received.
     pub dropped_frames: u64,
-    /// Beliefs that were put.
+    /// Number of beliefs sent.
     pub beliefs: u64,
-    /// Whole sweeps that were classified.
+    /// Number of complete sweeps classified.
     pub sweeps: u64,
-    /// Sweeps that were rejected.
+    /// Number of rejected sweeps.
     pub rejected: u64,
-    /// Whole sweeps of unknown materials.
+    /// Number of complete sweeps of unknown materials.
     pub unknown: u64,
-    /// Predictions that took longer than promised.
+    /// Number of predictions that missed their deadline.
     pub deadline_misses: u64,
-    /// Longest time from a frame's put until the service had dealt with it, microseconds.
+    /// Maximum time from the sending of a frame to the end of its processing, in µs.
     pub worst_delay_us: f64,
-    /// Allocations of the thread that processes frames.
+    /// Number of allocations of the thread that processes frames.
     pub allocations: u64,
-    /// First and last frame that came, by finger.
+    /// Sequence numbers of the first and last received frame, by finger.
     pub sequences: Vec<Option<(u64, u64)>>,
 }
 
 impl ServeReport {
-    /// - `sequences`: first and last frame that came, by finger
+    /// Creates the report.
+    ///
+    /// - `sequences`: sequence numbers of the first and last received frame, by finger
     pub fn new(counters: &Counters, sequences: Vec<Option<(u64, u64)>>) -> Self {
         Self {
             schema_version: 1,
@@ -51,7 +51,7 @@ impl ServeReport {
         }
     }
 
-    /// Returns how many frames of a finger were put between the first and the last that came, both included.
+    /// Returns the number of frames that a finger sent between the first and the last received frame, both included.
     pub fn frames_sent(&self, finger: usize) -> u64 {
         match self.sequences.get(finger) {
             Some(Some((first, last))) => last - first + 1,
@@ -60,32 +60,12 @@ impl ServeReport {
     }
 }
 
-impl fmt::Display for ServeReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{}, {} lost; {} classified, {} rejected; {} missed (late, not wrong)",
-            counted(self.frames, "frame"),
-            self.dropped_frames,
-            counted(self.sweeps, "sweep"),
-            self.rejected,
-            counted(self.deadline_misses, "deadline"),
-        )
-    }
-}
-
-/// Returns `1 sweep`, or `2 sweeps`.
-fn counted(number: u64, what: &str) -> String {
-    let plural = if number == 1 { "" } else { "s" };
-    format!("{number} {what}{plural}")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_again_and_a_missing_or_foreign_counter_is_an_error() {
+    fn reports_round_trip_and_missing_or_unknown_counters_are_errors() {
         let counters = Counters {
             frames: 9,
             dropped_frames: 2,

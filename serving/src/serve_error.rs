@@ -9,89 +9,89 @@ use tactnet_pipeline::PipelineError;
 
 use crate::web::Holder;
 
-/// Errors of the service; each is one line for people.
+/// Error of the service; each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The channels.
+    /// Error of the channels.
     #[error(transparent)]
     Channel(#[from] tactnet_channel::ChannelError),
-    /// The classifier.
+    /// Error of the classifier.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// The device.
+    /// Error of the compute device.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The table's section of the classifier.
+    /// Error in the table's section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
-    /// Something else puts beliefs on the bus.
+    /// Another process already sends beliefs on the bus.
     #[error(
-        "bus `{bus}`: {} puts beliefs already; end it first, or name another `bus` in the table",
-        server(*pid)
+        "bus `{bus}`: {} already sends beliefs; end it first, or name another `bus` in the table",
+        sender(*pid)
     )]
     ServedAlready {
         /// Name of the bus.
         bus: String,
-        /// The process, where it is known.
+        /// Process id of the sender, if known.
         pid: Option<u32>,
     },
-    /// More materials than packets hold.
+    /// The network would have more materials than a packet holds.
     #[error("`{material}` would be material {number}, packets hold {most}")]
     TooManyMaterials {
-        /// The material that was to be learnt.
+        /// Name of the material to enroll.
         material: String,
-        /// Its number, from 1.
+        /// Number of the material, from 1.
         number: usize,
-        /// Materials of a packet.
+        /// Maximum number of materials in a packet.
         most: usize,
     },
-    /// A model that cannot serve.
+    /// The model cannot serve.
     #[error("{}: cannot serve: {reason}", path.display())]
     Unfit {
-        /// Its run directory.
+        /// Run directory of the model.
         path: PathBuf,
-        /// Why not.
+        /// Reason why it cannot serve.
         reason: String,
     },
-    /// A folder without models.
-    #[error("{}: no model; expected run directories with numbers for names", folder.display())]
+    /// The folder contains no models.
+    #[error("{}: contains no model; expected run directories named by numbers", folder.display())]
     NoVersion {
-        /// The folder.
+        /// Path of the folder.
         folder: PathBuf,
     },
-    /// Nothing can listen at an address.
+    /// The server cannot listen at the address.
     #[error("cannot listen at {address}: {source}")]
     Listen {
-        /// Where browsers or Prometheus were to be answered.
+        /// The requested address.
         address: SocketAddr,
-        /// Answer of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Another program listens at an address.
-    #[error("cannot listen at {address}: {holder} has that port{}", alternative(*free))]
+    /// Another program listens at the address.
+    #[error("cannot listen at {address}: {holder} uses that port{}", alternative(*free))]
     Taken {
-        /// Where browsers or Prometheus were to be answered.
+        /// The requested address.
         address: SocketAddr,
-        /// Who listens there.
+        /// Program that listens there.
         holder: Holder,
-        /// The next port that nobody has.
+        /// The next free port.
         free: Option<SocketAddr>,
     },
-    /// The system tells nothing of a socket that listens.
-    #[error("a socket that listens: {0}")]
+    /// The operating system does not report the address of a listening socket.
+    #[error("cannot read the address of the listening socket: {0}")]
     Web(#[source] std::io::Error),
-    /// The system refused something.
+    /// A file operation failed.
     #[error("{}: {source}", path.display())]
     Io {
-        /// The file or folder.
+        /// Path of the file or folder.
         path: PathBuf,
-        /// Answer of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
 }
 
 impl ServeError {
-    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    /// Returns true if the caller must correct the call (exit code 2), false for other failures (exit code 1).
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Channel(error) => error.is_usage(),
@@ -111,7 +111,7 @@ impl ServeError {
 }
 
 impl ServeError {
-    /// Returns what is wrong where the port for beliefs cannot be opened.
+    /// Converts the error of opening the belief port; a full port means that another service runs.
     pub(crate) fn of_belief_port(error: ChannelError, bus: &Bus) -> Self {
         match error {
             ChannelError::TooManyPorts { id, .. } => Self::ServedAlready {
@@ -126,11 +126,11 @@ impl ServeError {
     }
 }
 
-/// Returns who puts beliefs, most likely.
-fn server(pid: Option<u32>) -> String {
+/// Returns a description of the process that sends beliefs.
+fn sender(pid: Option<u32>) -> String {
     match pid {
-        Some(pid) => format!("process {pid}, most likely another `tactnet serve`,"),
-        None => "another program, most likely a second `tactnet serve`,".into(),
+        Some(pid) => format!("process {pid}, probably another classifier service,"),
+        None => "another program, probably another classifier service,".into(),
     }
 }
 

@@ -6,7 +6,8 @@
 //!                   ModelWorker (a thread): new versions, enrolment ──> swapped in between sweeps
 //! ```
 //!
-//! One thread, no clock but the channels' own. While frames come nothing is allocated, and the only system calls are the waits and wake-ups of the channels.
+//! The service is one thread without its own clock. While it processes frames it allocates nothing, and its only system
+//! calls are the waits and wake-ups of the channels.
 
 mod command_rates;
 mod commands;
@@ -30,8 +31,8 @@ use tactnet_skin::packets::{
 use tactnet_skin::{Reject, ServeConfig, SweepChange, SweepSegmenter};
 
 use crate::ServeError;
-use crate::measures::Measures;
-use crate::model::ModelSource;
+use crate::metrics::Metrics;
+use crate::model::{ModelSource, ServedModel};
 use crate::model_worker::{ModelWorker, WorkerEvent};
 use crate::skin_limits::{limits, settle};
 use crate::status_line::StatusLine;
@@ -40,12 +41,12 @@ use recent_sweeps::RecentSweeps;
 use reconnect::Connections;
 use waiting_commands::WaitingCommands;
 
-/// Status is put at least this often.
-const ALIVE_EVERY_NS: u64 = 100_000_000;
-/// Frames of a finger in one go.
+/// Maximum time between two status packets, in ns.
+const STATUS_INTERVAL_NS: u64 = 100_000_000;
+/// Maximum number of frames of one finger processed in one step.
 const MAX_FRAMES: usize = 256;
 
-/// The classifier on its channels.
+/// The online classifier between its channels.
 pub struct Service {
     bus: Bus,
     config: ServeConfig,
@@ -56,30 +57,38 @@ pub struct Service {
     status: PutPort<TactileStatus>,
     model: PutPort<ModelNames>,
     names: Box<ModelNames>,
-    /// True if nobody said at what rate the first model's sweeps were recorded.
+    /// True if the first model's training data did not state its sample rate.
     rate_assumed: bool,
     fingers: Vec<Finger>,
     waiting: WaitingCommands,
     counters: Counters,
-    measures: Arc<Measures>,
+    metrics: Arc<Metrics>,
     sweeps: u64,
     lost_commands: u64,
     command_rates: CommandRates,
-    told_refused: Instant,
+    refusals_reported: Instant,
     refused_commands: u64,
-    alive_ns: u64,
+    status_sent_ns: u64,
     connections: Connections,
-    /// For whoever started it, since the last call.
-    news: Vec<String>,
-    /// Rejections that nobody was told of yet, and the newest of them.
-    untold: (u64, StatusLine<256>),
+    /// Messages for the operator since the last call of `take_messages`.
+    messages: Vec<String>,
+    /// Rejections since the last call of `take_messages`.
+    rejections: Rejections,
     worker: ModelWorker,
-    /// An event of the worker that waits for a pause between sweeps.
+    /// Event of the worker that waits for a pause between sweeps.
     worker_event: Option<WorkerEvent>,
-    /// Classifiers that have served, on their way to the worker, which frees them.
+    /// Replaced classifiers, to be freed by the worker.
     retired: Option<Vec<OnlineClassifier>>,
-    /// Allocations of this thread so far.
+    /// Returns the number of allocations of this thread so far.
     allocations: fn() -> u64,
+}
+
+/// Sweeps rejected since the operator's last look.
+#[derive(Default)]
+struct Rejections {
+    count: u64,
+    /// Message about the newest one.
+    newest: StatusLine<256>,
 }
 
 struct Finger {
@@ -87,24 +96,24 @@ struct Finger {
     classifier: OnlineClassifier,
     sweep: u64,
     motion: u64,
-    /// Rows of the window that the classifier has.
+    /// Number of window frames passed to the classifier.
     taken: usize,
-    /// Rows after which the next belief is due.
+    /// Number of window frames after which the next belief is due.
     next_belief: usize,
-    /// First and newest frame.
+    /// Sequence numbers of the first and the newest frame.
     sequences: Option<(u64, u64)>,
-    /// When the newest was put; 0 before the first.
-    framed_ns: u64,
+    /// Time at which the newest frame was sent, in ns; 0 before the first.
+    last_frame_ns: u64,
     recent: RecentSweeps,
 }
 
 impl Service {
     /// Opens the channels and loads the newest model.
     ///
-    /// - `git`: commit of the program, for the provenance of materials that it learns
+    /// - `git`: commit of the program, recorded with enrolled materials
     ///
     /// # Errors
-    /// No hub, channels missing in the table, a model that cannot serve.
+    /// Fails without a hub, if channels are missing in the table, or if no model can serve.
     pub fn start(
         bus: &Bus,
         config: ServeConfig,
@@ -114,35 +123,11 @@ impl Service {
         let (served, damaged) = source.load_newest(config.mc_samples)?;
         let version = served.version();
         let names = Box::new(served.names(config.mc_samples));
-        let measures = Arc::<Measures>::default();
-        measures.loaded(version, served.path());
-        measures.serve(version);
-        let shape = served.classifier().config().shape;
+        let metrics = Arc::<Metrics>::default();
+        metrics.loaded(version, served.path());
+        metrics.serve(version);
         let rate_assumed = served.classifier().config().sample_rate_assumed;
-        let segmenter = settle(&config.segmenter, served.classifier().config());
-        let segmenter = segmenter.map_err(|reason| ServeError::Unfit {
-            path: served.path().into(),
-            reason,
-        })?;
-        let fingers = config.fingers.iter().map(|_| {
-            Ok(Finger {
-                segmenter: SweepSegmenter::new(
-                    segmenter,
-                    shape.steps,
-                    shape.taxels(),
-                    names.sample_rate_hz,
-                ),
-                classifier: served.online(config.mc_samples)?,
-                sweep: 0,
-                motion: 0,
-                taken: 0,
-                next_belief: 0,
-                sequences: None,
-                framed_ns: 0,
-                recent: RecentSweeps::new(shape.values()),
-            })
-        });
-        let fingers = fingers.collect::<Result<Vec<_>, ServeError>>()?;
+        let fingers = open_fingers(&served, &config)?;
         let skins = config
             .fingers
             .iter()
@@ -167,17 +152,17 @@ impl Service {
             fingers,
             waiting: WaitingCommands::new(config.fingers.len()),
             counters: Counters::default(),
-            measures: measures.clone(),
+            metrics: metrics.clone(),
             sweeps: 0,
             lost_commands: 0,
             command_rates: CommandRates::new(),
-            told_refused: Instant::now(),
+            refusals_reported: Instant::now(),
             refused_commands: 0,
-            alive_ns: 0,
+            status_sent_ns: 0,
             connections: Connections::default(),
-            news: Vec::new(),
-            untold: Default::default(),
-            worker: ModelWorker::start(served, source, &config, measures, git)?,
+            messages: Vec::new(),
+            rejections: Rejections::default(),
+            worker: ModelWorker::start(served, source, &config, metrics, git)?,
             worker_event: None,
             retired: None,
             allocations: || 0,
@@ -191,17 +176,17 @@ impl Service {
         Ok(service)
     }
 
-    /// Counts allocations while frames are processed.
+    /// Enables the allocation counter.
     ///
-    /// - `allocations`: of the calling thread, since it began
+    /// - `allocations`: returns the number of allocations of the calling thread so far
     pub fn count_allocations(&mut self, allocations: fn() -> u64) {
         self.allocations = allocations;
     }
 
-    /// Drops the frames and commands that came while the thread was being prepared, so that it begins with what happens now.
+    /// Discards the frames and commands that arrived during start-up.
     ///
     /// # Errors
-    /// The channels have broken down.
+    /// Fails if the channels break down.
     pub fn drain(&mut self) -> Result<(), ServeError> {
         for skin in &self.skins {
             while skin.try_get()?.is_some() {}
@@ -211,17 +196,17 @@ impl Service {
         Ok(())
     }
 
-    /// Returns its counters, to be read from other threads.
-    pub fn measures(&self) -> Arc<Measures> {
-        self.measures.clone()
+    /// Returns the metrics, which other threads may read.
+    pub fn metrics(&self) -> Arc<Metrics> {
+        self.metrics.clone()
     }
 
-    /// Returns the names of the model that serves.
+    /// Returns the materials and shape of the serving model.
     pub fn names(&self) -> &ModelNames {
         &self.names
     }
 
-    /// Returns the least and the greatest value that a taxel may show; others reject the sweep.
+    /// Returns the minimum and maximum value of a taxel, in digits; other values reject the sweep.
     pub fn values(&self) -> Option<[f32; 2]> {
         let served = || {
             self.fingers
@@ -232,19 +217,19 @@ impl Service {
         set.or_else(|| served().and_then(limits))
     }
 
-    /// Returns true if the rate of the sweeps that the model was trained on is only assumed.
+    /// Returns true if the training data did not state its sample rate.
     pub fn is_rate_assumed(&self) -> bool {
         self.rate_assumed
     }
 
-    /// Returns true if it can tell unknown materials.
+    /// Returns true if the model can detect unknown materials.
     pub fn tells_unknown(&self) -> bool {
         self.fingers
             .iter()
             .all(|finger| finger.classifier.tells_unknown())
     }
 
-    /// Returns the sequence of the first and the newest frame of every finger.
+    /// Returns the sequence numbers of the first and the newest frame, by finger.
     pub fn sequences(&self) -> Vec<Option<(u64, u64)>> {
         self.fingers.iter().map(|finger| finger.sequences).collect()
     }
@@ -254,60 +239,60 @@ impl Service {
         self.counters
     }
 
-    /// Returns what its operator should know since the last call, a line each.
-    pub fn take_news(&mut self) -> Vec<String> {
-        let mut news = std::mem::take(&mut self.news);
-        let (count, newest) = std::mem::take(&mut self.untold);
+    /// Returns the messages for the operator since the last call, one line each.
+    pub fn take_messages(&mut self) -> Vec<String> {
+        let mut messages = std::mem::take(&mut self.messages);
+        let Rejections { count, newest } = std::mem::take(&mut self.rejections);
         if count > 1 {
-            news.push(format!("{} sweeps rejected", count - 1));
+            messages.push(format!("{} sweeps rejected", count - 1));
         }
         if count > 0 {
-            news.push(newest.as_str().to_owned());
+            messages.push(newest.as_str().to_owned());
         }
-        news
+        messages
     }
 
-    /// Returns true if frames of a finger came once and have not for ten seconds, although a skin is connected.
-    pub fn is_blind(&self) -> bool {
-        self.connections.blind
+    /// Returns true if a finger that has sent frames is connected but has sent none for ten seconds.
+    pub fn is_skin_silent(&self) -> bool {
+        self.connections.skin_silent
     }
 
-    /// Waits for a frame or a command and deals with all that have come; returns after `patience` at the latest.
+    /// Waits for a frame or a command and processes all that have arrived; returns after `timeout` at the latest.
     ///
     /// # Errors
-    /// The channels have broken down.
-    pub fn step(&mut self, patience: Duration) -> Result<(), ServeError> {
-        let ready = self.group.wait(Wait::Block { timeout: patience })?;
-        // Commands first: those that were put before a frame must be known when it is looked at.
+    /// Fails if the channels break down.
+    pub fn step(&mut self, timeout: Duration) -> Result<(), ServeError> {
+        let ready = self.group.wait(Wait::Block { timeout: timeout })?;
+        // Commands first: a frame is processed after all commands sent before it.
         self.receive_commands()?;
         if let Some(finger) = ready
             && finger < self.fingers.len()
         {
             let before = (self.allocations)();
-            // Not for ever, however fast a driver puts.
+            // The limit keeps a fast driver from blocking the other fingers.
             for _ in 0..MAX_FRAMES {
                 let Some(frame) = self.skins[finger].try_get()? else {
                     break;
                 };
                 self.receive_commands()?;
-                // Another host's clock says nothing here.
+                // The clock of another host is not comparable.
                 let put_ns = match frame.header().remote {
                     0 => frame.header().put_ns,
                     _ => now_ns(),
                 };
-                self.follow_waiting(put_ns, Some(finger))?;
+                self.execute_waiting(put_ns, Some(finger))?;
                 self.frame(finger, &frame, put_ns)?;
             }
             self.counters.allocations += (self.allocations)() - before;
-            // Who looks on since this frame is met now, not when the next belief is due.
+            // New subscribers are connected now, not when the next belief is due.
             self.beliefs.update_connections()?;
             self.status.update_connections()?;
         } else if ready.is_none() {
-            // The skin is silent: nothing that a command could come too early for.
-            self.follow_waiting(u64::MAX, None)?;
+            // No frame is waiting, so all commands are due.
+            self.execute_waiting(u64::MAX, None)?;
         }
         let now = now_ns();
-        if now.saturating_sub(self.alive_ns) >= ALIVE_EVERY_NS {
+        if now.saturating_sub(self.status_sent_ns) >= STATUS_INTERVAL_NS {
             self.model.send_history()?;
             self.publish_status(Event::Alive, 0, format_args!(""))?;
             self.keep_connections(now)?;
@@ -327,7 +312,7 @@ impl Service {
         let finger = &mut self.fingers[number];
         let first = finger.sequences.map_or(frame.sequence, |(first, _)| first);
         finger.sequences = Some((first, frame.sequence));
-        finger.framed_ns = put_ns;
+        finger.last_frame_ns = put_ns;
         let change = finger.segmenter.push(&Frame {
             sequence: frame.sequence,
             sensor_time_nanos: frame.sensor_time_ns,
@@ -338,7 +323,7 @@ impl Service {
         self.counters.dropped_frames = self.skins.iter().map(GetPort::lost).sum();
         let delay = now_ns().saturating_sub(put_ns);
         self.counters.worst_delay_ns = self.counters.worst_delay_ns.max(delay);
-        self.measures.count(&self.counters);
+        self.metrics.count(&self.counters);
         Ok(())
     }
 
@@ -399,11 +384,11 @@ impl Service {
 
     fn reject(&mut self, number: usize, reject: &Reject) -> Result<(), ServeError> {
         self.counters.rejected += 1;
-        self.untold.0 += 1;
-        self.untold.1 = StatusLine::default();
+        self.rejections.count += 1;
+        self.rejections.newest = StatusLine::default();
         let sweep = self.fingers[number].sweep;
-        self.untold
-            .1
+        self.rejections
+            .newest
             .write(format_args!("sweep {sweep} rejected: {reject}"));
         self.publish_status(Event::Rejected, number as u32, format_args!("{reject}"))
     }
@@ -429,13 +414,41 @@ impl Service {
             counters: self.counters,
             text: Text::new(line.as_str()),
         }])?;
-        self.alive_ns = now_ns();
+        self.status_sent_ns = now_ns();
         Ok(())
     }
 }
 
+/// Creates the state of each finger for a model.
+fn open_fingers(served: &ServedModel, config: &ServeConfig) -> Result<Vec<Finger>, ServeError> {
+    let model = served.classifier().config();
+    let segmenter = settle(&config.segmenter, model).map_err(|reason| ServeError::Unfit {
+        path: served.path().into(),
+        reason,
+    })?;
+    let fingers = config.fingers.iter().map(|_| {
+        Ok(Finger {
+            segmenter: SweepSegmenter::new(
+                segmenter,
+                model.shape.steps,
+                model.shape.taxels(),
+                model.sample_rate_hz,
+            ),
+            classifier: served.online(config.mc_samples)?,
+            sweep: 0,
+            motion: 0,
+            taken: 0,
+            next_belief: 0,
+            sequences: None,
+            last_frame_ns: 0,
+            recent: RecentSweeps::new(model.shape.values()),
+        })
+    });
+    fingers.collect()
+}
+
 impl Finger {
-    /// Hands the classifier the rows of the window that it has not seen.
+    /// Passes the new frames of the window to the classifier.
     fn catch_up(&mut self) {
         let window = self.segmenter.window();
         while self.taken < window.kept() {

@@ -1,4 +1,4 @@
-//! What the skin may show while a network serves, and whether its sweeps can be found.
+//! Value limits of the skin for a network, and the check that its sweeps can be segmented.
 
 use std::path::Path;
 
@@ -8,9 +8,10 @@ use tactnet_skin::{Segmentation, SegmenterConfig};
 
 use crate::ServeError;
 
-/// Returns the least and the greatest value of a taxel by the network's training sweeps.
+/// Returns the minimum and maximum value of a taxel from the network's training sweeps, in digits.
 ///
-/// A run of an earlier version does not say: `None` where the mean of a taxel is none that a raw 8-bit skin could have.
+/// Runs of earlier versions did not store them. The result is then the raw 8-bit range if all taxel means lie within
+/// it, else `None`.
 pub(crate) fn limits(config: &ClassifierConfig) -> Option<[f32; 2]> {
     let [zero, full] = ValueRange::DIGITS;
     match (&config.values, &config.model) {
@@ -25,27 +26,28 @@ pub(crate) fn limits(config: &ClassifierConfig) -> Option<[f32; 2]> {
     }
 }
 
-/// Returns the least and the greatest value that a taxel may show by a run's training sweeps; `None` where the run does not say.
+/// Returns the minimum and maximum value of a taxel from a run's training sweeps, in digits; `None` if the run did not
+/// store them.
 ///
 /// # Errors
-/// No run; a baseline.
+/// Fails if `run` is not a run directory or holds a baseline.
 pub fn accepted_values(run: &Path) -> Result<Option<[f32; 2]>, ServeError> {
     let config = RunDir::open(run)?.config()?;
     config.require_network(run, "be served")?;
     Ok(limits(&config.classifier))
 }
 
-/// Returns the segmenter's settings for the network, with its limits where the table sets none.
+/// Returns the segmenter's settings for the network. Limits that the table does not set come from the training sweeps.
 ///
 /// # Errors
-/// Says why no sweep could be judged.
+/// Returns the reason why no sweep could be classified.
 pub(crate) fn settle(
     segmenter: &SegmenterConfig,
     config: &ClassifierConfig,
 ) -> Result<SegmenterConfig, String> {
     let Some(values) = segmenter.values.or_else(|| limits(config)) else {
         return Err(
-            "its run is of an earlier version and does not say which values its training sweeps have: train it again, or set \
+            "its run is of an earlier version without the value range of its training sweeps: train it again, or set \
              `values = [least, greatest]` in [components.tactnet.segmenter] of the table"
                 .into(),
         );
@@ -54,8 +56,8 @@ pub(crate) fn settle(
         && contact.begins > range.greatest_mean
     {
         return Err(format!(
-            "the table lets a contact begin at a mean of {} over all taxels, and no frame of its training sweeps has more than {}: set `begins` and \
-             `ends` of [components.tactnet.segmenter.segmentation.contact] lower, or `segmentation = \"command\"`",
+            "the table starts a contact at a mean of {} over all taxels, but no frame of its training sweeps exceeds {}: lower `begins` and \
+             `ends` of [components.tactnet.segmenter.segmentation.contact], or set `segmentation = \"command\"`",
             contact.begins, range.greatest_mean
         ));
     }

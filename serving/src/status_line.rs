@@ -1,8 +1,8 @@
-//! The text of a status packet, written without the heap.
+//! Text of a status packet, written without heap allocation.
 
 use std::fmt::{Arguments, Write};
 
-/// Up to `BYTES` bytes; the rest is cut off.
+/// Text of up to `BYTES` bytes; the rest is truncated at a character boundary.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct StatusLine<const BYTES: usize> {
     bytes: [u8; BYTES],
@@ -21,11 +21,11 @@ impl<const BYTES: usize> Default for StatusLine<BYTES> {
 impl<const BYTES: usize> StatusLine<BYTES> {
     /// Appends `text`.
     pub(crate) fn write(&mut self, text: Arguments<'_>) {
-        // It never fails: what does not fit is left out.
+        // `write_str` never fails: text that does not fit is truncated.
         let _ = self.write_fmt(text);
     }
 
-    /// Returns what was written.
+    /// Returns the text.
     pub(crate) fn as_str(&self) -> &str {
         std::str::from_utf8(&self.bytes[..self.len]).unwrap_or("")
     }

@@ -1,14 +1,14 @@
-//! systemd's notification protocol (`sd_notify`): a datagram to the socket that the environment names.
+//! systemd's notification protocol (`sd_notify`): a datagram to the socket named in the environment.
 
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::{Duration, Instant};
 
-/// The service manager, if one listens.
+/// Connection to the service manager, if there is one.
 #[derive(Debug)]
 pub struct ServiceManager {
     socket: Option<(UnixDatagram, SocketAddr)>,
-    /// Time between signs of life: half of what the manager waits.
+    /// Time between keep-alive messages: half of the manager's timeout.
     watchdog: Option<Duration>,
     last: Instant,
 }
@@ -22,7 +22,7 @@ impl ServiceManager {
                 None => SocketAddr::from_pathname(&name),
             };
             let socket = UnixDatagram::unbound().ok()?;
-            // A manager that does not read must not stop the service.
+            // A manager that does not read must not block the service.
             socket.set_nonblocking(true).ok()?;
             Some((socket, address.ok()?))
         });
@@ -37,14 +37,14 @@ impl ServiceManager {
         }
     }
 
-    /// Sends a state like `READY=1`.
+    /// Sends a state, for example `READY=1`.
     pub fn notify(&self, state: &str) {
         if let Some((socket, address)) = &self.socket {
             let _ = socket.send_to_addr(state.as_bytes(), address);
         }
     }
 
-    /// Sends a sign of life when one is due.
+    /// Sends a keep-alive message when one is due.
     pub fn keep_alive(&mut self) {
         if self
             .watchdog

@@ -1,4 +1,4 @@
-//! Answers to browsers and Prometheus: one thread with a small HTTP server.
+//! HTTP server for browsers and Prometheus, on one thread.
 
 mod dashboard;
 mod guard;
@@ -23,14 +23,14 @@ use axum::routing::{get, post};
 use futures_util::stream;
 use tokio::sync::{oneshot, watch};
 
-use crate::{Measures, ServeError};
+use crate::{Metrics, ServeError};
 pub use dashboard::{Dashboard, StageSource};
 use guard::Guard;
 pub use guard::TOKEN_VARIABLE;
 pub use listen::{Holder, listen};
 use server::Limits;
 
-/// A server; it ends when this is dropped.
+/// A running server; dropping it stops the server.
 #[derive(Debug)]
 pub struct WebServer {
     address: SocketAddr,
@@ -40,12 +40,12 @@ pub struct WebServer {
 }
 
 impl WebServer {
-    /// Returns the address that it listens at.
+    /// Returns the address at which the server listens.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Returns the link to a path, such as `/`, with the token where others than this machine can connect.
+    /// Returns the link to a path such as `/`. It contains the token if other machines can connect.
     pub fn link_to(&self, path: &str) -> String {
         format!("http://{}{path}{}", self.address, self.guard.query())
     }
@@ -60,20 +60,20 @@ impl Drop for WebServer {
     }
 }
 
-/// Answers `/metrics` in Prometheus's format.
+/// Serves `/metrics` in Prometheus's format.
 ///
 /// # Errors
-/// The address cannot be had.
-pub fn metrics(address: SocketAddr, measures: Arc<Measures>) -> Result<WebServer, ServeError> {
+/// Fails if the server cannot listen at the address.
+pub fn metrics(address: SocketAddr, metrics: Arc<Metrics>) -> Result<WebServer, ServeError> {
     let answer = move || {
-        let text = measures.prometheus();
+        let text = metrics.prometheus();
         async move { ([(CONTENT_TYPE, "text/plain; version=0.0.4")], text).into_response() }
     };
     let router = Router::new().route("/metrics", get(answer));
     serve(listen(address)?, router)
 }
 
-/// The page and what belongs to it: path, type and text. It needs nothing else.
+/// Files of the live page: path, media type and text. The page loads nothing else.
 const PAGE: [(&str, &str, &str); 3] = [
     (
         "/",
@@ -92,7 +92,7 @@ const PAGE: [(&str, &str, &str); 3] = [
     ),
 ];
 
-/// Answers with the page, and `/events` with a stream of `views`; `reset` is called when somebody asks for it.
+/// Serves the page, and `/events` with a stream of `views`; calls `reset` when a browser requests it.
 fn dashboard(
     listener: TcpListener,
     views: watch::Receiver<Arc<str>>,
@@ -109,7 +109,7 @@ fn dashboard(
             Sse::new(events).keep_alive(KeepAlive::default())
         }
     };
-    // A header of our own: pages of other sites cannot send it without being asked first.
+    // Pages of other sites cannot send this header without a CORS preflight.
     let reset = move |headers: HeaderMap| {
         let own = headers.contains_key("x-tactnet");
         if own {
@@ -157,7 +157,7 @@ fn serve_within(
             let Ok(listener) = tokio::net::TcpListener::from_std(listener) else {
                 return;
             };
-            // Open streams of events never end by themselves, so they are cut off.
+            // Open event streams never end by themselves, so they are cut off.
             tokio::select! {
                 () = server::answer(listener, router, limits) => {}
                 _ = stopped => {}
@@ -189,7 +189,7 @@ mod tests {
         String::from_utf8_lossy(&answer[..read]).into_owned()
     }
 
-    /// True once the server has closed it, within two seconds.
+    /// Returns true if the server closes the connection within two seconds.
     fn is_closed(stream: &mut TcpStream) -> bool {
         stream
             .set_read_timeout(Some(Duration::from_secs(2)))
@@ -216,12 +216,12 @@ mod tests {
         for stream in &mut held {
             assert!(asked(stream, "/", "localhost").ends_with("here"));
         }
-        // The four wait for their next request; others find no place.
+        // All four wait for their next request; further ones are closed.
         let begun = Instant::now();
         assert!(is_closed(&mut open()));
         assert!(begun.elapsed() < Duration::from_millis(250), "at once");
         assert!(held.iter_mut().all(is_closed), "idle ones time out");
-        // One that sends its head letter by letter.
+        // Sends its request header one letter at a time.
         let mut slow = open();
         let begun = Instant::now();
         while begun.elapsed() < Duration::from_secs(2) && slow.write_all(b"G").is_ok() {

@@ -2,6 +2,7 @@
 
 mod command;
 mod look;
+mod packet_text;
 mod packets;
 mod put;
 mod stress;

@@ -1,7 +1,7 @@
-//! `tactnet serve`: the online classifier as a component on the robot's channels.
+//! `tactnet serve`: the online classifier on the robot's channels.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -11,89 +11,76 @@ use tactnet_channel::{Bus, Domain};
 use tactnet_data::ASSUMED_RATE_HZ;
 use tactnet_pipeline::RunDir;
 use tactnet_serving::systemd::ServiceManager;
+use tactnet_serving::web::{self, WebServer};
 use tactnet_serving::{
-    ModelSource, Realtime, ServeReport, Service, accepted_values, allocations_of_this_thread, web,
+    ModelSource, Realtime, ServeReport, Service, accepted_values, allocations_of_this_thread,
 };
 use tactnet_skin::{ServeConfig, commented};
 
+use crate::output::counted;
 use crate::stop::Stop;
 use crate::table;
 use crate::{GIT, output};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet channel hub --table robot.toml &                          hold the channels, once per host\n  \
+    tactnet channel hub --table robot.toml &                          start the hub, once per host\n  \
     tactnet serve --run runs/twin-fast-fold0-1 --table robot.toml     serve one trained network\n  \
     tactnet serve --models models/right --table robot.toml            serve the newest of models/right/1, models/right/2, …\n  \
     tactnet serve --run runs/a --table robot.toml --priority 60 --cpu 1 --lock-memory\n\n\
-    `tactnet serve --print-table` shows a table with all names, rates and promises. A new version is to be moved into the folder whole (`mv`); \
-    it serves from the next pause between sweeps on, if shape, rate and materials fit.")]
+    `tactnet serve --print-table` prints a table with all names, rates and deadlines. Move a new version into the folder as a whole (`mv`): \
+    if its shape, sample rate and materials fit, it serves from the next pause between sweeps.")]
 pub struct ServeArgs {
     /// Run directory of a trained network
     #[arg(long, value_name = "DIR", conflicts_with = "models")]
     run: Option<PathBuf>,
-    /// A folder of run directories with numbers for names; the newest serves, and is replaced when a newer one lands
+    /// Folder of run directories named by version numbers; the newest version serves, also if it appears later
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
-    /// The table of channels, with a section [components.tactnet]
+    /// Channel table with a section [components.tactnet]
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
-    /// Where to answer Prometheus, at /metrics; `off`: nowhere
+    /// Address of the Prometheus metrics (path /metrics), or `off`
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:9464")]
     metrics: String,
-    /// Run under SCHED_FIFO with this priority
+    /// Priority under SCHED_FIFO [default: the normal scheduler]
     #[arg(long, value_name = "1-99", value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: Option<u8>,
-    /// Stay on this core
+    /// Number of the core that runs the classifier [default: any]
     #[arg(long, value_name = "N")]
     cpu: Option<usize>,
-    /// Keep all memory in RAM
+    /// Lock all memory in RAM
     #[arg(long)]
     lock_memory: bool,
-    /// Print a table with every setting and end; with `--run`, `values` in it follows the run's training sweeps: 0 to 255 if all their values
-    /// lie within, else their range and as much again on either side; deadlines follow its sample rate
+    /// Print a table with every setting and exit; with `--run`, `values` and the deadlines follow the run's training sweeps and sample rate
     #[arg(long)]
     print_table: bool,
-    /// Print one JSON document with the counters at the end
+    /// Print the counters at the end as one JSON document
     #[arg(long)]
     json: bool,
 }
 
-/// Runs the command.
+/// Serves until Ctrl-C.
 pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     if arguments.print_table {
-        let mut config = ServeConfig::default();
-        let mut rate_hz = ASSUMED_RATE_HZ;
-        if let Some(run) = &arguments.run {
-            config.segmenter.values = accepted_values(run)?;
-            let dir = RunDir::open(run)?;
-            rate_hz = dir.config()?.classifier.sample_rate_hz;
-            // Sweeps of TactMat are the middle of a motion; those of others begin where they begin.
-            if let Some(result) = dir.result()?
-                && !result.origin.is_comparable_to_published()
-            {
-                config.segmenter.skip = 0;
-            }
-        }
-        output::print(commented(&config.table("robot"), rate_hz)?)?;
-        return Ok(ExitCode::SUCCESS);
+        return print_table(arguments.run.as_deref());
     }
     let source = match (&arguments.run, &arguments.models) {
         (Some(run), None) => ModelSource::Run(run.clone()),
         (None, Some(folder)) => ModelSource::Versions(folder.clone()),
         _ => anyhow::bail!(
-            "which model: name a run with `--run`, or a folder of versions with `--models`"
+            "no model: name a run directory with `--run`, or a folder of versions with `--models`"
         ),
     };
     let Some(path) = &arguments.table else {
         anyhow::bail!(
-            "which channels: name a table with `--table`; `tactnet serve --print-table` prints one"
+            "no channels: name a table with `--table`; `tactnet serve --print-table` prints one"
         );
     };
     let stop = Stop::listen_saying("stopping")?;
     let table = table::load(path)?;
     let config = ServeConfig::of(&table).with_context(|| path.display().to_string())?;
-    // A wrong folder is told before channels are asked for.
+    // A wrong folder is reported before the channels are opened.
     if let ModelSource::Run(run) = &source {
         RunDir::open(run)?.config()?;
     }
@@ -101,19 +88,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     let skip = config.segmenter.skip;
     let mut service = Service::start(&bus, config, source, GIT)?;
     service.count_allocations(allocations_of_this_thread);
-    let _web = match arguments.metrics.as_str() {
-        "off" => None,
-        address => {
-            let address: SocketAddr = address.parse().with_context(|| {
-                format!("--metrics: `{address}` is no address like 127.0.0.1:9464")
-            })?;
-            let web = web::metrics(address, service.measures())?;
-            if !address.ip().is_loopback() {
-                say!("counters are at {}", web.link_to("/metrics"));
-            }
-            Some(web)
-        }
-    };
+    let _web = serve_metrics(&arguments.metrics, &service)?;
     let refused = Realtime {
         priority: arguments.priority,
         cpu: arguments.cpu,
@@ -121,8 +96,72 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     }
     .apply();
     for line in refused {
-        say!("{line}; going on without");
+        say!("{line}; continuing without");
     }
+    describe(&service, skip);
+    service.drain()?;
+    output::print(format_args!("ready"))?;
+    let mut manager = ServiceManager::from_environment();
+    manager.notify("READY=1");
+    while !stop.asked() {
+        service.step(Duration::from_millis(100))?;
+        service
+            .take_messages()
+            .iter()
+            .for_each(|line| say!("{line}"));
+        // A service manager with a watchdog restarts a service whose connected skin has fallen silent.
+        if !service.is_skin_silent() {
+            manager.keep_alive();
+        }
+    }
+    manager.notify("STOPPING=1");
+    let report = ServeReport::new(&service.counters(), service.sequences());
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        say!("{}", summary(&report));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints a channel table whose settings follow a run's training sweeps.
+fn print_table(run: Option<&Path>) -> anyhow::Result<ExitCode> {
+    let mut config = ServeConfig::default();
+    let mut rate_hz = ASSUMED_RATE_HZ;
+    if let Some(run) = run {
+        config.segmenter.values = accepted_values(run)?;
+        let dir = RunDir::open(run)?;
+        rate_hz = dir.config()?.classifier.sample_rate_hz;
+        // Sweeps of TactMat are the middle of a motion; those of other data sets are whole motions.
+        if let Some(result) = dir.result()?
+            && !result.origin.is_comparable_to_published()
+        {
+            config.segmenter.skip = 0;
+        }
+    }
+    output::print(commented(&config.table("robot"), rate_hz)?)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Serves the Prometheus metrics, unless `address` is `off`.
+fn serve_metrics(address: &str, service: &Service) -> anyhow::Result<Option<WebServer>> {
+    if address == "off" {
+        return Ok(None);
+    }
+    let address: SocketAddr = address.parse().with_context(|| {
+        format!("--metrics: expected an address such as 127.0.0.1:9464, found `{address}`")
+    })?;
+    let web = web::metrics(address, service.metrics())?;
+    if !address.ip().is_loopback() {
+        say!("metrics are at {}", web.link_to("/metrics"));
+    }
+    Ok(Some(web))
+}
+
+/// Prints the properties of the serving model and the settings that reject or delay sweeps.
+///
+/// - `skip`: number of frames between the start of a motion and the window
+fn describe(service: &Service, skip: usize) {
     let names = service.names();
     say!(
         "serving {} materials, {} frames of {} x {} taxels at {} Hz, {} dropout masks; Ctrl-C ends",
@@ -135,44 +174,38 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     );
     if let Some([least, greatest]) = service.values() {
         say!(
-            "a sweep with values outside {least} to {greatest} is rejected (`values` in the table)"
+            "sweeps with values outside {least} to {greatest} are rejected (`values` in the table)"
         );
     }
     if skip > 0 {
         say!(
-            "a sweep is judged from {:.2} s after its motion starts (`skip = {skip}` in the table; 0 where motions begin as the training sweeps do)",
+            "each sweep is classified from {:.2} s after its motion starts (`skip = {skip}` in the table; set 0 if motions start where the \
+             training sweeps start)",
             skip as f64 / names.sample_rate_hz
         );
     }
     if service.is_rate_assumed() {
         say!(
-            "warning: the rate of {} Hz is assumed, since the training data did not say; train with `--rate HZ`",
+            "warning: the sample rate of {} Hz is assumed, because the training data did not state it; train with `--rate HZ`",
             names.sample_rate_hz
         );
     }
     if !service.tells_unknown() {
         say!(
-            "unknown materials are not told: the run was trained without `--calibrate`, or there are no dropout masks"
+            "unknown materials are not detected: the run was trained without `--calibrate`, or there are no dropout masks"
         );
     }
-    service.drain()?;
-    output::print(format_args!("ready"))?;
-    let mut manager = ServiceManager::from_environment();
-    manager.notify("READY=1");
-    while !stop.asked() {
-        service.step(Duration::from_millis(100))?;
-        service.take_news().iter().for_each(|line| say!("{line}"));
-        // A manager that watches restarts a service whose connected skin has fallen silent.
-        if !service.is_blind() {
-            manager.keep_alive();
-        }
-    }
-    manager.notify("STOPPING=1");
-    let report = ServeReport::new(&service.counters(), service.sequences());
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        say!("{report}");
-    }
-    Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the counters in one line.
+fn summary(report: &ServeReport) -> String {
+    let counted = |number: u64, noun| counted(number as usize, noun);
+    format!(
+        "{}, {} lost; {} classified, {} rejected; {} missed (late, not wrong)",
+        counted(report.frames, "frame"),
+        report.dropped_frames,
+        counted(report.sweeps, "sweep"),
+        report.rejected,
+        counted(report.deadline_misses, "deadline"),
+    )
 }

@@ -80,10 +80,10 @@ fn a_service_without_descriptors_says_so_and_reaches_its_skin_when_it_has_some_a
     let beliefs = bus
         .get_port::<TactileBelief>("tactile/belief", Start::Now)
         .unwrap();
-    wait_for(&heard, "a component cannot be reached");
+    wait_for(&heard, "cannot connect to a component");
     assert!(status.try_get().unwrap().is_none(), "it cannot be reached");
     limit_descriptors(pid, 1024);
-    wait_for(&heard, "every component is reached again");
+    wait_for(&heard, "connected to all components again");
     let patience = Wait::Block { timeout: PATIENCE };
     assert!(status.get(patience).unwrap().is_some(), "its status comes");
     assert!(beliefs.get(patience).unwrap().is_some(), "it sees the skin");
@@ -121,7 +121,7 @@ fn a_flood_of_commands_stops_no_belief() {
         let text = event.first().unwrap().text;
         if text
             .as_str()
-            .contains("commands refused: more than 1000 a second of one putter")
+            .contains("commands refused: more than 1000 a second from one sender")
         {
             break;
         }

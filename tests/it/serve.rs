@@ -355,7 +355,10 @@ fn systemd_and_prometheus_are_told() {
     }
     let mut lines = String::new();
     said.read_to_string(&mut lines).unwrap();
-    assert!(lines.contains("cannot stay on core 100000"), "{lines}");
+    assert!(
+        lines.contains("cannot pin the thread to core 100000"),
+        "{lines}"
+    );
 }
 
 #[test]
@@ -395,7 +398,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
         refused
             .text
             .as_str()
-            .contains("2 sweeps asked for, 0 are kept"),
+            .contains("2 sweeps requested, 0 complete sweeps since the last reset"),
         "{:?}",
         refused.text
     );
@@ -422,7 +425,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     wish(&commands, Wish::Enroll, "felt", 2);
     let learnt = next(&status, |s| s.event == Event::Enrolled as u32);
     assert!(
-        learnt.text.as_str().starts_with("`felt` learnt in "),
+        learnt.text.as_str().starts_with("`felt` enrolled in "),
         "{:?}",
         learnt.text
     );
@@ -526,7 +529,7 @@ fn damaged_versions_are_named_and_the_newest_good_one_serves() {
 #[test]
 fn what_is_missing_is_said_in_one_line() {
     let line = |arguments: &[&str]| stderr(&expect(2, tactnet(arguments)));
-    assert!(line(&["serve"]).contains("name a run with `--run`"));
+    assert!(line(&["serve"]).contains("name a run directory with `--run`"));
     assert!(line(&["serve", "--run", "nowhere"]).contains("name a table with `--table`"));
     let table = stdout(&expect(0, tactnet(["serve", "--print-table"])));
     let lab = Lab::new();

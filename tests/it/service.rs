@@ -171,7 +171,7 @@ fn commands_divide_the_frames_at_their_own_time_however_late_both_are_seen() {
     ];
     assert_eq!(told, expected.map(|(event, motion)| (event as u32, motion)));
     assert_eq!(tested.service.counters().rejected, 1);
-    let told = tested.service.take_news();
+    let told = tested.service.take_messages();
     assert!(
         told.iter().any(|line| line.contains("rejected: ")),
         "{told:?}"

@@ -4,7 +4,7 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use serde_json::Value;
 use tactnet_channel::Packet;
 use tactnet_skin::packets::{ModelNames, TactileBelief};
-use tactnet_skin::{Readable, material_names};
+use tactnet_skin::{ReadablePacket, material_names};
 
 /// Returns a packet in words; `None` for one that none can be had of.
 ///
@@ -13,7 +13,7 @@ pub(crate) fn in_words<T: Packet + NoUninit + AnyBitPattern>(
     packet: &T,
     network: Option<&ModelNames>,
 ) -> Option<Value> {
-    let words = Readable::new(T::NAME, T::VERSION, bytemuck::bytes_of(packet), network)?;
+    let words = ReadablePacket::new(T::NAME, T::VERSION, bytemuck::bytes_of(packet), network)?;
     serde_json::to_value(words).ok()
 }
 

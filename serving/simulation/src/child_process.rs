@@ -1,4 +1,4 @@
-//! The `tactnet` command as a process beside this one, for commands that run several at once.
+//! Child processes of the command-line program, for commands that run several processes.
 
 use std::path::Path;
 use std::process::{Command, ExitStatus};
@@ -7,20 +7,20 @@ use tactnet_process::ReadyProcess;
 
 use crate::SimulationError;
 
-/// A process with a role; it is killed if this is dropped before [`ChildProcess::end`].
+/// A child process with a role. It is killed if it is dropped before [`ChildProcess::end`].
 pub struct ChildProcess {
     name: &'static str,
     process: ReadyProcess,
 }
 
 impl ChildProcess {
-    /// Starts `PROGRAM ARGUMENTS TABLE` and waits until it is ready.
+    /// Starts `PROGRAM ARGUMENTS TABLE` and waits until the process is ready.
     ///
-    /// - `program`: the `tactnet` command
-    /// - `name`: its role, for messages
+    /// - `program`: path of the command-line program
+    /// - `name`: role of the process, for messages
     ///
     /// # Errors
-    /// It cannot be started, or says something else than `ready` first.
+    /// Fails if the process does not start, or does not print `ready` first.
     pub fn start(
         program: &Path,
         name: &'static str,
@@ -39,33 +39,33 @@ impl ChildProcess {
         }
     }
 
-    /// Returns its role.
+    /// Returns the role.
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// Returns its status if it has ended by itself.
+    /// Returns the exit status if the process has ended by itself.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// Fails if the operating system does not report the status.
     pub fn ended(&mut self) -> Result<Option<ExitStatus>, SimulationError> {
         let ended = self.process.ended();
         ended.map_err(|error| SimulationError::process(self.name, &error))
     }
 
-    /// Asks it to end and returns what it printed.
+    /// Asks the process to end and returns its output.
     ///
     /// # Errors
-    /// It ended with another status than success.
+    /// Fails if the exit status is not success.
     pub fn end(self) -> Result<String, SimulationError> {
         let ended = self.process.end();
         ended.map_err(|error| SimulationError::process(self.name, &error))
     }
 
-    /// Asks it to end and returns the report that it printed as one JSON document.
+    /// Asks the process to end and parses its output as one JSON document.
     ///
     /// # Errors
-    /// As [`ChildProcess::end`]; another document than a `T`.
+    /// Fails as [`ChildProcess::end`] does, or if the document is not a `T`.
     pub fn end_with_report<T: serde::de::DeserializeOwned>(self) -> Result<T, SimulationError> {
         let name = self.name;
         serde_json::from_str(&self.end()?)
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     fn printing(text: &str) -> ChildProcess {
-        // As the service does: the report comes at the end, when asked to end.
+        // Like the service, it prints the report when it is asked to end.
         let script = format!(
             "report() {{ echo '{text}'; exit 0; }}; trap report TERM; echo ready; while :; do sleep 0.01; done"
         );

@@ -1,4 +1,4 @@
-//! Companions of the classifier in a soak test.
+//! Processes that run beside the classifier in a soak test.
 
 #[cfg(feature = "catching")]
 mod catching;
@@ -11,30 +11,30 @@ use tactnet_channel::Table;
 
 use crate::{CatchingLoad, Scheduling, SimulationError, Trip, load_table, trips};
 
-/// Processes that share the machine with the classifier.
+/// Kind of processes that share the machine with the classifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Company {
-    /// Processes that exchange packets like those of the catching stack, two 2-megapixel pictures among them, and compute next to nothing.
+    /// Processes with the packet load of the catching stack, including two 2-megapixel images, but almost no computation.
     #[default]
     Load,
-    /// The catching stack itself, in the simulated world that throws balls at it.
+    /// The catching stack in its simulated world.
     #[cfg(feature = "catching")]
     Catching,
 }
 
-/// Result of the company.
+/// Measurements of the company.
 #[derive(Debug)]
 pub(crate) struct CompanyReport {
     /// Round trips of the 1 kHz loop.
     pub trips: Vec<Trip>,
-    /// Number of packets that were put and never arrived.
+    /// Number of packets that were sent but not received.
     pub lost: u64,
-    /// Report of the catching stack.
+    /// Report of the catching stack, if it ran.
     #[cfg(feature = "catching")]
     pub catching: Option<tactnet_catching_stage::RunReport>,
 }
 
-/// Running company.
+/// A running company.
 pub(crate) enum Running<'scope> {
     Load(CatchingLoad, std::marker::PhantomData<&'scope ()>),
     #[cfg(feature = "catching")]
@@ -55,9 +55,10 @@ impl Company {
     }
 
     /// Starts the company and waits until all of it is ready.
+    /// Starts the company and waits until all of its processes are ready.
     ///
     /// - `path`: file of the table
-    /// - `over`: ends the company once it is true
+    /// - `over`: set to true to end the company
     pub(crate) fn start<'scope, 'env>(
         self,
         scope: &'scope Scope<'scope, 'env>,

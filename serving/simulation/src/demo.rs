@@ -1,4 +1,4 @@
-//! Hub, simulated skin, classifier and dashboard together.
+//! Demo with hub, simulated skin, classifier and dashboard.
 
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -10,10 +10,10 @@ use tactnet_skin::ServeConfig;
 use crate::write_table::write_table;
 use crate::{ChildProcess, PlayCycle, SimulationError};
 
-/// The processes of a demonstration, on a bus of their own, and the page; they are killed if this is dropped before [`Demo::end`].
+/// The processes of a demo on a private bus, and the page. The processes are killed if this is dropped before [`Demo::end`].
 pub struct Demo {
     page: Option<Dashboard>,
-    /// In the order in which they were started, the hub first.
+    /// Processes in the order of their start, the hub first.
     processes: Vec<ChildProcess>,
     table: Table,
     path: PathBuf,
@@ -21,22 +21,22 @@ pub struct Demo {
 }
 
 impl Demo {
-    /// Returns the file with the table of its channels, which lasts as long as the demo.
+    /// Returns the file with the channel table, which exists as long as the demo.
     pub fn table(&self) -> &Path {
         &self.path
     }
 
     /// Starts all processes and waits until each is ready.
     ///
-    /// - `program`: the `tactnet` command
-    /// - `folder`: where the table is written
-    /// - `run`: run directory of the network that serves
-    /// - `sweeps`: data set whose sweeps the skin plays, but for those that the network was trained on
-    /// - `rate_hz`: frames a second, for sweeps whose file does not say
-    /// - `listener`: where browsers are answered
+    /// - `program`: path of the command-line program
+    /// - `folder`: folder in which the table is written
+    /// - `run`: run directory of the serving network
+    /// - `sweeps`: data set whose sweeps the skin plays, except the network's training sweeps
+    /// - `rate_hz`: frames per second, for sweeps whose file does not state it
+    /// - `listener`: socket of the page
     ///
     /// # Errors
-    /// A process that does not start; a folder that cannot be written.
+    /// Fails if a process does not start or the folder cannot be written.
     pub fn start(
         program: &Path,
         folder: &Path,
@@ -75,7 +75,7 @@ impl Demo {
         let bus = Bus::open(Domain::Host, &demo.table)?;
         demo.page = Some(Dashboard::open(&bus, &config, listener)?);
         start("skin", &skin)?;
-        // Written before it was ready.
+        // The skin wrote the file before it was ready.
         let text = std::fs::read_to_string(cycle).ok();
         demo.cycle = text.and_then(|text| serde_json::from_str(&text).ok());
         if let (Some(page), Some(cycle)) = (&mut demo.page, demo.cycle) {
@@ -84,16 +84,16 @@ impl Demo {
         Ok(demo)
     }
 
-    /// Returns how many sweeps are played before they come again, where the skin says so.
+    /// Returns the cycle of played sweeps, if the skin reports it.
     pub fn cycle(&self) -> Option<PlayCycle> {
         self.cycle
     }
 
-    /// Waits for the next frame, brings the page up to date, and looks after all processes. Returns a line for every object that was judged
-    /// and every sweep that was rejected since.
+    /// Waits for the next frame, updates the page and checks all processes. Returns a line for every classified object
+    /// and every rejected sweep since the last call.
     ///
     /// # Errors
-    /// A process that has ended by itself; channels that have broken down.
+    /// Fails if a process has ended by itself or the channels break down.
     pub fn step(&mut self) -> Result<Vec<String>, SimulationError> {
         let shown = self.page.as_mut().map(Dashboard::step).transpose();
         for process in &mut self.processes {
@@ -104,7 +104,7 @@ impl Demo {
         }
         shown?;
         let page = self.page.as_mut();
-        Ok(page.map(Dashboard::take_news).unwrap_or_default())
+        Ok(page.map(Dashboard::take_messages).unwrap_or_default())
     }
 
     /// Returns the link that opens the page.
@@ -115,7 +115,7 @@ impl Demo {
     /// Ends the page and all processes, the hub last.
     ///
     /// # Errors
-    /// A process that ends with another status than success.
+    /// Fails if the exit status of a process is not success.
     pub fn end(mut self) -> Result<(), SimulationError> {
         self.page = None;
         while let Some(process) = self.processes.pop() {
@@ -127,10 +127,10 @@ impl Demo {
 
 impl Drop for Demo {
     fn drop(&mut self) {
-        // Their memory can only be removed after they have ended.
+        // Shared memory can only be removed after the processes have ended.
         self.page = None;
         self.processes.clear();
-        // Nothing depends on it.
+        // A failure leaves unused files only.
         let _ = remove_bus(&self.table);
     }
 }

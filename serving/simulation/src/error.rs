@@ -3,86 +3,84 @@
 use tactnet_data::DataError;
 use tactnet_process::ProcessError;
 
-/// Errors of a rehearsal; each is one line for people.
+/// Error of a simulation; each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
-    /// The channels.
+    /// Error of the channels.
     #[error(transparent)]
     Channel(#[from] tactnet_channel::ChannelError),
-    /// The table's section of the classifier.
+    /// Error in the table's section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
-    /// The page in the browser.
+    /// Error of the live page.
     #[error(transparent)]
     Serve(#[from] tactnet_serving::ServeError),
-    /// The catching stack in its simulated world.
+    /// Error of the catching stack in its simulated world.
     #[cfg(feature = "catching")]
     #[error(transparent)]
     Catching(#[from] tactnet_catching_stage::StageError),
-    /// A recording.
+    /// Error of a recording.
     #[cfg(feature = "recording")]
     #[error(transparent)]
     Recording(#[from] tactnet_recording::RecordingError),
-    /// The table of channels, as text.
-    #[error("the table of channels: {0}")]
+    /// The channel table cannot be represented as text.
+    #[error("cannot write the channel table as text: {0}")]
     Table(#[from] toml::ser::Error),
-    /// A material that the data set does not have.
+    /// The data set does not have the material.
     #[error("no material `{material}`; there are {known}")]
     NoMaterial {
-        /// The material asked for.
+        /// The requested material.
         material: String,
-        /// Those of the data set.
+        /// Materials of the data set.
         known: String,
     },
-    /// A material of which too few sweeps may be played.
-    #[error(
-        "`{material}` has {found} sweeps that may be played, an object {in_a_row}; `--sweeps-per-object` sets how many an object has"
-    )]
+    /// Too few sweeps of a material may be played.
+    #[error("`{material}` has {found} playable sweeps, but an object needs {in_a_row}")]
     TooFewSweeps {
-        /// The material.
+        /// Name of the material.
         material: String,
-        /// Its sweeps.
+        /// Number of playable sweeps.
         found: usize,
-        /// Sweeps of each material in a row.
+        /// Number of sweeps per object.
         in_a_row: usize,
     },
     /// The network knows none of the data set's materials.
-    #[error("{data}: no material that the network knows")]
+    #[error("{data}: none of its materials is known to the network")]
     NothingKnown {
         /// Name of the data set.
         data: String,
     },
-    /// SCHED_FIFO was asked for and is not allowed.
+    /// SCHED_FIFO was requested but is not permitted.
     #[error("{reason}")]
     NoFifo {
-        /// Answer of the system.
+        /// Error of the operating system.
         reason: String,
     },
-    /// Ctrl-C before the first turn was over.
+    /// The user stopped the test before the first turn ended.
     #[error("stopped before anything was measured")]
     Stopped,
-    /// A process beside this one could not be started, or ended badly.
+    /// A child process did not start, or failed.
     #[error("the {name} {reason}")]
     Child {
-        /// Its role, such as `classifier`.
+        /// Role of the process, such as `classifier`.
         name: String,
-        /// The verb and its reason.
+        /// Verb and reason.
         reason: String,
     },
-    /// A process beside this one says that its call must be corrected, and with it this one's.
+    /// A child process reports a wrong call, which is caused by a wrong call of this process.
     #[error("the {name} {reason}")]
     Refused {
-        /// Its role, such as `classifier`.
+        /// Role of the process, such as `classifier`.
         name: String,
-        /// The verb and its reason.
+        /// Verb and reason.
         reason: String,
     },
-    /// A process ended with another report than this version reads.
-    #[error("the {name} printed no report that this version reads: {source}")]
+    /// A child process printed a report with another format.
+    #[error("the report of the {name} has another format than expected: {source}")]
     Report {
-        /// Its role.
+        /// Role of the process.
         name: &'static str,
-        /// Position and kind of the mistake.
+        /// Position and kind of the parse error.
         source: serde_json::Error,
     },
     /// A file cannot be written.
@@ -91,7 +89,7 @@ pub enum SimulationError {
 }
 
 impl SimulationError {
-    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    /// Returns true if the caller must correct the call (exit code 2), false for other failures (exit code 1).
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Channel(error) => error.is_usage(),
@@ -118,7 +116,7 @@ impl SimulationError {
         }
     }
 
-    /// The error of the process with the role `name`.
+    /// Converts an error of the process with the role `name`.
     pub(crate) fn process(name: &str, error: &ProcessError) -> Self {
         if error.is_usage() {
             Self::Refused {

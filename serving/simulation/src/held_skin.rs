@@ -1,4 +1,4 @@
-//! The skin of a hand that sweeps, when told to, over what the other hand holds.
+//! Skin of the hand that sweeps over the ball in the other hand.
 
 use tactnet_catching_packets::packets::HandState;
 use tactnet_catching_stage::material_of_grip;
@@ -10,29 +10,31 @@ use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand};
 use crate::skin::mirrored;
 use crate::{SimulationError, play_order};
 
-/// Plays sweeps of the material of which the held ball is; it feels nothing where no ball is held, or nobody commands a sweep.
+/// Plays sweeps of the held ball's material on command. Without a held ball or a command all readings are zero.
 #[derive(Debug)]
 pub struct HeldSkin<'a> {
     dataset: &'a Dataset,
-    /// Sweeps of each material, of which each is played in turn.
+    /// `[materials]`: indices of the sweeps, played in a loop.
     sweeps: Vec<Vec<usize>>,
-    /// Sweeps played of each material so far.
+    /// `[materials]`: number of sweeps played so far.
     played: Vec<usize>,
     lead: usize,
-    /// `[steps][taxels]` of the last sweep that began.
+    /// `[steps][taxels]` of the last started sweep.
     sweep: Vec<f32>,
-    /// Frames so far of the motion that goes on.
+    /// Number of frames of the current motion so far; `None` between motions.
     motion: Option<usize>,
     sequence: u64,
 }
 
 impl<'a> HeldSkin<'a> {
-    /// - `sweeps`: numbers of those that may be played
-    /// - `materials`: which materials balls are of
-    /// - `lead`: frames of a motion before and after a sweep
+    /// Creates a skin at rest.
+    ///
+    /// - `sweeps`: indices of the playable sweeps
+    /// - `materials`: materials of the balls
+    /// - `lead`: number of frames of a motion before and after a sweep
     ///
     /// # Errors
-    /// A material that the data set does not have, or of which no sweep may be played.
+    /// Fails if the data set does not have a material or no sweep of it may be played.
     pub fn new(
         dataset: &'a Dataset,
         sweeps: &[usize],
@@ -55,7 +57,7 @@ impl<'a> HeldSkin<'a> {
         })
     }
 
-    /// Begins a sweep over a ball of a material.
+    /// Starts a sweep over a ball of the material with this index.
     pub fn begin(&mut self, material: usize) {
         let (Some(sweeps), Some(played)) =
             (self.sweeps.get(material), self.played.get_mut(material))
@@ -68,7 +70,7 @@ impl<'a> HeldSkin<'a> {
         *played += 1;
     }
 
-    /// Ends it.
+    /// Ends the sweep.
     pub fn end(&mut self) {
         self.motion = None;
     }
@@ -96,12 +98,12 @@ impl<'a> HeldSkin<'a> {
         frame
     }
 
-    /// Puts frames at the skin's rate and follows commands, until `stopped` returns true.
+    /// Sends frames at the skin's rate and follows commands until `stopped` returns true.
     ///
-    /// - `seed`: the world's, which decides of what the ball of a grip is
+    /// - `seed`: seed of the world, which determines the material of each grip
     ///
     /// # Errors
-    /// No hub; channels missing in the table.
+    /// Fails without a hub, or if channels are missing in the table.
     pub fn run(
         &mut self,
         bus: &Bus,
@@ -166,7 +168,7 @@ mod tests {
         let all: Vec<usize> = (0..twin.len()).collect();
         let mut skin = HeldSkin::new(&twin, &all, &names[1..], 5).unwrap();
         assert!(skin.step().values().iter().all(|digit| *digit == 0.0));
-        // The second of those that balls are of.
+        // The second of the two ball materials.
         skin.begin(1);
         let frames: Vec<SkinFrame> = (0..60).map(|_| skin.step()).collect();
         let sweep = skin.sweeps[1][0];
@@ -178,7 +180,7 @@ mod tests {
             );
         }
         assert!(frames[50].values().iter().all(|digit| *digit == 0.0));
-        // Another sweep the next time, and the end of it where it is told.
+        // Each motion plays another sweep, and a stop command ends it.
         skin.begin(1);
         assert_ne!(skin.sweep, twin.sweep(sweep));
         skin.end();

@@ -1,7 +1,7 @@
-//! Simulated stand-ins for a robot: a skin that plays recorded sweeps, the message load of a catching stack, and the soak test that runs
-//! both next to the classifier.
+//! Simulated stand-ins for a robot: a skin that plays recorded sweeps, the message load of a catching stack, and the
+//! soak test that runs both beside the classifier.
 //!
-//! Production code does not depend on this crate. Companion programs are [`ChildProcess`]es of the `tactnet` command.
+//! Production code does not depend on this crate. Other processes are [`ChildProcess`]es of the command-line program.
 
 mod child_process;
 mod company;

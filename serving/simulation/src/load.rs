@@ -1,4 +1,5 @@
-//! A load like that of the catching stack (thesis, figure 3.2): cameras, inertial unit, tracker, planner and the 1 kHz loop of the arm.
+//! Message load of the catching stack (thesis, figure 3.2): cameras, inertial unit, tracker, planner and the 1 kHz loop
+//! of the arm.
 //!
 //! ```text
 //! sensors ── camera/left, camera/right (2 MB, 25 Hz) ──> tracker ── ball/prediction (25 Hz) ──> planner ── arm/path (25 Hz) ──┐
@@ -6,7 +7,7 @@
 //! controller ── joint/command (1 kHz) ──> drives ── joint/state ──> controller  <────────────────────────────────────────────┘
 //! ```
 //!
-//! Packets travel as on the robot; what the components compute is left out, but for one pass over every picture.
+//! Packets have the sizes and rates of the robot. The computation is left out, except for one pass over every image.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -17,12 +18,13 @@ use tactnet_channel::{Bus, ChannelConfig, Packet, Priority, Start, Table, Ticker
 
 use crate::SimulationError;
 
-/// Pixels of a camera.
+/// Number of pixels of a camera image.
 const PIXELS: usize = 1600 * 1250;
-/// Joints of arms, torso, neck and platform.
+/// Number of joints of arms, torso, neck and platform.
 const JOINTS: usize = 24;
-/// Steps of a joint path.
+/// Number of steps of a joint path.
 const PATH: usize = 100;
+/// Timeout of one wait for a packet, which bounds the reaction time to a stop.
 const PATIENCE: Wait = Wait::Block {
     timeout: Duration::from_millis(100),
 };
@@ -60,24 +62,24 @@ macro_rules! packets {
 }
 packets!(Imu Joints Prediction);
 
-/// A process of the stack.
+/// Role of a process in the stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LoadRole {
-    /// Cameras and inertial unit.
+    /// Sends camera images and inertial data.
     Sensors,
-    /// Pictures in, predictions out.
+    /// Receives images, sends predictions.
     Tracker,
-    /// Predictions in, joint paths out.
+    /// Receives predictions, sends joint paths.
     Planner,
-    /// Joint commands in, joint states out.
+    /// Receives joint commands, sends joint states.
     Drives,
-    /// Commands joints at 1 kHz and waits for their state.
+    /// Sends joint commands at 1 kHz and waits for the states.
     Controller,
 }
 
 impl LoadRole {
-    /// All of them.
+    /// All roles, in the order of their start.
     pub const ALL: [Self; 5] = [
         Self::Drives,
         Self::Planner,
@@ -86,7 +88,7 @@ impl LoadRole {
         Self::Controller,
     ];
 
-    /// Returns its name on the command line.
+    /// Returns the role's name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sensors => "sensors",
@@ -142,13 +144,13 @@ pub fn load_table(table: Table) -> Table {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoadReport {
-    /// Its role.
+    /// Role of the process.
     pub role: LoadRole,
-    /// Packets it got, by channel.
+    /// Number of received packets, by channel.
     pub got: BTreeMap<String, u64>,
-    /// Packets that were put and it never got.
+    /// Number of packets that were sent but not received.
     pub lost: u64,
-    /// The controller's round trips, with the time they ended.
+    /// Round trips of the controller, with the time at which they ended.
     pub trips: Vec<Trip>,
 }
 
@@ -156,9 +158,9 @@ pub struct LoadReport {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trip {
-    /// When the state came, nanoseconds of the host's monotonic clock.
+    /// Time at which the state arrived, in ns of the host's monotonic clock.
     pub at_ns: u64,
-    /// From the command's put to the state, nanoseconds; for a state that never came, as long as it was waited for.
+    /// Time from the command to the state, in ns. For a state that never arrived, it is the waiting time.
     pub round_ns: u32,
 }
 
@@ -176,7 +178,7 @@ impl LoadReport {
 /// Runs one process of the stack until `stopped` returns true.
 ///
 /// # Errors
-/// The channels have broken down.
+/// Fails if the channels break down.
 pub fn run_role(
     role: LoadRole,
     bus: &Bus,
@@ -206,7 +208,7 @@ fn sensors(bus: &Bus, stopped: &dyn Fn() -> bool) -> Result<LoadReport, Simulati
             acceleration: [0.0, 0.0, 9.81],
             rate: [beat as f32; 3],
         }])?;
-        // 25 of 512 beats.
+        // One image per 20 or 21 ticks: 25 of 512 per second.
         if beat * 25 / 512 != (beat - 1) * 25 / 512 {
             for camera in &cameras {
                 let mut picture = camera.loan(PIXELS)?;
@@ -313,7 +315,7 @@ fn controller(bus: &Bus, stopped: &dyn Fn() -> bool) -> Result<LoadReport, Simul
         while paths.try_get()?.is_some() {
             got_paths += 1;
         }
-        // States that came too late for their own beat.
+        // Discard states that arrived after their own tick.
         while states.try_get()?.is_some() {}
         number += 1;
         let begun = now_ns();
@@ -332,7 +334,7 @@ fn controller(bus: &Bus, stopped: &dyn Fn() -> bool) -> Result<LoadReport, Simul
         };
         let now = now_ns();
         missing += u64::from(!state);
-        // A state that never came took at least as long as was waited for it.
+        // A state that never arrived counts with the waiting time.
         report.trips.push(Trip {
             at_ns: now,
             round_ns: (now - begun).min(u64::from(u32::MAX)) as u32,

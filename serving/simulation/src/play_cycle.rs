@@ -1,27 +1,27 @@
-//! How many sweeps a simulated skin plays before they come again.
+//! The repeating cycle of sweeps that a simulated skin plays.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// One round of a simulated skin, which is played over and over. As text: how many sweeps, why no more, and from which object on they come
-/// again.
+/// One cycle of a simulated skin, played in a loop. As text: number of sweeps, reason for a smaller number, and the
+/// object at which the cycle repeats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlayCycle {
-    /// Different sweeps.
+    /// Number of different sweeps.
     pub sweeps: usize,
-    /// Those that they were chosen from.
+    /// Number of sweeps from which they were chosen.
     pub all: usize,
-    /// Objects that they are of; 0 where nobody says when the object is another one.
+    /// Number of objects; 0 if no command marks a new object.
     pub objects: usize,
 }
 
 impl PlayCycle {
-    /// Returns the round of so many sweeps.
+    /// Returns the cycle of `sweeps` sweeps.
     ///
-    /// - `all`: those that they were chosen from
-    /// - `object_sweeps`: those of one object; 0 where nobody says when the object is another one
+    /// - `all`: number of sweeps from which they were chosen
+    /// - `object_sweeps`: number of sweeps per object; 0 if no command marks a new object
     pub fn of(sweeps: usize, all: usize, object_sweeps: usize) -> Self {
         Self {
             sweeps,

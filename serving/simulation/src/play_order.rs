@@ -1,18 +1,18 @@
-//! The order in which a simulated skin plays sweeps.
+//! Order in which a simulated skin plays sweeps.
 
 use rand::seq::SliceRandom;
 use tactnet_data::{Dataset, Seed, known_names};
 
 use crate::SimulationError;
 
-/// Returns sweeps of the materials in turns, each material's in random order.
+/// Returns sweeps of the materials in turns, in random order within each material.
 ///
-/// - `sweeps`: numbers of those to choose from
-/// - `materials`: names; without any, all materials, in another order every round
-/// - `in_a_row`: sweeps of a material in each of its turns, at least one
+/// - `sweeps`: indices of the sweeps to choose from
+/// - `materials`: names of the materials; empty for all materials, in another order every round
+/// - `in_a_row`: number of sweeps of a material per turn, at least one
 ///
 /// # Errors
-/// A material that the data set does not have, or with fewer sweeps than a turn.
+/// Fails if the data set does not have a material, or if a material has fewer sweeps than a turn.
 pub fn play_order(
     dataset: &Dataset,
     sweeps: &[usize],
@@ -22,7 +22,7 @@ pub fn play_order(
 ) -> Result<Vec<usize>, SimulationError> {
     let names: Vec<&str> = dataset.labels().names().collect();
     let labels: Vec<usize> = if materials.is_empty() {
-        // All of which there is a sweep.
+        // All materials with at least one sweep.
         let has_sweep = |label: &usize| {
             let mut sweeps = sweeps.iter();
             sweeps.any(|sweep| dataset.records()[*sweep].label == *label)
@@ -99,7 +99,7 @@ mod tests {
         assert_eq!(labels, [2, 0].repeat(4));
         let every = play_order(&twin, &all, &[], 1, Seed(1)).unwrap();
         assert_eq!(every.len(), all.len());
-        // Three of each four, all of a material before the next.
+        // Three of four sweeps, all of a material before the next.
         let objects = play_order(&twin, &all, &[], 3, Seed(1)).unwrap();
         let mut labels: Vec<usize> = objects.iter().map(|s| twin.records()[*s].label).collect();
         labels.dedup();

@@ -1,4 +1,4 @@
-//! A recording on channels that nobody else uses, with a classifier beside this process.
+//! Replay of a recording to a classifier process on a private bus.
 
 use std::path::Path;
 
@@ -9,16 +9,17 @@ use tactnet_serving::ServeReport;
 use crate::write_table::write_table;
 use crate::{ChildProcess, SimulationError};
 
-/// Plays a recording to a classifier of its own; returns what was put and heard, and how many frames the classifier has lost.
+/// Replays a recording to a new classifier process. Returns the replayed and received packets, and the number of frames
+/// that the classifier lost.
 ///
-/// - `program`: the `tactnet` command
-/// - `run`: run directory of the network that serves
-/// - `folder`: where the table of channels is written
-/// - `speed`: how much faster than it happened
-/// - `stopped`: ends it early when it returns true
+/// - `program`: path of the command-line program
+/// - `run`: run directory of the serving network
+/// - `folder`: folder in which the channel table is written
+/// - `speed`: factor relative to the recorded time
+/// - `stopped`: returns true to end the replay early
 ///
 /// # Errors
-/// Channels or a process that cannot be had, or that break down.
+/// Fails if channels or a process cannot be started, or break down.
 pub fn replay_alone(
     program: &Path,
     run: &Path,

@@ -1,63 +1,65 @@
-//! A skin that plays recorded or synthetic sweeps, and the motion controller that commands them.
+//! Skin that plays recorded or synthetic sweeps, with the motion controller that commands them.
 
 use tactnet_data::Dataset;
 
 use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
 
-/// Seconds without contact between two motions.
+/// Duration of the rest without contact between two motions, in s.
 const REST_SECONDS: f64 = 0.5;
 
-/// Returns the frames of a usual rest at a skin's rate.
+/// Returns the number of frames of the default rest at a skin's rate.
 pub fn rest_frames(rate_hz: f64) -> usize {
     (REST_SECONDS * rate_hz).round() as usize
 }
 
-/// How much longer the rest is before a new object.
+/// Factor by which the rest before a new object is longer.
 const OBJECT_REST: usize = 4;
 
-/// Plays sweeps one after the other: rest, start, lead-in, the sweep, lead-out, stop.
+/// Plays sweeps in a loop. Each motion consists of rest, start, lead-in, the sweep, lead-out and stop.
 ///
-/// A recorded sweep is the middle of a motion; its beginning and its end are mirrored to stand for the rest. With a lead as long as what
-/// the classifier skips, its window is exactly the recorded sweep.
+/// A recorded sweep is the middle of a motion; the leads mirror its beginning and end. If the lead is as long as the
+/// part that the classifier skips, the classifier's window is exactly the recorded sweep.
 #[derive(Debug)]
 pub struct SkinSimulator<'a> {
     dataset: &'a Dataset,
-    /// Sweeps in the order in which they are played, over and over.
+    /// Indices of the played sweeps, repeated.
     order: Vec<usize>,
     lead: usize,
     rest: usize,
-    /// Sweeps of one object; `None`: nobody says when the object is another one.
+    /// Number of sweeps per object; `None` if no command marks a new object.
     object_sweeps: Option<u64>,
-    /// Frames without contact before the motion that is next or going on.
+    /// Number of frames without contact before the current or next motion.
     pause: usize,
-    /// Readings without contact, a taxel each.
+    /// `[taxels]`: readings without contact, in digits.
     untouched: Vec<f32>,
     finger: u32,
-    /// `[steps][taxels]` of the sweep that plays
+    /// `[steps][taxels]` of the current sweep.
     sweep: Vec<f32>,
-    /// Motions so far.
+    /// Number of motions so far.
     motion: u64,
-    /// Frames of this motion so far, rest included.
+    /// Number of frames of this motion so far, including the rest.
     at: usize,
     sequence: u64,
 }
 
-/// One beat of the skin.
+/// One time step of the skin.
 #[derive(Debug, Clone, Copy)]
 pub struct SkinStep {
-    /// To be put before the frame.
+    /// Command to send before the frame.
     pub command: Option<SweepCommand>,
     /// The frame.
     pub frame: SkinFrame,
 }
 
 impl<'a> SkinSimulator<'a> {
-    /// - `order`: sweeps of `dataset`, played over and over
-    /// - `lead`: frames of the motion before and after a sweep
-    /// - `rest`: frames without contact before each motion
+    /// Creates a skin at rest.
+    ///
+    /// - `order`: indices of sweeps in `dataset`, played in a loop
+    /// - `lead`: number of frames of the motion before and after a sweep
+    /// - `rest`: number of frames without contact before each motion
     ///
     /// # Panics
-    /// Without a sweep; with more taxels than frames hold.
+    /// Panics if `order` is empty, or if the data set has more taxels than a frame.
     pub fn new(dataset: &'a Dataset, order: Vec<usize>, lead: usize, rest: usize) -> Self {
         assert!(!order.is_empty(), "a sweep to play");
         let shape = dataset.shape();
@@ -79,10 +81,10 @@ impl<'a> SkinSimulator<'a> {
         }
     }
 
-    /// Commands a reset, after a longer rest, before the first of every so many sweeps.
+    /// Commands a reset after a longer rest before the first of every `sweeps` sweeps.
     ///
     /// # Panics
-    /// Without sweeps.
+    /// Panics if `sweeps` is 0.
     pub fn with_objects_of(mut self, sweeps: u64) -> Self {
         assert!(sweeps > 0, "sweeps of an object");
         self.object_sweeps = Some(sweeps);
@@ -90,17 +92,17 @@ impl<'a> SkinSimulator<'a> {
         self
     }
 
-    /// The sweep that a motion plays.
+    /// Returns the index of the sweep that a motion plays.
     pub fn sweep_of(&self, motion: u64) -> usize {
         self.order[(motion - 1) as usize % self.order.len()]
     }
 
-    /// Motions that have begun.
+    /// Returns the number of motions started.
     pub fn motions(&self) -> u64 {
         self.motion
     }
 
-    /// Frames of the motion that is next or going on, rest included.
+    /// Returns the number of frames of the current or next motion, including the rest.
     pub fn frames_of_a_motion(&self) -> usize {
         self.pause + 2 * self.lead + self.dataset.shape().steps
     }
@@ -111,12 +113,12 @@ impl<'a> SkinSimulator<'a> {
         sweeps.is_some_and(|sweeps| self.motion.is_multiple_of(sweeps))
     }
 
-    /// Returns the frames per second.
+    /// Returns the sample rate, in frames per second.
     pub fn rate_hz(&self) -> f64 {
         self.dataset.sample_rate_hz()
     }
 
-    /// The next beat.
+    /// Returns the next time step.
     pub fn step(&mut self) -> SkinStep {
         let shape = self.dataset.shape();
         let taxels = shape.taxels();
@@ -173,8 +175,8 @@ impl<'a> SkinSimulator<'a> {
     }
 }
 
-/// Returns what a taxel reads without contact, for each: zero, or where even the reading nearest to zero is farther from it than half of what
-/// lies between all readings, as with a skin that rests elsewhere, the taxel's own that is nearest to zero.
+/// Returns the reading of each taxel without contact, in digits. It is zero, except for skins with an offset at rest:
+/// if all readings are further from zero than half of their spread, it is the taxel's own reading closest to zero.
 fn untouched(dataset: &Dataset) -> Vec<f32> {
     let taxels = dataset.shape().taxels();
     let mut ends = vec![[f32::INFINITY, f32::NEG_INFINITY]; taxels];
@@ -205,7 +207,7 @@ fn untouched(dataset: &Dataset) -> Vec<f32> {
     }
 }
 
-/// The recorded step for a step of the motion.
+/// Returns the recorded step for a step of the motion, mirrored at both ends of the sweep.
 pub(crate) fn mirrored(at: usize, lead: usize, steps: usize) -> usize {
     let last = steps - 1;
     if at < lead {

@@ -1,4 +1,4 @@
-//! A simulated skin on its channels, in real time.
+//! Simulated skin on its channels, in real time.
 
 use tactnet_channel::{Bus, Priority, PutPort, Ticker};
 use tactnet_skin::ServeConfig;
@@ -6,7 +6,7 @@ use tactnet_skin::packets::{Command, SkinFrame, SweepCommand};
 
 use crate::{SimulationError, SkinSimulator};
 
-/// The channels of the first finger and of commands.
+/// Put-ports of the first finger and of commands.
 pub struct SkinDriver {
     frames: PutPort<SkinFrame>,
     commands: PutPort<SweepCommand>,
@@ -14,7 +14,7 @@ pub struct SkinDriver {
     commanded: Commanded,
 }
 
-/// Who says when sweeps start and stop.
+/// Source of the commands that start and stop sweeps.
 #[derive(Clone, Copy, PartialEq)]
 enum Commanded {
     Here,
@@ -25,7 +25,7 @@ impl SkinDriver {
     /// Opens the channels.
     ///
     /// # Errors
-    /// No hub; channels missing in the table.
+    /// Fails without a hub, or if channels are missing in the table.
     pub fn open(bus: &Bus, config: &ServeConfig) -> Result<Self, SimulationError> {
         Ok(Self {
             frames: bus.put_port(config.fingers[0].as_str(), Priority::High)?,
@@ -35,12 +35,12 @@ impl SkinDriver {
         })
     }
 
-    /// Puts so many times as many frames a second; the sensor's clock goes on as before.
+    /// Sends frames at `speed` times the skin's rate. The sensor's clock is unchanged.
     pub fn at_speed(self, speed: f64) -> Self {
         Self { speed, ..self }
     }
 
-    /// Puts frames alone.
+    /// Sends frames without commands.
     pub fn without_commands(self) -> Self {
         Self {
             commanded: Commanded::Elsewhere,
@@ -48,13 +48,13 @@ impl SkinDriver {
         }
     }
 
-    /// Puts frames and commands at the skin's rate.
+    /// Sends frames and commands at the skin's rate.
     ///
-    /// - `on_start`: called with the number of each motion that begins
-    /// - `ended`: asked before every frame with how many motions have ended
+    /// - `on_start`: called with the number of each motion that starts
+    /// - `ended`: called before every frame with the number of ended motions; returns true to stop
     ///
     /// # Errors
-    /// Channels that have broken down; those of `on_start`.
+    /// Fails if the channels break down or `on_start` fails.
     pub fn run<E: From<SimulationError>>(
         &self,
         skin: &mut SkinSimulator<'_>,

@@ -1,4 +1,4 @@
-//! A network for people who have trained none yet.
+//! Small network for users without a trained one.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -7,18 +7,18 @@ use tactnet_process::run_to_end;
 
 use crate::SimulationError;
 
-/// Materials of the small network.
+/// Number of materials of the small network.
 pub const SMALL_MATERIALS: usize = 12;
-/// Sweeps of each, a fifth of which the network does not learn from.
+/// Number of sweeps per material, of which a fifth is held out.
 pub const SMALL_SWEEPS: usize = 40;
 
-/// Trains a network on a small twin, and returns its run directory.
+/// Trains a network on a small synthetic data set and returns its run directory.
 ///
-/// - `program`: the `tactnet` command
-/// - `folder`: where run directory and data set are written
+/// - `program`: path of the command-line program
+/// - `folder`: folder for run directory and data set
 ///
 /// # Errors
-/// The command cannot be started, or fails.
+/// Fails if the command does not start or fails.
 pub fn train_small_network(program: &Path, folder: &Path) -> Result<PathBuf, SimulationError> {
     let data = folder.join("small.h5");
     make_twin(program, &data, SMALL_MATERIALS, SMALL_SWEEPS)?;
@@ -30,10 +30,10 @@ pub fn train_small_network(program: &Path, folder: &Path) -> Result<PathBuf, Sim
     Ok(run)
 }
 
-/// Writes a twin of `materials` with `sweeps` each.
+/// Writes a synthetic data set with `sweeps` sweeps of each of `materials` materials.
 ///
 /// # Errors
-/// The command cannot be started, or fails.
+/// Fails if the command does not start or fails.
 pub fn make_twin(
     program: &Path,
     path: &Path,

@@ -1,4 +1,4 @@
-//! Everything at once: does the classifier keep up, and does the 1 kHz loop notice it?
+//! Soak test of the complete system: deadlines of the classifier, and its influence on the 1 kHz loop.
 
 mod played;
 mod report;
@@ -20,38 +20,38 @@ pub use played::Played;
 pub use report::SoakReport;
 use report::{HeardBeliefs, Measured};
 
-/// Time with the classifier attached, or without, seconds.
+/// Maximum duration of a window with or without the classifier, in s.
 const WINDOW: f64 = 10.0;
-/// Left out at the beginning of each window: processes start and end there.
+/// Time at the start of each window that is not evaluated, because processes start and end then.
 const SETTLE: Duration = Duration::from_millis(500);
 
-/// A soak test: hub, skin, catching stack or its load, classifier and dashboard together.
+/// A soak test with hub, skin, company, classifier and dashboard.
 #[derive(Debug, Clone, Copy)]
 pub struct Soak<'a> {
-    /// The `tactnet` command.
+    /// Path of the command-line program.
     pub program: &'a Path,
-    /// Its commit, for the report.
+    /// Commit of the program, for the report.
     pub git: &'static str,
-    /// Run directory of the network that serves.
+    /// Run directory of the serving network.
     pub run: &'a Path,
-    /// Where the table of channels is written.
+    /// Folder in which the channel table is written.
     pub folder: &'a Path,
-    /// Time with the classifier attached, seconds; as long again without it, in turns of ten seconds.
+    /// Total time with the classifier, in s. It alternates with equal windows without it, of at most ten seconds each.
     pub seconds: f64,
-    /// What runs beside the classifier.
+    /// Processes beside the classifier.
     pub company: Company,
-    /// How the 1 kHz loop, the skin and the classifier are scheduled.
+    /// Scheduling of the 1 kHz loop, the skin and the classifier.
     pub scheduling: Scheduling,
 }
 
 impl Soak<'_> {
-    /// Runs the test on a bus of its own.
+    /// Runs the test on a private bus.
     ///
-    /// - `on_turn`: called with the number of each turn, from 1, and of all turns
-    /// - `stopped`: ends the test after the current turn when it returns true
+    /// - `on_turn`: called with the number of each turn, from 1, and the number of turns
+    /// - `stopped`: returns true to end the test after the current turn
     ///
     /// # Errors
-    /// Channels, a process or a file that cannot be had; a process that broke.
+    /// Fails if channels, a process or a file cannot be opened, or if a process fails.
     pub fn run(
         &self,
         played: &Played<'_>,
@@ -135,7 +135,7 @@ impl Soak<'_> {
     }
 }
 
-/// Ends the threads beside it, also when something went wrong.
+/// Ends the threads of the test when dropped, also after an error.
 struct EndOnDrop<'a>(&'a AtomicBool);
 
 impl Drop for EndOnDrop<'_> {
@@ -144,7 +144,7 @@ impl Drop for EndOnDrop<'_> {
     }
 }
 
-/// Lets everything run; returns from when to when it is measured, nanoseconds.
+/// Waits for one window; returns the start and end of its evaluated part, in ns.
 fn rest(time: Duration, stopped: &dyn Fn() -> bool) -> (u64, u64) {
     std::thread::sleep(SETTLE);
     let (from, begun) = (now_ns(), Instant::now());
@@ -163,7 +163,7 @@ fn play_skin(
 ) -> Result<(), SimulationError> {
     let driver = SkinDriver::open(bus, config)?;
     if scheduling == Scheduling::Fifo {
-        // It has been tried before.
+        // Permission was checked before.
         with_priority(70).apply();
     }
     let (dataset, order) = (played.dataset(), played.order().to_vec());

@@ -1,4 +1,4 @@
-//! The processes of the catching stack, and the times of its 1 kHz loop.
+//! Processes of the catching load, and the times of its 1 kHz loop.
 
 use std::fmt;
 use std::path::Path;
@@ -9,21 +9,21 @@ use tactnet_serving::Realtime;
 use crate::load::Trip;
 use crate::{ChildProcess, LoadReport, LoadRole, SimulationError};
 
-/// How processes are scheduled.
+/// Scheduling of the processes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scheduling {
-    /// As any other.
+    /// The default scheduler.
     Usual,
-    /// Under SCHED_FIFO: the 1 kHz loop above the skin, the skin above the classifier.
+    /// SCHED_FIFO with the 1 kHz loop above the skin and the skin above the classifier.
     Fifo,
 }
 
 impl Scheduling {
-    /// Tries SCHED_FIFO on a thread of its own; returns [`Scheduling::Fifo`], or why it is not allowed.
+    /// Tries SCHED_FIFO on a separate thread.
     ///
     /// # Errors
-    /// [`SimulationError::NoFifo`].
+    /// Returns [`SimulationError::NoFifo`] if it is not permitted.
     pub fn fifo() -> Result<Self, SimulationError> {
         let tried = std::thread::spawn(|| with_priority(1).apply()).join();
         match tried.unwrap_or_default().first() {
@@ -35,7 +35,7 @@ impl Scheduling {
     }
 }
 
-/// SCHED_FIFO with this priority, 1 to 99, and nothing else.
+/// Returns a request for SCHED_FIFO with this priority, 1 to 99, and nothing else.
 pub(crate) fn with_priority(priority: u8) -> Realtime {
     Realtime {
         priority: Some(priority),
@@ -43,17 +43,17 @@ pub(crate) fn with_priority(priority: u8) -> Realtime {
     }
 }
 
-/// The processes of the catching stack; they are killed if this is dropped before [`CatchingLoad::end`].
+/// Processes of the catching load. They are killed if this is dropped before [`CatchingLoad::end`].
 pub struct CatchingLoad(Vec<ChildProcess>);
 
 impl CatchingLoad {
-    /// Starts them one after the other and waits until each is ready.
+    /// Starts the processes one after the other and waits until each is ready.
     ///
-    /// - `program`: the `tactnet` command
-    /// - `table`: path of the table of channels
+    /// - `program`: path of the command-line program
+    /// - `table`: path of the channel table
     ///
     /// # Errors
-    /// A process that does not start.
+    /// Fails if a process does not start.
     pub fn start(
         program: &Path,
         table: &Path,
@@ -73,10 +73,10 @@ impl CatchingLoad {
         Ok(stack)
     }
 
-    /// Ends them and returns their reports.
+    /// Ends the processes and returns their reports.
     ///
     /// # Errors
-    /// A process that has failed.
+    /// Fails if a process failed.
     pub fn end(self) -> Result<Vec<LoadReport>, SimulationError> {
         let processes = self.0.into_iter().rev();
         processes.map(ChildProcess::end_with_report).collect()
@@ -86,7 +86,7 @@ impl CatchingLoad {
 /// Returns the round trips of the controller.
 ///
 /// # Errors
-/// No report of it.
+/// Fails if its report is missing.
 pub fn trips(reports: &[LoadReport]) -> Result<&[Trip], SimulationError> {
     let is_controller = |report: &&LoadReport| report.role == LoadRole::Controller;
     let controller = reports.iter().find(is_controller);
@@ -96,22 +96,24 @@ pub fn trips(reports: &[LoadReport]) -> Result<&[Trip], SimulationError> {
         .ok_or_else(none)
 }
 
-/// Round trips of the 1 kHz loop over some time; of the real stack, times from the controller's beat to its command.
+/// Statistics of the 1 kHz loop's round trips. With the real stack these are delays from the controller's tick to its command.
 #[derive(Debug, Clone, Serialize)]
 pub struct LoopTimes {
     /// Number of round trips.
     pub rounds: usize,
-    /// Median, microseconds.
+    /// Median, in µs.
     pub p50_us: f64,
-    /// 99th percentile, microseconds.
+    /// 99th percentile, in µs.
     pub p99_us: f64,
-    /// 99.9th percentile, microseconds.
+    /// 99.9th percentile, in µs.
     pub p999_us: f64,
 }
 
 impl LoopTimes {
-    /// - `trips`: all of them
-    /// - `windows`: from and to, nanoseconds of the host's monotonic clock
+    /// Computes the statistics.
+    ///
+    /// - `trips`: all round trips
+    /// - `windows`: start and end of the evaluated intervals, in ns of the host's monotonic clock
     pub fn of(trips: &[Trip], windows: &[(u64, u64)]) -> Self {
         let mut rounds_ns: Vec<u32> = trips
             .iter()

@@ -1,4 +1,4 @@
-//! The table of channels as a file, for the processes of a rehearsal.
+//! Channel table as a file, for child processes.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::SimulationError;
 /// Writes the table into `folder` and returns the path of the file.
 ///
 /// # Errors
-/// It cannot be written.
+/// Fails if the file cannot be written.
 pub(crate) fn write_table(table: &Table, folder: &Path) -> Result<PathBuf, SimulationError> {
     let path = folder.join("robot.toml");
     write_whole(&path, toml::to_string(table)?.as_bytes())?;

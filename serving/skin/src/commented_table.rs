@@ -1,34 +1,36 @@
-//! The table of channels as text, with a comment behind every setting.
+//! The channel table as TOML text with a comment after every setting.
 
 use tactnet_channel::Table;
 
-/// A setting of the table.
+/// Comment on one setting of the table.
 struct Setting {
-    /// The part of the table that it is in; `channels` is each of them.
+    /// Section of the setting; `channels` stands for the section of any channel.
     section: &'static str,
     key: &'static str,
-    /// What it sets, with its unit.
+    /// Meaning of the setting, with its unit.
     comment: &'static str,
-    /// A value for a setting that is left out, since it follows the network.
+    /// Example value of a setting that is absent by default because it follows the network.
     example: Option<Example>,
 }
 
-/// A value that a setting may have.
+/// Example value of a setting.
 enum Example {
-    /// As it stands.
+    /// Literal TOML.
     Text(&'static str),
-    /// The time of so many frames, milliseconds.
+    /// Duration of this many frames, in ms.
     Frames(u32),
 }
 
 impl Example {
-    /// - `rate_hz`: frames a second
+    /// Returns the value as TOML.
+    ///
+    /// - `rate_hz`: frames per second
     fn text(&self, rate_hz: f64) -> String {
         match self {
             Self::Text(text) => (*text).into(),
             Self::Frames(frames) => {
                 let ms = 1e3 * f64::from(*frames) / rate_hz;
-                // As TOML has it, always with a decimal point.
+                // TOML floats always have a decimal point.
                 format!("{:?}", (1e3 * ms).round() / 1e3)
             }
         }
@@ -70,18 +72,18 @@ const SETTINGS: [Setting; 41] = [
     setting(
         "network",
         "host",
-        "tells hosts apart that share one machine, in tests",
+        "name of this host; tests use it to run several hosts on one machine",
     ),
     setting(
         "network",
         "listen",
-        "where the hub waits for other hosts, like \"tcp/10.0.0.2:7447\"",
+        "address on which the hub listens for other hosts, for example \"tcp/10.0.0.2:7447\"",
     ),
     setting("network", "connect", "hubs of other hosts to connect to"),
     setting(
         "network",
         "authority",
-        "PEM file of who vouches for this robot's hosts, for endpoints like \"tls/10.0.0.2:7447\"",
+        "PEM file of the certificate authority of this robot's hosts, for endpoints such as \"tls/10.0.0.2:7447\"",
     ),
     setting(
         "network",
@@ -91,73 +93,73 @@ const SETTINGS: [Setting; 41] = [
     setting(
         "network",
         "private_key",
-        "PEM file of the key of this host's certificate",
+        "PEM file of the private key of this host's certificate",
     ),
     setting(
         "network",
         "plain_text",
-        "endpoints beyond this machine may be without TLS",
+        "allows endpoints on other machines without TLS",
     ),
-    setting("channels", "packet", "type of its packets"),
-    setting("channels", "version", "version of the type of its packets"),
-    setting("channels", "item_bytes", "size of an item, bytes"),
-    setting("channels", "items", "most items of a packet"),
+    setting("channels", "packet", "packet type"),
+    setting("channels", "version", "version of the packet type"),
+    setting("channels", "item_bytes", "size of an item, in bytes"),
+    setting("channels", "items", "maximum number of items per packet"),
     setting(
         "channels",
         "depth",
-        "packets that wait at a get-port before the oldest is lost",
+        "queue length of a get-port, in packets; when it is full, the oldest is dropped",
     ),
-    setting("channels", "put_ports", "most ports that put"),
-    setting("channels", "get_ports", "most ports that get"),
+    setting("channels", "put_ports", "maximum number of put-ports"),
+    setting("channels", "get_ports", "maximum number of get-ports"),
     setting(
         "channels",
         "history",
-        "newest packets that a late joiner gets",
+        "number of newest packets that a late subscriber receives",
     ),
     setting(
         "channels",
         "held",
-        "packets that a get-port may hold at once",
+        "maximum number of packets that a get-port may hold at once",
     ),
     setting(
         "channels",
         "loaned",
-        "packets that a put-port may prepare at once",
+        "maximum number of packets that a put-port may prepare at once",
     ),
     setting(
         "channels",
         "distributed",
-        "whether other hosts get its packets",
+        "true if other hosts receive the packets",
     ),
     setting(
         "channels",
         "congestion",
-        "when the network is too slow: \"drop\" packets or \"block\"",
+        "behaviour when the network is too slow: \"drop\" or \"block\"",
     ),
     setting(
         "channels",
         "put_from",
-        "hosts whose packets are taken, by the common name of their certificate [default: every host]",
+        "hosts allowed to send, by the common name of their certificate [default: every host]",
     ),
     setting(
         "channels",
         "get_from",
-        "hosts that may have its packets [default: every host]",
+        "hosts allowed to receive, by the common name of their certificate [default: every host]",
     ),
     setting(
         "channels",
         "remote_rate",
-        "most packets a second from other hosts [default: 10000]",
+        "maximum rate from other hosts, in packets per second [default: 10000]",
     ),
     setting(
         CLASSIFIER,
         "fingers",
-        "channels of skin frames, one a finger",
+        "channels of skin frames, one per finger",
     ),
     setting(
         CLASSIFIER,
         "command",
-        "channel of commands: start, stop, reset, enrol",
+        "channel of commands: start, stop, reset, enroll",
     ),
     setting(CLASSIFIER, "belief", "channel of beliefs"),
     setting(CLASSIFIER, "status", "channel of events and counters"),
@@ -169,79 +171,87 @@ const SETTINGS: [Setting; 41] = [
     setting(
         CLASSIFIER,
         "anytime_ms",
-        "time between beliefs during a sweep, milliseconds; 0: none",
+        "time between beliefs during a sweep, in ms; 0 disables them",
     ),
     setting(
         CLASSIFIER,
         "mc_samples",
-        "Monte Carlo dropout masks of the last belief; 0: none",
+        "number of Monte Carlo dropout masks of the final belief; 0 disables dropout",
     ),
     follows(
         CLASSIFIER,
         "plain_deadline_ms",
         Example::Frames(1),
-        "a belief without masks is late after, milliseconds; left out: one frame",
+        "deadline of a plain belief after the sweep's last frame, in ms [default: one frame period]",
     ),
     follows(
         CLASSIFIER,
         "dropout_deadline_ms",
         Example::Frames(3),
-        "a belief with masks is late after, milliseconds; left out: three frames",
+        "deadline of a dropout belief after the sweep's last frame, in ms [default: three frame periods]",
     ),
     setting(
         SEGMENTER,
         "segmentation",
-        "who begins sweeps: \"command\", or { contact = { begins = 10.0, ends = 5.0, frames = 8 } } by the mean value of a frame",
+        "start of sweeps: \"command\", or { contact = { begins = 10.0, ends = 5.0, frames = 8 } } by the mean value of a frame",
     ),
     setting(
         SEGMENTER,
         "skip",
-        "frames skipped after the motion starts: the classifier's window begins behind them; 0 where a motion begins as the sweeps of the training data do",
+        "frames between the start of the motion and the window; 0 if motions start where the training sweeps start",
     ),
     setting(
         SEGMENTER,
         "longest_gap",
-        "lost frames in a row that are filled in",
+        "maximum number of consecutive lost frames that are interpolated",
     ),
     setting(
         SEGMENTER,
         "most_filled_in",
-        "frames of a sweep that may be filled in",
+        "maximum number of interpolated frames in a sweep",
     ),
     setting(
         SEGMENTER,
         "clock_tolerance",
-        "how far the sensor's clock may be off between two frames, periods",
+        "tolerance of the sensor's clock between two frames, in frame periods",
     ),
     setting(
         SEGMENTER,
         "clock_drift",
-        "how far the sensor's clock may be off over a whole sweep, periods",
+        "tolerance of the sensor's clock over a whole sweep, in frame periods",
     ),
     setting(
         SEGMENTER,
         "stalled_frames",
-        "a taxel with the same value, other than 0, for so many frames is stalled",
+        "consecutive frames with the same nonzero value after which a taxel is stalled",
     ),
     follows(
         SEGMENTER,
         "values",
         Example::Text("[0.0, 255.0]"),
-        "least and greatest value of a taxel, others reject the sweep; left out: 0 to 255 if the network's training sweeps lie within, else their range and as much again on either side",
+        "minimum and maximum value of a taxel, others reject the sweep [default: 0 to 255 if the training sweeps lie within, else their range extended by its width on both sides]",
     ),
     setting(
         SEGMENTER,
         "saturated_frames",
-        "a taxel at the greatest value for so many frames is saturated",
+        "consecutive frames at the maximum value after which a taxel is saturated",
     ),
 ];
 
-/// Returns the table as TOML, every setting with its comment. Settings that are left out, since they follow the network, stand there as comments.
+/// Returns the table as TOML with a comment on every setting. Absent settings that follow the network appear as comments.
 ///
-/// - `rate_hz`: frames a second of the network that such settings follow
+/// - `rate_hz`: sample rate of the network, in frames per second
 ///
 /// # Errors
-/// Settings of components that TOML cannot hold.
+/// Fails if a component has settings that TOML cannot represent.
+///
+/// # Example
+/// ```
+/// use tactnet_skin::{ServeConfig, commented};
+///
+/// let text = commented(&ServeConfig::default().table("robot"), 750.0).unwrap();
+/// assert!(text.starts_with("bus = \"robot\""));
+/// ```
 pub fn commented(table: &Table, rate_hz: f64) -> Result<String, toml::ser::Error> {
     let mut out = Vec::new();
     let mut section = "";
@@ -314,7 +324,7 @@ mod tests {
                 slower.contains("\n# dropout_deadline_ms = 6.0 "),
                 "{slower}"
             );
-            assert_eq!(text.matches("# least and greatest").count(), 1, "{text}");
+            assert_eq!(text.matches("# minimum and maximum").count(), 1, "{text}");
         }
     }
 }

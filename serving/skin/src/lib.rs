@@ -1,14 +1,13 @@
-//! The agreement between skin driver, motion controller, recording reader and classifier: packets, the table of channels, and how frames
-//! become sweeps.
+//! Packets, channel table and segmentation shared by skin drivers, motion controllers, recordings and the classifier.
 //!
-//! Pure logic, no clock and no thread: a [`SweepSegmenter`] is pushed one [`Frame`] at a time and neither allocates nor blocks
-//! after it was made. Nothing here depends on learning, so that a driver compiles in seconds.
+//! Pure logic without clocks or threads. A [`SweepSegmenter`] takes one [`Frame`] at a time; after construction it
+//! neither allocates nor blocks. The crate depends on no learning code, so a skin driver compiles in seconds.
 
 mod commented_table;
 mod error;
 mod frame;
 pub mod packets;
-mod readable;
+mod readable_packet;
 mod segmenter;
 mod serve_config;
 mod table;
@@ -17,7 +16,7 @@ mod window;
 pub use commented_table::commented;
 pub use error::SkinError;
 pub use frame::Frame;
-pub use readable::{Answer, Readable, material_names};
+pub use readable_packet::{MaterialPrediction, ReadablePacket, material_names};
 pub use segmenter::{Contact, Reject, Segmentation, SegmenterConfig, SweepChange, SweepSegmenter};
 pub use serve_config::{MAX_FINGERS, ServeConfig};
 pub use window::{Push, SweepWindow, WindowConfig, WindowError};

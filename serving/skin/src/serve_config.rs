@@ -1,4 +1,5 @@
-//! The section `[components.tactnet]` of the table of channels: names of channels, how sweeps are found, how the classifier serves.
+//! The section `[components.tactnet]` of the channel table: channel names, segmentation settings and deadlines of the
+//! classifier.
 
 use serde::{Deserialize, Serialize};
 use tactnet_channel::Table;
@@ -6,17 +7,27 @@ use tactnet_channel::Table;
 use crate::packets::Stage;
 use crate::{Segmentation, SegmenterConfig, SkinError};
 
-/// Most fingers of a service.
+/// Maximum number of fingers of a service.
 pub const MAX_FINGERS: usize = 16;
 
 /// Name of the section, `[components.tactnet]`.
 pub(crate) const SECTION: &str = "tactnet";
 
-/// Names, rates and promises.
+/// Settings of the online classifier: channel names, rates and deadlines.
+///
+/// # Example
+/// ```
+/// use tactnet_channel::Table;
+/// use tactnet_skin::ServeConfig;
+///
+/// let config = ServeConfig { mc_samples: 0, ..ServeConfig::default() };
+/// let table: Table = config.table("robot");
+/// assert_eq!(ServeConfig::of(&table), Ok(config));
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServeConfig {
-    /// Channels of skin frames; a finger's number is its place here.
+    /// Channels of skin frames; the index in this list is the finger's number.
     pub fingers: Vec<String>,
     /// Channel of commands.
     pub command: String,
@@ -26,18 +37,18 @@ pub struct ServeConfig {
     pub status: String,
     /// Channel of the model's names.
     pub model: String,
-    /// Time between beliefs while a sweep goes on, milliseconds; 0: none.
+    /// Time between beliefs during a sweep, in ms; 0 disables them.
     pub anytime_ms: f64,
-    /// Monte Carlo dropout masks; 0: plain predictions only.
+    /// Number of Monte Carlo dropout masks; 0 gives plain predictions only.
     #[serde(alias = "runs")]
     pub mc_samples: usize,
-    /// Promised time from a sweep's last frame to its plain belief, milliseconds. `None`: one frame of the network's rate.
+    /// Deadline from a sweep's last frame to its plain belief, in ms. `None`: one frame period of the network.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plain_deadline_ms: Option<f64>,
-    /// Promised time from a sweep's last frame to its Monte Carlo belief, milliseconds. `None`: three frames.
+    /// Deadline from a sweep's last frame to its Monte Carlo belief, in ms. `None`: three frame periods of the network.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dropout_deadline_ms: Option<f64>,
-    /// How sweeps are found, and what spoils them.
+    /// Settings of the segmentation.
     #[serde(alias = "follow")]
     pub segmenter: SegmenterConfig,
 }
@@ -60,10 +71,10 @@ impl Default for ServeConfig {
 }
 
 impl ServeConfig {
-    /// The section of `table`, or the defaults where it has none.
+    /// Reads the section of `table`, or returns the defaults if the table has none.
     ///
     /// # Errors
-    /// Unknown settings or values out of range.
+    /// Fails if a setting is unknown or out of range.
     pub fn of(table: &Table) -> Result<Self, SkinError> {
         let config: Self = match table.components.get(SECTION) {
             Some(section) => section
@@ -140,9 +151,18 @@ impl ServeConfig {
 }
 
 impl ServeConfig {
-    /// Returns the promised time from a sweep's last frame to its belief, milliseconds: as set, or one frame without dropout masks and three with.
+    /// Returns the deadline from a sweep's last frame to its belief, in ms. The default is one frame period without
+    /// dropout masks and three with them.
     ///
-    /// - `rate_hz`: frames a second
+    /// - `rate_hz`: frames per second
+    ///
+    /// # Example
+    /// ```
+    /// use tactnet_skin::{ServeConfig, packets::Stage};
+    ///
+    /// assert_eq!(ServeConfig::default().deadline_ms(Stage::Plain, 250.0), 4.0);
+    /// assert_eq!(ServeConfig::default().deadline_ms(Stage::Dropout, 250.0), 12.0);
+    /// ```
     pub fn deadline_ms(&self, stage: Stage, rate_hz: f64) -> f64 {
         let frame_ms = 1e3 / rate_hz;
         match stage {
@@ -180,7 +200,7 @@ mod tests {
         assert!(error("fingers = []").contains("names no channel"));
         assert!(error("fingers = [\"a\", \"a\"]").contains("twice"));
         assert!(error("anytime_ms = -1.0").contains("anytime_ms"));
-        // The section's former name, in tables and recordings that are there.
+        // Existing tables and recordings use the section's former name, `follow`.
         for name in ["segmenter", "follow"] {
             let section = format!("[components.tactnet.{name}]\nclock_tolerance = 0.0");
             assert!(error(&section).contains("`segmenter.clock_tolerance`"));

@@ -1,4 +1,4 @@
-//! The channels of the classifier and the skin: names, packets and resources.
+//! Channels of the classifier and the skin: names, packets and queue sizes.
 
 use tactnet_channel::{ChannelConfig, Table};
 
@@ -7,7 +7,15 @@ use crate::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, Tactile
 use crate::serve_config::SECTION;
 
 impl ServeConfig {
-    /// A table with all channels of these names and this section.
+    /// Returns a channel table of the bus `bus` with all channels of this service and its section.
+    ///
+    /// # Example
+    /// ```
+    /// use tactnet_skin::ServeConfig;
+    ///
+    /// let table = ServeConfig::default().table("robot");
+    /// assert!(table.channels.contains_key("skin/right"));
+    /// ```
     pub fn table(&self, bus: &str) -> Table {
         let frames = ChannelConfig {
             depth: 256,

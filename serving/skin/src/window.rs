@@ -1,80 +1,102 @@
-//! The window of a sweep that is classified: the middle of the motion, frame by frame.
+//! The window of a sweep that is classified: the middle of the motion, collected frame by frame.
 
 use crate::Frame;
 
-/// Which part of a motion is kept, and how many lost frames are forgiven.
+/// Part of a motion that is kept, and the number of lost frames that are interpolated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WindowConfig {
-    /// Taxels in a frame.
+    /// Number of taxels in a frame.
     pub taxels: usize,
-    /// Frames skipped after the motion starts. At 750 Hz the middle 1000 of 1500 frames begin after 250
+    /// Number of frames skipped after the motion starts. At 750 Hz the middle 1000 of 1500 frames start after 250
     /// (thesis, section 4.3.2).
     pub skip: usize,
-    /// Frames kept.
+    /// Number of frames kept.
     pub steps: usize,
-    /// Lost frames in a row that are filled in by linear interpolation; more make the sweep useless.
+    /// Maximum number of consecutive lost frames that linear interpolation fills in; a longer gap spoils the sweep.
     pub longest_gap: usize,
 }
 
 /// The effect of a frame on the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Push {
-    /// Taken; the window is not full yet.
+    /// Accepted; the window is not full yet.
     Taken,
-    /// Taken; the window is full and can be read.
+    /// Accepted; the window is full and can be read.
     Complete,
-    /// The window was full already, or the sweep is lost.
+    /// Ignored, because the window was already full or the sweep is spoiled.
     Ignored,
 }
 
-/// Why a sweep cannot be used.
+/// Reason why a frame spoils the sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum WindowError {
-    /// Too many frames lost in a row.
+    /// Too many consecutive frames were lost.
     #[error(
-        "{lost} frames lost in a row before frame {sequence}, at most {allowed} can be filled in"
+        "{lost} frames lost in a row before frame {sequence}, at most {allowed} can be interpolated"
     )]
     Gap {
-        /// Frames lost.
+        /// Number of lost frames.
         lost: u64,
-        /// The frame that came after them.
+        /// Sequence number of the frame after the gap.
         sequence: u64,
-        /// Most frames that are forgiven.
+        /// Maximum number of consecutive lost frames.
         allowed: usize,
     },
-    /// A frame came twice, or an older one came late.
+    /// A frame arrived twice, or an older frame arrived late.
     #[error("frame {sequence} came after frame {last}")]
     Order {
-        /// The frame that came.
+        /// Sequence number of the frame.
         sequence: u64,
-        /// The frame before it.
+        /// Sequence number of the frame before it.
         last: u64,
     },
-    /// A frame of another sensor.
+    /// The frame has another number of taxels.
     #[error("a frame of {found} taxels, expected {expected}")]
     Taxels {
-        /// Taxels of the frame.
+        /// Number of taxels in the frame.
         found: usize,
-        /// Taxels of the window.
+        /// Number of taxels in the window.
         expected: usize,
     },
-    /// A value that is no number.
+    /// A taxel value is not finite.
     #[error("frame {sequence}: taxel {taxel} is not finite")]
     NotFinite {
-        /// The frame.
+        /// Sequence number of the frame.
         sequence: u64,
-        /// The taxel.
+        /// Index of the taxel.
         taxel: usize,
     },
 }
 
-/// Collects the frames of one sweep. After an error the sweep is lost: [`SweepWindow::restart`] before the next one.
+/// Collects the frames of one sweep. After an error the sweep is spoiled, and the next one starts with
+/// [`SweepWindow::restart`].
+///
+/// # Example
+/// ```
+/// use tactnet_skin::{Frame, Push, SweepWindow, WindowConfig};
+///
+/// let config = WindowConfig { taxels: 1, skip: 1, steps: 3, longest_gap: 1 };
+/// let mut window = SweepWindow::new(config);
+/// let mut push = |sequence: u64| {
+///     let taxels = [10.0 * sequence as f32];
+///     window.push(&Frame { sequence, sensor_time_nanos: 0, taxels: &taxels })
+/// };
+/// assert_eq!(push(0), Ok(Push::Taken)); // skipped
+/// assert_eq!(push(1), Ok(Push::Taken));
+/// // Frame 2 is lost and interpolated.
+/// assert_eq!(push(3), Ok(Push::Complete));
+/// assert_eq!(window.sweep().unwrap(), [10.0, 20.0, 30.0]);
+/// assert_eq!(window.filled_in(), 1);
+/// assert_eq!(window.row(2), [30.0]);
+/// window.restart();
+/// assert_eq!(window.kept(), 0);
+/// ```
 #[derive(Debug, Clone)]
 pub struct SweepWindow {
     config: WindowConfig,
-    /// `[steps][taxels]`
+    /// `[steps][taxels]`, in digits.
     values: Vec<f32>,
-    /// `[taxels]`, the newest frame, from which gaps are interpolated
+    /// `[taxels]`: the newest frame, the starting point of interpolation.
     newest: Vec<f32>,
     last: Option<u64>,
     seen: usize,
@@ -83,7 +105,7 @@ pub struct SweepWindow {
 }
 
 impl SweepWindow {
-    /// Allocates everything it will ever need.
+    /// Creates an empty window and allocates all of its memory.
     pub fn new(config: WindowConfig) -> Self {
         Self {
             values: vec![0.0; config.steps * config.taxels],
@@ -96,7 +118,7 @@ impl SweepWindow {
         }
     }
 
-    /// Forgets the sweep; the next frame is the first of a new motion.
+    /// Discards the sweep; the next frame is the first of a new motion.
     pub fn restart(&mut self) {
         self.last = None;
         self.seen = 0;
@@ -104,14 +126,14 @@ impl SweepWindow {
         self.spoiled = false;
     }
 
-    /// Forgets the sweep, but not the frame before: the next frame must follow it, or be near enough.
+    /// Discards the sweep but keeps the newest frame, so that frames lost before the next one are detected.
     pub fn restart_here(&mut self) {
         let last = self.last;
         self.restart();
         self.last = last;
     }
 
-    /// Notes a frame between sweeps, from which the next one is counted.
+    /// Records a frame between sweeps, so that frames lost before the next sweep are detected.
     pub fn see(&mut self, frame: &Frame<'_>) {
         if frame.taxels.len() == self.newest.len() && frame.taxels.iter().all(|v| v.is_finite()) {
             self.newest.copy_from_slice(frame.taxels);
@@ -119,10 +141,10 @@ impl SweepWindow {
         self.last = Some(frame.sequence);
     }
 
-    /// Takes the next frame of the motion; after an error every frame is ignored until [`SweepWindow::restart`].
+    /// Adds the next frame of the motion. After an error every frame is ignored until [`SweepWindow::restart`].
     ///
     /// # Errors
-    /// Says why the sweep cannot be used any more.
+    /// Returns the reason why the frame spoils the sweep.
     pub fn push(&mut self, frame: &Frame<'_>) -> Result<Push, WindowError> {
         if self.spoiled {
             return Ok(Push::Ignored);
@@ -189,21 +211,21 @@ impl SweepWindow {
         !self.spoiled && self.seen >= self.config.skip + self.config.steps
     }
 
-    /// `[steps][taxels]` digits once the window is full.
+    /// Returns the window as `[steps][taxels]` digits once it is full.
     pub fn sweep(&self) -> Option<&[f32]> {
         self.is_complete().then_some(self.values.as_slice())
     }
 
-    /// Frames of the window so far, interpolated ones included.
+    /// Returns the number of frames in the window so far, including interpolated ones.
     pub fn kept(&self) -> usize {
         let WindowConfig { skip, steps, .. } = self.config;
         self.seen.saturating_sub(skip).min(steps)
     }
 
-    /// `[taxels]` digits of a frame of the window.
+    /// Returns frame `number` of the window as `[taxels]` digits.
     ///
     /// # Panics
-    /// If it has not come yet ([`SweepWindow::kept`]).
+    /// Panics if `number` is not below [`SweepWindow::kept`].
     pub fn row(&self, number: usize) -> &[f32] {
         assert!(number < self.kept(), "frame {number} of the window");
         let taxels = self.config.taxels;
@@ -216,7 +238,7 @@ impl SweepWindow {
         (skip..skip + steps).contains(&self.seen)
     }
 
-    /// Frames of the window that were interpolated.
+    /// Returns the number of interpolated frames in the window.
     pub fn filled_in(&self) -> usize {
         self.filled_in
     }

@@ -1,17 +1,17 @@
-//! How many commands a second are followed, for each of those who put them.
+//! Rate limit on commands, for each put-port.
 
 use std::time::Instant;
 
 use tactnet_channel::RateLimit;
 
-/// Commands a second of one put-port that are followed; a flood of more keeps no frame waiting, and no command of others.
+/// Maximum rate of commands of one put-port, in Hz. It keeps a flood of commands from delaying frames and other commands.
 pub(super) const COMMAND_RATE: u32 = 1000;
-/// Put-ports that are told apart; of more, those that came first are counted anew.
+/// Maximum number of put-ports with their own limit; further ones replace the oldest.
 const PUTTERS: usize = 16;
 
-/// The limits of the last putters.
+/// Rate limits of the most recent put-ports.
 pub(super) struct CommandRates {
-    /// By the number of the put-port.
+    /// Put-port number and its limit.
     limits: Vec<(u64, RateLimit)>,
     next: usize,
 }
@@ -24,7 +24,7 @@ impl CommandRates {
         }
     }
 
-    /// Counts a command of a put-port; returns false for one too many. Does not allocate.
+    /// Counts a command of a put-port; returns false if it exceeds the limit. Does not allocate.
     pub(super) fn allow(&mut self, putter: u64, now: Instant) -> bool {
         if let Some((_, limit)) = self.limits.iter_mut().find(|(known, _)| *known == putter) {
             return limit.allows(now);

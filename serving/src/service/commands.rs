@@ -11,17 +11,17 @@ use super::waiting_commands::MAX_COMMANDS;
 use crate::ServeError;
 use crate::model_worker::Job;
 
-/// Commands that are looked at before the next frame.
-const MAX_LOOKED_AT: usize = 4096;
-/// How often it is said that commands were refused.
-const TELL_EVERY: Duration = Duration::from_secs(1);
+/// Maximum number of commands read before the next frame.
+const MAX_READ: usize = 4096;
+/// Minimum time between two reports of refused commands.
+const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 impl Service {
-    /// Takes all commands that have come.
+    /// Reads all waiting commands.
     pub(super) fn receive_commands(&mut self) -> Result<(), ServeError> {
         let mut followed = 0;
-        // A port looks at those who put in a fixed order: what the first has too many of is passed over, to come to the others.
-        for _ in 0..MAX_LOOKED_AT {
+        // A port reads its senders in a fixed order: excess commands of the first are skipped to reach the others.
+        for _ in 0..MAX_READ {
             let Some(command) = self.commands.try_get()? else {
                 break;
             };
@@ -35,7 +35,7 @@ impl Service {
                 self.refused_commands += 1;
                 break;
             }
-            // Another host's clock says nothing here.
+            // The clock of another host is not comparable.
             let put_ns = if header.remote == 1 { 0 } else { header.put_ns };
             if let Some(command) = command.first()
                 && !self.waiting.add(put_ns, *command)
@@ -49,14 +49,14 @@ impl Service {
                 )?;
             }
         }
-        if self.refused_commands > 0 && self.told_refused.elapsed() > TELL_EVERY {
-            self.told_refused = Instant::now();
+        if self.refused_commands > 0 && self.refusals_reported.elapsed() > REPORT_INTERVAL {
+            self.refusals_reported = Instant::now();
             let refused = std::mem::take(&mut self.refused_commands);
             self.publish_status(
                 Event::Refused,
                 0,
                 format_args!(
-                    "{refused} commands refused: more than {COMMAND_RATE} a second of one putter"
+                    "{refused} commands refused: more than {COMMAND_RATE} a second from one sender"
                 ),
             )?;
         }
@@ -69,8 +69,8 @@ impl Service {
         Ok(())
     }
 
-    /// Follows the commands that were put until then, so that a command divides the frames at its own time, whenever it is seen.
-    pub(super) fn follow_waiting(
+    /// Executes the commands sent up to `until_ns`. A command thus splits the frames at its own time, whenever it is read.
+    pub(super) fn execute_waiting(
         &mut self,
         until_ns: u64,
         finger: Option<usize>,
@@ -98,7 +98,7 @@ impl Service {
             Some(Command::Start | Command::Stop) if by_contact => self.publish_status(
                 Event::Refused,
                 number,
-                format_args!("sweeps begin and end by contact"),
+                format_args!("the table starts and ends sweeps by contact"),
             ),
             Some(Command::Start) => {
                 let change = finger.segmenter.start();
@@ -114,12 +114,16 @@ impl Service {
             Some(Command::Reset) => {
                 finger.classifier.reset();
                 finger.recent.forget();
-                self.publish_status(Event::Reset, number, format_args!("fused sweeps forgotten"))
+                self.publish_status(Event::Reset, number, format_args!("fused sweeps discarded"))
             }
             Some(Command::Enroll) => self.enroll(number, command),
             None => {
                 let kind = command.kind;
-                self.publish_status(Event::Refused, number, format_args!("no command {kind}"))
+                self.publish_status(
+                    Event::Refused,
+                    number,
+                    format_args!("unknown command {kind}"),
+                )
             }
         }
     }
@@ -129,14 +133,14 @@ impl Service {
         let kept = recent.kept();
         let (material, sweeps) = (command.material, command.sweeps);
         if material.as_str().is_empty() {
-            return self.publish_status(Event::Refused, number, format_args!("enrol: no name"));
+            return self.publish_status(Event::Refused, number, format_args!("enroll: no name"));
         }
         let Some(digits) = recent.newest(sweeps as usize) else {
             return self.publish_status(
                 Event::Refused,
                 number,
                 format_args!(
-                    "enrol `{}`: {sweeps} sweeps asked for, {kept} are kept: whole ones since the last reset",
+                    "enroll `{}`: {sweeps} sweeps requested, {kept} complete sweeps since the last reset",
                     material.as_str()
                 ),
             );
@@ -153,7 +157,7 @@ impl Service {
             return self.publish_status(
                 Event::Refused,
                 number,
-                format_args!("enrol `{}`: busy, try again", material.as_str()),
+                format_args!("enroll `{}`: busy, try again", material.as_str()),
             );
         }
         Ok(())

@@ -1,14 +1,15 @@
-//! From a finger's classifier to a packet with its belief.
+//! Predictions and the belief packets that carry them.
 
 use tactnet_channel::now_ns;
-use tactnet_models::{argmax, entropy};
+use tactnet_models::{Belief, argmax, entropy};
+use tactnet_pipeline::SweepBelief;
 
 use super::Service;
 use crate::ServeError;
-use tactnet_skin::packets::{MAX_MATERIALS, Stage, Verdict};
+use tactnet_skin::packets::{MAX_MATERIALS, Stage, TactileBelief, Verdict};
 
 impl Service {
-    /// Predicts the material from the frames of the sweep so far, and puts the belief.
+    /// Predicts the material from the frames of the sweep so far and sends the belief.
     pub(super) fn predict(
         &mut self,
         number: usize,
@@ -29,19 +30,10 @@ impl Service {
             Stage::Dropout => finger.classifier.classify_by_dropout(),
             Stage::Anytime | Stage::Plain => finger.classifier.classify(),
         };
-        let log_p = belief.log_probability;
         let verdict = verdict_of(belief.unknown);
         *out = bytemuck::Zeroable::zeroed();
-        out.materials = log_p.len() as u32;
-        out.label = argmax(log_p) as u32;
-        out.verdict = verdict as u32;
-        out.entropy = belief.entropy as f32;
-        out.strangeness = belief.strangeness.unwrap_or(0.0) as f32;
-        out.threshold = belief.threshold.unwrap_or(0.0) as f32;
-        for (out, log_p) in out.posterior.iter_mut().zip(log_p) {
-            *out = log_p.exp() as f32;
-        }
-        // What is unknown must not count for one of the known materials.
+        write_sweep(out, &belief, verdict);
+        // An unknown sweep must not count towards one of the known materials.
         if last && verdict != Verdict::Unknown {
             finger.classifier.fuse();
         }
@@ -49,17 +41,7 @@ impl Service {
             finger.classifier.end_sweep();
         }
         out.fused_verdict = verdict_of(finger.classifier.object_is_unknown()) as u32;
-        let fused = finger.classifier.fused();
-        let mut probabilities = [0.0; MAX_MATERIALS];
-        let probabilities = &mut probabilities[..out.materials as usize];
-        fused.probabilities_into(probabilities);
-        out.fused_sweeps = fused.sweeps() as u32;
-        out.fused_label = argmax(probabilities) as u32;
-        for (out, p) in out.fused.iter_mut().zip(probabilities.iter()) {
-            *out = *p as f32;
-        }
-        probabilities.iter_mut().for_each(|p| *p = p.ln());
-        out.fused_entropy = entropy(probabilities) as f32;
+        write_fused(out, finger.classifier.fused());
         out.sweep = finger.sweep;
         out.motion = finger.motion;
         out.model_version = self.names.version;
@@ -80,9 +62,37 @@ impl Service {
         if whole && latency as f64 > 1e6 * deadline_ms {
             self.counters.deadline_misses += 1;
         }
-        self.measures.count_prediction(stage, now - begun);
+        self.metrics.count_prediction(stage, now - begun);
         Ok(())
     }
+}
+
+/// Writes the prediction of this sweep alone into the packet.
+fn write_sweep(out: &mut TactileBelief, belief: &SweepBelief<'_>, verdict: Verdict) {
+    let log_p = belief.log_probability;
+    out.materials = log_p.len() as u32;
+    out.label = argmax(log_p) as u32;
+    out.verdict = verdict as u32;
+    out.entropy = belief.entropy as f32;
+    out.strangeness = belief.strangeness.unwrap_or(0.0) as f32;
+    out.threshold = belief.threshold.unwrap_or(0.0) as f32;
+    for (out, log_p) in out.posterior.iter_mut().zip(log_p) {
+        *out = log_p.exp() as f32;
+    }
+}
+
+/// Writes the fused prediction of all sweeps into the packet.
+fn write_fused(out: &mut TactileBelief, fused: &Belief) {
+    let mut probabilities = [0.0; MAX_MATERIALS];
+    let probabilities = &mut probabilities[..out.materials as usize];
+    fused.probabilities_into(probabilities);
+    out.fused_sweeps = fused.sweeps() as u32;
+    out.fused_label = argmax(probabilities) as u32;
+    for (out, p) in out.fused.iter_mut().zip(probabilities.iter()) {
+        *out = *p as f32;
+    }
+    probabilities.iter_mut().for_each(|p| *p = p.ln());
+    out.fused_entropy = entropy(probabilities) as f32;
 }
 
 fn verdict_of(unknown: Option<bool>) -> Verdict {

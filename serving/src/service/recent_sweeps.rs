@@ -1,9 +1,9 @@
-//! Sweeps that a new material can be learnt from.
+//! Recent sweeps from which a new material can be enrolled.
 
-/// Whole sweeps of a finger that are kept.
+/// Maximum number of complete sweeps kept per finger.
 const KEPT_SWEEPS: usize = 20;
 
-/// The newest whole sweeps of one finger.
+/// The most recent complete sweeps of one finger.
 pub(super) struct RecentSweeps {
     /// `[KEPT_SWEEPS][values]`
     digits: Vec<f32>,
@@ -26,7 +26,7 @@ impl RecentSweeps {
         self.came += 1;
     }
 
-    /// The newest `sweeps`, or `None` where there are not so many.
+    /// Returns the newest `sweeps` sweeps, oldest first, or `None` if fewer are kept.
     pub(super) fn newest(&self, sweeps: usize) -> Option<Vec<f32>> {
         if sweeps == 0 || sweeps > self.kept() {
             return None;
@@ -39,12 +39,12 @@ impl RecentSweeps {
         Some(digits)
     }
 
-    /// How many there are.
+    /// Returns the number of sweeps kept.
     pub(super) fn kept(&self) -> usize {
         self.came.min(KEPT_SWEEPS)
     }
 
-    /// Forgets all.
+    /// Discards all sweeps.
     pub(super) fn forget(&mut self) {
         self.came = 0;
     }

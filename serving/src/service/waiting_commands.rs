@@ -1,14 +1,15 @@
-//! Commands that wait for the frame that they come before.
+//! Commands that wait for the frame that follows them.
 
 use std::collections::VecDeque;
 
 use tactnet_skin::packets::SweepCommand;
 
-/// Most that wait for one finger, and for none.
+/// Maximum number of commands waiting for one finger, and for invalid fingers together.
 pub(super) const MAX_COMMANDS: usize = 32;
 
-/// Commands with the time that they were put at, in its order.
+/// Waiting commands, ordered by the time at which they were sent.
 pub(super) struct WaitingCommands {
+    /// Time of sending, in ns, and the command.
     waiting: VecDeque<(u64, SweepCommand)>,
     fingers: usize,
 }
@@ -21,8 +22,8 @@ impl WaitingCommands {
         }
     }
 
-    /// Adds one that was put at `put_ns`; false if too many wait for its finger, which may be unplugged: no other finger's places are taken by
-    /// them. Several commanders are looked at in turns, not in the order of time.
+    /// Adds a command sent at `put_ns`; returns false if too many wait for its finger, for example an unplugged one.
+    /// Each finger has its own limit. Commands of several senders may arrive out of order.
     pub(super) fn add(&mut self, put_ns: u64, command: SweepCommand) -> bool {
         let finger = |command: &SweepCommand| (command.finger as usize).min(self.fingers);
         let waiting = self.waiting.iter();
@@ -35,9 +36,9 @@ impl WaitingCommands {
         true
     }
 
-    /// Takes the earliest that was put until `until_ns`.
+    /// Removes and returns the earliest command sent up to `until_ns`.
     ///
-    /// - `finger`: only its own, and those of no finger that there is; `None`: any
+    /// - `finger`: restricts the result to this finger and to invalid fingers; `None` allows any
     pub(super) fn take(&mut self, until_ns: u64, finger: Option<usize>) -> Option<SweepCommand> {
         let at = self
             .waiting
@@ -77,7 +78,7 @@ mod tests {
             assert!(waiting.add(put_ns, command(0, motion)));
         }
         assert!(motions(&mut waiting, 9, None).is_empty());
-        // At one time: as they came.
+        // Commands with equal times keep their order of arrival.
         assert_eq!(motions(&mut waiting, 20, None), [1, 2, 22]);
         assert_eq!(motions(&mut waiting, u64::MAX, None), [3]);
     }
@@ -100,7 +101,7 @@ mod tests {
             assert!(waiting.add(motion, command(0, motion)));
         }
         assert!(!waiting.add(0, command(0, 99)));
-        // What is for no finger has places of its own.
+        // Commands for invalid fingers have their own limit.
         assert!(waiting.add(99, command(5, 99)));
         assert_eq!(
             motions(&mut waiting, u64::MAX, None),

@@ -1,9 +1,9 @@
 "use strict";
 const el = id => document.getElementById(id);
 const SECONDS = 3;
-/** Without a view for so long, what is shown is old; milliseconds. */
-const PATIENCE = 1000;
-/** Letters from which on an answer is set smaller. */
+/** Time without an update after which the page counts as stale, in ms. */
+const STALE_AFTER = 1000;
+/** Number of characters above which a prediction is set in a smaller font. */
 const LONG = 24;
 let view = null, traces = [], came = 0, pending = false, chosen = -1, low_ = 0, top_ = 0, whole = true, said = "", connected = true;
 
@@ -13,9 +13,9 @@ const node = (tag, text, name) => { const made = document.createElement(tag); if
 const set = (id, text) => { if (el(id).textContent !== text) el(id).textContent = text; };
 const ago = ms => ms < 60000 ? Math.round(ms / 1000) + " s" : Math.round(ms / 60000) + " min";
 
-// ---- Answer, score, events, counters
+// ---- Prediction, score, events, counters
 
-/** How much of a sweep that goes on a belief has seen. */
+/** Returns the number of readings of the current sweep in a belief. */
 const seenOf = belief => belief.frames + (view.steps ? " of " + view.steps : "") + " readings";
 function showAnswer() {
   const { belief, object } = view, answer = object.answer, partial = belief && belief.stage === "anytime";
@@ -35,14 +35,14 @@ function showAnswer() {
   el("answer").classList.toggle("long", el("answer").textContent.length > LONG);
   const truth = el("truth");
   truth.className = object.right === null ? "" : object.right ? "right" : "wrong";
-  set("truth", object.several ? "Several materials were touched since the last new object."
+  set("truth", object.several ? "The commands since the last new object name several materials."
     : object.truth === null ? "" : object.right === null ? "It is " + object.truth + "."
-    : (object.right ? "✓ Right" : "✗ Wrong") + ": it is " + object.truth + (object.taught ? "." : ", which it was never taught."));
+    : (object.right ? "✓ Right" : "✗ Wrong") + ": it is " + object.truth + (object.taught ? "." : ", an untrained material."));
   if (belief) {
     const [name, p] = belief.posterior[0] || ["", 0], says = (belief.unknown ? "unknown, nearest " : "") + name + " " + percent(p);
     set("sweep", partial ? "Sweep " + (object.sweeps + 1) + ", " + seenOf(belief) + ", provisional: " + says : "Sweep " + object.sweeps + " alone: " + says);
     el("progress").value = view.steps ? belief.frames / view.steps : 0;
-  } else { set("sweep", "The finger is about to move."); el("progress").value = 0; }
+  } else { set("sweep", "Waiting for the finger to move."); el("progress").value = 0; }
   const fused = belief && belief.fused_sweeps > 0 && object.sweeps > 0, rows = !belief ? [] : fused ? belief.fused : belief.posterior;
   set("bars-title", fused ? "Probabilities, all complete sweeps of this object" : partial ? "Probabilities, provisional" : "Probabilities, this sweep");
   el("bars").className = partial && !fused ? "provisional" : "";
@@ -60,18 +60,18 @@ function showBars(rows) {
   if (rows.length && others > 0) {
     const bar = node("li", undefined, "rest"); bar.append(node("span", others + (others === 1 ? " other" : " others")), node("span", percent(left))); items.push(bar);
   }
-  if (!rows.length) items.push(node("li", view.materials ? "One of " + view.materials + (view.tells_unknown ? " materials, or none of them." : " materials.") : "No network serves yet.", "rest"));
+  if (!rows.length) items.push(node("li", view.materials ? "One of " + view.materials + (view.tells_unknown ? " materials, or none of them." : " materials.") : "No network yet.", "rest"));
   el("bars").replaceChildren(...items);
 }
 function showScore() {
   const { right, all, new_right, new_all, marks } = view.score, truth = view.object.truth !== null || all > 0;
   el("score-card").hidden = !truth; document.body.classList.toggle("unscored", !truth);
   set("score", all ? right + " of " + all : "–");
-  set("score-note", all ? "right (" + Math.round(100 * right / all) + " %)" : "the first object is being felt");
+  set("score-note", all ? "right (" + Math.round(100 * right / all) + " %)" : "the first object is in progress");
   el("score-cycle").hidden = !view.note; set("score-cycle", view.note || "");
   set("score-taught", all > new_all ? (right - new_right) + " of " + (all - new_all) + " right" : "none yet");
   el("score-new-name").hidden = el("score-new").hidden = new_all === 0;
-  set("score-new", view.tells_unknown ? new_right + " of " + new_all + " called unknown" : new_all + "; this network cannot say \"unknown\" (train it with --calibrate)");
+  set("score-new", view.tells_unknown ? new_right + " of " + new_all + " predicted unknown" : new_all + "; this network is not calibrated to detect unknown materials");
   const key = all + "/" + right;
   if (el("marks").dataset.key === key) return;
   el("marks").dataset.key = key;
@@ -88,29 +88,30 @@ function showEvents() {
   });
   el("events").replaceChildren(...(items.length ? items : [node("li", "Nothing yet.", "soft")]));
 }
-const WHY = {
-  "answers over the time limit": "Answers later than promised after a sweep's last reading: after one reading's time, or three with dropout masks, unless the table says otherwise. They are late, not wrong.",
-  "longest wait of a reading, ms": "From a reading's arrival until it was dealt with, whichever reading it was. Only answers after a sweep's last reading have a time limit.",
-  "sweeps rejected": "Sweeps that cannot be used; the reason stands among what happened.",
+/** Tooltips of the counters. */
+const TOOLTIPS = {
+  "missed deadlines": "Predictions after the deadline, which counts from a sweep's last reading: one reading period, or three with dropout masks, unless the table sets another. They are late, not wrong.",
+  "longest processing delay, ms": "Maximum time from a reading's arrival to the end of its processing. Only predictions after a sweep's last reading have a deadline.",
+  "sweeps rejected": "Sweeps that cannot be used; the event list gives the reason.",
 };
 function showCounters() {
-  const told = view.counters.filter(([name]) => view.tells_unknown || name !== "sweeps called unknown");
-  const rows = told.map(([name, n]) => [name, n.toLocaleString("en")]);
-  if (view.belief) rows.push(["last reading to answer, ms", (view.belief.latency_us / 1000).toFixed(2)]);
-  if (view.model_version) rows.push(["version of the network", String(view.model_version)]);
-  el("counters").replaceChildren(...rows.map(([name, n]) => { const pair = node("div"); if (WHY[name]) pair.title = WHY[name]; pair.append(node("dt", name), node("dd", n)); return pair; }));
+  const shown = view.counters.filter(([name]) => view.tells_unknown || name !== "sweeps predicted unknown");
+  const rows = shown.map(([name, n]) => [name, n.toLocaleString("en")]);
+  if (view.belief) rows.push(["last reading to prediction, ms", (view.belief.latency_us / 1000).toFixed(2)]);
+  if (view.model_version) rows.push(["network version", String(view.model_version)]);
+  el("counters").replaceChildren(...rows.map(([name, n]) => { const pair = node("div"); if (TOOLTIPS[name]) pair.title = TOOLTIPS[name]; pair.append(node("dt", name), node("dd", n)); return pair; }));
 }
 function showAge() {
-  const silent = performance.now() - came, lost = !connected || silent > PATIENCE, dead = view && !view.alive, old = lost || dead;
+  const silent = performance.now() - came, lost = !connected || silent > STALE_AFTER, dead = view && !view.alive, old = lost || dead;
   document.body.classList.toggle("stale", Boolean(old));
   const silentSkin = view && !old && view.frames_per_s < .5;
   el("state").className = old || !view ? "dead" : silentSkin ? "waiting" : "alive";
-  set("state", !view ? "connecting" : lost ? "connection lost, trying again" : dead ? "the classifier is silent" : silentSkin ? "waiting for a skin" : "live");
+  set("state", !view ? "connecting" : lost ? "connection lost, reconnecting" : dead ? "the classifier is silent" : silentSkin ? "waiting for a skin" : "live");
   document.body.classList.toggle("skinless", Boolean(silentSkin));
-  set("skin-title", silentSkin ? "Skin, last pressure: no reading comes" : "Skin, pressure now");
-  set("age", old && view ? "Old: this was the answer " + ago(view.heard_ms + silent) + " ago." : silentSkin && view.belief ? "No reading comes: this is the last answer." : "");
+  set("skin-title", silentSkin ? "Skin, last pressure: no readings" : "Skin, pressure now");
+  set("age", old && view ? "Stale: this prediction is " + ago(view.heard_ms + silent) + " old." : silentSkin && view.belief ? "No readings: this is the last prediction." : "");
   el("reset").disabled = Boolean(old) || !view;
-  set("rate", view && !old && !silentSkin ? view.frames_per_s.toFixed(0) + " readings a second" : "");
+  set("rate", view && !old && !silentSkin ? view.frames_per_s.toFixed(0) + " readings per second" : "");
 }
 
 // ---- Skin and traces
@@ -120,19 +121,19 @@ function context(canvas) {
   if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) { canvas.width = Math.round(width * scale); canvas.height = Math.round(height * scale); }
   const c = canvas.getContext("2d"); c.setTransform(scale, 0, 0, scale, 0, 0); c.clearRect(0, 0, width, height); return [c, width, height];
 }
-// Viridis, five stops.
+// Viridis colour map, five stops.
 const STOPS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
 function heat(t) {
   const x = Math.min(Math.max(t, 0), 1) * (STOPS.length - 1), i = Math.min(Math.floor(x), STOPS.length - 2), f = x - i;
   return "rgb(" + STOPS[i].map((a, k) => Math.round(a + (STOPS[i + 1][k] - a) * f)).join() + ")";
 }
-/** Rows and columns of the skin. */
+/** Returns the number of rows and columns of the skin. */
 const skin = () => { const n = view.frame.length, cols = view.cols || Math.ceil(Math.sqrt(n)) || 1; return [Math.ceil(n / cols) || 1, cols]; };
-/** Taxels of one trace, and rows and columns of the traces. */
+/** Returns the number of taxels per trace, and of rows and columns of traces. */
 const layout = () => {
   const n = view.frame.length, lines = traces.length ? traces[0].length : n, together = Math.ceil(n / Math.max(lines, 1)) || 1;
   const [rows, columns] = skin();
-  // A line of sensors is no shape for curves.
+  // A skin that is a long line is laid out as a square of traces.
   if (together === 1 && Math.max(rows, columns) <= 4 * Math.min(rows, columns)) return [1, rows, columns];
   const cols = Math.ceil(Math.sqrt(lines)); return [together, Math.ceil(lines / cols), cols];
 };
@@ -140,11 +141,11 @@ function heatBox() {
   const [rows, cols] = skin(), w = el("heat").clientWidth, h = el("heat").clientHeight, side = Math.min(w / cols, h / rows);
   return { rows, cols, side, left: (w - side * cols) / 2, top: (h - side * rows) / 2 };
 }
-/** Where a reading is on the scale, from 0 to 1. */
+/** Returns the position of a reading on the scale, 0 to 1. */
 const part = digit => (digit - low_) / (top_ - low_ || 1);
-/** A reading with as many decimals as the scale is fine. */
+/** Formats a reading with decimals that match the scale. */
 const number = digit => { const span = top_ - low_; return digit.toFixed(whole || span >= 100 ? 0 : span >= 10 ? 1 : 2); };
-/** Shows readings between round numbers around all since the page's program began; whole ones from 0 to 20 at least. */
+/** Sets the scale to round numbers around all readings so far; whole readings span at least 0 to 20. */
 function chooseScale() {
   const { least, most } = view.range, step = 10 ** Math.floor(Math.log10(most - least || 1)) / 2;
   whole = view.range.whole;
@@ -182,7 +183,7 @@ function drawTraces() {
 }
 const place = i => { const [, cols] = skin(); return "row " + (Math.floor(i / cols) + 1) + ", column " + (i % cols + 1); };
 function showChosen() {
-  if (chosen < 0 || !view || chosen >= view.frame.length) return set("chosen", "Point at a sensor, tap it, or choose one with the arrow keys.");
+  if (chosen < 0 || !view || chosen >= view.frame.length) return set("chosen", "Point at a sensor, tap it, or select one with the arrow keys.");
   const [together] = layout(), k = Math.floor(chosen / together), values = traces.map(row => row[k]);
   set("chosen", "Sensor in " + place(chosen) + ": now " + number(view.frame[chosen]) + ", " + (together > 1 ? "mean of " + together + " neighbours " : "")
     + "in these 3 seconds " + number(Math.min(...values)) + " to " + number(Math.max(...values)) + ".");
@@ -218,7 +219,7 @@ el("heat").addEventListener("keydown", event => {
 // ---- Robot and balls
 
 const SVG = "http://www.w3.org/2000/svg";
-/** Places that a ball keeps behind it. */
+/** Number of past positions drawn behind a ball. */
 const TRAIL = 24;
 let trail = [];
 const shape = (tag, name, attributes) => { const made = document.createElementNS(SVG, tag); made.setAttribute("class", name); for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value); return made; };

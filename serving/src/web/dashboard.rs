@@ -1,4 +1,4 @@
-//! A live page in the browser. It only looks on: nobody notices when it ends.
+//! Live page in the browser. It only observes; the service does not depend on it.
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -12,15 +12,16 @@ use tactnet_skin::{ServeConfig, material_names};
 use tokio::sync::watch;
 
 use super::WebServer;
-use super::range::Range;
-use super::view::{Seen, View, lines};
+use super::range::DisplayRange;
+use super::view::{ClassifierState, View, trace_values};
 use crate::ServeError;
 
+/// Interval between two updates of the page.
 const EVERY: Duration = Duration::from_millis(50);
-/// Every so many frames one is drawn.
+/// Every third frame is drawn as a point of the traces.
 const DRAWN: u64 = 3;
 
-/// The page on its address, and the channels that it shows. It shows the first finger.
+/// The page and the channels that it shows. It shows the first finger.
 pub struct Dashboard {
     web: WebServer,
     skin: GetPort<SkinFrame>,
@@ -29,35 +30,35 @@ pub struct Dashboard {
     status: GetPort<TactileStatus>,
     model: GetPort<ModelNames>,
     views: watch::Sender<Arc<str>>,
-    seen: Seen,
-    /// Shape of the skin, and length and rate of a sweep.
+    state: ClassifierState,
+    /// Shape of the skin, and length and sample rate of a sweep.
     names: Option<Box<ModelNames>>,
-    /// Digits of the newest frame.
+    /// Values of the newest frame, in digits.
     frame: Vec<f32>,
-    range: Range,
-    /// Frames since the last view, thinned out.
+    range: DisplayRange,
+    /// Thinned-out frames since the last update.
     trace: Vec<Vec<f32>>,
     frames_per_s: f64,
-    /// Since the last view.
+    /// Time of the last update.
     begun: Instant,
     frames: u64,
-    /// When the last status came.
+    /// Time of the last status packet.
     heard: Instant,
-    /// What to know about the score.
+    /// Note beside the score; empty if there is none.
     note: String,
     stage: Option<StageSource>,
 }
 
-/// Looks at what a stage shows, and returns it as the page's program reads it.
+/// Returns the state of a catching stage in the page's JSON format.
 pub type StageSource = Box<dyn FnMut() -> Result<serde_json::Value, ServeError> + Send>;
 
 impl Dashboard {
-    /// Opens the channels and answers browsers.
+    /// Opens the channels and serves the page.
     ///
-    /// - `listener`: see [`super::listen`]
+    /// - `listener`: from [`super::listen`]
     ///
     /// # Errors
-    /// No hub; channels missing in the table; a system without threads or sockets to spare.
+    /// Fails without a hub, if channels are missing in the table, or if no thread or socket is available.
     pub fn open(
         bus: &Bus,
         config: &ServeConfig,
@@ -80,10 +81,10 @@ impl Dashboard {
             status,
             model,
             views,
-            seen: Seen::default(),
+            state: ClassifierState::default(),
             names: None,
             frame: Vec::new(),
-            range: Range::default(),
+            range: DisplayRange::default(),
             trace: Vec::new(),
             frames_per_s: 0.0,
             begun: now,
@@ -94,17 +95,17 @@ impl Dashboard {
         })
     }
 
-    /// Shows a line beside the score.
+    /// Sets the note beside the score.
     pub fn set_note(&mut self, note: String) {
         self.note = note;
     }
 
-    /// Draws robot and balls above the answer; the source is asked twenty times a second.
+    /// Draws robot and balls above the prediction; `stage` is called twenty times a second.
     pub fn show_stage(&mut self, stage: StageSource) {
         self.stage = Some(stage);
     }
 
-    /// Returns the address that it listens at.
+    /// Returns the address at which the server listens.
     pub fn address(&self) -> SocketAddr {
         self.web.address()
     }
@@ -114,16 +115,16 @@ impl Dashboard {
         self.web.link_to("/")
     }
 
-    /// Sleeps until the next frame or the next view, and shows all that has come.
+    /// Waits for the next frame or update and processes everything that has arrived.
     ///
     /// # Errors
-    /// The channels have broken down.
+    /// Fails if the channels break down.
     pub fn step(&mut self) -> Result<(), ServeError> {
         if let Some(packet) = self.skin.get(Wait::Block { timeout: EVERY })? {
             self.frames += 1;
             if let Some(frame) = packet.first() {
                 if frame.sequence % DRAWN == 0 {
-                    self.trace.push(lines(frame.values()));
+                    self.trace.push(trace_values(frame.values()));
                 }
                 self.frame = frame.values().to_vec();
                 self.range.widen(&self.frame);
@@ -134,25 +135,25 @@ impl Dashboard {
                 self.take_names(model);
             }
         }
-        // Before the beliefs: they are of the object and the sweep that were commanded before them.
+        // Commands first: beliefs belong to the object and the sweep commanded before them.
         while let Some(packet) = self.commands.try_get()? {
             if let Some(command) = packet.first()
                 && command.finger == 0
             {
-                self.seen.take_command(command);
+                self.state.take_command(command);
             }
         }
         while let Some(packet) = self.beliefs.try_get()? {
             if let Some(belief) = packet.first()
                 && belief.finger == 0
             {
-                self.seen.take_belief(belief);
+                self.state.take_belief(belief);
             }
         }
         while let Some(packet) = self.status.try_get()? {
             self.heard = Instant::now();
             if let Some(status) = packet.first() {
-                self.seen.take_status(status);
+                self.state.take_status(status);
             }
         }
         if self.begun.elapsed() >= EVERY {
@@ -162,37 +163,37 @@ impl Dashboard {
         Ok(())
     }
 
-    /// Returns a line for every object that was judged and everything that was rejected or refused since the last call, oldest first; only the
-    /// newest of many.
-    pub fn take_news(&mut self) -> Vec<String> {
-        self.seen.news.drain(..).collect()
+    /// Returns a line for every finished object and every rejection or refusal since the last call, oldest first. Old
+    /// lines are dropped if there are many.
+    pub fn take_messages(&mut self) -> Vec<String> {
+        self.state.messages.drain(..).collect()
     }
 
     fn take_names(&mut self, model: &ModelNames) {
-        self.seen.names = material_names(model);
-        self.seen.by_dropout = model.mc_samples > 0;
+        self.state.names = material_names(model);
+        self.state.by_dropout = model.mc_samples > 0;
         self.names = Some(Box::new(*model));
     }
 
     fn send_view(&mut self, stage: Option<&serde_json::Value>) {
         let rate = self.frames as f64 / self.begun.elapsed().as_secs_f64();
         self.frames_per_s += (rate - self.frames_per_s) * 0.2;
-        let (heard, seen) = (self.heard.elapsed(), &self.seen);
+        let (heard, state) = (self.heard.elapsed(), &self.state);
         let mut view = View {
-            materials: seen.names.len(),
+            materials: state.names.len(),
             frame: &self.frame,
             range: &self.range,
             trace: &self.trace,
             frames_per_s: self.frames_per_s,
-            belief: seen.belief.as_ref(),
-            object: &seen.objects.object,
-            score: &seen.objects.score,
+            belief: state.belief.as_ref(),
+            object: &state.objects.object,
+            score: &state.objects.score,
             note: &self.note,
-            tells_unknown: seen.tells_unknown,
+            tells_unknown: state.tells_unknown,
             stage,
-            model_version: seen.model_version,
-            counters: &seen.counters,
-            events: &seen.events,
+            model_version: state.model_version,
+            counters: &state.counters,
+            events: &state.events,
             alive: heard < Duration::from_secs(1),
             heard_ms: heard.as_millis() as u64,
             rows: 0,
@@ -208,7 +209,7 @@ impl Dashboard {
         }
         let text = serde_json::to_string(&view)
             .unwrap_or_else(|error| panic!("a view is plain values: {error}"));
-        // Nobody may be looking.
+        // Fails only if no browser is connected.
         let _ = self.views.send(text.into());
         self.trace.clear();
         self.begun = Instant::now();
@@ -217,7 +218,7 @@ impl Dashboard {
 }
 
 fn reset(commands: &PutPort<SweepCommand>) {
-    // A page that asks twice is served once more; nothing is lost if this fails.
+    // If it fails, the user presses the button again.
     let _ = commands.put_copy(&[SweepCommand {
         kind: Command::Reset as u32,
         finger: 0,

@@ -1,7 +1,7 @@
-//! Who is answered: whoever asks this address by its number, and by name or from elsewhere only with the token.
+//! Access control. A loopback server accepts requests addressed by number or `localhost`; other servers require the token.
 //!
-//! A page of another site that lets its own name point here (DNS rebinding) asks with that name as `Host`; a page that asks across sites
-//! says where it is from in `Origin`. Neither gets an answer.
+//! With DNS rebinding a page of another site sends that site's name as `Host`; a cross-site request names its site in
+//! `Origin`. Both are refused.
 
 use std::fs::File;
 use std::io::Read;
@@ -14,10 +14,10 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-/// Holds the token of pages and counters that listen beyond loopback; without it one is drawn.
+/// Environment variable with the access token of servers beyond loopback; without it a random token is generated.
 pub const TOKEN_VARIABLE: &str = "TACTNET_WEB_TOKEN";
 const COOKIE_NAME: &str = "tactnet";
-/// What browsers are told about every answer: nothing from elsewhere, no frame around it, no guessing of types.
+/// Security headers of every response: no foreign content, no framing, no guessing of media types.
 const SAFETY: [(&str, &str); 4] = [
     (
         "content-security-policy",
@@ -29,18 +29,18 @@ const SAFETY: [(&str, &str); 4] = [
     ("referrer-policy", "no-referrer"),
 ];
 
-/// What decides whether a request is answered.
+/// Access rule of a server.
 #[derive(Debug, Clone)]
 pub(super) struct Guard {
-    /// Needed by everybody where others than this machine can connect.
+    /// Token required if other machines can connect.
     token: Option<Arc<str>>,
 }
 
 impl Guard {
-    /// For a server at `address`.
+    /// Creates the access rule of a server at `address`.
     ///
     /// # Errors
-    /// No token can be drawn.
+    /// Fails if no random token can be generated.
     pub fn at(address: SocketAddr) -> std::io::Result<Self> {
         if address.ip().is_loopback() {
             return Ok(Self { token: None });
@@ -55,14 +55,14 @@ impl Guard {
         })
     }
 
-    /// What stands behind a path in a link.
+    /// Returns the query part of a link, with the token.
     pub fn query(&self) -> String {
         self.token
             .as_ref()
             .map_or_else(String::new, |token| format!("?token={token}"))
     }
 
-    /// Returns why a request is not answered.
+    /// Returns an HTTP status and a message if the request is refused.
     fn refuse(&self, headers: &HeaderMap, uri: &Uri) -> Result<(), (StatusCode, &'static str)> {
         let host = headers.get(HOST).map(|value| value.to_str().unwrap_or(""));
         if let (None, Some(host)) = (&self.token, host)
@@ -70,26 +70,29 @@ impl Guard {
         {
             return Err((
                 StatusCode::MISDIRECTED_REQUEST,
-                "ask for this host by its address\n",
+                "address this host by its number or as `localhost`\n",
             ));
         }
         if let Some(origin) = headers.get(ORIGIN) {
             let own = host.map(|host| format!("http://{host}"));
             if own.as_deref() != origin.to_str().ok() {
-                return Err((StatusCode::FORBIDDEN, "asked from a page of another site\n"));
+                return Err((
+                    StatusCode::FORBIDDEN,
+                    "requested from a page of another site\n",
+                ));
             }
         }
         match &self.token {
             Some(token) if !given_tokens(headers, uri).any(|given| same(given, token)) => Err((
                 StatusCode::UNAUTHORIZED,
-                "open the link with the token that was printed, or send `Authorization: Bearer TOKEN`\n",
+                "open the printed link with the token, or send `Authorization: Bearer TOKEN`\n",
             )),
             _ => Ok(()),
         }
     }
 }
 
-/// Answers a request if it may be, and says to browsers what they may do with it.
+/// Handles a request if it is allowed, and adds the security headers to the response.
 pub(super) async fn check(State(guard): State<Guard>, request: Request, next: Next) -> Response {
     let asked = guard.refuse(request.headers(), request.uri());
     let by_link = query_token(request.uri()).is_some();
@@ -112,7 +115,7 @@ pub(super) async fn check(State(guard): State<Guard>, request: Request, next: Ne
     response
 }
 
-/// A name can be anybody's; a number, or `localhost`, is not what another site is called.
+/// Returns true if another site cannot have this host name: an IP address or `localhost`.
 fn is_number_or_localhost(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         Some(rest) => rest.split(']').next().unwrap_or(""),
@@ -142,7 +145,7 @@ fn query_token(uri: &Uri) -> Option<&str> {
     pairs.find_map(|pair| pair.strip_prefix("token="))
 }
 
-/// Compares in a time that does not depend on where the first difference is.
+/// Compares in constant time.
 fn same(given: &str, token: &str) -> bool {
     let pairs = given.bytes().zip(token.bytes());
     given.len() == token.len() && pairs.fold(0, |all, (a, b)| all | (a ^ b)) == 0

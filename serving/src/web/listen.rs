@@ -1,4 +1,4 @@
-//! Listening at an address, and who has it where that is refused.
+//! Listening at an address, and the program that already uses it.
 
 use std::fmt;
 use std::fs;
@@ -8,15 +8,16 @@ use std::path::Path;
 
 use crate::ServeError;
 
-/// Ports after a taken one that are tried.
+/// Number of ports tried after one that is in use.
 const TRIED: u16 = 100;
-/// A socket that listens, in Linux's tables.
+/// State of a listening socket in Linux's tables.
 const LISTENS: &str = "0A";
 
-/// Binds an address. Whoever connects waits until somebody answers.
+/// Binds an address. Clients can connect before the server accepts.
 ///
 /// # Errors
-/// [`ServeError::Taken`] with the holder and a free port; [`ServeError::Listen`] for an address that is not this host's, or not allowed.
+/// Returns [`ServeError::Taken`] with the program and a free port, or [`ServeError::Listen`] if the address is not
+/// local or not permitted.
 pub fn listen(address: SocketAddr) -> Result<TcpListener, ServeError> {
     TcpListener::bind(address).map_err(|source| match source.kind() {
         ErrorKind::AddrInUse => ServeError::Taken {
@@ -28,12 +29,12 @@ pub fn listen(address: SocketAddr) -> Result<TcpListener, ServeError> {
     })
 }
 
-/// A program that listens at an address.
+/// Name and process id of the program that listens at an address, if known.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Holder(Option<(String, u32)>);
 
 impl Holder {
-    /// Looks it up in Linux's `/proc`; unknown elsewhere, and where the program is another user's.
+    /// Looks the program up in Linux's `/proc`. It stays unknown on other systems, and for programs of other users.
     fn of(address: SocketAddr) -> Self {
         let tables = ["/proc/net/tcp", "/proc/net/tcp6"].map(fs::read_to_string);
         let inodes = tables.into_iter().flatten();
@@ -53,7 +54,7 @@ impl fmt::Display for Holder {
     }
 }
 
-/// The inodes of sockets that keep others from `address`.
+/// Returns the inodes of listening sockets that block `address`.
 ///
 /// - `table`: `/proc/net/tcp` or `/proc/net/tcp6`
 fn listening(table: &str, address: SocketAddr) -> Vec<u64> {
@@ -68,7 +69,7 @@ fn listening(table: &str, address: SocketAddr) -> Vec<u64> {
     sockets.collect()
 }
 
-/// An address as the kernel prints it: words of 32 bits in the host's byte order.
+/// Parses an address as the kernel prints it: words of 32 bits in the host's byte order.
 fn ip_of(hex: &str) -> Option<IpAddr> {
     let mut bytes = Vec::with_capacity(16);
     for at in (0..hex.len()).step_by(8) {
@@ -85,7 +86,7 @@ fn ip_of(hex: &str) -> Option<IpAddr> {
     }
 }
 
-/// Name and number of the process that has a socket open.
+/// Returns name and id of the process that has a socket open.
 fn program_of(inode: u64) -> Option<(String, u32)> {
     let socket = format!("socket:[{inode}]");
     let has = |process: &Path| {
@@ -124,7 +125,7 @@ mod tests {
         let begin = format!("cannot listen at {address}: ");
         assert!(text.starts_with(&begin), "{text}");
         if cfg!(target_os = "linux") {
-            let process = format!("(process {}) has that port", std::process::id());
+            let process = format!("(process {}) uses that port", std::process::id());
             assert!(text.contains(&process), "{text}");
         }
         let ServeError::Taken {

@@ -1,55 +1,55 @@
-//! The objects that were touched: what was said of each, what it was where somebody says so, and how often the two agree.
+//! Objects that were touched: predicted material, true material if known, and the score.
 
 use std::collections::VecDeque;
 
 use serde::Serialize;
 
-/// Objects whose outcome is remembered.
-const MARKS: usize = 24;
+/// Number of outcomes kept for the page.
+const KEPT_OUTCOMES: usize = 24;
 
-/// What the classifier says of an object.
+/// Predicted material of an object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Answer {
-    /// `None`: none of the materials that the network was taught.
+pub(super) struct Prediction {
+    /// Predicted material; `None` if unknown.
     pub(super) material: Option<String>,
-    /// The taught material that is most probable; the same as `material` where there is one.
+    /// The most probable trained material; equal to `material` unless that is `None`.
     pub(super) nearest: String,
-    /// Of `nearest`, 0 to 1.
+    /// Probability of `nearest`, 0 to 1.
     pub(super) probability: f32,
 }
 
 /// The object under the finger, from one reset to the next.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub(super) struct Object {
-    /// From 1.
+    /// Number of the object, from 1.
     number: u64,
-    /// Its material, where somebody says so.
+    /// True material, if a command names it.
     truth: Option<String>,
-    /// False if the network was not taught that material.
+    /// True if the network was trained on that material.
     taught: bool,
-    /// True if more than one material was swept over since the reset.
+    /// True if the commands since the reset name more than one material.
     several: bool,
-    /// Whole sweeps that were judged.
+    /// Number of classified sweeps.
     sweeps: u32,
-    /// After the newest whole sweep.
-    answer: Option<Answer>,
-    /// Whether the answer is the truth, where both are there.
+    /// Prediction after the newest complete sweep.
+    answer: Option<Prediction>,
+    /// True if the prediction is correct; `None` without a true material or prediction.
     right: Option<bool>,
 }
 
-/// How many answers were right, of finished objects with a truth.
+/// Number of correct predictions of finished objects with a known material.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub(super) struct Score {
     right: u64,
     all: u64,
-    /// Objects of materials that the network was not taught, and how many of them were called unknown; counted above, too.
+    /// Number of objects of untrained materials, and of those predicted unknown; included in the totals above.
     new_right: u64,
     new_all: u64,
     /// The newest outcomes, oldest first.
     marks: VecDeque<bool>,
 }
 
-/// The object under the finger, and the score of those before it.
+/// The current object, and the score of those before it.
 #[derive(Debug, Default)]
 pub(super) struct Objects {
     pub(super) object: Object,
@@ -57,10 +57,10 @@ pub(super) struct Objects {
 }
 
 impl Objects {
-    /// A sweep begins over a material that is known to whoever commands it.
+    /// Records the start of a sweep over a known material.
     ///
-    /// - `taught`: materials of the network
-    pub(super) fn sweep_over(&mut self, material: &str, taught: &[String]) {
+    /// - `taught`: trained materials of the network
+    pub(super) fn start_sweep(&mut self, material: &str, taught: &[String]) {
         let object = &mut self.object;
         if material.is_empty() {
             return;
@@ -74,10 +74,10 @@ impl Objects {
         object.taught = taught.iter().any(|name| name == material);
     }
 
-    /// A whole sweep was judged.
+    /// Records the prediction of a complete sweep.
     ///
-    /// - `answer`: given all sweeps of the object
-    pub(super) fn judge(&mut self, answer: Answer) {
+    /// - `answer`: prediction from all sweeps of the object
+    pub(super) fn judge(&mut self, answer: Prediction) {
         let object = &mut self.object;
         object.number = object.number.max(1);
         object.sweeps += 1;
@@ -92,10 +92,10 @@ impl Objects {
         object.answer = Some(answer);
     }
 
-    /// The next sweep is of another object. Returns the one before, if it was judged.
+    /// Starts the next object. Returns the finished one if it was classified.
     pub(super) fn next(&mut self) -> Option<Object> {
         if self.object.sweeps == 0 {
-            // What was touched without being judged is the same object as before.
+            // An object without a prediction is not counted.
             self.object.truth = None;
             self.object.several = false;
             return None;
@@ -114,7 +114,7 @@ impl Objects {
                 score.new_right += u64::from(right);
             }
             score.marks.push_back(right);
-            if score.marks.len() > MARKS {
+            if score.marks.len() > KEPT_OUTCOMES {
                 score.marks.pop_front();
             }
         }
@@ -123,22 +123,22 @@ impl Objects {
 }
 
 impl Object {
-    /// Returns whether the answer is the truth, where both are there.
+    /// Returns true if the prediction is correct; `None` without a true material or prediction.
     pub(super) fn right(&self) -> Option<bool> {
         self.right
     }
 
-    /// Returns how many whole sweeps were judged.
+    /// Returns the number of classified sweeps.
     pub(super) fn sweeps(&self) -> u32 {
         self.sweeps
     }
 
-    /// Returns the material under the finger, where somebody says so.
+    /// Returns the true material, if a command names it.
     pub(super) fn truth(&self) -> Option<&str> {
         self.truth.as_deref()
     }
 
-    /// Returns one line for people, such as `object 3: said cork (97 %) after 3 sweeps, it was wood`.
+    /// Returns one line of text, such as `object 3: said cork (97 %) after 3 sweeps, it was wood`.
     pub(super) fn line(&self) -> String {
         let said = match &self.answer {
             Some(answer) => answer.line(),
@@ -157,7 +157,7 @@ impl Object {
     }
 }
 
-impl Answer {
+impl Prediction {
     /// Returns `cork (97 %)`, or `unknown material`.
     pub(super) fn line(&self) -> String {
         match &self.material {
@@ -171,8 +171,8 @@ impl Answer {
 mod tests {
     use super::*;
 
-    fn says(material: Option<&str>) -> Answer {
-        Answer {
+    fn says(material: Option<&str>) -> Prediction {
+        Prediction {
             material: material.map(Into::into),
             nearest: material.unwrap_or("cork").into(),
             probability: 0.974,
@@ -182,7 +182,7 @@ mod tests {
     fn touch(objects: &mut Objects, truth: &str, said: Option<&str>) -> Option<Object> {
         let taught = ["cork".to_string(), "wood".to_string()];
         for _ in 0..3 {
-            objects.sweep_over(truth, &taught);
+            objects.start_sweep(truth, &taught);
             objects.judge(says(said));
         }
         objects.next()
@@ -222,9 +222,9 @@ mod tests {
             objects.next().unwrap().line(),
             "object 1: said cork (97 %) after 1 sweep"
         );
-        // Nobody said that the object is another one.
-        objects.sweep_over("cork", &taught);
-        objects.sweep_over("wood", &taught);
+        // The reset command for the second object is missing.
+        objects.start_sweep("cork", &taught);
+        objects.start_sweep("wood", &taught);
         objects.judge(says(Some("wood")));
         assert_eq!(objects.next().unwrap().right(), None);
         assert_eq!(objects.score, Score::default());

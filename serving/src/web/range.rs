@@ -1,18 +1,18 @@
-//! Between which readings the page draws.
+//! Value range of the page's colour scale.
 
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
-/// What readings are shown between: the least and the largest so far, and zero unless even the one that is
-/// nearest to it is farther from it than half of what lies between both, as with a skin that does not rest at zero.
+/// Minimum and maximum reading so far. The range includes zero unless all readings are further from zero than half of
+/// their spread, as for a skin with an offset at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Range {
+pub(super) struct DisplayRange {
     seen: Option<[f32; 2]>,
-    /// Every digit was a whole number.
+    /// True while every reading is a whole number.
     whole: bool,
 }
 
-impl Default for Range {
+impl Default for DisplayRange {
     fn default() -> Self {
         Self {
             seen: None,
@@ -21,8 +21,10 @@ impl Default for Range {
     }
 }
 
-impl Range {
-    /// - `digits`: of a frame; those that are no numbers are passed over
+impl DisplayRange {
+    /// Extends the range.
+    ///
+    /// - `digits`: values of a frame; values that are not finite are ignored
     pub(super) fn widen(&mut self, digits: &[f32]) {
         for &digit in digits.iter().filter(|digit| digit.is_finite()) {
             let [least, most] = self.seen.unwrap_or([digit; 2]);
@@ -31,7 +33,7 @@ impl Range {
         }
     }
 
-    /// Lower and upper end of a scale, before it is rounded; both 0 before the first reading.
+    /// Returns the lower and upper end of the scale before rounding; both 0 before the first reading.
     fn ends(&self) -> [f32; 2] {
         let Some([least, most]) = self.seen else {
             return [0.0; 2];
@@ -43,7 +45,7 @@ impl Range {
     }
 }
 
-impl Serialize for Range {
+impl Serialize for DisplayRange {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let [least, most] = self.ends();
         let mut fields = serializer.serialize_struct("Range", 3)?;
@@ -60,7 +62,7 @@ mod tests {
 
     #[test]
     fn what_a_sweep_reached_is_kept_when_the_skin_is_at_rest() {
-        let mut range = Range::default();
+        let mut range = DisplayRange::default();
         assert_eq!(range.ends(), [0.0, 0.0]);
         range.widen(&[3.0, -2.0, f32::NAN]);
         assert!(range.whole);
@@ -80,7 +82,7 @@ mod tests {
             ([20.0, 60.0], [0.0, 60.0]),
             ([7.0, 7.0], [0.0, 7.0]),
         ] {
-            let mut range = Range::default();
+            let mut range = DisplayRange::default();
             range.widen(&readings);
             assert_eq!(range.ends(), ends);
         }

@@ -1,4 +1,4 @@
-//! An HTTP server that clients cannot exhaust: so many connections and no more, each with a time limit.
+//! HTTP server with limits on connections and time, so that clients cannot exhaust it.
 
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -12,14 +12,14 @@ use socket2::SockRef;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 
-/// What clients may use.
+/// Limits on clients.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
-    /// Connections at a time; more are closed at once.
+    /// Maximum number of connections; further ones are closed at once.
     pub connections: usize,
-    /// Time for the head of a request, also of the next one on the same connection.
+    /// Timeout for the header of a request, also of later ones on the same connection.
     pub head: Duration,
-    /// Time in which a client takes what it was sent.
+    /// Timeout for a client to receive a response.
     pub unread: Duration,
 }
 
@@ -33,13 +33,13 @@ impl Default for Limits {
     }
 }
 
-/// Answers until it is dropped.
+/// Serves requests until it is dropped.
 pub(super) async fn answer(listener: TcpListener, router: Router, limits: Limits) {
     let free = Arc::new(Semaphore::new(limits.connections));
     loop {
         let stream = match listener.accept().await {
             Ok((stream, _)) => stream,
-            // The client has gone, or descriptors are short: who waits, waits on.
+            // The client has left, or descriptors are exhausted: wait, then continue.
             Err(_) => {
                 tokio::time::sleep(Duration::from_millis(100)).await;
                 continue;
@@ -58,14 +58,14 @@ pub(super) async fn answer(listener: TcpListener, router: Router, limits: Limits
             .max_buf_size(16 << 10)
             .serve_connection(TokioIo::new(stream), service);
         tokio::spawn(async move {
-            // Whatever ends it, it is the client's matter.
+            // Errors of one connection concern only its client.
             let _ = connection.await;
             drop(place);
         });
     }
 }
 
-/// Lets the kernel end a connection whose client takes nothing.
+/// Sets the kernel's timeout for a client that receives nothing.
 fn with_patience(
     stream: tokio::net::TcpStream,
     unread: Duration,

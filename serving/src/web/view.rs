@@ -1,4 +1,4 @@
-//! The state of the page.
+//! State of the live page.
 
 use std::collections::VecDeque;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -8,17 +8,17 @@ use tactnet_skin::packets::{
     Command, Counters, Event, Stage, SweepCommand, TactileBelief, TactileStatus, Verdict,
 };
 
-use super::objects::{Answer, Object, Objects, Score};
-use super::range::Range;
+use super::objects::{Object, Objects, Prediction, Score};
+use super::range::DisplayRange;
 
-/// Most lines of the traces.
-const LINES: usize = 64;
-/// Materials that are shown by name.
-const SHOWN: usize = 5;
-/// Events that are remembered.
-const EVENTS: usize = 40;
+/// Maximum number of traces.
+const MAX_TRACES: usize = 64;
+/// Number of materials shown by name.
+const SHOWN_MATERIALS: usize = 5;
+/// Number of events kept for the page.
+const KEPT_EVENTS: usize = 40;
 
-/// The state of the page, sent twenty times a second.
+/// State of the page as JSON, sent twenty times a second.
 #[derive(Serialize)]
 pub(super) struct View<'a> {
     pub(super) rows: u32,
@@ -26,54 +26,54 @@ pub(super) struct View<'a> {
     pub(super) steps: u32,
     /// Number of materials of the network.
     pub(super) materials: usize,
-    /// Digits of the newest frame.
+    /// Values of the newest frame, in digits.
     pub(super) frame: &'a [f32],
-    /// Of all frames so far.
-    pub(super) range: &'a Range,
-    /// Frames since the last view, thinned out.
+    /// Value range of all frames so far.
+    pub(super) range: &'a DisplayRange,
+    /// Thinned-out frames since the last update.
     pub(super) trace: &'a [Vec<f32>],
-    /// Rows of `trace` a second.
+    /// Rows of `trace` per second.
     pub(super) trace_hz: f64,
     pub(super) frames_per_s: f64,
-    /// Of the newest sweep.
-    pub(super) belief: Option<&'a Shown>,
+    /// Belief of the newest sweep.
+    pub(super) belief: Option<&'a BeliefView>,
     pub(super) object: &'a Object,
     pub(super) score: &'a Score,
-    /// What to know about the score; empty if nothing.
+    /// Note beside the score; empty if there is none.
     pub(super) note: &'a str,
-    /// The classifier can call a material unknown, as far as its beliefs have shown.
+    /// True if a belief has had a verdict, so that the classifier can predict unknown.
     pub(super) tells_unknown: bool,
-    /// Robot and balls, where there are some.
+    /// State of the catching stage, if there is one.
     pub(super) stage: Option<&'a serde_json::Value>,
     pub(super) model_version: u64,
     pub(super) counters: &'a [(&'static str, f64)],
-    pub(super) events: &'a VecDeque<Line>,
-    /// Status came within the last second.
+    pub(super) events: &'a VecDeque<EventLine>,
+    /// True if a status packet arrived within the last second.
     pub(super) alive: bool,
-    /// Since the last status, milliseconds.
+    /// Time since the last status packet, in ms.
     pub(super) heard_ms: u64,
 }
 
-/// A line of the events.
+/// An event in the page's list.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct Line {
-    /// Milliseconds since 1970.
+pub(super) struct EventLine {
+    /// Time in ms since 1970.
     at_ms: u64,
     text: String,
-    /// Of an object with a truth: whether the answer was right.
+    /// For an object with a known material: true if the prediction is correct.
     right: Option<bool>,
 }
 
-/// A belief, for people.
+/// A belief as the page shows it.
 #[derive(Debug, Serialize)]
-pub(super) struct Shown {
+pub(super) struct BeliefView {
     sweep: u64,
     /// `anytime`, `plain` or `dropout`.
     stage: &'static str,
     frames: u32,
     latency_us: f64,
     unknown: bool,
-    /// Whether the object is, where the classifier tells.
+    /// True if the object is unknown; `None` without a verdict.
     #[serde(skip)]
     object_unknown: Option<bool>,
     posterior: Vec<(String, f32)>,
@@ -81,34 +81,34 @@ pub(super) struct Shown {
     fused_sweeps: u32,
 }
 
-/// What has come on the channels of the classifier.
+/// State collected from the classifier's channels.
 #[derive(Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct ClassifierState {
     pub(super) names: Vec<String>,
-    pub(super) belief: Option<Shown>,
+    pub(super) belief: Option<BeliefView>,
     pub(super) objects: Objects,
     pub(super) model_version: u64,
     pub(super) counters: Vec<(&'static str, f64)>,
-    pub(super) events: VecDeque<Line>,
-    /// Lines that nobody has asked for yet, oldest first.
-    pub(super) news: VecDeque<String>,
-    /// A belief said whether its material is known.
+    pub(super) events: VecDeque<EventLine>,
+    /// Messages not yet taken, oldest first.
+    pub(super) messages: VecDeque<String>,
+    /// True once a belief has had a verdict.
     pub(super) tells_unknown: bool,
-    /// Whole sweeps are judged by dropout.
+    /// True if dropout beliefs decide complete sweeps.
     pub(super) by_dropout: bool,
 }
 
-impl Seen {
+impl ClassifierState {
     pub(super) fn take_command(&mut self, command: &SweepCommand) {
         match command.command() {
             Some(Command::Start) => {
                 let material = command.material.as_str();
-                self.objects.sweep_over(material, &self.names);
+                self.objects.start_sweep(material, &self.names);
             }
             Some(Command::Reset) => {
                 self.belief = None;
                 if let Some(object) = self.objects.next() {
-                    self.tell(object.line(), object.right());
+                    self.announce(object.line(), object.right());
                 }
             }
             _ => {}
@@ -123,7 +123,7 @@ impl Seen {
         };
         self.model_version = belief.model_version;
         self.tells_unknown |= belief.verdict != Verdict::NotTold as u32;
-        let shown = Shown {
+        let shown = BeliefView {
             sweep: belief.sweep,
             stage,
             frames: belief.frames,
@@ -132,7 +132,7 @@ impl Seen {
             object_unknown: match belief.fused_verdict {
                 verdict if verdict == Verdict::Known as u32 => Some(false),
                 verdict if verdict == Verdict::Unknown as u32 => Some(true),
-                // A network that never says so has not said so now.
+                // A network without verdicts never predicts unknown.
                 _ if belief.verdict == Verdict::NotTold as u32 => Some(false),
                 _ => None,
             },
@@ -165,44 +165,45 @@ impl Seen {
             }
             _ if text.is_empty() || status.event == Event::Reset as u32 => {}
             _ if status.event == Event::Rejected as u32 => {
-                self.tell(format!("sweep {} rejected: {text}", status.sweep), None);
+                self.announce(format!("sweep {} rejected: {text}", status.sweep), None);
             }
-            _ if status.event == Event::Refused as u32 => self.tell(text.into(), None),
+            _ if status.event == Event::Refused as u32 => self.announce(text.into(), None),
             _ => self.add(format!("sweep {}: {text}", status.sweep), None),
         }
     }
 
-    /// Adds what people at the terminal see, too.
-    fn tell(&mut self, text: String, right: Option<bool>) {
-        if self.news.len() == EVENTS {
-            self.news.pop_front();
+    /// Adds an event that is also printed in the terminal.
+    fn announce(&mut self, text: String, right: Option<bool>) {
+        if self.messages.len() == KEPT_EVENTS {
+            self.messages.pop_front();
         }
-        self.news.push_back(text.clone());
+        self.messages.push_back(text.clone());
         self.add(text, right);
     }
 
     fn add(&mut self, text: String, right: Option<bool>) {
         let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let at_ms = now.map_or(0, |now| now.as_millis() as u64);
-        self.events.push_front(Line { at_ms, text, right });
-        self.events.truncate(EVENTS);
+        self.events.push_front(EventLine { at_ms, text, right });
+        self.events.truncate(KEPT_EVENTS);
     }
 }
 
-impl Shown {
-    /// Returns what all sweeps of the object say together. Where the classifier does not tell, it is unknown if most sweeps were called so.
+impl BeliefView {
+    /// Returns the prediction from all sweeps of the object. Without a verdict the object is unknown if most of its
+    /// sweeps were.
     ///
-    /// - `sweeps`: whole sweeps of the object
-    fn answer(&self, sweeps: u32) -> Option<Answer> {
+    /// - `sweeps`: number of complete sweeps of the object
+    fn answer(&self, sweeps: u32) -> Option<Prediction> {
         let rows = match self.fused_sweeps {
             0 => &self.posterior,
             _ => &self.fused,
         };
-        // Sweeps that were called unknown are not fused.
+        // Sweeps predicted unknown are not fused.
         let most = || 2 * self.fused_sweeps < sweeps;
         let known = !self.object_unknown.unwrap_or_else(most);
         let (nearest, probability) = rows.first()?;
-        Some(Answer {
+        Some(Prediction {
             material: known.then(|| nearest.clone()),
             nearest: nearest.clone(),
             probability: *probability,
@@ -214,30 +215,27 @@ fn counters(counters: &Counters) -> Vec<(&'static str, f64)> {
     vec![
         ("readings", counters.frames as f64),
         ("lost readings", counters.dropped_frames as f64),
-        ("sweeps judged", counters.sweeps as f64),
+        ("sweeps classified", counters.sweeps as f64),
         ("sweeps rejected", counters.rejected as f64),
-        ("sweeps called unknown", counters.unknown as f64),
+        ("sweeps predicted unknown", counters.unknown as f64),
+        ("missed deadlines", counters.deadline_misses as f64),
         (
-            "answers over the time limit",
-            counters.deadline_misses as f64,
-        ),
-        (
-            "longest wait of a reading, ms",
+            "longest processing delay, ms",
             (counters.worst_delay_ns as f64 / 1e4).round() / 100.0,
         ),
     ]
 }
 
-/// The lines of the traces: one a taxel, or the means of neighbours where there are too many.
-pub(super) fn lines(digits: &[f32]) -> Vec<f32> {
-    let together = digits.len().div_ceil(LINES).max(1);
+/// Returns the values of the traces: one per taxel, or the means of neighbours on large skins.
+pub(super) fn trace_values(digits: &[f32]) -> Vec<f32> {
+    let together = digits.len().div_ceil(MAX_TRACES).max(1);
     let groups = digits.chunks(together);
     groups
         .map(|group| group.iter().sum::<f32>() / group.len() as f32)
         .collect()
 }
 
-/// The most probable materials.
+/// Returns the most probable materials.
 fn largest(probabilities: &[f32], names: &[String]) -> Vec<(String, f32)> {
     let mut all: Vec<(String, f32)> = names
         .iter()
@@ -245,7 +243,7 @@ fn largest(probabilities: &[f32], names: &[String]) -> Vec<(String, f32)> {
         .zip(probabilities.iter().copied())
         .collect();
     all.sort_by(|a, b| b.1.total_cmp(&a.1));
-    all.truncate(SHOWN);
+    all.truncate(SHOWN_MATERIALS);
     all
 }
 
@@ -278,83 +276,83 @@ mod tests {
 
     #[test]
     fn whole_sweeps_are_judged_once_and_a_reset_forgets_them() {
-        let mut seen = Seen {
+        let mut state = ClassifierState {
             names: vec!["cork".into(), "wood".into()],
             by_dropout: true,
-            ..Seen::default()
+            ..ClassifierState::default()
         };
-        seen.take_command(&command(Command::Start, "wood"));
+        state.take_command(&command(Command::Start, "wood"));
         for stage in [Stage::Anytime, Stage::Plain, Stage::Dropout] {
-            seen.take_belief(&belief(stage, Verdict::Known, &[0.2, 0.8]));
+            state.take_belief(&belief(stage, Verdict::Known, &[0.2, 0.8]));
         }
-        let object = serde_json::to_value(&seen.objects.object).unwrap();
+        let object = serde_json::to_value(&state.objects.object).unwrap();
         assert_eq!(
             object,
             serde_json::json!({ "number": 1, "truth": "wood", "taught": true, "several": false, "sweeps": 1, "right": true,
                 "answer": { "material": "wood", "nearest": "wood", "probability": 0.8_f32 } })
         );
-        seen.take_command(&command(Command::Reset, ""));
-        assert!(seen.belief.is_none() && seen.objects.object.right().is_none());
+        state.take_command(&command(Command::Reset, ""));
+        assert!(state.belief.is_none() && state.objects.object.right().is_none());
         assert_eq!(
-            seen.events[0].text,
+            state.events[0].text,
             "object 1: said wood (80 %) after 1 sweep, it was wood"
         );
-        // A sweep that was called unknown is not fused: nothing else is said of the object.
-        seen.take_command(&command(Command::Start, "metal"));
-        seen.take_belief(&belief(Stage::Dropout, Verdict::Unknown, &[]));
-        assert_eq!(seen.objects.object.right(), Some(true));
-        // One of two, then one of three: most of them were called unknown.
-        seen.take_belief(&belief(Stage::Dropout, Verdict::Known, &[0.2, 0.8]));
-        assert_eq!(seen.objects.object.right(), Some(false));
+        // A sweep predicted unknown is not fused, so the object has no other prediction.
+        state.take_command(&command(Command::Start, "metal"));
+        state.take_belief(&belief(Stage::Dropout, Verdict::Unknown, &[]));
+        assert_eq!(state.objects.object.right(), Some(true));
+        // One of two, then one of three: most sweeps are unknown.
+        state.take_belief(&belief(Stage::Dropout, Verdict::Known, &[0.2, 0.8]));
+        assert_eq!(state.objects.object.right(), Some(false));
         let mut third = belief(Stage::Dropout, Verdict::Unknown, &[0.2, 0.8]);
-        seen.take_belief(&third);
-        assert_eq!(seen.objects.object.right(), Some(true));
-        // What the classifier says of the object goes before.
+        state.take_belief(&third);
+        assert_eq!(state.objects.object.right(), Some(true));
+        // The object's own verdict takes precedence.
         third.fused_verdict = Verdict::Known as u32;
-        seen.take_belief(&third);
-        assert_eq!(seen.objects.object.right(), Some(false));
+        state.take_belief(&third);
+        assert_eq!(state.objects.object.right(), Some(false));
     }
 
     #[test]
-    fn a_network_that_cannot_say_unknown_is_not_said_to_have_said_so() {
-        let mut seen = Seen {
+    fn a_network_without_verdicts_never_predicts_unknown() {
+        let mut state = ClassifierState {
             names: vec!["cork".into(), "wood".into()],
             by_dropout: true,
-            ..Seen::default()
+            ..ClassifierState::default()
         };
-        seen.take_command(&command(Command::Start, "wood"));
-        // Two sweeps of which one is fused: the other was forgotten when a material was learnt.
+        state.take_command(&command(Command::Start, "wood"));
+        // One of two sweeps is fused; the other was discarded when a material was enrolled.
         for _ in 0..3 {
-            seen.take_belief(&belief(Stage::Dropout, Verdict::NotTold, &[0.2, 0.8]));
+            state.take_belief(&belief(Stage::Dropout, Verdict::NotTold, &[0.2, 0.8]));
         }
-        assert_eq!(seen.objects.object.right(), Some(true));
+        assert_eq!(state.objects.object.right(), Some(true));
     }
 
     #[test]
     fn rejected_sweeps_and_judged_objects_are_told_at_the_terminal() {
-        let mut seen = Seen::default();
+        let mut state = ClassifierState::default();
         let status = |event: Event, text: &str| TactileStatus {
             event: event as u32,
             sweep: 4,
             text: Text::new(text),
             ..TactileStatus::zeroed()
         };
-        seen.take_status(&status(Event::Swapped, "version 0 serves"));
-        seen.take_status(&status(Event::Rejected, "taxel 4 is saturated"));
-        assert_eq!(seen.news, ["sweep 4 rejected: taxel 4 is saturated"]);
-        assert_eq!(seen.events.len(), 2);
-        for _ in 0..2 * EVENTS {
-            seen.take_status(&status(Event::Rejected, "again"));
+        state.take_status(&status(Event::Swapped, "version 0 serves"));
+        state.take_status(&status(Event::Rejected, "taxel 4 is saturated"));
+        assert_eq!(state.messages, ["sweep 4 rejected: taxel 4 is saturated"]);
+        assert_eq!(state.events.len(), 2);
+        for _ in 0..2 * KEPT_EVENTS {
+            state.take_status(&status(Event::Rejected, "again"));
         }
-        assert_eq!(seen.news.len(), EVENTS, "where nobody asks");
+        assert_eq!(state.messages.len(), KEPT_EVENTS, "where nobody asks");
     }
 
     #[test]
     fn large_skins_are_drawn_as_means_of_neighbours() {
-        assert_eq!(lines(&[1.0; 64]).len(), 64);
+        assert_eq!(trace_values(&[1.0; 64]).len(), 64);
         let digits: Vec<f32> = (0..1024).map(|i| (i / 16) as f32).collect();
         assert_eq!(
-            lines(&digits),
+            trace_values(&digits),
             (0..64).map(|i| i as f32).collect::<Vec<_>>()
         );
     }

@@ -12,9 +12,10 @@ use tactnet_channel::{
     list_channels, measure_rate,
 };
 use tactnet_skin::packets::ModelNames;
-use tactnet_skin::{Readable, ServeConfig};
+use tactnet_skin::{ReadablePacket, ServeConfig};
 
 use super::TableArgs;
+use super::packet_text::PacketText;
 use super::packets::DescribedPacket;
 use crate::output;
 use crate::stop::Stop;
@@ -77,14 +78,14 @@ struct Echoed {
 #[serde(untagged)]
 enum Contents {
     /// In words.
-    Tactile(Readable),
+    Tactile(ReadablePacket),
     /// Field by field.
     Described(DescribedPacket),
 }
 
 impl Contents {
     fn new(config: &ChannelConfig, bytes: &[u8], network: Option<&ModelNames>) -> Option<Self> {
-        let readable = Readable::new(&config.packet, config.version, bytes, network);
+        let readable = ReadablePacket::new(&config.packet, config.version, bytes, network);
         readable.map(Self::Tactile).or_else(|| {
             DescribedPacket::new(&config.packet, config.version, bytes).map(Self::Described)
         })
@@ -94,7 +95,7 @@ impl Contents {
 impl fmt::Display for Contents {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Tactile(packet) => packet.fmt(f),
+            Self::Tactile(packet) => PacketText(packet).fmt(f),
             Self::Described(packet) => packet.fields().fmt(f),
         }
     }

@@ -14,7 +14,7 @@ use tactnet_channel::{Bus, Domain, Start, Table, Wait};
 use super::CompanyReport;
 use crate::{Scheduling, SimulationError, Trip};
 
-/// Timeout of the start of all processes, which start one after the other.
+/// Timeout for the start of all processes, which start one after the other.
 const START_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A running catching stack and the thread that times its commands.
@@ -29,7 +29,7 @@ pub(crate) fn channels(table: Table, program: &Path) -> Result<Table, Simulation
 }
 
 impl<'scope> RunningStack<'scope> {
-    /// Starts the stack and waits until it is ready; `over` ends it once it is true.
+    /// Starts the stack and waits until it is ready; setting `over` ends it.
     pub(crate) fn start<'env>(
         scope: &'scope Scope<'scope, 'env>,
         program: &'env Path,
@@ -63,7 +63,7 @@ impl<'scope> RunningStack<'scope> {
         self.run.is_finished()
     }
 
-    /// Waits for the end of the stack, which `over` causes, and returns its report.
+    /// Waits until the stack has ended after `over` was set, and returns its report.
     pub(crate) fn end(self) -> Result<CompanyReport, SimulationError> {
         let report = self
             .run
@@ -104,7 +104,8 @@ fn announce_start(event: &RunEvent, started: &Sender<()>) {
     }
 }
 
-/// Returns times from the controller's ticks to its commands, from the stamps in their packets, and the number of lost commands.
+/// Returns the delays from the controller's ticks to its commands, from the timestamps in the packets, and the number
+/// of lost commands.
 fn follow_commands(bus: &Bus, over: &AtomicBool) -> Result<(Vec<Trip>, u64), SimulationError> {
     let commands = bus.get_port::<JointCommand>("joint/command", Start::Now)?;
     let poll = Wait::Block {

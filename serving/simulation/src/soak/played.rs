@@ -1,26 +1,26 @@
-//! The sweeps that the skin plays, and the classifier's labels of them.
+//! Sweeps that the skin plays, with the classifier's labels.
 
 use tactnet_data::{Dataset, LabelSet, Seed};
 
 use crate::{SimulationError, play_order};
 
-/// The sweeps that the skin plays, and the classifier's labels of them.
+/// Sweeps that the skin plays, with the classifier's labels.
 #[derive(Debug)]
 pub struct Played<'a> {
     dataset: &'a Dataset,
     order: Vec<usize>,
-    /// The classifier's label of each of the data set's.
+    /// The classifier's label of each label of the data set.
     labels: Vec<usize>,
 }
 
 impl<'a> Played<'a> {
-    /// Those of materials that are known.
+    /// Selects the sweeps of materials that the classifier knows.
     ///
-    /// - `sweeps`: numbers of those to choose from
-    /// - `known`: the classifier's materials
+    /// - `sweeps`: indices of the sweeps to choose from
+    /// - `known`: materials of the classifier
     ///
     /// # Errors
-    /// No material of the data set is known, or one has no sweep.
+    /// Fails if no material of the data set is known, or one has no sweep.
     pub fn new(
         dataset: &'a Dataset,
         sweeps: &[usize],
@@ -58,7 +58,7 @@ impl<'a> Played<'a> {
         &self.order
     }
 
-    /// The classifier's label of the sweep that a motion plays.
+    /// Returns the classifier's label of the sweep that a motion plays.
     pub(super) fn label_of(&self, motion: u64) -> usize {
         let sweep = self.order[(motion - 1) as usize % self.order.len()];
         self.labels[self.dataset.records()[sweep].label]

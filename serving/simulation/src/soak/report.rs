@@ -1,4 +1,4 @@
-//! From what was measured to the report of a soak test.
+//! Report of a soak test.
 
 use std::fmt;
 
@@ -13,72 +13,72 @@ use super::Soak;
 use crate::company::CompanyReport;
 use crate::{LoopTimes, Scheduling};
 
-/// Of the histogram, microseconds.
+/// Upper bounds of the histogram buckets, in µs.
 const BOUNDS_US: [f64; 10] = [
     300.0, 400.0, 500.0, 600.0, 800.0, 1000.0, 1333.0, 2000.0, 4000.0, 8000.0,
 ];
 
-/// Result of a soak test, as `tactnet simulate soak --json` prints it.
+/// Result of a soak test, as a JSON document.
 #[derive(Debug, Clone, Serialize)]
 pub struct SoakReport {
-    /// 1.
+    /// Version of the document: 1.
     pub schema_version: u32,
     /// Commit of the program.
     pub git: &'static str,
-    /// Time with the classifier attached.
+    /// Time with the classifier, in s.
     pub seconds: f64,
-    /// How processes were scheduled.
+    /// Scheduling of the processes.
     pub scheduling: Scheduling,
-    /// Frames between the first and the last that came, over every time that the classifier served.
+    /// Number of frames between the first and the last received frame, over all windows with the classifier.
     pub frames_sent: u64,
-    /// Frames of those that never came.
+    /// Number of lost frames among them.
     pub frames_lost: u64,
-    /// Whole sweeps.
+    /// Number of complete sweeps.
     pub sweeps: u64,
-    /// Sweeps that were rejected.
+    /// Number of rejected sweeps.
     pub rejected: u64,
-    /// Whole sweeps whose most probable material was the true one.
+    /// Number of complete sweeps whose most probable material was correct.
     pub correct: u64,
-    /// Whole sweeps that were compared with the truth.
+    /// Number of complete sweeps with a known material.
     #[serde(rename = "judged")]
     pub evaluated: u64,
-    /// Beliefs that were put.
+    /// Number of beliefs sent.
     pub beliefs: u64,
-    /// From a sweep's last frame to its plain belief, median.
+    /// Median delay from a sweep's last frame to its plain belief, in µs.
     pub belief_latency_p50_us: f64,
-    /// 99th percentile.
+    /// 99th percentile of that delay, in µs.
     pub belief_latency_p99_us: f64,
-    /// The longest.
+    /// Maximum of that delay, in µs.
     pub belief_latency_max_us: f64,
-    /// From a sweep's last frame to its Monte Carlo belief, median.
+    /// Median delay from a sweep's last frame to its Monte Carlo belief, in µs.
     pub dropout_latency_p50_us: f64,
-    /// 99th percentile.
+    /// 99th percentile of that delay, in µs.
     pub dropout_latency_p99_us: f64,
-    /// The longest.
+    /// Maximum of that delay, in µs.
     pub dropout_latency_max_us: f64,
-    /// Of beliefs about a sweep that is going on, median.
+    /// Median delay of beliefs during a sweep, in µs.
     pub anytime_latency_p50_us: f64,
-    /// 99th percentile.
+    /// 99th percentile of that delay, in µs.
     pub anytime_latency_p99_us: f64,
-    /// Allocations of the classifier's thread for each frame.
+    /// Number of allocations of the classifier's thread per frame.
     pub allocations_per_frame: f64,
-    /// Predictions that took longer than promised.
+    /// Number of predictions that missed their deadline.
     pub deadline_misses: u64,
-    /// Longest time from a frame's put until it was dealt with.
+    /// Maximum time from the sending of a frame to the end of its processing, in µs.
     pub worst_delay_us: f64,
-    /// The 1 kHz loop while the classifier and the dashboard ran.
+    /// Statistics of the 1 kHz loop with the classifier and the dashboard.
     pub loop_with: LoopTimes,
-    /// The 1 kHz loop without them.
+    /// Statistics of the 1 kHz loop without them.
     pub loop_without: LoopTimes,
-    /// Packets of the catching stack that were lost, over the whole time.
+    /// Number of packets of the company that were lost, over the whole test.
     pub stack_lost: u64,
-    /// The loop's 99th percentile with the classifier and the dashboard over the one without.
+    /// Ratio of the loop's 99th percentile with the classifier and the dashboard to the one without.
     pub loop_p99_ratio: f64,
-    /// Median over the turns of that turn's ratio, which a burst of other work on the machine moves less.
+    /// Median of that ratio over the turns, which is less sensitive to bursts of other work on the machine.
     pub loop_p99_ratio_of_turns: f64,
-    /// Plain beliefs by latency, cumulative.
+    /// Cumulative histogram of the plain beliefs' latency.
     pub histogram: Vec<LatencyBucket>,
-    /// Report of the catching stack, if it was the company.
+    /// Report of the catching stack, if it ran.
     #[cfg(feature = "catching")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub catching: Option<RunReport>,
@@ -115,31 +115,31 @@ impl fmt::Display for SoakReport {
     }
 }
 
-/// Plain beliefs that came within some time of their last frame.
+/// Number of plain beliefs within a latency bound.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct LatencyBucket {
-    /// Microseconds; `null` in JSON: any time.
+    /// Upper bound in µs; `null` in JSON for the last, unbounded bucket.
     pub below_us: f64,
     /// Number of beliefs.
     pub beliefs: usize,
 }
 
-/// Beliefs that came, compared with the truth.
+/// Received beliefs, compared with the played materials.
 #[derive(Debug, Default)]
 pub(super) struct HeardBeliefs {
-    /// By stage.
+    /// Latencies in µs, by stage.
     pub(super) latency_us: [Vec<f64>; 3],
     pub(super) evaluated: u64,
     pub(super) correct: u64,
 }
 
-/// Reports of the processes, and when they ran.
+/// Measurements of a soak test.
 pub(super) struct Measured {
     pub(super) company: CompanyReport,
-    /// One for each time that the classifier served.
+    /// Report of each classifier process.
     pub(super) served: Vec<ServeReport>,
     pub(super) heard: HeardBeliefs,
-    /// From and to, nanoseconds, with the classifier attached.
+    /// Start and end of each window with the classifier, in ns.
     pub(super) with: Vec<(u64, u64)>,
     pub(super) without: Vec<(u64, u64)>,
 }
@@ -208,7 +208,9 @@ impl Measured {
     }
 }
 
-/// - `latency_us`: ascending
+/// Returns the cumulative histogram.
+///
+/// - `latency_us`: sorted in ascending order
 fn histogram(latency_us: &[f64]) -> Vec<LatencyBucket> {
     BOUNDS_US
         .iter()

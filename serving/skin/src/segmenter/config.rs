@@ -1,35 +1,49 @@
-//! How sweeps are found, and what spoils them.
+//! Settings of the segmentation and of the checks that reject sweeps.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// How sweeps are found, and what spoils them.
+/// Settings of the segmentation and of the checks that reject sweeps.
+///
+/// # Example
+/// ```
+/// use tactnet_skin::{Contact, Segmentation, SegmenterConfig};
+///
+/// let config = SegmenterConfig {
+///     segmentation: Segmentation::Contact(Contact::default()),
+///     skip: 0,
+///     ..SegmenterConfig::default()
+/// };
+/// assert_eq!(config.longest_gap, 3);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SegmenterConfig {
-    /// Who says when a sweep begins.
+    /// Source that starts and stops sweeps.
     pub segmentation: Segmentation,
-    /// Frames skipped after the motion starts: at 750 Hz the middle 1000 of 1500 frames begin after 250 (thesis, section 4.3.2).
+    /// Number of frames skipped after the motion starts. At 750 Hz the middle 1000 of 1500 frames start after 250
+    /// (thesis, section 4.3.2).
     pub skip: usize,
-    /// Lost frames in a row that are filled in by linear interpolation.
+    /// Maximum number of consecutive lost frames that linear interpolation fills in.
     pub longest_gap: usize,
-    /// Frames of a window that may be interpolated altogether.
+    /// Maximum number of interpolated frames in a window.
     pub most_filled_in: usize,
-    /// Share of a frame's period that the sensor's clock may be off between two frames.
+    /// Tolerance of the sensor's clock between two frames, in frame periods.
     pub clock_tolerance: f64,
-    /// Periods that it may be off over a sweep.
+    /// Tolerance of the sensor's clock over a whole sweep, in frame periods.
     pub clock_drift: f64,
-    /// A taxel that shows the same digit, other than zero, for so many frames of a window in a row is stalled; a shorter window is too
-    /// short to tell that from light contact.
+    /// Number of consecutive frames with the same nonzero digit after which a taxel counts as stalled. A shorter window
+    /// cannot tell a stalled taxel from light contact.
     pub stalled_frames: usize,
-    /// Least and greatest value that a taxel can show; others reject the sweep. `None`: by the training sweeps of the network that serves
-    /// (`ValueRange::limits` of `tactnet-data`); any value where there is none. `full_scale = X` of earlier tables is read as `[0, X]`.
+    /// Minimum and maximum value of a taxel, in digits; values outside reject the sweep. `None` derives the limits from
+    /// the training sweeps of the serving network (`ValueRange::limits` of `tactnet-data`); without a network any value
+    /// is accepted. `full_scale = X` of earlier tables is read as `[0, X]`.
     #[serde(
         alias = "full_scale",
         deserialize_with = "values",
         skip_serializing_if = "Option::is_none"
     )]
     pub values: Option<[f32; 2]>,
-    /// A taxel at the greatest value for so many frames of a window in a row is saturated.
+    /// Number of consecutive frames at the maximum value after which a taxel counts as saturated.
     pub saturated_frames: usize,
 }
 
@@ -49,7 +63,7 @@ impl Default for SegmenterConfig {
     }
 }
 
-/// Reads `[least, greatest]`, or the greatest alone.
+/// Reads `[minimum, maximum]`, or the maximum alone.
 fn values<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 2]>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged, expecting = "expected `[least, greatest]`")]
@@ -63,26 +77,26 @@ fn values<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f32; 2]>, D::Err
     }))
 }
 
-/// Who says when a sweep begins.
+/// Source that starts and stops sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Segmentation {
-    /// The motion controller.
+    /// The motion controller, by commands.
     #[default]
     Command,
-    /// The skin itself.
+    /// The skin itself, by contact.
     Contact(Contact),
 }
 
-/// A contact, by the mean digit of a frame, with hysteresis.
+/// Contact detection by the mean digit of a frame, with hysteresis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Contact {
-    /// It begins when the mean digit is at least this.
+    /// Contact starts when the mean digit is at least this value.
     pub begins: f32,
-    /// It ends when the mean digit is below this.
+    /// Contact ends when the mean digit is below this value.
     pub ends: f32,
-    /// For so many frames in a row.
+    /// Number of consecutive frames that must agree before contact starts or ends.
     pub frames: usize,
 }
 

@@ -1,79 +1,79 @@
-//! Why a sweep cannot be used.
+//! Reasons why a sweep is rejected.
 
 use crate::WindowError;
 
-/// Why a sweep cannot be used.
+/// Reason why a sweep is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Reject {
-    /// Lost, repeated or foreign frames, values that are no number.
+    /// Lost, repeated or mismatched frames, or values that are not finite.
     #[error(transparent)]
     Window(#[from] WindowError),
-    /// The sensor's clock does not go with its frames.
+    /// The sensor's clock disagrees with the frame numbers.
     #[error("frame {sequence}: {found_ns} ns after an earlier frame, expected {expected_ns}")]
     Clock {
-        /// The frame.
+        /// Sequence number of the frame.
         sequence: u64,
-        /// By the sensor's clock.
+        /// Time since the earlier frame by the sensor's clock, in ns.
         found_ns: i64,
-        /// By the rate and the frames' numbers.
+        /// Time since the earlier frame by the sample rate, in ns.
         expected_ns: i64,
     },
-    /// Too many frames lost, here and there.
-    #[error("{found} frames lost, at most {allowed} can be filled in")]
+    /// Too many frames of the window were lost.
+    #[error("{found} frames lost, at most {allowed} can be interpolated")]
     Losses {
-        /// Frames of the window that were interpolated.
+        /// Number of interpolated frames in the window.
         found: usize,
-        /// Most frames that are forgiven.
+        /// Maximum number of interpolated frames.
         allowed: usize,
     },
-    /// A value that the sensor cannot give.
+    /// A value is outside the range of the sensor.
     #[error(
-        "frame {sequence}: taxel {taxel} shows {digit}, expected {least} to {greatest}; `values` in the table widens that"
+        "frame {sequence}: taxel {taxel} has the value {digit}, expected {least} to {greatest}; the setting `values` widens the range"
     )]
     Range {
-        /// The frame.
+        /// Sequence number of the frame.
         sequence: u64,
-        /// The taxel.
+        /// Index of the taxel.
         taxel: usize,
-        /// Its digit.
+        /// Value of the taxel, in digits.
         digit: f32,
-        /// The least value.
+        /// Minimum value, in digits.
         least: f32,
-        /// The greatest value.
+        /// Maximum value, in digits.
         greatest: f32,
     },
-    /// A taxel that does not change.
-    #[error("taxel {taxel} shows {digit} for {frames} frames")]
+    /// A taxel does not change.
+    #[error("taxel {taxel} is stalled: value {digit} for {frames} frames")]
     Stalled {
-        /// The taxel.
+        /// Index of the taxel.
         taxel: usize,
-        /// Its digit.
+        /// Value of the taxel, in digits.
         digit: f32,
-        /// For how long.
+        /// Number of consecutive frames with this value.
         frames: usize,
     },
-    /// A taxel at its limit.
+    /// A taxel is at the maximum value.
     #[error("taxel {taxel} is saturated for {frames} frames")]
     Saturated {
-        /// The taxel.
+        /// Index of the taxel.
         taxel: usize,
-        /// For how long.
+        /// Number of consecutive frames at the maximum value.
         frames: usize,
     },
-    /// The motion ended before the window was whole.
-    #[error("it ended after {found} of {expected} frames")]
+    /// The motion ended before the window was full.
+    #[error("the sweep ended after {found} of {expected} frames")]
     Short {
-        /// Frames of the window that came.
+        /// Number of frames in the window so far.
         found: usize,
-        /// Frames of a window.
+        /// Number of frames in a full window.
         expected: usize,
     },
-    /// Another sweep was started before this one was whole.
+    /// Another sweep was started before the window was full.
     #[error("another sweep was started after {found} of {expected} frames")]
     SecondStart {
-        /// Frames of the window that came.
+        /// Number of frames in the window so far.
         found: usize,
-        /// Frames of a window.
+        /// Number of frames in a full window.
         expected: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! Where channels have their files, and who uses them.
+//! Checks of the folder with the channels' shared memory, and of its buses.
 
 use std::fs;
 use std::path::Path;
@@ -7,8 +7,8 @@ use tactnet_channel::{MEMORY_FOLDER_VARIABLE, free_memory, memory_folder};
 
 use super::{Check, Status};
 
-/// What the channels of one finger and its classifier take at most, bytes.
-const ENOUGH: u64 = 64 << 20;
+/// Maximum memory of the channels of one finger and its classifier, in bytes.
+const NEEDED: u64 = 64 << 20;
 
 pub(super) fn checks() -> Vec<Check> {
     let folder = match memory_folder() {
@@ -18,18 +18,18 @@ pub(super) fn checks() -> Vec<Check> {
                 Status::Failure,
                 "channels",
                 error.to_string(),
-                format!("name a folder of your own in memory by {MEMORY_FOLDER_VARIABLE}"),
+                format!("set {MEMORY_FOLDER_VARIABLE} to a folder in memory that you own"),
             )];
         }
     };
     let free = free_memory(&folder);
     let found = format!("{}, {} MiB free", folder.display(), free >> 20);
-    let channels = if free < ENOUGH {
+    let channels = if free < NEEDED {
         Check::not_ok(
             Status::Warning,
             "channels",
             found,
-            format!("a finger and its classifier want {} MiB", ENOUGH >> 20),
+            format!("a finger and its classifier need {} MiB", NEEDED >> 20),
         )
     } else {
         Check::ok("channels", found)
@@ -37,7 +37,7 @@ pub(super) fn checks() -> Vec<Check> {
     vec![channels, buses(&folder)]
 }
 
-/// Buses that are there, and whether a hub holds each.
+/// Checks that a hub holds each existing bus.
 fn buses(folder: &Path) -> Check {
     let mut held = Vec::new();
     let mut left = Vec::new();
@@ -53,7 +53,7 @@ fn buses(folder: &Path) -> Check {
         return Check::ok(
             "hubs",
             if held.is_empty() {
-                "none runs".into()
+                "none is running".into()
             } else {
                 held.join(", ")
             },
@@ -63,16 +63,16 @@ fn buses(folder: &Path) -> Check {
         Status::Note,
         "hubs",
         format!(
-            "{}; without one: {}",
+            "{}; buses without a hub: {}",
             if held.is_empty() {
-                "none runs".into()
+                "none is running".into()
             } else {
                 held.join(", ")
             },
             left.join(", ")
         ),
         format!(
-            "`tactnet channel hub` takes a bus over; one that nobody uses any more is a folder in {}",
+            "`tactnet channel hub` takes over a bus; to remove an unused one, delete its folder in {}",
             folder.display()
         ),
     )

@@ -1,4 +1,4 @@
-//! Ports that `tactnet` listens at unless told otherwise.
+//! Checks of the default ports.
 
 use std::io::ErrorKind;
 use std::net::TcpListener;
@@ -10,12 +10,12 @@ pub(super) fn checks() -> Vec<Check> {
         (
             "port of demo",
             8750,
-            "demo and dashboard take another with `--listen 127.0.0.1:8751`",
+            "choose another port for demo and dashboard with `--listen 127.0.0.1:8751`",
         ),
         (
             "port of serve",
             9464,
-            "serve takes another with `--metrics 127.0.0.1:9465`",
+            "choose another port for serve with `--metrics 127.0.0.1:9465`",
         ),
     ]
     .map(

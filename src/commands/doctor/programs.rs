@@ -1,4 +1,4 @@
-//! Other programs and libraries that parts of `tactnet` use.
+//! Checks of other programs and libraries that parts of `tactnet` use.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use tactnet_models::{Adapter, Compute};
 
 use super::{Check, Status};
 
-/// Where ONNX Runtime is looked for.
+/// Environment variable with the path of the ONNX Runtime library.
 const ONNX_RUNTIME: &str = "ORT_DYLIB_PATH";
 
 pub(super) fn checks(features: &[&str]) -> Vec<Check> {
@@ -15,22 +15,22 @@ pub(super) fn checks(features: &[&str]) -> Vec<Check> {
         (
             "browser",
             &["chromium", "google-chrome", "firefox"][..],
-            "the demo's page and reports want one, on any machine that reaches this one",
+            "needed for the demo's page and reports, on this or another machine",
         ),
         (
             "Slurm",
             &["sbatch"][..],
-            "only for `experiment run --engine slurm`",
+            "needed only for `experiment run --engine slurm`",
         ),
         (
             "Rerun viewer",
             &["rerun"][..],
-            "only for `tactnet view`: `pip install rerun-sdk==0.36.3`",
+            "needed only for `tactnet view`: run `pip install rerun-sdk==0.36.3`",
         ),
         (
             "Python",
             &["python3"][..],
-            "only for the scripts of experiments/bench",
+            "needed only for the scripts of experiments/bench",
         ),
     ] {
         checks.push(match program.iter().find_map(|program| found(program)) {
@@ -41,7 +41,7 @@ pub(super) fn checks(features: &[&str]) -> Vec<Check> {
     checks
 }
 
-/// A program in the search path.
+/// Returns the path of a program in the search path.
 fn found(program: &str) -> Option<PathBuf> {
     let folders = std::env::var_os("PATH")?;
     std::env::split_paths(&folders)
@@ -56,10 +56,11 @@ fn onnx_runtime(features: &[&str]) -> Check {
             Status::Note,
             name,
             "not in this build",
-            "only for `eval --runtime onnxruntime`: build with `--features onnxruntime`",
+            "needed only for `eval --runtime onnxruntime`: build with `--features onnxruntime`",
         );
     }
-    let advice = format!("`pip install onnxruntime`, and {ONNX_RUNTIME}=…/libonnxruntime.so");
+    let advice =
+        format!("run `pip install onnxruntime` and set {ONNX_RUNTIME}=…/libonnxruntime.so");
     match std::env::var_os(ONNX_RUNTIME) {
         Some(path) if Path::new(&path).is_file() => {
             Check::ok(name, Path::new(&path).display().to_string())
@@ -90,40 +91,42 @@ fn gpu(features: &[&str]) -> Check {
             Status::Note,
             name,
             "not in this build",
-            "only for `train --device vulkan` or `cuda`: build with `--features vulkan` or `cuda`",
+            "needed only for `train --device vulkan` or `cuda`: build with `--features vulkan` or `cuda`",
         );
     }
     if features.contains(&"vulkan") {
         return vulkan(Compute::vulkan_adapter().map_err(|error| error.to_string()));
     }
     if Path::new("/dev/nvidia0").exists() {
-        let found = "NVIDIA: a card and its driver; whether CUDA computes on it is not tried";
+        let found = "NVIDIA card with its driver; CUDA itself is not tested";
         return Check::ok(name, found);
     }
     Check::not_ok(
         Status::Note,
         name,
         "no NVIDIA card with a driver",
-        "only for `train --device cuda`: NVIDIA's driver",
+        "needed only for `train --device cuda`: install NVIDIA's driver",
     )
 }
 
-/// - `answered`: what answers when a Vulkan device is asked for, or why nothing does
-fn vulkan(answered: Result<Adapter, String>) -> Check {
+/// Checks the Vulkan device.
+///
+/// - `adapter`: the Vulkan device, or the reason why there is none
+fn vulkan(adapter: Result<Adapter, String>) -> Check {
     let name = "GPU";
-    match answered {
+    match adapter {
         Ok(card) if !card.software => Check::ok(name, format!("{} (Vulkan)", card.name)),
         Ok(driver) => Check::not_ok(
             Status::Note,
             name,
-            format!("none: a software driver alone answers ({})", driver.name),
-            "`train --device vulkan` would compute on the processor, slower than `--device cpu`",
+            format!("none, only a software driver ({})", driver.name),
+            "`train --device vulkan` would run on the processor, slower than `--device cpu`",
         ),
         Err(reason) => Check::not_ok(
             Status::Note,
             name,
-            format!("none answers: {reason}"),
-            "only for `train --device vulkan`: a card and its driver (Debian: `apt install mesa-vulkan-drivers`, or NVIDIA's own)",
+            format!("none: {reason}"),
+            "needed only for `train --device vulkan`: install the card's driver (Debian: `apt install mesa-vulkan-drivers`, or NVIDIA's own)",
         ),
     }
 }
@@ -133,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_card_that_answers_is_a_gpu() {
+    fn a_software_driver_is_not_a_gpu() {
         let adapter = |software| Adapter {
             name: "llvmpipe".into(),
             software,

@@ -1,21 +1,21 @@
-//! Counters and times of the service for other threads, and as Prometheus reads them.
+//! Counters and latencies of the service, shared between threads and exported to Prometheus.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::fmt::{self, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use tactnet_skin::packets::{Counters, Stage};
 
-/// Upper bounds of the buckets of computing times, microseconds.
+/// Upper bounds of the histogram buckets of compute times, in µs.
 const BOUNDS_US: [u64; 12] = [
     100, 200, 300, 500, 750, 1000, 1333, 2000, 3000, 4000, 6000, 10_000,
 ];
 
-/// Written by one thread, read by any.
+/// Metrics of the service: written by one thread, read by any.
 #[derive(Debug, Default)]
-pub struct Measures {
+pub struct Metrics {
     frames: AtomicU64,
     dropped_frames: AtomicU64,
     unknown: AtomicU64,
@@ -24,11 +24,11 @@ pub struct Measures {
     worst_delay_ns: AtomicU64,
     compute: [Histogram; 3],
     version: AtomicU64,
-    /// Where versions come from.
+    /// Run directory of each version.
     models: Mutex<BTreeMap<u64, String>>,
 }
 
-/// Computing times of predictions of one stage.
+/// Histogram of the compute times of one prediction stage.
 #[derive(Debug, Default)]
 struct Histogram {
     buckets: [AtomicU64; BOUNDS_US.len() + 1],
@@ -41,7 +41,7 @@ const STAGES: [(Stage, &str); 3] = [
     (Stage::Dropout, "dropout"),
 ];
 
-impl Measures {
+impl Metrics {
     pub(crate) fn count(&self, counters: &Counters) {
         for (to, from) in [
             (&self.frames, counters.frames),
@@ -55,13 +55,13 @@ impl Measures {
         }
     }
 
-    /// Notes where a version comes from, before it serves.
+    /// Records the run directory of a version, before it serves.
     pub(crate) fn loaded(&self, version: u64, model: &Path) {
         let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
         models.insert(version, model.display().to_string());
     }
 
-    /// Notes which version serves. Neither allocates nor waits.
+    /// Sets the serving version. Neither allocates nor blocks.
     pub(crate) fn serve(&self, version: u64) {
         self.version.store(version, Ordering::Relaxed);
     }
@@ -73,94 +73,94 @@ impl Measures {
         histogram.sum_ns.fetch_add(compute_ns, Ordering::Relaxed);
     }
 
-    /// Prometheus's text format, version 0.0.4.
+    /// Returns the metrics in Prometheus's text format, version 0.0.4.
     pub fn prometheus(&self) -> String {
-        let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
         let mut out = String::new();
-        let mut add = |line: std::fmt::Arguments<'_>| {
-            // Writing to a string does not fail.
-            let _ = writeln!(out, "{line}");
-        };
-        add(format_args!(
-            "# HELP tactnet_inference_total Predictions of sweeps."
-        ));
-        add(format_args!("# TYPE tactnet_inference_total counter"));
+        // Writing to a string does not fail.
+        let _ = self
+            .write_histograms(&mut out)
+            .and_then(|()| self.write_counters(&mut out))
+            .and_then(|()| self.write_model(&mut out));
+        out
+    }
+
+    fn write_histograms(&self, out: &mut String) -> fmt::Result {
+        writeln!(out, "# HELP tactnet_inference_total Number of predictions.")?;
+        writeln!(out, "# TYPE tactnet_inference_total counter")?;
         for (histogram, (_, stage)) in self.compute.iter().zip(STAGES) {
             let count: u64 = histogram.buckets.iter().map(read).sum();
-            add(format_args!(
-                "tactnet_inference_total{{stage=\"{stage}\"}} {count}"
-            ));
+            writeln!(out, "tactnet_inference_total{{stage=\"{stage}\"}} {count}")?;
         }
-        add(format_args!(
-            "# HELP tactnet_compute_seconds Time that predictions took."
-        ));
-        add(format_args!("# TYPE tactnet_compute_seconds histogram"));
+        let name = "tactnet_compute_seconds";
+        writeln!(out, "# HELP {name} Compute time of predictions.")?;
+        writeln!(out, "# TYPE {name} histogram")?;
         for (histogram, (_, stage)) in self.compute.iter().zip(STAGES) {
+            let stage = format!("stage=\"{stage}\"");
             let mut count = 0;
             for (bucket, bound) in histogram.buckets.iter().zip(BOUNDS_US) {
                 count += read(bucket);
-                add(format_args!(
-                    "tactnet_compute_seconds_bucket{{stage=\"{stage}\",le=\"{}\"}} {count}",
-                    bound as f64 / 1e6
-                ));
+                let bound = bound as f64 / 1e6;
+                writeln!(out, "{name}_bucket{{{stage},le=\"{bound}\"}} {count}")?;
             }
             count += read(&histogram.buckets[BOUNDS_US.len()]);
-            add(format_args!(
-                "tactnet_compute_seconds_bucket{{stage=\"{stage}\",le=\"+Inf\"}} {count}"
-            ));
-            add(format_args!(
-                "tactnet_compute_seconds_sum{{stage=\"{stage}\"}} {}",
-                read(&histogram.sum_ns) as f64 / 1e9
-            ));
-            add(format_args!(
-                "tactnet_compute_seconds_count{{stage=\"{stage}\"}} {count}"
-            ));
+            let sum = read(&histogram.sum_ns) as f64 / 1e9;
+            writeln!(out, "{name}_bucket{{{stage},le=\"+Inf\"}} {count}")?;
+            writeln!(out, "{name}_sum{{{stage}}} {sum}")?;
+            writeln!(out, "{name}_count{{{stage}}} {count}")?;
         }
+        Ok(())
+    }
+
+    fn write_counters(&self, out: &mut String) -> fmt::Result {
         for (name, help, value) in [
-            ("frames", "Frames that came.", &self.frames),
+            ("frames", "Received frames.", &self.frames),
             (
                 "dropped_frames",
-                "Frames that were put and never came.",
+                "Frames sent but not received.",
                 &self.dropped_frames,
             ),
             (
                 "unknown",
-                "Whole sweeps of unknown materials.",
+                "Complete sweeps of unknown materials.",
                 &self.unknown,
             ),
-            ("rejected", "Sweeps that were rejected.", &self.rejected),
+            ("rejected", "Rejected sweeps.", &self.rejected),
             (
                 "deadline_miss",
-                "Predictions that took longer than promised.",
+                "Predictions that missed their deadline.",
                 &self.deadline_misses,
             ),
         ] {
-            add(format_args!("# HELP tactnet_{name}_total {help}"));
-            add(format_args!("# TYPE tactnet_{name}_total counter"));
-            add(format_args!("tactnet_{name}_total {}", read(value)));
+            writeln!(out, "# HELP tactnet_{name}_total {help}")?;
+            writeln!(out, "# TYPE tactnet_{name}_total counter")?;
+            writeln!(out, "tactnet_{name}_total {}", read(value))?;
         }
-        add(format_args!(
-            "# HELP tactnet_worst_delay_seconds Longest time from a frame's put until it was dealt with."
-        ));
-        add(format_args!("# TYPE tactnet_worst_delay_seconds gauge"));
-        add(format_args!(
-            "tactnet_worst_delay_seconds {}",
-            read(&self.worst_delay_ns) as f64 / 1e9
-        ));
-        add(format_args!(
-            "# HELP tactnet_model_info The model that serves."
-        ));
-        add(format_args!("# TYPE tactnet_model_info gauge"));
+        let name = "tactnet_worst_delay_seconds";
+        writeln!(
+            out,
+            "# HELP {name} Maximum time from the sending of a frame to the end of its processing."
+        )?;
+        writeln!(out, "# TYPE {name} gauge")?;
+        writeln!(out, "{name} {}", read(&self.worst_delay_ns) as f64 / 1e9)
+    }
+
+    fn write_model(&self, out: &mut String) -> fmt::Result {
+        writeln!(out, "# HELP tactnet_model_info The serving model.")?;
+        writeln!(out, "# TYPE tactnet_model_info gauge")?;
         let version = read(&self.version);
         let models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
         let model = models.get(&version).map_or("", String::as_str);
         let model = model.replace('\\', "\\\\").replace('"', "\\\"");
         let model = model.replace('\n', "\\n");
-        add(format_args!(
+        writeln!(
+            out,
             "tactnet_model_info{{model=\"{model}\",version=\"{version}\"}} 1"
-        ));
-        out
+        )
     }
+}
+
+fn read(value: &AtomicU64) -> u64 {
+    value.load(Ordering::Relaxed)
 }
 
 #[cfg(test)]
@@ -168,22 +168,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn histograms_are_cumulative_and_names_are_those_promised() {
-        let measures = Measures::default();
-        measures.count_prediction(Stage::Plain, 150_000);
-        measures.count_prediction(Stage::Plain, 200_000);
-        measures.count_prediction(Stage::Plain, 50_000_000);
-        measures.count(&Counters {
+    fn histograms_are_cumulative_and_metric_names_are_stable() {
+        let metrics = Metrics::default();
+        metrics.count_prediction(Stage::Plain, 150_000);
+        metrics.count_prediction(Stage::Plain, 200_000);
+        metrics.count_prediction(Stage::Plain, 50_000_000);
+        metrics.count(&Counters {
             deadline_misses: 2,
             ..Counters::default()
         });
-        measures.loaded(3, Path::new("a \"b\""));
-        measures.loaded(4, Path::new("c\nd"));
-        measures.serve(4);
+        metrics.loaded(3, Path::new("a \"b\""));
+        metrics.loaded(4, Path::new("c\nd"));
+        metrics.serve(4);
         let newer = "tactnet_model_info{model=\"c\\nd\",version=\"4\"} 1";
-        assert!(measures.prometheus().lines().any(|line| line == newer));
-        measures.serve(3);
-        let text = measures.prometheus();
+        assert!(metrics.prometheus().lines().any(|line| line == newer));
+        metrics.serve(3);
+        let text = metrics.prometheus();
         for line in [
             "tactnet_inference_total{stage=\"plain\"} 3",
             "tactnet_compute_seconds_bucket{stage=\"plain\",le=\"0.0001\"} 0",

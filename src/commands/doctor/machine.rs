@@ -1,10 +1,10 @@
-//! Processor, memory, kernel.
+//! Checks of processor, memory and kernel.
 
 use std::fs;
 
 use super::{Check, Status};
 
-/// The first kernel that can wait for several channels at once (`futex_waitv`).
+/// Minimum kernel version: the first with `futex_waitv`, which waits for several channels at once.
 const KERNEL: (u32, u32) = (5, 16);
 
 pub(super) fn checks() -> Vec<Check> {
@@ -22,13 +22,13 @@ fn processor() -> Check {
             Status::Warning,
             "processor",
             found,
-            "training and classifying are several times faster on a processor of the last ten years",
+            "training and prediction are several times faster on a processor with AVX2",
         ),
         (_, 1) => Check::not_ok(
             Status::Warning,
             "processor",
             found,
-            "a robot's classifier wants a core of its own beside its skin",
+            "on a robot the classifier needs a core of its own beside the skin driver",
         ),
         _ => Check::ok("processor", found),
     }
@@ -69,7 +69,7 @@ fn memory() -> Check {
             Status::Warning,
             "memory",
             found,
-            "training on a data set of TactMat's size takes about 2 GiB",
+            "training on a data set of TactMat's size needs about 2 GiB",
         );
     }
     Check::ok("memory", found)
@@ -87,7 +87,7 @@ fn kernel() -> Check {
             Status::Failure,
             "kernel",
             if release.is_empty() {
-                "no Linux"
+                "not Linux"
             } else {
                 release
             },
@@ -99,16 +99,12 @@ fn kernel() -> Check {
         "kernel",
         format!(
             "{release}, {}",
-            if realtime {
-                "realtime"
-            } else {
-                "not a realtime one"
-            }
+            if realtime { "realtime" } else { "not realtime" }
         ),
     )
 }
 
-/// Absent where the system does not say, as in most virtual machines.
+/// Checks the clock governor; `None` if the system does not report it, as most virtual machines.
 fn governor() -> Option<Check> {
     let path = "/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor";
     let found = fs::read_to_string(path).ok()?;
@@ -120,7 +116,7 @@ fn governor() -> Option<Check> {
             Status::Warning,
             "clock",
             found,
-            "beliefs come later when the clock is low: `cpupower frequency-set -g performance`",
+            "a low clock delays predictions: run `cpupower frequency-set -g performance`",
         )
     })
 }

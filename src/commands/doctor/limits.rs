@@ -1,4 +1,4 @@
-//! What this user may have: descriptors, realtime priorities, locked memory.
+//! Limits of this user: file descriptors, real-time priorities, locked memory.
 
 use super::{Check, Status};
 
@@ -11,7 +11,7 @@ fn limit(resource: libc::__rlimit_resource_t) -> u64 {
         rlim_cur: 0,
         rlim_max: 0,
     };
-    // SAFETY: a place for the answer, which stays zero if the call fails.
+    // SAFETY: `found` is a valid place for the result; it stays zero if the call fails.
     unsafe { libc::getrlimit(resource, &mut found) };
     found.rlim_cur
 }
@@ -28,7 +28,7 @@ fn descriptors() -> Check {
             Status::Warning,
             "open files",
             found.to_string(),
-            "channels and a page for browsers want 1024: `ulimit -n 4096`, or LimitNOFILE in a unit",
+            "channels and the live page need 1024: run `ulimit -n 4096`, or set LimitNOFILE in the systemd unit",
         );
     }
     Check::ok("open files", found.to_string())
@@ -44,7 +44,7 @@ fn priority() -> Check {
             Status::Note,
             "realtime",
             "no realtime priority",
-            "for `serve --priority 60`: `@robot - rtprio 60` in /etc/security/limits.conf, or LimitRTPRIO in a unit",
+            "needed by `serve --priority 60`: add `@robot - rtprio 60` to /etc/security/limits.conf, or set LimitRTPRIO in the systemd unit",
         );
     }
     Check::ok("realtime", format!("priorities up to {most}"))
@@ -59,6 +59,6 @@ fn locked_memory() -> Check {
         Status::Note,
         "locked memory",
         format!("{} KiB", most >> 10),
-        "for `serve --lock-memory`: `@robot - memlock unlimited` in /etc/security/limits.conf, or LimitMEMLOCK in a unit",
+        "needed by `serve --lock-memory`: add `@robot - memlock unlimited` to /etc/security/limits.conf, or set LimitMEMLOCK in the systemd unit",
     )
 }
