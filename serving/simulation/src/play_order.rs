@@ -108,7 +108,7 @@ mod tests {
         assert_eq!(
             error.to_string(),
             format!(
-                "`{}` has 4 sweeps that may be played, an object 5; `--sweeps-per-object` sets how many an object has",
+                "`{}` has 4 playable sweeps, but an object needs 5",
                 names[0]
             )
         );

@@ -1,0 +1,121 @@
+//! The remedies of typed errors, in the words of the command line. Libraries name no options; this table does.
+
+use std::error::Error;
+
+use tactnet_data::{DataError, Remedy};
+use tactnet_experiments::ExperimentError;
+use tactnet_pipeline::PipelineError;
+use tactnet_serving::ServeError;
+use tactnet_simulation::SimulationError;
+
+/// Appends the words of a remedy to a message, if there is one.
+pub fn with_cure(message: &str, remedy: Option<&Remedy>) -> String {
+    match remedy {
+        Some(remedy) => format!("{message}; {}", words_of(remedy)),
+        None => message.to_owned(),
+    }
+}
+
+/// Returns the options and commands that apply a remedy.
+fn words_of(remedy: &Remedy) -> String {
+    match remedy {
+        Remedy::NameRate => "set it with `--rate HZ`".into(),
+        Remedy::NameLabels => {
+            "use `tactnet predict` for unlabelled sweeps, or label all with `tactnet data import --material NAME`"
+                .into()
+        }
+        Remedy::NameShape { rows, cols } => format!(
+            "for a grid of taxels: `tactnet data import FILE --shape {rows}x{cols} --out NEW.npz`"
+        ),
+        Remedy::KeepSteps { steps } => format!(
+            "keep the first {steps} frames of every sweep with `tactnet data import FILE --out NEW.npz --steps {steps}`"
+        ),
+        Remedy::ChooseFolds => "choose another split with `--folds N` or `--split hold-out`".into(),
+        Remedy::ListFindings { data } => format!("list all with `tactnet data check {data}`"),
+        Remedy::ConvertRecording => {
+            "convert it to a data set with `tactnet data import FILE --out NEW.npz`".into()
+        }
+        Remedy::PassDownloadedFile => {
+            "then pass it with `--data FILE` or convert it with `tactnet data import FILE`".into()
+        }
+    }
+}
+
+/// Returns the remedy of an error of this workspace; `None` for other errors.
+pub(super) fn remedy_of(cause: &(dyn Error + 'static)) -> Option<Remedy> {
+    if let Some(ServeError::Pipeline(error)) = cause.downcast_ref() {
+        return error.remedy();
+    }
+    #[cfg(feature = "fetch")]
+    if let Some(error) = cause.downcast_ref::<tactnet_data::FetchError>() {
+        return error.remedy();
+    }
+    #[cfg(feature = "recording")]
+    if let Some(tactnet_recording::RecordingError::Data(error)) = cause.downcast_ref() {
+        return error.remedy();
+    }
+    None.or_else(|| cause.downcast_ref().and_then(DataError::remedy))
+        .or_else(|| cause.downcast_ref().and_then(PipelineError::remedy))
+        .or_else(|| cause.downcast_ref().and_then(ExperimentError::remedy))
+}
+
+/// Returns the words for errors of the simulation, whose variants are their own remedies.
+pub(super) fn words_of_simulation(cause: &(dyn Error + 'static)) -> Option<&'static str> {
+    match cause.downcast_ref()? {
+        SimulationError::TooFewSweeps { .. } => {
+            Some("set the number of sweeps per object with `--sweeps-per-object N`")
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The wording of the remedies is asserted only here.
+    #[test]
+    fn an_error_is_printed_with_its_remedy() {
+        let error = || DataError::inconsistent("sweeps", "150 frames", "300");
+        let cut = || error().with_remedy(Remedy::KeepSteps { steps: 150 });
+        for error in [
+            anyhow::Error::from(cut()),
+            PipelineError::from(cut()).into(),
+            ExperimentError::from(PipelineError::from(cut())).into(),
+            ServeError::from(PipelineError::from(cut())).into(),
+        ] {
+            let remedy = error.chain().find_map(remedy_of);
+            assert_eq!(remedy, Some(Remedy::KeepSteps { steps: 150 }));
+        }
+        for (remedy, words) in [
+            (Remedy::NameRate, "--rate HZ"),
+            (Remedy::NameLabels, "data import --material NAME"),
+            (Remedy::NameShape { rows: 4, cols: 5 }, "--shape 4x5"),
+            (Remedy::KeepSteps { steps: 150 }, "--steps 150`"),
+            (Remedy::ChooseFolds, "--split hold-out"),
+            (
+                Remedy::ListFindings {
+                    data: "a.h5".into(),
+                },
+                "data check a.h5`",
+            ),
+            (Remedy::ConvertRecording, "data import FILE"),
+            (Remedy::PassDownloadedFile, "--data FILE"),
+        ] {
+            let text = with_cure("no", Some(&remedy));
+            assert!(text.starts_with("no; ") && text.contains(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn errors_of_the_simulation_name_the_option() {
+        let error = SimulationError::TooFewSweeps {
+            material: "cork".into(),
+            found: 4,
+            in_a_row: 5,
+        };
+        let words = words_of_simulation(&error).unwrap();
+        assert!(words.contains("--sweeps-per-object"));
+        assert_eq!(words_of_simulation(&SimulationError::Stopped), None);
+    }
+}
