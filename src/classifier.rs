@@ -1,4 +1,4 @@
-//! A fitted classifier, in memory and in a folder.
+//! A fitted classifier, in memory and as a folder.
 
 use std::path::Path;
 
@@ -12,13 +12,15 @@ use tactnet_pipeline::{
 
 use crate::Error;
 
-/// A fitted classifier: materials, model and numbers.
+/// A fitted classifier: materials, model and weights.
+///
+/// [`Recipe::fit`](crate::Recipe::fit) creates one.
 pub struct Classifier {
     fitted: tactnet_pipeline::Classifier,
     config: RunConfig,
     split: SplitManifest,
     weights: Weights,
-    /// Of networks: what their output layer saw of the training sweeps, for enrolment.
+    /// Embeddings of the training sweeps, for enrolment; `None` for baselines.
     embeddings: Option<TrainEmbeddings>,
     calibration: Option<Calibration>,
 }
@@ -70,10 +72,24 @@ impl Classifier {
         }))
     }
 
-    /// Opens a folder that [`Classifier::save`], `tactnet train` or `tactnet enroll` made.
+    /// Loads a run directory that [`Classifier::save`] or the command line wrote.
     ///
     /// # Errors
-    /// No classifier there, or a damaged one; a training that has not come to its end.
+    /// Fails if the folder holds no classifier, a damaged one, or an unfinished training.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let folder = tempfile::tempdir().unwrap();
+    /// let path = folder.path().join("classifier");
+    /// Recipe::named("means")?.fit(&fold.train)?.save(&path)?;
+    /// let classifier = tactnet::Classifier::load(&path)?;
+    /// assert_eq!(classifier.materials().count(), 3);
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn load(folder: impl AsRef<Path>) -> Result<Self, Error> {
         let run = RunDir::open(folder.as_ref())?;
         let (config, weights) = (run.config()?, run.final_weights()?);
@@ -94,10 +110,22 @@ impl Classifier {
         })
     }
 
-    /// Saves everything that a prediction needs into a new folder, which the command line opens too.
+    /// Saves everything that a prediction needs into a new folder, a run directory of the command line.
     ///
     /// # Errors
-    /// A folder that holds anything already; a file that cannot be written.
+    /// Fails if the folder is not empty or a file cannot be written.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let folder = tempfile::tempdir().unwrap();
+    /// let classifier = Recipe::named("means")?.fit(&fold.train)?;
+    /// classifier.save(folder.path().join("classifier"))?;
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn save(&self, folder: impl AsRef<Path>) -> Result<(), Error> {
         let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), env!("TACTNET_GIT"));
         let run = RunDir::create(folder.as_ref(), &self.config, &self.split, &program)?;
@@ -114,45 +142,106 @@ impl Classifier {
         Ok(())
     }
 
-    /// Returns the names of the materials, in the order of their labels.
+    /// Returns the names of the materials, by label.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("means")?.fit(&fold.train)?;
+    /// assert_eq!(classifier.materials().count(), 3);
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn materials(&self) -> impl Iterator<Item = &str> {
         self.fitted.config().labels.names()
     }
 
-    /// Scores every sweep of `view` the recipe's own way. Materials are found by their names, in whatever order.
+    /// Predicts the material of every sweep of `view` with the recipe's method and compares it with the label. Materials are matched by
+    /// name.
     ///
     /// # Errors
-    /// Sweeps of another shape or rate, or of a material that the classifier does not know.
+    /// Fails for sweeps of another shape or sample rate, or of an unknown material.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("means")?.fit(&fold.train)?;
+    /// let accuracy = classifier.predict(&fold.test)?.accuracy();
+    /// assert!((0.0..=1.0).contains(&accuracy));
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn predict(&self, view: &SweepView<'_>) -> Result<Predictions, Error> {
         self.fitted.predict(view, self.config.recipe.method())
     }
 
-    /// Returns `[sweeps][materials]`, the natural log of the probabilities, the recipe's own way; the sweeps may be of any material.
+    /// Returns `[sweeps][materials]`: natural logarithms of the probabilities, by the recipe's method. The labels of the sweeps are
+    /// ignored.
     ///
     /// # Errors
-    /// Sweeps of another shape or rate.
+    /// Fails for sweeps of another shape or sample rate.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("means")?.fit(&fold.train)?;
+    /// let log_p = classifier.log_probabilities(&fold.test)?;
+    /// assert_eq!(log_p[0].len(), 3);
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn log_probabilities(&self, view: &SweepView<'_>) -> Result<Vec<Vec<f64>>, Error> {
         let method = self.config.recipe.method();
         self.fitted.log_probabilities(view, method)
     }
 
-    /// Returns a score for each sweep that is larger the less it is like a known material: the mutual information of material and dropout
-    /// masks, nats (Gal & Ghahramani, 2016).
+    /// Returns the novelty score of each sweep, in nats: the mutual information of material and dropout masks (Gal & Ghahramani, 2016).
+    /// Larger scores mean less similarity to the known materials.
     ///
     /// # Errors
-    /// Sweeps of another shape or rate; a model that is no network.
+    /// Fails for sweeps of another shape or sample rate, and for baselines.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("fast")?.epochs(1).fit(&fold.train)?;
+    /// let scores = classifier.unknown_scores(&fold.test)?;
+    /// assert_eq!(scores.len(), fold.test.len());
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn unknown_scores(&self, view: &SweepView<'_>) -> Result<Vec<f64>, Error> {
         let embedding = self.fitted.embed(view)?;
         let scorer = NoveltyScorer::fit(&self.fitted, self.embeddings()?)?;
         scorer.score(NoveltyScore::BEST, &embedding)
     }
 
-    /// Returns a classifier that knows one material more, from a few sweeps; see [`tactnet_pipeline::enroll`].
+    /// Returns a classifier with one more material, from a few sweeps; see [`tactnet_pipeline::enroll`].
     ///
-    /// - `sweeps`: of the new material alone, whatever their label in their data set
+    /// - `sweeps`: sweeps of the new material; their label is ignored
     ///
     /// # Errors
-    /// A name that is known already; sweeps of another shape or rate; a model that is no network.
+    /// Fails if the name exists, for sweeps of another shape or sample rate, and for baselines.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("fast")?.epochs(1).fit(&fold.train)?;
+    /// let extended = classifier.enroll("felt", &fold.test)?;
+    /// assert_eq!(extended.materials().last(), Some("felt"));
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn enroll(&self, material: &str, sweeps: &SweepView<'_>) -> Result<Self, Error> {
         let thresholds = self.calibration.clone().map(|calibration| Thresholds {
             calibration,
@@ -186,24 +275,62 @@ impl Classifier {
     fn embeddings(&self) -> Result<&TrainEmbeddings, Error> {
         self.fitted.network()?;
         let known = self.embeddings.as_ref();
-        Ok(known.unwrap_or_else(|| panic!("a network keeps what it saw")))
+        Ok(known.unwrap_or_else(|| panic!("a network has embeddings")))
     }
 
-    /// Returns the shape of the sweeps that it was fitted to.
+    /// Returns the shape of the training sweeps.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("means")?.fit(&fold.train)?;
+    /// assert_eq!(classifier.shape().steps, 120);
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn shape(&self) -> SweepShape {
         self.fitted.config().shape
     }
 
-    /// Returns their frames per second, and whether that is assumed.
+    /// Returns the sample rate of the training sweeps in Hz, and true if it is assumed.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("means")?.fit(&fold.train)?;
+    /// assert_eq!(classifier.sample_rate_hz(), (750.0, false));
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn sample_rate_hz(&self) -> (f64, bool) {
         let config = self.fitted.config();
         (config.sample_rate_hz, config.sample_rate_assumed)
     }
 
-    /// Returns the same classifier for one sweep as it happens, frame by frame, with as many Monte Carlo samples as the recipe asks for.
+    /// Returns a classifier that takes one sweep frame by frame, with the recipe's number of Monte Carlo samples.
     ///
     /// # Errors
-    /// A model that needs whole sweeps: a baseline, or a network that removes each taxel's mean.
+    /// Fails if the model needs complete sweeps: a baseline, or a network that removes each taxel's mean.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("fast")?.epochs(1).fit(&fold.train)?;
+    /// let mut online = classifier.online()?;
+    /// online.begin();
+    /// for frame in dataset.sweep(0).chunks(classifier.shape().taxels()) {
+    ///     online.push(frame);
+    /// }
+    /// assert_eq!(online.classify().log_probability.len(), 3);
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
     pub fn online(&self) -> Result<OnlineClassifier, Error> {
         let mc_samples = match self.config.recipe.method() {
             PredictionMethod::Plain => 0,

@@ -1,4 +1,4 @@
-//! How long training takes on the devices of this machine.
+//! Training times on the devices of this machine.
 
 use std::time::Instant;
 
@@ -10,25 +10,25 @@ use tactnet_pipeline::{ClassifierConfig, ModelConfig, ModelRecipe, NetworkSetup,
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 use tactnet_pipeline::{StackMember, StackedTraining};
 
-/// Steps before those that are timed: a GPU compiles its kernels.
+/// Number of steps before the timed ones, in which a GPU compiles its kernels.
 const WARM_UP: usize = 3;
-/// Steps by which devices are compared.
+/// Number of steps by which devices are compared.
 const COMPARED: usize = 5;
 
-/// Times in ms.
+/// Training times, in ms.
 pub struct Times {
-    /// Sweeps of a batch.
+    /// Number of sweeps in a batch.
     pub batch: usize,
-    /// A step: the median on the processor, the mean on a GPU, which is not waited for after each.
+    /// Time of a step: the median on the processor, the mean on a GPU, which runs steps asynchronously.
     pub step: f64,
-    /// All timed steps together.
+    /// Time of all timed steps together.
     pub all: f64,
 }
 
 /// Times an epoch of training, or `limit` steps of it.
 ///
 /// # Errors
-/// A device that does not open.
+/// Fails if the device does not open.
 pub fn time(
     fold: &Fold<'_>,
     recipe: &str,
@@ -81,10 +81,10 @@ pub fn time(
     })
 }
 
-/// Times `steps` steps of `networks` networks at once, which train on folds of `dataset`, one after the other; ms a step and network. `None` on
-/// devices that train one network at a time.
+/// Times `steps` steps of `networks` networks that train together on folds of `dataset`. Returns ms per step and
+/// network, or `None` on devices that train one network at a time.
 ///
-/// # Errors
+/// Fails if the device does not open.
 /// A device that does not open.
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 pub fn time_stack(
@@ -144,7 +144,7 @@ pub fn time_stack(
     Ok(Some(all / (steps * networks) as f64))
 }
 
-/// Without a GPU networks are trained one at a time.
+/// Returns `None`: without a GPU, networks are trained one at a time.
 #[cfg(not(any(feature = "vulkan", feature = "cuda")))]
 pub fn time_stack(
     _dataset: &Dataset,
@@ -155,17 +155,17 @@ pub fn time_stack(
     Ok(None)
 }
 
-/// Returns the device that trains the published network fastest, and says on stderr which and why.
+/// Returns the device that trains the published network fastest, and prints the comparison.
 ///
 /// # Errors
-/// A device that does not open.
+/// Fails if a device does not open.
 pub fn fastest() -> anyhow::Result<Compute> {
     let present = Compute::present();
     if present.len() == 1 {
         let reason = if cfg!(any(feature = "vulkan", feature = "cuda")) {
             "no GPU with a driver was found"
         } else {
-            "this build knows no GPU (feature `vulkan`)"
+            "this build has no GPU support (feature `vulkan`)"
         };
         say!("device: the processor; {reason}");
         return Ok(Compute::Cpu);
@@ -186,7 +186,7 @@ pub fn fastest() -> anyhow::Result<Compute> {
         .map(|(_, name, step)| format!("{name} {step:.1} ms"))
         .collect();
     say!(
-        "device: {}; a step of the published network takes: {}",
+        "device: {}; time per training step of the published network: {}",
         found[0].1,
         times.join(", ")
     );

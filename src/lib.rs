@@ -1,4 +1,4 @@
-//! Tactile material classification: which material did the fingertip sweep over, and how sure is that?
+//! Tactile material classification: predicts the material under a sweeping fingertip, with probabilities.
 //!
 //! ```
 //! # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
@@ -15,12 +15,12 @@
 //! ```
 //!
 //! - [`Dataset`]: sweeps with their materials, read from HDF5 or npz, or generated (the twin).
-//! - [`Fold`]: the sweeps to learn from and the sweeps to be measured on; only the former can be fitted to.
-//! - [`Recipe`]: how a classifier comes about, of a network or of a baseline.
-//! - [`Classifier`]: a fitted one. What it saves, the command line opens: `tactnet eval`, `enroll`, `export`, `serve`.
-//! - [`OnlineClassifier`]: the same, frame by frame.
+//! - [`Fold`]: training sweeps and test sweeps; fitting accepts only the training sweeps.
+//! - [`Recipe`]: settings of a classifier, a network or a baseline.
+//! - [`Classifier`]: a fitted classifier. The command line opens the folders that it saves.
+//! - [`OnlineClassifier`]: classifies a sweep frame by frame.
 //!
-//! The crates behind it have the parts: `tactnet_data`, `tactnet_models`, `tactnet_pipeline`.
+//! The parts are in the crates `tactnet_data`, `tactnet_models` and `tactnet_pipeline`.
 
 mod classifier;
 mod recipe;

@@ -1,4 +1,4 @@
-//! The `tactnet` command line: one verb a subcommand, results on stdout, everything else on stderr.
+//! The `tactnet` command line: results go to stdout, everything else to stderr.
 
 #[macro_use]
 mod say;
@@ -6,6 +6,7 @@ mod say;
 mod commands;
 mod device_times;
 mod failure;
+mod help;
 mod output;
 mod source;
 mod stop;
@@ -13,7 +14,7 @@ mod table;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{
     bench, catch, channel, completions, dashboard, data, demo, doctor, enroll, eval, experiment,
     export, man, predict, record, replay, same, serve, simulate, task, train, version, view,
@@ -22,10 +23,10 @@ use commands::{
 #[global_allocator]
 static ALLOCATOR: tactnet_serving::CountingAllocator = tactnet_serving::CountingAllocator;
 
-/// The commit this binary was built from.
+/// Commit from which this binary was built.
 const GIT: &str = env!("TACTNET_GIT");
 
-/// Tactile material classification: which material did the fingertip sweep over, and how sure is that?
+/// Tactile material classification: trains classifiers on sweeps of a fingertip and runs them live
 #[derive(Parser)]
 #[command(
     name = "tactnet",
@@ -33,15 +34,15 @@ const GIT: &str = env!("TACTNET_GIT");
     version = version::text(),
     after_help = "Examples:\n  \
         tactnet train                                train on the synthetic TactMat twin\n  \
-        tactnet demo                                 a simulated fingertip, classified live in the browser\n  \
+        tactnet demo                                 classify a simulated fingertip live in the browser\n  \
         tactnet train --data sweeps.h5               train on recorded sweeps\n  \
-        tactnet eval runs/twin-fast-fold0-1          judge a trained classifier again\n  \
-        tactnet predict runs/twin-fast-fold0-1 --data new.npz   of what material are these?\n  \
-        tactnet same runs/twin-fast-fold0-1 cup.npz plate.npz   of one material?\n  \
+        tactnet eval runs/twin-fast-fold0-1          evaluate a trained classifier again\n  \
+        tactnet predict runs/twin-fast-fold0-1 --data new.npz   predict the material of new sweeps\n  \
+        tactnet same runs/twin-fast-fold0-1 cup.npz plate.npz   compare the materials of two objects\n  \
         tactnet enroll runs/twin-fast-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
         tactnet experiment run crossval_baselines    compare models over folds\n  \
-        tactnet data info sweeps.h5                  look at a data set\n\n\
-        `tactnet COMMAND --help` or `tactnet help COMMAND` says more about each command."
+        tactnet data info sweeps.h5                  show the contents of a data set\n\n\
+        See `tactnet COMMAND --help` or `tactnet help COMMAND` for each command."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -50,63 +51,63 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Train a classifier and judge it on sweeps it has never seen
+    /// Train a classifier and evaluate it on held-out sweeps
     Train(train::TrainArgs),
-    /// Judge a trained classifier
+    /// Evaluate a trained classifier
     Eval(eval::EvalArgs),
-    /// Say of what material sweeps are
+    /// Predict the material of sweeps
     Predict(predict::PredictArgs),
-    /// Say whether two objects are of one material
+    /// Compare the materials of two objects
     Same(same::SameArgs),
     /// Add a material to a trained classifier from a few sweeps
     Enroll(enroll::EnrollArgs),
-    /// Write a trained network for other programs: ONNX, safetensors
+    /// Export a trained network: ONNX, safetensors
     Export(export::ExportArgs),
-    /// Run cross-validations and their like, and report
+    /// Run cross-validations and other experiments, and write reports
     #[command(subcommand)]
     Experiment(experiment::ExperimentCommand),
-    /// Run one task of an experiment: what experiments call
+    /// Run one task of an experiment; called by experiments
     #[command(hide = true)]
     Task(task::TaskArgs),
-    /// Look at, check, make, convert and fetch data sets
+    /// Inspect, check, generate, convert and download data sets
     #[command(subcommand)]
     Data(data::DataCommand),
-    /// Hold, look at and measure the channels between robot components
+    /// Run, inspect and measure the channels between robot components
     #[command(subcommand)]
     Channel(channel::ChannelCommand),
-    /// Classify sweeps on the robot's channels as they happen
+    /// Classify sweeps on the robot's channels in real time
     Serve(serve::ServeArgs),
-    /// Look on in a browser while it serves
+    /// Show the running classifier in a browser
     Dashboard(dashboard::DashboardArgs),
-    /// Record what travels on the tactile channels, as MCAP
+    /// Record the channels to an MCAP file
     Record(record::RecordArgs),
-    /// Put a recording back onto channels
+    /// Replay a recording on channels
     Replay(replay::ReplayArgs),
-    /// Look at channels or a recording in the Rerun viewer
+    /// Show channels or a recording in the Rerun viewer
     View(view::ViewArgs),
-    /// Put what a robot would on the channels: skin, catching stack, or everything at once
+    /// Simulate robot components on the channels: skin, catching stack, or all of them
     #[command(subcommand)]
     Simulate(simulate::SimulateCommand),
-    /// Catch balls with two arms in a simulated world, and measure how well
+    /// Catch balls with two arms in a simulated world, and measure the success rate
     #[command(subcommand)]
     Catch(catch::CatchCommand),
-    /// Time this machine
+    /// Run benchmarks on this machine
     #[command(subcommand)]
     Bench(bench::BenchCommand),
-    /// Hub, simulated skin, classifier and dashboard together, for a first look
+    /// Run hub, simulated skin, classifier and live page together
     Demo(demo::DemoArgs),
-    /// Print what bash, zsh, fish, elvish or PowerShell needs to complete commands and options
+    /// Print shell completions
     Completions(completions::CompletionsArgs),
     /// Print or write manual pages
     Man(man::ManArgs),
-    /// Look at this machine: what works, what does not, what to do about it
+    /// Check this machine and give advice
     Doctor(doctor::DoctorArgs),
-    /// Print version, commit and the optional features of this build
+    /// Print version, commit and optional features of this build
     Version(version::VersionArgs),
 }
 
-/// Keeps quiet about panics that become an error of one line.
-fn quiet_readers() {
+/// Silences panics of file readers, which become one-line errors.
+fn silence_reader_panics() {
     let shown = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         if std::thread::current().name() != Some(tactnet_data::format::READING) {
@@ -115,17 +116,17 @@ fn quiet_readers() {
     }));
 }
 
-/// Makes the processor Burn's default device unless somebody chose another: an optimiser is restored on the default device, and a GPU would be
-/// looked for on machines without one. What computes is named by `--device`.
-fn restore_on_the_processor() {
+/// Makes the processor Burn's default device unless the environment names another. Burn restores optimisers on the default device,
+/// and would otherwise search for a GPU. `--device` selects the device of the computation.
+fn use_processor_by_default() {
     if std::env::var_os("BURN_DEVICE").is_none() {
         // SAFETY: no other thread has been started.
         unsafe { std::env::set_var("BURN_DEVICE", "flex") };
     }
 }
 
-/// Names a Wayland display that is nowhere, where there is no folder to look for one in: graphics drivers would complain of that on stderr
-/// whenever a GPU is looked for.
+/// Sets a nonexistent Wayland display if the environment has neither a display nor a runtime folder. Otherwise graphics drivers would
+/// print warnings during the search for a GPU.
 fn without_wayland() {
     let is_set = |name| std::env::var_os(name).is_some();
     if !is_set("XDG_RUNTIME_DIR") && !is_set("WAYLAND_DISPLAY") {
@@ -134,19 +135,21 @@ fn without_wayland() {
     }
 }
 
+/// Parses the command line, with the commands of the main help page in groups.
+fn parse() -> Result<Cli, clap::Error> {
+    let mut command = help::with_groups(Cli::command());
+    let matches = command.try_get_matches_from_mut(std::env::args_os())?;
+    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+}
+
 fn main() -> ExitCode {
-    restore_on_the_processor();
-    quiet_readers();
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .with_ansi(false)
-        .init();
-    let cli = match Cli::try_parse() {
+    use_processor_by_default();
+    silence_reader_panics();
+    let cli = match parse() {
         Ok(cli) => cli,
         Err(error) => return failure::usage(&error),
     };
-    // Only where no window is opened, by the Rerun viewer or a browser.
+    // Other commands may open a window: the Rerun viewer or a browser.
     if matches!(
         cli.command,
         Command::Train(_) | Command::Task(_) | Command::Bench(_) | Command::Doctor(_)

@@ -1,4 +1,4 @@
-//! Results on stdout.
+//! Results on standard output.
 
 use std::io::Write;
 use std::path::Path;
@@ -6,7 +6,8 @@ use std::path::Path;
 use anyhow::bail;
 use tactnet_data::is_control;
 
-/// Writes `text` and a line end; a reader that has gone is an error, not a panic. Control characters do not reach the terminal.
+/// Writes `text` and a line end, with control characters replaced. A reader that has closed the output is an error, not
+/// a panic.
 pub fn print(text: impl std::fmt::Display) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", harmless(&text.to_string()))?;
@@ -19,7 +20,7 @@ pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(serde_json::to_string_pretty(value)?)
 }
 
-/// Returns `text` with a mark in place of every control character but tabs and line ends.
+/// Replaces every control character except tabs and line ends by a replacement character.
 pub fn harmless(text: &str) -> std::borrow::Cow<'_, str> {
     let harmful = |character: char| is_control(character) && !matches!(character, '\n' | '\t');
     if text.contains(harmful) {
@@ -29,10 +30,10 @@ pub fn harmless(text: &str) -> std::borrow::Cow<'_, str> {
     }
 }
 
-/// Refuses a file that is there, unless `force` says that it may go.
+/// Refuses to overwrite an existing file without `force`.
 ///
 /// # Errors
-/// It is there, or its folder is not.
+/// Fails if the file exists, or if its folder does not.
 pub fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
     if out.exists() && !force {
         bail!(
@@ -48,23 +49,23 @@ pub fn refuse_to_overwrite(out: &Path, force: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns `number` with its noun, in the plural unless it is one.
+/// Returns `number` with its noun, in the plural unless it is 1.
 pub fn counted(number: usize, noun: &str) -> String {
     let plural = if number == 1 { "" } else { "s" };
     format!("{number} {noun}{plural}")
 }
 
-/// How a result is shown.
+/// Format of a result.
 #[derive(Clone, Copy)]
 pub enum OutputFormat {
-    /// For people.
+    /// Text for people.
     Table,
-    /// For programs.
+    /// JSON for programs.
     Json,
 }
 
 impl OutputFormat {
-    /// Returns `Json` where `--json` was given.
+    /// Returns `Json` if `--json` was given.
     pub fn from_flag(json: bool) -> Self {
         if json { Self::Json } else { Self::Table }
     }

@@ -1,6 +1,6 @@
-//! Lines on standard error.
+//! Messages on standard error.
 
-/// Writes a line to standard error, as `eprintln!` does; one that cannot be written is no reason to end.
+/// Writes a line to standard error, as `eprintln!` does, but ignores write errors.
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write as _;

@@ -1,11 +1,11 @@
-//! Reading data sets, with a word on the twin and on rates that nobody named.
+//! Reading of data sets, with notes about the twin and assumed sample rates.
 
 use tactnet_data::{DataError, DataSource, Dataset, Finding, FindingKind, Severity, SweepShape};
 use tactnet_pipeline::{LabelOrder, PipelineError, TrainSpec, quoted};
 
 use crate::failure;
 
-/// Says so where the twin is about to be generated, which takes a moment and is no recording.
+/// Prints a note before the twin is generated, which takes a moment.
 pub fn announce(data: &str) {
     if DataSource::is_twin(data) {
         say!("generating the twin (synthetic sweeps, not TactMat) …");
@@ -18,28 +18,28 @@ pub fn load(data: &str) -> Result<Dataset, DataError> {
     DataSource::named(data).read()
 }
 
-/// Reads `data` as the run of `spec` read its own, with labels in `order`.
+/// Reads `data` with the settings of a run, with labels in `order`.
 pub fn load_as(spec: &TrainSpec, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
     announce(data);
     spec.read_sweeps_of(data, order)
 }
 
-/// Says that the taxels were put into a run's rows and columns.
+/// Notes that the taxels were arranged in the run's rows and columns.
 pub fn note_arranged(shape: SweepShape) {
     say!(
-        "note: the taxels are read row by row as the run's {}x{}, since the data does not say how they are arranged",
+        "note: the data does not state the arrangement of its taxels; they are read row by row as the run's {}x{}",
         shape.rows,
         shape.cols
     );
 }
 
-/// Warns of what concerns a data set as a whole; a rate that nobody named has a warning of its own.
+/// Prints warnings about a data set as a whole, except about an assumed rate, which has its own warning.
 ///
-/// - `name`: of the data set where there may be several
-/// - `axes_are_right`: somebody said so, see `--axes-are-right`
+/// - `name`: name of the data set, if there may be several
+/// - `axes_are_right`: true if the user confirmed the order of the axes
 ///
 /// # Errors
-/// Axes in an order that makes no sense.
+/// Fails if the axes are probably exchanged.
 pub fn review(
     name: Option<&str>,
     finding: &Finding,
@@ -49,13 +49,13 @@ pub fn review(
         let of = name.map_or(String::new(), |name| format!("{name}: "));
         return Err(PipelineError::Doubtful {
             finding: format!("{of}{}", finding.message),
-            remedy: "if they are right as they are, add --axes-are-right",
+            remedy: "if they are correct, add --axes-are-right",
         });
     }
     let other = finding.kind != FindingKind::AssumedRate;
-    // Once trained, a network keeps its arrangement.
-    let told = finding.severity == Severity::Warning || finding.kind == FindingKind::AssumedPatch;
-    if told && finding.is_general() && other {
+    // A trained network keeps its arrangement of taxels.
+    let shown = finding.severity == Severity::Warning || finding.kind == FindingKind::AssumedPatch;
+    if shown && finding.is_general() && other {
         let message = failure::with_cure(&finding.message, finding.remedy.as_ref());
         match name {
             Some(name) => say!("{}: {name}: {message}", finding.severity),
@@ -65,9 +65,9 @@ pub fn review(
     Ok(())
 }
 
-/// Names the file whose sweeps do not fit a classifier or its run, and what can be done about another sample rate.
+/// Adds the file name to an error about sweeps that do not fit a classifier, with a remedy for another sample rate.
 ///
-/// - `rate`: what `--rate` says
+/// - `rate`: value of `--rate`
 pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineError {
     match error {
         PipelineError::Incompatible {
@@ -107,18 +107,18 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
     }
 }
 
-/// Puts names into a command that a message proposes: the file, a new one and what `--rate` said.
+/// Completes a suggested command with the file names and the value of `--rate`.
 fn with_names(message: &str, data: &str, rate: Option<f64>) -> String {
     let rate = rate.map_or(String::new(), |rate| format!(" --rate {rate}"));
     let named = format!("data import {} --out arranged.npz{rate}", quoted(data));
     message.replace("data import FILE --out NEW", &named)
 }
 
-/// Says so where the sample rate is assumed.
+/// Warns about an assumed sample rate.
 pub fn warn_of_assumed_rate(assumed: bool, rate_hz: f64) {
     if assumed {
         say!(
-            "warning: the data does not say its sample rate; {rate_hz} Hz is assumed, `--rate HZ` names it"
+            "warning: the data does not state its sample rate; {rate_hz} Hz is assumed, `--rate HZ` sets it"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM: the first asks to stop after the current batch, the second ends the process.
+//! Ctrl-C and SIGTERM: the first requests a stop, the second ends the process.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,17 +6,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::Context;
 use tactnet_experiments::STOPPING;
 
-/// Remembers that somebody asked to stop.
+/// Flag that is set by the first Ctrl-C or SIGTERM.
 #[derive(Clone)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Starts to listen, for work that can be resumed.
+    /// Installs the handler, for work that can be resumed.
     pub fn listen() -> anyhow::Result<Self> {
         Self::listen_saying(STOPPING)
     }
 
-    /// Starts to listen; `text` is what people read when they ask.
+    /// Installs the handler, which prints `text` when a stop is requested.
     pub fn listen_saying(text: &'static str) -> anyhow::Result<Self> {
         let asked = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&asked);
@@ -30,7 +30,7 @@ impl Stop {
         Ok(Self(asked))
     }
 
-    /// Returns true once somebody asked.
+    /// Returns true once a stop was requested.
     pub fn asked(&self) -> bool {
         self.0.load(Ordering::SeqCst)
     }

@@ -1,4 +1,4 @@
-//! The table of channels that a command line names.
+//! The channel table named on the command line.
 
 use std::path::Path;
 
@@ -6,10 +6,10 @@ use anyhow::bail;
 use tactnet_channel::Table;
 use tactnet_pipeline::quoted;
 
-/// Reads a table of channels.
+/// Reads a channel table.
 ///
 /// # Errors
-/// No such file, with the command that writes one; what is wrong with it.
+/// Fails if the file is missing or invalid.
 pub fn load(path: &Path) -> anyhow::Result<Table> {
     if !path.exists() {
         bail!(

@@ -1,4 +1,4 @@
-//! `tactnet bench`: timings of this machine and of the catching stack's parts.
+//! `tactnet bench`: benchmarks of this machine and of the catching stack.
 
 #[cfg(feature = "catching")]
 mod catch_detect;
@@ -16,9 +16,9 @@ use clap::Subcommand;
 
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
-    tactnet bench device                             training on every device of this machine\n  \
-    tactnet bench device --json                      the same for programs\n  \
-    tactnet bench catch-plan --problems 1000         times and misses of the catch planner (feature `catching`)")]
+    tactnet bench device                             time training on every device of this machine\n  \
+    tactnet bench device --json                      the same as a JSON document\n  \
+    tactnet bench catch-plan --problems 1000         time and accuracy of the catch planner (feature `catching`)")]
 pub enum BenchCommand {
     /// Time training on every device of this machine
     Device(device::DeviceArgs),
@@ -31,16 +31,16 @@ pub enum BenchCommand {
     /// Measure the self-collision monitor on random motions that it brakes
     #[cfg(feature = "catching")]
     CatchSafety(catch_safety::SafetyBenchArgs),
-    /// Measure the ball detector on rendered pictures of throws
+    /// Measure the ball detector on rendered images of throws
     #[cfg(feature = "catching")]
     CatchDetect(catch_detect::DetectBenchArgs),
-    /// A benchmark that this build does not have.
+    /// A benchmark that this build does not include.
     #[cfg(not(feature = "catching"))]
     #[command(external_subcommand)]
     Missing(Vec<String>),
 }
 
-/// Runs the command.
+/// Runs the benchmark.
 pub fn run(command: BenchCommand) -> anyhow::Result<ExitCode> {
     match command {
         BenchCommand::Device(arguments) => device::run(&arguments),

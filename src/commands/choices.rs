@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use tactnet_models::Compute;
 use tactnet_pipeline::{MeanRemoval, RuntimeKind, SplitKind};
 
-/// What to train.
+/// Kind of model to train.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub enum ModelChoice {
     /// TactNet-II, the thesis's convolutional network
@@ -34,7 +34,7 @@ pub enum ModelChoice {
 }
 
 impl ModelChoice {
-    /// The recipe that it has by itself.
+    /// Returns the model's default recipe.
     pub fn recipe(self) -> &'static str {
         match self {
             Self::Tactnet2 => "fast",
@@ -52,7 +52,7 @@ impl ModelChoice {
     }
 }
 
-/// Reads where to listen: an address with a port, or a port of this machine alone.
+/// Parses an address with a port, or a port on the loopback interface.
 pub fn listen(text: &str) -> Result<SocketAddr, String> {
     match text.parse() {
         Ok(port) => Ok(SocketAddr::from(([127, 0, 0, 1], port))),
@@ -62,12 +62,12 @@ pub fn listen(text: &str) -> Result<SocketAddr, String> {
     }
 }
 
-/// What happens to levels.
+/// Use of each taxel's mean level.
 #[derive(Clone, Copy, ValueEnum)]
 pub enum LevelsChoice {
-    /// They may be used
+    /// Levels are kept
     Kept,
-    /// Each taxel's mean over the sweep is subtracted
+    /// Subtract each taxel's mean over the sweep
     Removed,
 }
 
@@ -80,16 +80,16 @@ impl From<LevelsChoice> for MeanRemoval {
     }
 }
 
-/// How to split.
+/// Split into training and test sweeps.
 #[derive(Clone, Copy, ValueEnum)]
 pub enum SplitChoice {
-    /// Stratified folds: 5, or as many as the material with the fewest sweeps has
+    /// Stratified folds: 5, or the sweep count of the smallest material if that is less
     KFold,
-    /// A random fifth of every material's sweeps
+    /// A random fifth of each material's sweeps
     HoldOut,
-    /// The file's own test sweeps
+    /// The test sweeps marked in the file
     TestFlag,
-    /// Fold k tests on the k-th recording block of every material
+    /// Fold k tests on the k-th recording block of each material
     LeaveBlockOut,
 }
 
@@ -104,7 +104,7 @@ impl From<SplitChoice> for SplitKind {
     }
 }
 
-/// Where to compute.
+/// Compute device.
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum DeviceChoice {
     /// The processor
@@ -126,7 +126,7 @@ impl From<DeviceChoice> for Compute {
     }
 }
 
-/// Where to train.
+/// Compute device for training.
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum TrainDeviceChoice {
     /// The processor
@@ -136,12 +136,12 @@ pub enum TrainDeviceChoice {
     Vulkan,
     /// An NVIDIA GPU (needs a build with `--features cuda`)
     Cuda,
-    /// The fastest of this machine by a few steps of the published network
+    /// The fastest device of this machine, by a few steps of the published network
     Auto,
 }
 
 impl TrainDeviceChoice {
-    /// Returns the device that was named; the processor for `auto`.
+    /// Returns the named device; the processor for `auto`.
     pub fn named(self) -> Compute {
         match self {
             Self::Cpu | Self::Auto => Compute::Cpu,
@@ -151,16 +151,16 @@ impl TrainDeviceChoice {
     }
 }
 
-/// What computes the scores.
+/// Runtime that computes the scores.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RuntimeChoice {
-    /// Burn, batch by batch: what training uses
+    /// Burn, in batches, as in training
     Burn,
-    /// Frame by frame: what `tactnet serve` uses
+    /// Frame by frame, as in `tactnet serve`
     Online,
-    /// The exported ONNX file in ONNX Runtime (a build with `--features onnxruntime`)
+    /// The exported ONNX file in ONNX Runtime (needs a build with `--features onnxruntime`)
     Onnxruntime,
-    /// The exported weights in candle (a build with `--features candle`)
+    /// The exported weights in candle (needs a build with `--features candle`)
     Candle,
 }
 
@@ -175,7 +175,7 @@ impl From<RuntimeChoice> for RuntimeKind {
     }
 }
 
-/// Parses a share, a number between 0 and 1.
+/// Parses a number between 0 and 1, both excluded.
 pub fn share(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "not a number".to_string())?;
     if value > 0.0 && value < 1.0 {
@@ -185,7 +185,7 @@ pub fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses a sample rate, a positive number of Hz.
+/// Parses a sample rate: a positive number of Hz.
 pub fn rate(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),

@@ -1,4 +1,4 @@
-//! `tactnet completions`: what a shell needs to complete commands and options.
+//! `tactnet completions`: shell completions of commands and options.
 
 use std::process::ExitCode;
 
@@ -13,12 +13,12 @@ use crate::{Cli, output};
     tactnet completions zsh > ~/.zfunc/_tactnet                     with ~/.zfunc in fpath\n  \
     tactnet completions fish > ~/.config/fish/completions/tactnet.fish")]
 pub struct CompletionsArgs {
-    /// Whose completions
+    /// Shell for which to print completions
     #[arg(value_enum)]
     shell: Shell,
 }
 
-/// Runs the command.
+/// Prints the completion script.
 pub fn run(arguments: &CompletionsArgs) -> anyhow::Result<ExitCode> {
     let mut script = Vec::new();
     generate(arguments.shell, &mut Cli::command(), "tactnet", &mut script);

@@ -17,18 +17,18 @@ use crate::table;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet dashboard --table robot.toml                            http://127.0.0.1:8750\n  \
-    tactnet dashboard --table robot.toml --listen 0.0.0.0:8750      for everybody in the network who has the link that is printed\n\n\
-    Beyond this machine the page and its events need a token: that of $TACTNET_WEB_TOKEN, or one that is drawn and stands in the link.")]
+    tactnet dashboard --table robot.toml --listen 0.0.0.0:8750      for other machines, with the printed link\n\n\
+    Other machines need a token: the value of $TACTNET_WEB_TOKEN, or a random one that is part of the printed link.")]
 pub struct DashboardArgs {
-    /// The table of channels; `tactnet serve --print-table` prints one
+    /// Channel table; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
-    /// Where to answer browsers
+    /// Address of the page: an address with a port, or a port on this machine
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750", value_parser = listen)]
     listen: SocketAddr,
 }
 
-/// Runs the command.
+/// Serves the page until Ctrl-C.
 pub fn run(arguments: &DashboardArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     let listener = web::listen(arguments.listen)?;

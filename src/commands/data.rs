@@ -1,4 +1,4 @@
-//! `tactnet data`: look at, check, make, convert and fetch data sets.
+//! `tactnet data`: inspects, checks, generates, converts and downloads data sets.
 
 #[cfg_attr(not(feature = "fetch"), path = "data/without_fetch.rs")]
 mod fetch;
@@ -26,22 +26,22 @@ use crate::{failure, output, source, view};
 
 #[derive(Subcommand)]
 pub enum DataCommand {
-    /// Show what a data set holds
+    /// Show the contents of a data set
     #[command(
         after_help = "Examples:\n  tactnet data info sweeps.h5\n  tactnet data info twin --json"
     )]
     Info(FileArgs),
     /// Show sweeps in the Rerun viewer
     View(view::SweepsArgs),
-    /// Look for what would spoil training; exit code 1 if there are errors, 2 if the data cannot be read
+    /// Check for problems that would spoil training; exit code 1 for errors, 2 if the data cannot be read
     #[command(
         after_help = "Examples:\n  tactnet data check sweeps.h5\n  tactnet data check sweeps.npz --json"
     )]
     Check(CheckArgs),
-    /// Make the synthetic TactMat twin
+    /// Generate the synthetic TactMat twin
     #[command(after_help = "Examples:\n  tactnet data twin --out twin.h5\n  \
         tactnet data twin --materials 6 --sweeps 20 --out small.h5\n  \
-        tactnet data twin --stats                compare its signal with the real one")]
+        tactnet data twin --stats                compare its signal statistics with TactMat")]
     Twin(make_twin::TwinArgs),
     /// Convert a recording, tables or arrays into a data set: .h5, .npz, .ts
     #[command(
@@ -49,11 +49,11 @@ pub enum DataCommand {
         after_help = "Examples:\n  tactnet data import sweeps.npz --out sweeps.h5 --rate 100 --shape 4x4\n  \
         tactnet data import folder/ --out sweeps.npz --rate 100             a .csv per sweep, see docs/data.md\n  \
         tactnet data import today.mcap --out today.h5                     sweeps labelled by their start commands\n  \
-        tactnet data import felt.mcap --out felt.h5 --material felt       all of one material, also of .npz, .csv, .parquet\n\n\
-        .h5 needs equally many sweeps of every material; .npz holds any number."
+        tactnet data import felt.mcap --out felt.h5 --material felt       all sweeps of one material; also .npz, .csv, .parquet\n\n\
+        .h5 requires the same number of sweeps for every material; .npz does not."
     )]
     Import(import::ImportArgs),
-    /// Convert a data set for other programs: .npz (numpy), .ts (aeon), .h5
+    /// Convert a data set to another format: .npz (numpy), .ts (aeon), .h5
     #[command(
         after_help = "Examples:\n  tactnet data export sweeps.h5 --out sweeps.ts\n  \
         tactnet data export twin --out twin.npz"
@@ -62,20 +62,20 @@ pub enum DataCommand {
     /// Download a published data set and verify it
     #[command(
         after_help = "Example:\n  tactnet data fetch tactmat --out tactmat.h5\n\n\
-        A broken download is resumed by the same command."
+        Repeat the command to resume an interrupted download."
     )]
     Fetch(fetch::FetchArgs),
 }
 
 #[derive(Args)]
 pub struct FileArgs {
-    /// A data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy), or `twin`
+    /// Data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy), or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
-    /// Frames per second, for data that does not say
+    /// Sample rate of data that does not state it, in Hz
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Only the first N time steps of every sweep
+    /// Number of time steps of each sweep to use, from its start [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     steps: Option<u32>,
     /// Print one JSON document
@@ -87,20 +87,20 @@ pub struct FileArgs {
 pub struct CheckArgs {
     #[command(flatten)]
     file: FileArgs,
-    /// List every finding, not only the first of each kind
+    /// List all findings [default: the first three of each kind]
     #[arg(long)]
     all: bool,
-    /// The axes are in their order although there are more taxels than time steps
+    /// Accept data with more taxels than time steps: the axes are correct
     #[arg(long)]
     axes_are_right: bool,
 }
 
 #[derive(Args)]
 pub struct ConvertArgs {
-    /// What to read: .h5, .npz, .csv, .parquet, a folder of .csv or .npy, or `twin`
+    /// Data set to read: .h5, .npz, .csv, .parquet, a folder of .csv or .npy, or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
-    /// What to write; the extension decides the format
+    /// Output file; its extension selects the format
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Overwrite the file
@@ -108,7 +108,7 @@ pub struct ConvertArgs {
     force: bool,
 }
 
-/// Runs the command.
+/// Runs the subcommand.
 pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
     match command {
         DataCommand::Info(arguments) => show_info(&arguments),
@@ -121,9 +121,9 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Reads a data set even if some of its values are no numbers.
+/// Reads a data set, even if some of its values are not finite.
 ///
-/// - `otherwise`: frames of every sweep, where `--steps` does not say
+/// - `otherwise`: frames to keep of each sweep without `--steps`
 fn load_with_gaps(arguments: &FileArgs, otherwise: Keep) -> anyhow::Result<SweepsToClassify> {
     let data = arguments.data.as_str();
     let steps = arguments.steps.map(|steps| steps as usize);
@@ -165,11 +165,13 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
     } = load_with_gaps(&arguments.file, Keep::Most)?;
     if !labelled {
         say!(
-            "note: no materials are named: checked as for `tactnet predict`; `train` wants them (docs/data.md)"
+            "note: unlabelled data, checked as for `tactnet predict`; `train` needs labels (docs/data.md)"
         );
     }
     if let Some(reason) = unfit(dataset.shape().taxels(), dataset.labels().len()) {
-        say!("note: such sweeps can be trained on and evaluated, not classified online: {reason}");
+        say!(
+            "note: training and evaluation accept these sweeps, online classification does not: {reason}"
+        );
     }
     let mut findings = if labelled {
         check(&dataset)
@@ -188,7 +190,7 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
             finding.severity = Severity::Error;
             finding
                 .message
-                .push_str("; if they are right as they are, add --axes-are-right");
+                .push_str("; if they are correct, add --axes-are-right");
         }
     }
     findings.sort_by_key(|finding| (finding.severity, finding.kind));

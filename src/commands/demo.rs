@@ -1,4 +1,4 @@
-//! `tactnet demo`: hub, simulated skin, classifier and dashboard together, for a first look.
+//! `tactnet demo`: hub, simulated skin, classifier and dashboard.
 
 #[cfg(feature = "catching")]
 mod catching_demo;
@@ -18,45 +18,44 @@ use super::simulate::check_fit;
 use crate::stop::Stop;
 use crate::{output, source};
 
-/// Materials of the whole twin.
+/// Number of materials of the full twin.
 const ALL_MATERIALS: usize = 36;
-/// Materials that the small network was not taught and that the skin touches too.
+/// Number of untrained materials that the demo's skin plays in addition.
 const UNTAUGHT: usize = 2;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet demo                                     trains a small network first, half a minute\n  \
-    tactnet demo --run runs/own                      your network, on sweeps of its data that it was not trained on\n  \
+    tactnet demo                                     trains a small network first (half a minute)\n  \
+    tactnet demo --run runs/own                      your network, on the held-out sweeps of its data set\n  \
     tactnet demo --run runs/own --data tuesday.h5    on other sweeps\n  \
-    tactnet demo --catching                          a robot catches balls, and feels of what each is
-  \
-    tactnet demo --listen 0.0.0.0:8750               to look from another machine")]
+    tactnet demo --catching                          a robot catches balls and classifies their material\n  \
+    tactnet demo --listen 0.0.0.0:8750               a page that other machines can open")]
 pub struct DemoArgs {
-    /// Run directory of a trained network [default: a small one is trained on the twin]
+    /// Run directory of a trained network [default: train a small one on the twin]
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
-    /// Whose sweeps the fingertip makes [default: those of the run's data that it was not trained on]
+    /// Data set of the played sweeps [default: the held-out sweeps of the run's data set]
     #[arg(long, value_name = "FILE|twin", requires = "run")]
     data: Option<String>,
-    /// Frames per second, for data that does not say [default: what the run was given]
+    /// Sample rate of data that does not state it, in Hz [default: the run's setting]
     #[arg(long, value_name = "HZ", value_parser = rate, requires = "run")]
     rate: Option<f64>,
-    /// A robot catches balls and feels what they are made of, beside the page
+    /// Also run a robot that catches balls and classifies their material
     #[arg(long, conflicts_with = "rate")]
     catching: bool,
-    /// Where to answer browsers
+    /// Address of the page: an address with a port, or a port on this machine
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750", value_parser = listen)]
     listen: SocketAddr,
 }
 
-/// Runs the command.
+/// Runs the demo until Ctrl-C.
 pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     #[cfg(not(feature = "catching"))]
     if arguments.catching {
         anyhow::bail!(tactnet_models::left_out("catching"));
     }
     let stop = Stop::listen_saying("stopping")?;
-    // Before anything is trained: a port that is taken is said at once.
+    // Before training: a port in use is an error at once.
     let listener = web::listen(arguments.listen)?;
     let folder = tempfile::Builder::new().prefix("tactnet-demo-").tempdir()?;
     let program = std::env::current_exe()?;
@@ -69,7 +68,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
             if arguments.data.is_none() {
                 for added in opened.enrolled()? {
                     say!(
-                        "note: `{}` was enrolled from other data; `--data FILE` plays sweeps of it",
+                        "note: `{}` was enrolled from other data; add `--data FILE` to play its sweeps",
                         added.material
                     );
                 }
@@ -81,7 +80,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
                     made
                 }
                 DataSource::File(path) => {
-                    // The skin reads it again; what it would say does not reach the terminal.
+                    // The skin process reads the file again, but its messages do not reach the terminal.
                     let mut spec = config.spec.clone();
                     spec.rate_hz = arguments.rate.or(spec.rate_hz);
                     let read = source::load_as(&spec, data, LabelOrder::True)
@@ -115,14 +114,14 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
         listener,
     )?;
     say!(
-        "a simulated fingertip feels one object after the other, three sweeps each where there are as many; open {} in a browser; Ctrl-C ends",
+        "a simulated fingertip sweeps over one object after the other, up to three sweeps each; open {} in a browser; Ctrl-C ends",
         demo.link()
     );
     if let Some(cycle) = demo.cycle() {
         say!("{cycle}");
     }
     say!(
-        "its channels: `tactnet channel echo tactile/belief --table {}`",
+        "to print the predictions: `tactnet channel echo tactile/belief --table {}`",
         demo.table().display()
     );
     output::print(format_args!("ready"))?;

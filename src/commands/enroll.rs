@@ -21,34 +21,34 @@ use crate::{GIT, output, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet enroll runs/a --data new.h5 --material felt --sweeps 5 --out runs/a-felt     its first five sweeps in the file\n  \
-    tactnet enroll runs/a --data new.h5 --material felt --out runs/a-felt-all            every sweep of it\n  \
-    tactnet eval runs/a-felt --data new.h5                                               judge by the file's other sweeps\n\n\
-    Network and other rows of the output layer stay bit for bit; only sweeps that the new material now claims change their most probable \
-    material (`tactnet experiment run enrolment` measures how many). After `train --calibrate`, thresholds for \"unknown\" are fitted again. \
-    RUN must be a network whose training has ended. To be judged, a classifier that is not calibrated must know every material of the file.")]
+    tactnet enroll runs/a --data new.h5 --material felt --sweeps 5 --out runs/a-felt     the first five sweeps of the material\n  \
+    tactnet enroll runs/a --data new.h5 --material felt --out runs/a-felt-all            all sweeps of the material\n  \
+    tactnet eval runs/a-felt --data new.h5                                               evaluate on the remaining sweeps\n\n\
+    The network and the other rows of the output layer are unchanged bit for bit. Only sweeps predicted as the new material change their prediction \
+    (`tactnet experiment run enrolment` measures how many). After `train --calibrate`, the thresholds for \"unknown\" are fitted again. \
+    The run must be a network with completed training. To evaluate an uncalibrated classifier, it must know every material of the file.")]
 pub struct EnrollArgs {
     #[command(flatten)]
     run: RunChoice,
-    /// A data set that holds sweeps of the new material, or sweeps without materials, which then are all of it
+    /// Data set with sweeps of the new material; sweeps without labels all count as the new material
     #[arg(long, value_name = "FILE|twin")]
     data: String,
-    /// Frames per second, for data that does not say [default: what the run was trained on]
+    /// Sample rate of data that does not state it, in Hz [default: the run's sample rate]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Only the first N time steps of every sweep [default: as the run was trained]
+    /// Number of time steps of each sweep to use, from its start [default: as in training]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     steps: Option<u32>,
-    /// The new material's name, in that data set where it names materials
+    /// Name of the new material, as in a labelled data set
     #[arg(long, value_name = "NAME")]
     material: String,
-    /// Learn from its first N sweeps only
+    /// Number of sweeps to enroll, from the first [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     sweeps: Option<u32>,
-    /// New folder for the classifier that knows it
+    /// New folder for the extended classifier
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Where to compute
+    /// Compute device
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// Print one JSON document instead of a line
@@ -56,7 +56,7 @@ pub struct EnrollArgs {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Document of `--json`.
 #[derive(Serialize)]
 struct EnrollResult<'a> {
     schema_version: u32,
@@ -65,17 +65,17 @@ struct EnrollResult<'a> {
     enrolled: &'a EnrolledMaterial,
     materials: usize,
     prior: RowPrior,
-    /// Only where sweeps of the known materials were set aside, by `train --calibrate`.
+    /// Present if the run has held-out sweeps of the known materials, from `train --calibrate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     cost: Option<EnrolmentCost>,
-    /// The same on the test sweeps of the run's training; only where none were set aside and its data are at hand.
+    /// The same on the run's test sweeps. Present if no sweeps were held out and the data set is available.
     #[serde(skip_serializing_if = "Option::is_none")]
     test_cost: Option<EnrolmentCost>,
-    /// Embedding, fit and writing, without loading data and network.
+    /// Time for embedding, fitting and writing, in s; loading is not included.
     seconds: f64,
 }
 
-/// Runs the command.
+/// Enrolls the material.
 pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
@@ -103,7 +103,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     if read.labelled {
         refuse_errors(&dataset, &arguments.data)?;
     }
-    // Without labels all sweeps are of the material that was named.
+    // Without labels all sweeps count as the named material.
     let found = match read.labelled {
         false => Some(0),
         true => dataset
@@ -126,7 +126,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
             let found = own.clone().count();
             if found < wanted as usize {
                 bail!(
-                    "{}: `{}` has {found} sweeps, {wanted} were asked for",
+                    "{}: `{}` has {found} sweeps, {wanted} were requested",
                     arguments.data,
                     arguments.material
                 );
@@ -156,9 +156,9 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     };
     if let Some(cost) = enrolled.cost.or(test_cost) {
         say!(
-            "of {} of the known materials {} are recognised, {} were before; {} taken for `{}`",
+            "of {} of the known materials {} are predicted correctly, {} were before; {} predicted as `{}`",
             match enrolled.cost {
-                Some(_) => format!("{} set aside", output::counted(cost.held_out, "sweep")),
+                Some(_) => format!("{} held out", output::counted(cost.held_out, "sweep")),
                 None => output::counted(cost.held_out, "test sweep"),
             },
             cost.right_after,
@@ -171,17 +171,17 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         );
     } else if thresholds.is_none() {
         say!(
-            "hint: what it costs the known materials is not known, since the run's data are not at hand; `tactnet eval {} --data FILE` counts, on its test sweeps",
+            "hint: the effect on the known materials is unknown, because the run's data set is not available; measure it on test sweeps with `tactnet eval {} --data FILE`",
             arguments.out.display()
         );
     }
     if thresholds.is_some_and(|thresholds| thresholds.held_out.is_none()) {
         say!(
-            "thresholds for \"unknown\" are those from before, and most likely too strict now: this run did not keep the sweeps that they were \
-             fitted to; train anew with --calibrate"
+            "the thresholds for \"unknown\" are unchanged and probably too strict now, because this run did not keep the sweeps they were fitted to; \
+                         train again with --calibrate"
         );
     }
-    say_what_is_known(&run, &config, &view, taken_for);
+    warn_of_known_material(&run, &config, &view, taken_for);
     if let Some(note) = enrolled.prior.note() {
         say!("note: {note}");
     }
@@ -205,7 +205,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         })?;
     } else {
         output::print(format_args!(
-            "`{}` learnt from {} in {seconds:.2} s; {} knows {materials} materials",
+            "`{}` enrolled from {} in {seconds:.2} s; {} knows {materials} materials",
             arguments.material,
             output::counted(material.sweeps.len(), "sweep"),
             arguments.out.display()
@@ -213,12 +213,12 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     }
     let out = tactnet_pipeline::quoted(&arguments.out.display().to_string());
     say!(
-        "next: `tactnet eval {out} --data FILE` tests it on other sweeps whose materials are named\n      `tactnet demo --run {out} --data FILE` shows it live on them"
+        "next: `tactnet eval {out} --data FILE` evaluates it on other labelled sweeps\n      `tactnet demo --run {out} --data FILE` shows it live"
     );
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns the known material that most of the sweeps were taken for, and how many.
+/// Returns the known material predicted for most of the sweeps, and their number.
 fn taken_for(classifier: &Classifier, view: &SweepView<'_>) -> Option<(String, usize)> {
     let found = classifier
         .log_probabilities(view, PredictionMethod::Plain)
@@ -234,9 +234,9 @@ fn taken_for(classifier: &Classifier, view: &SweepView<'_>) -> Option<(String, u
     Some((name.to_owned(), counts[most]))
 }
 
-/// Says where the new material is most likely none: nearly all of its sweeps were taken for a known one. Only then it is worth reading what the
-/// run was trained on, to say whether they are training sweeps.
-fn say_what_is_known(
+/// Prints a hint if nearly all sweeps are predicted as one known material. Only then the training data is read, to warn
+/// about training sweeps among them.
+fn warn_of_known_material(
     run: &RunDir,
     config: &RunConfig,
     view: &SweepView<'_>,
@@ -246,7 +246,7 @@ fn say_what_is_known(
         return;
     };
     let all = output::counted(view.len(), "sweep");
-    say!("hint: {count} of {all} were taken for `{known}` so far; is it that material?");
+    say!("hint: {count} of {all} were predicted as `{known}` before; is it that material?");
     let Ok(manifest) = run.split() else { return };
     let Ok(unseen) = TestSweeps::unseen(view.dataset(), config, &manifest) else {
         return;
@@ -256,12 +256,12 @@ fn say_what_is_known(
     match view.indices().iter().filter(seen).count() {
         0 => {}
         seen => {
-            say!("warning: the run was trained on {seen} of these {all}, under another name");
+            say!("warning: the run was trained on {seen} of these {all} under another label");
         }
     }
 }
 
-/// Returns what the known materials lose on the test sweeps of the run's training; `None` where its data set is not at hand.
+/// Returns the accuracy change of the known materials on the run's test sweeps; `None` if its data set is not available.
 fn cost_on_test_sweeps(
     run: &RunDir,
     config: &RunConfig,

@@ -1,4 +1,4 @@
-//! `tactnet eval`: evaluates a trained classifier again, on its own test sweeps or on another data set.
+//! `tactnet eval`: evaluates a trained classifier on its test sweeps or on another data set.
 
 use std::process::ExitCode;
 
@@ -15,33 +15,33 @@ use crate::{GIT, output, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet eval runs/twin-fast-fold0-1                       its own test sweeps\n  \
-    tactnet eval runs/twin-fast-fold0-1 --sweeps 5 --mc 500   five sweeps fused, 500 Monte Carlo runs\n  \
-    tactnet eval runs/a --data other.h5                  every sweep of another data set\n  \
-    tactnet eval runs/a --runtime online                  frame by frame, as `tactnet serve` does")]
+    tactnet eval runs/twin-fast-fold0-1                       the run's test sweeps\n  \
+    tactnet eval runs/twin-fast-fold0-1 --sweeps 5 --mc 500   five fused sweeps, 500 Monte Carlo samples\n  \
+    tactnet eval runs/a --data other.h5                       all sweeps of another data set\n  \
+    tactnet eval runs/a --runtime online                       frame by frame, as in `tactnet serve`")]
 pub struct EvalArgs {
     #[command(flatten)]
     run: RunChoice,
-    /// Another data set: all of its sweeps are tested, but for training and enrolled sweeps; after `train --calibrate` it may hold
-    /// unknown materials. Or where the run's own data set is now, if it was moved [default: the run's own test sweeps]
+    /// Data set to evaluate, except training and enrolled sweeps; with `train --calibrate` it may contain unknown
+    /// materials. Also the new path of the run's own data set [default: the run's test sweeps]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
-    /// Frames per second, for data that does not say [default: what the run was given]
+    /// Sample rate of data that does not state it, in Hz [default: the run's setting]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Only the first N time steps of every sweep [default: as the run was trained]
+    /// Number of time steps of each sweep to use, from its start [default: as in training]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     steps: Option<u32>,
-    /// Sweeps of one material that are fused into one decision
+    /// Number of sweeps of one material fused into one prediction
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     sweeps: u32,
-    /// Runs of Monte Carlo dropout, of a network; 0 for none [default: the recipe's, or 100]
+    /// Number of Monte Carlo dropout samples of a network; 0 disables dropout [default: the recipe's, or 100]
     #[arg(long, value_name = "M")]
     mc: Option<u32>,
-    /// What computes the scores; others than Burn are compared with it
+    /// Runtime of the scores; the result compares it with Burn [default: burn]
     #[arg(long, value_enum)]
     runtime: Option<RuntimeChoice>,
-    /// Where to compute
+    /// Compute device
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// Print one JSON document instead of a table
@@ -49,20 +49,20 @@ pub struct EvalArgs {
     json: bool,
 }
 
-/// Runs the command.
+/// Evaluates the classifier.
 pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
     if let (Some(1..), ModelRecipe::Baseline(baseline)) = (arguments.mc, &config.recipe) {
         bail!(
-            "--mc: `{}` is a baseline without dropout, and predicts one way only; leave out --mc",
+            "--mc: `{}` is a baseline without dropout; leave out --mc",
             baseline.name
         );
     }
     let device = Compute::from(arguments.device).open()?;
     let weights = run.weights()?;
     if !run.has_final_weights() {
-        say!("this run has not ended: judging the weights of its last checkpoint");
+        say!("this run is incomplete: evaluating the weights of its last checkpoint");
     }
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let mut spec = config.spec.clone();
@@ -91,7 +91,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
             .map(|of| format!("`{}`", of.material))
             .collect();
         say!(
-            "note: {} {} enrolled, and none of the run's test sweeps is of it; `tactnet eval {} --data FILE` judges it by further sweeps",
+            "note: {} {} enrolled, and the run has no test sweeps of it; evaluate further sweeps with `tactnet eval {} --data FILE`",
             names.join(", "),
             if names.len() == 1 { "was" } else { "were" },
             quoted(&arguments.run.dir().display().to_string())

@@ -1,4 +1,4 @@
-//! `tactnet export`: a trained network for other programs.
+//! `tactnet export`: writes a trained network in other formats.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -15,19 +15,19 @@ use crate::GIT;
 #[command(after_help = "Examples:\n  \
     tactnet export runs/a --out tactnet.onnx            digits in, log-probabilities out, for any ONNX runtime\n  \
     tactnet export runs/a --out tactnet.onnx --masks    with dropout masks as a second input\n  \
-    tactnet export runs/a --out tactnet.safetensors     weights and scaling by name\n\n\
-    The ONNX file takes `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [runs, features]; labels, rate, window, thresholds \
-    and hashes are in its metadata_props, and its doc_string is a Python program that uses it.")]
+    tactnet export runs/a --out tactnet.safetensors     weights and scaling, by name\n\n\
+    The ONNX file has the input `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [samples, features]. Its metadata_props hold labels, \
+    sample rate, window, thresholds and hashes; its doc_string is a Python program that runs it.")]
 pub struct ExportArgs {
     #[command(flatten)]
     run: RunChoice,
-    /// What to write
+    /// Output file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Which format [default: by the file's extension]
+    /// Output format [default: from the file's extension]
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Take dropout masks too, for Monte Carlo prediction; an ONNX file that does cannot do without
+    /// Add dropout masks as a required second input of the ONNX file, for Monte Carlo dropout
     #[arg(long)]
     masks: bool,
     /// Overwrite the file
@@ -35,16 +35,16 @@ pub struct ExportArgs {
     force: bool,
 }
 
-/// What other programs read.
+/// Output format.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// The whole computation
+    /// The complete computation
     Onnx,
     /// Weights and scaling
     Safetensors,
 }
 
-/// Runs the command.
+/// Writes the file.
 pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
     let extension = arguments.out.extension().and_then(|e| e.to_str());
     let format = match (arguments.format, extension) {
@@ -57,7 +57,7 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
         ),
     };
     if arguments.masks && matches!(format, Format::Safetensors) {
-        bail!("--masks: safetensors hold weights, and no inputs; it goes with ONNX");
+        bail!("--masks: only ONNX files have inputs; safetensors files hold weights only");
     }
     if arguments.out.exists() && !arguments.force {
         bail!(

@@ -12,18 +12,18 @@ use crate::{Cli, output};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet man | man -l -                                  read the page of `tactnet`\n  \
-    tactnet man --out ~/.local/share/man/man1               a page for every command: `man tactnet-train`")]
+    tactnet man | man -l -                                  show the page of `tactnet`\n  \
+    tactnet man --out ~/.local/share/man/man1               write a page per command: `man tactnet-train`")]
 pub struct ManArgs {
-    /// Write a page for every command into this folder [default: print the page of `tactnet`]
+    /// Folder in which to write a page per command [default: print the page of `tactnet`]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print a reference of all commands as Markdown instead, as in docs/cli.md
+    /// Print a reference of all commands as Markdown, as in docs/cli.md
     #[arg(long, conflicts_with = "out")]
     markdown: bool,
 }
 
-/// Runs the command.
+/// Prints or writes the pages.
 pub fn run(arguments: &ManArgs) -> anyhow::Result<ExitCode> {
     // A manual does not name the commit and the features of a build.
     let command = Cli::command().version(env!("CARGO_PKG_VERSION"));

@@ -1,4 +1,4 @@
-//! One file a subcommand: arguments, progress, exit code.
+//! Subcommands, one per file: arguments, progress, exit code.
 
 pub mod bench;
 #[cfg_attr(not(feature = "catching"), path = "without_catching.rs")]

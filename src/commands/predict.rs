@@ -1,4 +1,4 @@
-//! `tactnet predict`: says of what material sweeps are, where nobody needs to know.
+//! `tactnet predict`: predicts the material of sweeps, labelled or not.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -17,33 +17,33 @@ use crate::output::OutputFormat;
 #[command(after_help = "Examples:\n  \
     tactnet predict runs/a --data new.npz                  `X` alone: [n][steps][taxels] or [n][steps][rows][cols]\n  \
     tactnet predict runs/a --data sweep.csv                one sweep: a row per frame, a column per taxel\n  \
-    tactnet predict runs/a --data new/ --one-object        a folder of .csv or .npy, all over the same object\n  \
-    tactnet predict runs/a --data new.npz --out found.csv  every probability, for a spreadsheet; found.json: as --json prints it\n\n\
-    `tactnet same` says whether two objects are of one material; `tactnet eval` how often the run is right on sweeps whose materials are named; `tactnet serve` classifies sweeps as they happen.")]
+    tactnet predict runs/a --data new/ --one-object        a folder of .csv or .npy files, all of the same object\n  \
+    tactnet predict runs/a --data new.npz --out found.csv  all probabilities as a table; found.json: as a JSON document\n\n\
+    See also: `tactnet same` compares two objects, `tactnet eval` measures the accuracy on labelled sweeps, `tactnet serve` classifies live.")]
 pub struct PredictArgs {
     #[command(flatten)]
     run: RunChoice,
-    /// Sweeps: .npz or .npy, .csv, .parquet, a folder of .csv or .npy, or any data set; materials need not be named. Taxels of a file without rows and
-    /// columns (tables, `X` [n][steps][taxels]) are arranged as the run's
+    /// Sweeps: .npz, .npy, .csv, .parquet, a folder of .csv or .npy, or any data set; labels are optional. Files
+    /// without rows and columns (tables, `X` [n][steps][taxels]) take the run's arrangement of taxels
     #[arg(long, value_name = "FILE")]
     data: String,
-    /// Frames per second, for data that does not say [default: what the run was trained on]
+    /// Sample rate of data that does not state it, in Hz [default: the run's sample rate]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Only the first N time steps of every sweep [default: as the run was trained]
+    /// Number of time steps of each sweep to use, from its start [default: as in training]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     steps: Option<u32>,
-    /// All sweeps are over the same object: fuse them, too
+    /// Treat all sweeps as one object and add a fused prediction
     #[arg(long)]
     one_object: bool,
-    /// Runs of Monte Carlo dropout, of a network; 0 for none [default: the recipe's]
+    /// Number of Monte Carlo dropout samples of a network; 0 disables dropout [default: the recipe's]
     #[arg(long, value_name = "M")]
     mc: Option<u32>,
-    /// Where to compute
+    /// Compute device
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
-    /// Write the probability of every material: a table (.csv) or what --json prints (.json). In the table, `unknown` and `prediction_set` are
-    /// filled for networks of `train --calibrate` alone, `named` where the file names materials
+    /// File for the probabilities of all materials: a table (.csv), or the document of --json (.json). The columns
+    /// `unknown` and `prediction_set` need a network of `train --calibrate`, the column `named` labelled sweeps
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Overwrite that file
@@ -54,7 +54,7 @@ pub struct PredictArgs {
     json: bool,
 }
 
-/// Runs the command.
+/// Prints the predictions.
 pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
     let out = match &arguments.out {
         None => None,
@@ -92,7 +92,7 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns how a file of this name is written.
+/// Returns the format for a file name.
 fn table_format(out: &Path) -> anyhow::Result<OutputFormat> {
     match out.extension().and_then(|extension| extension.to_str()) {
         Some("csv") => Ok(OutputFormat::Table),

@@ -1,14 +1,14 @@
-//! Progress in lines that fit a narrow terminal.
+//! Progress lines that fit a narrow terminal.
 
 use std::time::Duration;
 
-/// Columns of the narrowest terminal.
+/// Width of the narrowest supported terminal, in columns.
 pub const COLUMNS: usize = 60;
 
-/// Returns a time in at most 7 columns, for what is left to do: `89 s`, `2.5 min`, `89 min`, `7.5 h`, `12 days`.
+/// Formats a remaining time in at most 7 columns: `89 s`, `2.5 min`, `89 min`, `7.5 h`, `12 days`.
 pub fn about(left: Duration) -> String {
     let seconds = left.as_secs_f64();
-    // Halves of a unit while there are few of them, so that a time that passes is seen to pass.
+    // Small counts are shown in halves of a unit, so that progress is visible.
     let in_units = |unit: f64| {
         let count = seconds / unit;
         if count < 9.75 {
@@ -28,7 +28,7 @@ pub fn about(left: Duration) -> String {
     }
 }
 
-/// Returns a number of at least 0 in at most 5 columns.
+/// Formats a non-negative number in at most 5 columns.
 pub fn in_five_columns(number: f64) -> String {
     match number {
         _ if number < 9.9995 => format!("{number:.3}"),
@@ -39,7 +39,7 @@ pub fn in_five_columns(number: f64) -> String {
     }
 }
 
-/// Returns the end of `name` in at most so many columns, with `…` for what is left out.
+/// Returns the end of `name` in at most `columns` columns; `…` marks the omitted part.
 pub fn end_of(name: &str, columns: usize) -> String {
     let letters = name.chars().count();
     if letters <= columns {
@@ -49,7 +49,7 @@ pub fn end_of(name: &str, columns: usize) -> String {
     format!("…{end}")
 }
 
-/// A terminal of so many columns that keeps what is written to it.
+/// Test terminal with a fixed width that keeps its output.
 #[cfg(test)]
 #[derive(Debug, Clone)]
 pub struct Screen {
@@ -59,7 +59,7 @@ pub struct Screen {
 
 #[cfg(test)]
 impl Screen {
-    /// Draws a bar made by `make` at several widths, from the narrowest on, once `update` has changed it; returns what each terminal shows.
+    /// Draws a bar at several widths after `update`; returns the line of each terminal, narrowest first.
     pub fn shows(
         make: impl Fn(indicatif::ProgressDrawTarget) -> indicatif::ProgressBar,
         update: impl Fn(&indicatif::ProgressBar),

@@ -1,4 +1,4 @@
-//! `tactnet record`: what travels on a robot's channels, into an MCAP file.
+//! `tactnet record`: records the packets of a robot's channels to an MCAP file.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -14,30 +14,30 @@ use crate::stop::Stop;
 use crate::table;
 use crate::{GIT, output};
 
-/// How often it says how far it is.
-const TOLD_EVERY: Duration = Duration::from_secs(10);
+/// Interval between two progress lines.
+const REPORT_INTERVAL: Duration = Duration::from_secs(10);
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet record --table robot.toml --out today.mcap                             until Ctrl-C\n  \
     tactnet record --table robot.toml --out felt.mcap --material felt --seconds 60\n  \
-    tactnet record --table robot.toml --out whole.mcap --run runs/a                can be replayed anywhere\n\n\
-    Foxglove and the `mcap` tools open the file. If the recorder is killed, all but the last second is there (and what waits for a slow disk). \
-    Replaying an hour of one finger at 750 Hz takes about 0.5 GB of memory.")]
+    tactnet record --table robot.toml --out whole.mcap --run runs/a                includes the classifier, for replay anywhere\n\n\
+    Foxglove and the `mcap` tools open the file. If the recorder is killed, at most the last second is lost, plus data waiting for a slow disk. \
+    Replaying an hour of one finger at 750 Hz needs about 0.5 GB of memory.")]
 pub struct RecordArgs {
-    /// The table of channels; `tactnet serve --print-table` prints one, `tactnet catch role --print-table` that of the catching stack
+    /// Channel table; `tactnet serve --print-table` prints one, `tactnet catch role --print-table` that of the catching stack
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
-    /// Where to write; must not be there yet
+    /// Output file; must not exist
     #[arg(long, value_name = "FILE.mcap")]
     out: PathBuf,
-    /// What is swept over, where start commands do not name it
+    /// Material under the finger, for start commands that do not name it
     #[arg(long, value_name = "NAME")]
     material: Option<String>,
-    /// Keep the classifier that serves in the recording
+    /// Run directory of the serving classifier, to include in the recording
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
-    /// End after so many seconds [default: go on]
+    /// Duration, in s [default: until Ctrl-C]
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
     /// Print one JSON document at the end
@@ -57,8 +57,8 @@ struct RecordReport {
     bytes: u64,
 }
 
-/// The packets, for people.
-fn what(counts: &Counts) -> String {
+/// Describes the recorded packets.
+fn describe(counts: &Counts) -> String {
     if counts.frames + counts.beliefs > 0 {
         format!("{} frames, {} beliefs", counts.frames, counts.beliefs)
     } else {
@@ -69,7 +69,7 @@ fn what(counts: &Counts) -> String {
     }
 }
 
-/// Runs the command.
+/// Records until Ctrl-C or the end of the duration.
 pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("ending the file")?;
     let seconds = match arguments.seconds {
@@ -97,22 +97,22 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
     say!("recording to {}; Ctrl-C ends", arguments.out.display());
     output::print(format_args!("ready"))?;
     let begun = Instant::now();
-    let mut told = begun;
+    let mut reported = begun;
     while !stop.asked() && begun.elapsed().as_secs_f64() < seconds {
         recorder.step(Duration::from_millis(50))?;
-        if told.elapsed() >= TOLD_EVERY {
-            told = Instant::now();
+        if reported.elapsed() >= REPORT_INTERVAL {
+            reported = Instant::now();
             let so_far = recorder.counts();
             say!(
                 "{:.0} s: {}, {} lost",
                 begun.elapsed().as_secs_f64(),
-                what(&so_far),
+                describe(&so_far),
                 so_far.lost
             );
         }
     }
     let recorded = recorder.finish()?;
-    let told = RecordReport {
+    let report = RecordReport {
         schema_version: 1,
         seconds: begun.elapsed().as_secs_f64(),
         channels: recorded.channels,
@@ -123,14 +123,14 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
         bytes: std::fs::metadata(&arguments.out)?.len(),
     };
     if arguments.json {
-        output::print_json(&told)?;
+        output::print_json(&report)?;
     } else {
         output::print(format_args!(
             "{}: {}, {} lost, {:.1} MB",
             arguments.out.display(),
-            what(&recorded),
-            told.lost,
-            told.bytes as f64 / 1e6
+            describe(&recorded),
+            report.lost,
+            report.bytes as f64 / 1e6
         ))?;
     }
     Ok(ExitCode::SUCCESS)

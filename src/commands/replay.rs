@@ -1,4 +1,4 @@
-//! `tactnet replay`: a recording back onto channels, and whether the classifier says the same again.
+//! `tactnet replay`: replays a recording on channels and compares the classifier's predictions with the recorded ones.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -17,21 +17,21 @@ use crate::{GIT, failure, output};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet replay today.mcap --run runs/a             on channels of its own, with this classifier\n  \
-    tactnet replay whole.mcap --json                   with the classifier that was recorded with `record --run`\n  \
-    tactnet replay today.mcap --table robot.toml       on the robot's channels, for whoever listens there\n  \
+    tactnet replay today.mcap --run runs/a             on a private bus, with this classifier\n  \
+    tactnet replay whole.mcap --json                   with the classifier included by `record --run`\n  \
+    tactnet replay today.mcap --table robot.toml       on the robot's channels\n  \
     tactnet replay today.mcap --run runs/a --speed 4   four times as fast")]
 pub struct ReplayArgs {
-    /// A recording
+    /// Recording
     #[arg(value_name = "FILE.mcap")]
     file: PathBuf,
-    /// Put it on these channels, for the classifier that serves there
+    /// Channel table of the bus on which to replay, for the classifier that serves there
     #[arg(long, value_name = "FILE", conflicts_with = "run")]
     table: Option<PathBuf>,
-    /// Serve this run directory on channels of its own [default: the classifier of the recording]
+    /// Run directory to serve on a private bus [default: the classifier of the recording]
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
-    /// How much faster than it happened; too fast for the classifier, frames are lost
+    /// Speed relative to the recording; frames are lost if it is too fast for the classifier
     #[arg(long, value_name = "N", default_value_t = 1.0)]
     speed: f64,
     /// Print one JSON document
@@ -44,7 +44,7 @@ fn weights_of(run: &Path) -> anyhow::Result<String> {
     Ok(weights_sha256(&RunDir::open(run)?.weights()?)?)
 }
 
-/// Runs the command.
+/// Replays the recording.
 pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     if !(arguments.speed.is_finite() && arguments.speed > 0.0) {
@@ -53,7 +53,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let recording = Recording::read(&arguments.file)?;
     if let Some(cut) = &recording.cut {
         say!(
-            "{}: the end is missing ({cut}); {} messages are there",
+            "{}: the end is missing ({cut}); it contains {} messages",
             arguments.file.display(),
             recording.entries.len()
         );
@@ -76,7 +76,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
             }
             let Some(run) = arguments.run.clone().or(kept) else {
                 bail!(
-                    "{}: which classifier: name a run with `--run`, or channels where one serves with `--table`; `tactnet record --run` keeps it in the recording",
+                    "{}: no classifier: name a run directory with `--run`, or the channels of a running classifier with `--table`; `tactnet record --run` includes it in the recording",
                     arguments.file.display()
                 );
             };
@@ -90,15 +90,12 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     }
     if report.pauses_cut > 0 {
         say!(
-            "{} of over a minute cut to one: a damaged time stamp, or a robot that did nothing",
+            "{} of over a minute shortened to one minute: a damaged timestamp, or an idle robot",
             counted(report.pauses_cut, "pause")
         );
     }
     if recording.foreign > 0 {
-        say!(
-            "left out: {} messages that are none of ours",
-            recording.foreign
-        );
+        say!("skipped: {} messages of other types", recording.foreign);
     }
     if arguments.json {
         output::print_json(&report)?;

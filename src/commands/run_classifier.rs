@@ -1,4 +1,4 @@
-//! The classifier of a run, and what it says of the sweeps of a file.
+//! The classifier of a run, and its predictions for the sweeps of a file.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use tactnet_pipeline::{
 use super::choices::DeviceChoice;
 use crate::source;
 
-/// A classifier with the run that it comes from.
+/// A classifier and its run.
 pub struct RunClassifier {
     dir: PathBuf,
     run: RunDir,
@@ -26,13 +26,13 @@ pub struct RunClassifier {
 impl RunClassifier {
     /// Opens the classifier of the run in `dir`.
     ///
-    /// - `mc`: runs of Monte Carlo dropout; 0 for none, `None` for the recipe's
+    /// - `mc`: number of Monte Carlo dropout samples; 0 for none, `None` for the recipe's
     pub fn open(dir: &Path, mc: Option<u32>, device: DeviceChoice) -> anyhow::Result<Self> {
         let run = RunDir::open(dir)?;
         let config = run.config()?;
         if let (Some(1..), ModelRecipe::Baseline(baseline)) = (mc, &config.recipe) {
             bail!(
-                "--mc: `{}` is a baseline without dropout, and predicts one way only; leave out --mc",
+                "--mc: `{}` is a baseline without dropout; leave out --mc",
                 baseline.name
             );
         }
@@ -60,11 +60,11 @@ impl RunClassifier {
         })
     }
 
-    /// Reads the sweeps of `data` and classifies them; says what is to be known of the file.
+    /// Reads the sweeps of `data`, classifies them, and prints notes about the file.
     ///
-    /// - `rate`: frames per second, for data that does not say
-    /// - `steps`: only so many time steps of every sweep
-    /// - `one_object`: all sweeps are over the same object
+    /// - `rate`: sample rate of data that does not state it, in Hz
+    /// - `steps`: number of time steps of each sweep to use
+    /// - `one_object`: true if all sweeps are of the same object
     pub fn classify(
         &self,
         data: &str,
@@ -92,7 +92,7 @@ impl RunClassifier {
             one_object,
         );
         let found = found.map_err(|error| source::in_file(data, rate, error))?;
-        // Of sweeps that are refused there is nothing else to say.
+        // Refused sweeps have no notes.
         if sweeps.arranged {
             source::note_arranged(known.shape);
         }
@@ -108,15 +108,15 @@ impl RunClassifier {
                 false => format!("{seen} of these {all} sweeps"),
             };
             say!(
-                "note: the run has learnt from {those}, which says nothing of how good it is; `tactnet eval {}` judges it by sweeps it has not seen",
+                "note: the run was trained on {those}, so these predictions do not show its accuracy; evaluate held-out sweeps with `tactnet eval {}`",
                 quoted(&self.dir.display().to_string())
             );
         }
         Ok(found)
     }
 
-    /// Returns how many of the sweeps the run was trained on or has learnt a material from; trained on none where its training data cannot be
-    /// read any more.
+    /// Returns the number of sweeps that the run was trained on or has enrolled. It counts no training sweeps if the
+    /// training data cannot be read.
     fn learnt_from(&self, sweeps: &Dataset) -> anyhow::Result<usize> {
         let unseen = TestSweeps::unseen(sweeps, &self.config, &self.run.split()?)?;
         Ok(sweeps.len() - unseen.without_enrolled(&self.run)?.view.len())

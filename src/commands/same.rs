@@ -1,4 +1,4 @@
-//! `tactnet same`: are two objects of one material?
+//! `tactnet same`: compares the materials of two objects.
 
 use std::collections::BTreeSet;
 use std::fs::canonicalize;
@@ -17,18 +17,18 @@ use crate::output;
 #[command(override_usage = "tactnet same [OPTIONS] <RUN> <FIRST> <SECOND>")]
 #[command(after_help = "Examples:\n  \
     tactnet same runs/a cup.npz plate.npz        each file has one or more sweeps of one object\n  \
-    tactnet same runs/a cup.csv plates/ --json   a file of one sweep, a folder of them\n\n\
-    Bayes's rule on the posteriors of both objects, where same and different are equally likely beforehand. It holds for materials that the run \
-    has learnt; after `train --calibrate` it says where one is most likely unknown. Sweeps are taken for independent: more of them make it surer.\n\
-    How often it is right: `tactnet experiment run differentiate`.")]
+    tactnet same runs/a cup.csv plates/ --json   a file with one sweep, a folder of sweeps\n\n\
+    The result applies Bayes's rule to the posteriors of both objects, with equal priors for same and different. It is valid for trained materials; \
+    after `train --calibrate` it also reports an object that is probably unknown. Sweeps count as independent, so more sweeps increase the confidence.\n\
+    To measure its accuracy: `tactnet experiment run differentiate`.")]
 pub struct SameArgs {
-    /// A run directory
+    /// Run directory
     #[arg(value_name = "RUN")]
     run: String,
-    /// Sweeps of one object: .npz or .npy, .csv, .parquet, a folder of .csv or .npy, or any data set
+    /// Sweeps of one object: .npz, .npy, .csv, .parquet, a folder of .csv or .npy, or any data set
     #[arg(value_name = "FIRST")]
     first: String,
-    /// Sweeps of the other
+    /// Sweeps of the other object
     #[arg(value_name = "SECOND")]
     second: Option<String>,
     #[arg(
@@ -38,16 +38,16 @@ pub struct SameArgs {
         conflicts_with = "second"
     )]
     named: Option<PathBuf>,
-    /// Frames per second, for data that does not say [default: what the run was trained on]
+    /// Sample rate of data that does not state it, in Hz [default: the run's sample rate]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Only the first N time steps of every sweep [default: as the run was trained]
+    /// Number of time steps of each sweep to use, from its start [default: as in training]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     steps: Option<u32>,
-    /// Runs of Monte Carlo dropout, of a network; 0 for none [default: the recipe's]
+    /// Number of Monte Carlo dropout samples of a network; 0 disables dropout [default: the recipe's]
     #[arg(long, value_name = "M")]
     mc: Option<u32>,
-    /// Where to compute
+    /// Compute device
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// Print one JSON document instead of lines
@@ -56,13 +56,13 @@ pub struct SameArgs {
 }
 
 impl SameArgs {
-    /// The run directory and the files of both objects: with `--run`, the first two arguments are the files.
+    /// Returns the run directory and the files of both objects. With `--run`, the first two positional arguments are the files.
     fn places(&self) -> anyhow::Result<(&Path, [&str; 2])> {
         Ok(match (&self.named, &self.second) {
             (Some(run), _) => (run.as_path(), [self.run.as_str(), self.first.as_str()]),
             (None, Some(second)) => (Path::new(&self.run), [self.first.as_str(), second.as_str()]),
             (None, None) => bail!(
-                "expected a run and two objects, found two places, {} and {}: `tactnet same RUN FIRST SECOND`",
+                "expected a run and two objects (`tactnet same RUN FIRST SECOND`), found {} and {}",
                 quoted(&self.run),
                 quoted(&self.first)
             ),
@@ -70,7 +70,7 @@ impl SameArgs {
     }
 }
 
-/// Refuses a file whose sweeps are of several materials: they are not of one object.
+/// Refuses a file with sweeps of several materials, which are not one object.
 fn refuse_several(data: &str, found: &ClassifiedSweeps) -> anyhow::Result<()> {
     let named = found.sweeps.iter();
     let materials: BTreeSet<&str> = named.filter_map(|sweep| sweep.named.as_deref()).collect();
@@ -84,13 +84,13 @@ fn refuse_several(data: &str, found: &ClassifiedSweeps) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns true if both names lead to one file.
+/// Returns true if both names refer to the same file.
 fn is_one_file(first: &str, second: &str) -> bool {
     let real = |data: &str| canonicalize(data).ok();
     first == second || real(first).is_some_and(|first| real(second) == Some(first))
 }
 
-/// Runs the command.
+/// Prints the comparison.
 pub fn run(arguments: &SameArgs) -> anyhow::Result<ExitCode> {
     let (run, [first, second]) = arguments.places()?;
     let classifier = RunClassifier::open(run, arguments.mc, arguments.device)?;

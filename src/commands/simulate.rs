@@ -1,4 +1,4 @@
-//! `tactnet simulate`: what a robot would put on the channels, for people without one.
+//! `tactnet simulate`: simulated robot components on the channels.
 
 mod catching;
 mod skin;
@@ -13,19 +13,19 @@ use tactnet_pipeline::{ClassifierConfig, PipelineError, RunDir, TestSweeps};
 
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
-    tactnet simulate skin --table robot.toml --materials wood,cork     sweeps over wood and cork, in turns, in real time\n  \
-    tactnet simulate catching --table robot.toml --seconds 10          cameras, tracker, planner and the 1 kHz loop beside it\n  \
-    tactnet simulate soak --seconds 30 --run runs/a --json             all of it at once, measured")]
+    tactnet simulate skin --table robot.toml --materials wood,cork     alternating sweeps over wood and cork, in real time\n  \
+    tactnet simulate catching --table robot.toml --seconds 10          load of cameras, tracker, planner and the 1 kHz loop\n  \
+    tactnet simulate soak --seconds 30 --run runs/a --json             all of it together, with measurements")]
 pub enum SimulateCommand {
-    /// Put sweeps of a data set on the skin's channel in real time, with commands
+    /// Send sweeps of a data set on the skin's channel in real time, with commands
     Skin(skin::SkinArgs),
-    /// Run the load of the ball catching stack (thesis, figure 3.2) and measure its 1 kHz loop
+    /// Run the message load of the catching stack (thesis, figure 3.2) and measure its 1 kHz loop
     Catching(catching::CatchingArgs),
-    /// Run hub, skin, catching stack, classifier and dashboard together and measure what they do to each other
+    /// Run hub, skin, catching stack, classifier and dashboard together and measure their mutual influence
     Soak(soak::SoakArgs),
 }
 
-/// Runs the command.
+/// Runs the subcommand.
 pub fn run(command: SimulateCommand) -> anyhow::Result<ExitCode> {
     match command {
         SimulateCommand::Skin(arguments) => skin::run(&arguments),
@@ -34,7 +34,7 @@ pub fn run(command: SimulateCommand) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Refuses sweeps that the classifier of a run would reject, and says so where it knows none of their materials.
+/// Refuses sweeps that the classifier of a run would reject, and notes if none of their materials is known.
 pub(super) fn check_fit(
     dataset: &Dataset,
     data: &str,
@@ -61,7 +61,7 @@ pub(super) fn check_fit(
     let known = |name: &str| run.labels.names().any(|known| known == name);
     if !dataset.labels().names().any(known) {
         say!(
-            "note: the run knows none of the materials of {data} ({}), so no answer can be right; it knows {}",
+            "note: the run knows none of the materials of {data} ({}), so no prediction can be correct; it knows {}",
             known_names("", dataset.labels().names()),
             known_names("", run.labels.names())
         );
@@ -69,7 +69,7 @@ pub(super) fn check_fit(
     Ok(())
 }
 
-/// Returns what can be done about sweeps that do not fit, behind what they are; empty where nothing comes to mind.
+/// Returns a remedy for sweeps of another shape as a continuation of the message; empty if there is none.
 fn remedy(dataset: &Dataset, run: &ClassifierConfig) -> String {
     let (own, wanted) = (dataset.shape(), run.shape);
     if (own.rows, own.cols) != (wanted.rows, wanted.cols) {
@@ -93,7 +93,7 @@ fn remedy(dataset: &Dataset, run: &ClassifierConfig) -> String {
     String::new()
 }
 
-/// Returns what can be done about another sample rate; empty where it is the run's.
+/// Returns a remedy for another sample rate as a continuation of the message; empty for the run's rate.
 fn rate_remedy(dataset: &Dataset, run: &ClassifierConfig) -> &'static str {
     if dataset.sample_rate_hz() == run.sample_rate_hz {
         ""
@@ -104,13 +104,13 @@ fn rate_remedy(dataset: &Dataset, run: &ClassifierConfig) -> &'static str {
     }
 }
 
-/// Returns the numbers of sweeps that a run has learnt nothing from.
+/// Returns the indices of the sweeps that the run has not learned from.
 pub(super) fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usize>> {
     let run = RunDir::open(run)?;
     let unseen = TestSweeps::unseen(dataset, &run.config()?, &run.split()?)?;
     if !unseen.training_sweeps_known {
         say!(
-            "warning: the data that the run was trained on is not at hand, so training sweeps may be among these"
+            "warning: the run's training data is not available, so these sweeps may include training sweeps"
         );
     }
     let view = unseen.without_enrolled(&run)?.view;

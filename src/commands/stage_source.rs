@@ -1,13 +1,13 @@
-//! Robot and balls for the live page.
+//! State of the catching stage for the live page.
 
 use tactnet_catching_roles::{RoleError, StageView};
 use tactnet_channel::Bus;
 use tactnet_serving::web::StageSource;
 
-/// Follows the channels of a catching stack for a page.
+/// Subscribes to the channels of a catching stack.
 ///
 /// # Errors
-/// No hub; channels missing in the table.
+/// Fails without a hub, or if channels are missing in the table.
 pub fn stage_source(bus: &Bus) -> Result<StageSource, RoleError> {
     let mut view = StageView::open(bus)?;
     Ok(Box::new(move || {

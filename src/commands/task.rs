@@ -1,5 +1,5 @@
-//! `tactnet task`: one task of an experiment, as the plan in the experiment's folder says. Experiments call it; people call
-//! `tactnet experiment run`.
+//! `tactnet task`: runs one task of an experiment, from the plan in the experiment's folder. Experiments call it;
+//! people call `tactnet experiment run`.
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -20,23 +20,23 @@ use crate::output::OutputFormat;
 use crate::stop::Stop;
 use crate::{GIT, failure, output, source};
 
-/// How often progress is told.
-const EVERY: Duration = Duration::from_secs(10);
+/// Minimum interval between two progress lines.
+const REPORT_INTERVAL: Duration = Duration::from_secs(10);
 
 #[derive(Args)]
 pub struct TaskArgs {
     /// Folder of an experiment
     #[arg(value_name = "DIR")]
     dir: PathBuf,
-    /// Names of tasks: one, or several trainings of networks, which a GPU does at once
+    /// IDs of tasks: one, or several network trainings that a GPU runs together
     #[arg(value_name = "ID", required = true)]
     ids: Vec<String>,
-    /// Networks at once [default: as many as memory allows]
+    /// Maximum number of networks trained together [default: limited by memory]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
     at_once: Option<u32>,
 }
 
-/// Runs the command.
+/// Runs the tasks.
 pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen()?;
     let dir = ExperimentDir::open(&arguments.dir)?;
@@ -64,7 +64,7 @@ pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Trains the networks of several tasks at once. What goes wrong with one of them stands in its log.
+/// Trains the networks of several tasks together. The failure of one is written to its log.
 fn train_at_once(
     dir: &ExperimentDir,
     arguments: &TaskArgs,
@@ -87,7 +87,7 @@ fn train_at_once(
     };
     source::announce(&first.run().config()?.spec.data);
     say!(
-        "{} networks at once, as memory allows; the first of them:",
+        "training {} networks, as many together as memory allows; progress of the first:",
         sessions.len()
     );
     let mut shown = Progress::new(false);
@@ -115,7 +115,7 @@ fn train_at_once(
         return Err(first_of(dir, failures)?);
     }
     if stopped {
-        say!("stopped; the tasks go on where they were when they are run again");
+        say!("stopped; running the tasks again resumes them");
         return Ok(ExitCode::from(failure::INTERRUPTED));
     }
     Ok(ExitCode::SUCCESS)
@@ -161,10 +161,10 @@ fn answer(
     let _lock = RunDir::lock(folder)?;
     let dataset = source::load_as(spec, &spec.data, LabelOrder::True)?;
     refuse_errors(&dataset, &spec.data)?;
-    let told = Cell::new(Instant::now());
+    let reported = Cell::new(Instant::now());
     let go_on = |what: &str, batch: Option<&BatchReport>| {
-        if batch.is_none() || told.get().elapsed() > EVERY {
-            told.set(Instant::now());
+        if batch.is_none() || reported.get().elapsed() > REPORT_INTERVAL {
+            reported.set(Instant::now());
             match batch {
                 None => say!("{what}"),
                 Some(batch) => say!(
@@ -178,7 +178,7 @@ fn answer(
         !stop.asked()
     };
     if answer_question(task, &dataset, recipe, folder, program, &go_on)?.is_none() {
-        say!("stopped; the task goes on with its next network when it is run again");
+        say!("stopped; running the task again resumes it with its next network");
         return Ok(ExitCode::from(failure::INTERRUPTED));
     }
     output::print(folder.join("result.json").display())?;

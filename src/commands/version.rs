@@ -1,4 +1,4 @@
-//! `tactnet version`: which build this is.
+//! `tactnet version`: version, commit and features of the build.
 
 use std::process::ExitCode;
 use std::sync::LazyLock;
@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::GIT;
 use crate::output::{self, OutputFormat};
 
-/// Optional cargo features, and whether this build has them.
+/// Optional cargo features, each with true if this build includes it.
 const FEATURES: [(&str, bool); 10] = [
     ("catching", cfg!(feature = "catching")),
     ("recording", cfg!(feature = "recording")),
@@ -25,7 +25,7 @@ const FEATURES: [(&str, bool); 10] = [
 
 static TEXT: LazyLock<String> = LazyLock::new(|| Version::of_this_build().to_string());
 
-/// Returns what `tactnet --version` prints after the program's name.
+/// Returns the output of `tactnet --version` without the program's name.
 pub fn text() -> &'static str {
     &TEXT
 }
@@ -48,15 +48,15 @@ pub struct VersionArgs {
     json: bool,
 }
 
-/// What `--json` prints.
+/// Document of `--json`.
 #[derive(Serialize)]
 struct Version {
     schema_version: u32,
     version: &'static str,
     git: &'static str,
-    /// Optional features that this build has.
+    /// Optional features of this build.
     features: Vec<&'static str>,
-    /// Those that it was built without.
+    /// Optional features that this build does not include.
     left_out: Vec<&'static str>,
 }
 
@@ -88,14 +88,14 @@ impl std::fmt::Display for Version {
         if let [first, ..] = self.left_out[..] {
             write!(
                 f,
-                " (in a checkout of the source, `cargo install --path . --features {first}` builds with it)"
+                " (to add one, run `cargo install --path . --features {first}` in a checkout of the source)"
             )?;
         }
         Ok(())
     }
 }
 
-/// Runs the command.
+/// Prints the version.
 pub fn run(arguments: &VersionArgs) -> anyhow::Result<ExitCode> {
     match OutputFormat::from_flag(arguments.json) {
         OutputFormat::Json => output::print_json(&Version::of_this_build())?,

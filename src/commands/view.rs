@@ -1,4 +1,4 @@
-//! `tactnet view` and `tactnet data view`: channels, recordings and data sets in the Rerun viewer, from a process of their own.
+//! `tactnet view` and `tactnet data view`: channels, recordings and data sets in the Rerun viewer, which is a separate process.
 
 mod arguments;
 #[cfg(feature = "rerun")]
@@ -19,12 +19,12 @@ mod left_out {
 
     use super::{SweepsArgs, ViewArgs};
 
-    /// Says why not.
+    /// Returns the error that names the missing feature.
     pub fn run(_: &ViewArgs) -> anyhow::Result<ExitCode> {
         anyhow::bail!(left_out("rerun"))
     }
 
-    /// Says why not.
+    /// Returns the error that names the missing feature.
     pub fn run_sweeps(_: &SweepsArgs) -> anyhow::Result<ExitCode> {
         anyhow::bail!(left_out("rerun"))
     }

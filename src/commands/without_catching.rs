@@ -1,4 +1,4 @@
-//! `tactnet catch` in a build without the feature `catching`: names the feature.
+//! `tactnet catch` in a build without the feature `catching`.
 
 use std::ffi::OsString;
 use std::process::ExitCode;

@@ -12,7 +12,7 @@ pub struct RecordArgs {
     _any: Vec<OsString>,
 }
 
-/// The arguments of `tactnet replay`.
+/// Arguments of `tactnet replay`.
 pub type ReplayArgs = RecordArgs;
 
 /// Returns the error that names the missing feature.

@@ -273,7 +273,7 @@ fn sweeps_without_materials_are_looked_at_checked_and_named() {
     assert_eq!(found["sweeps"], 3);
     assert!(found["materials"].as_array().unwrap().is_empty());
     let checked = expect(0, data(&["data", "check"], &["--rate", "100"]));
-    assert!(stderr(&checked).contains("no materials are named"));
+    assert!(stderr(&checked).contains("note: unlabelled data"));
     let text = stdout(&checked);
     assert!(text.contains("materials not named"), "{text}");
     assert!(text.contains("0 errors, 0 warnings"), "{text}");

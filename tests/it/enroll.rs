@@ -139,7 +139,7 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
         0,
         enroll(&lab, "run", "four.h5", new, "kept", &ten),
     ));
-    assert!(kept.contains("train anew with --calibrate"), "{kept}");
+    assert!(kept.contains("train again with --calibrate"), "{kept}");
 
     let few = stderr(&expect(2, train("twin.h5", "few", &["--calibrate"])));
     assert!(few.contains("calibration"), "{few}");
@@ -310,7 +310,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
     let said = stderr(&predicted);
     assert!(
         said.contains(&format!(
-            "the run has learnt from {learnt} of these {all} sweeps"
+            "the run was trained on {learnt} of these {all} sweeps"
         )),
         "{said}"
     );
@@ -371,9 +371,9 @@ fn a_known_material_under_a_new_name_is_noticed() {
         0,
         enroll(&lab, "run", "renamed.npz", &name, "more", &[]),
     ));
-    let seen = "the run was trained on 8 of these 10 sweeps, under another name";
+    let seen = "the run was trained on 8 of these 10 sweeps, under another label";
     assert!(said.contains(seen), "{said}");
-    let alike = format!("were taken for `{}` so far; is it that material?", known[0]);
+    let alike = format!("were predicted as `{}` before; is it that material?", known[0]);
     assert!(said.contains(&alike), "{said}");
 }
 

@@ -111,11 +111,11 @@ fn a_contact_that_own_values_never_reach_is_refused_before_anything_is_served() 
     serve.arg(lab.path("robot.toml"));
     let refused = stderr(&expect(2, serve));
     assert!(
-        refused.contains("a contact begin at a mean of 40"),
+        refused.contains("a contact at a mean of 40"),
         "{refused}"
     );
     assert!(
-        refused.contains("set `begins` and `ends`") && refused.lines().count() == 1,
+        refused.contains("lower `begins` and `ends`") && refused.lines().count() == 1,
         "{refused}"
     );
     hub.end();
@@ -178,7 +178,7 @@ fn beliefs_are_echoed_in_words_and_a_second_service_is_told_of_the_first() {
         &table,
     ]);
     let refused = stderr(&expect(2, second));
-    let process = format!("process {}, most likely another", service.0.id());
+    let process = format!("process {}, probably another", service.0.id());
     assert!(refused.contains(&process), "{refused}");
 
     let _skin = robot.skin("1000");

@@ -446,7 +446,7 @@ fn a_stopped_question_keeps_its_finished_networks_and_finds_the_same() {
     assert!(!networks.exists(), "the task has its result");
     let log = String::from_utf8(lab.read("stopped/tasks/eight-small-nshot-000.log")).unwrap();
     assert!(
-        log.contains("stopped; the task goes on with its next network"),
+        log.contains("stopped; running the task again resumes it with its next network"),
         "{log}"
     );
 }

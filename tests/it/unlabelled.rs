@@ -136,7 +136,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     let known = expect(0, predict("twin.h5", &["--json", "--mc", "0"]));
     let said = stderr(&known);
     assert!(
-        said.contains("note: the run has learnt from 32 of these 40 sweeps"),
+        said.contains("note: the run was trained on 32 of these 40 sweeps"),
         "{said}"
     );
     let known: serde_json::Value = serde_json::from_str(&stdout(&known)).unwrap();
@@ -161,8 +161,8 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     expect(0, import);
     let said = stderr(&expect(0, predict("some.npz", &["--mc", "0"])));
     assert!(
-        said.contains("note: the run has learnt from ")
-            && said.contains(" sweeps, which says nothing"),
+        said.contains("note: the run was trained on ")
+            && said.contains(" sweeps, so these predictions do not show"),
         "{said}"
     );
     let shown = stdout(&expect(0, predict("twin.h5", &[])));

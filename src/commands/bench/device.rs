@@ -1,4 +1,4 @@
-//! `tactnet bench device`: training steps and epochs on every device.
+//! `tactnet bench device`: times training steps and epochs on every device.
 
 use std::fmt::Write as _;
 use std::process::ExitCode;
@@ -16,26 +16,26 @@ use crate::output;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet bench device\n  \
-    tactnet bench device --sweeps 20 --steps 400 --json     smaller sweeps, and fewer\n  \
-    tactnet bench device --networks 1,10,20                 so many networks at once on a GPU\n\n\
-    Sweeps are the twin's; the network is the recipe `fast`, and the recipe `thesis` for adversarial steps.")]
+    tactnet bench device --sweeps 20 --steps 400 --json     fewer and shorter sweeps\n  \
+    tactnet bench device --networks 1,10,20                 1, 10 and 20 networks together on a GPU\n\n\
+    The sweeps are those of the twin. The recipe is `fast`, and `thesis` for adversarial steps.")]
 pub struct DeviceArgs {
-    /// Sweeps of each material; four of five are trained on
+    /// Number of sweeps per material; four of five are trained on
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(5..=10_000))]
     sweeps: u32,
-    /// Materials
+    /// Number of materials
     #[arg(long, value_name = "N", default_value_t = 36, value_parser = clap::value_parser!(u32).range(2..=64))]
     materials: u32,
-    /// Steps of a sweep
+    /// Number of time steps of a sweep
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     steps: u32,
-    /// Timed adversarial steps
+    /// Number of timed adversarial steps
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     adversarial: u32,
-    /// Networks that are trained at once on a GPU, one row for each number; their steps are timed as often as adversarial ones
+    /// Numbers of networks trained together on a GPU, one row each; as many steps are timed as adversarial ones
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1,10", value_parser = clap::value_parser!(u32).range(1..=100))]
     networks: Vec<u32>,
-    /// Time this device alone, even if the processor plays it [default: all but those]
+    /// Device to time, even a software GPU [default: all except software GPUs]
     #[arg(long, value_enum)]
     device: Option<DeviceChoice>,
     /// Print one JSON document
@@ -43,34 +43,35 @@ pub struct DeviceArgs {
     json: bool,
 }
 
-/// One time.
+/// One measured time.
 #[derive(Serialize)]
 struct Row {
     /// `cpu`, `vulkan` or `cuda`.
     device: Compute,
-    /// What the device calls itself.
+    /// Name of the device.
     name: String,
-    /// `step`, `adversarial step` or `epoch`; of several networks at once `stacked step` or `stacked adversarial step`.
+    /// `step`, `adversarial step` or `epoch`; with several networks `stacked step` or `stacked adversarial step`.
     work: &'static str,
-    /// Networks that are trained at once.
+    /// Number of networks trained together.
     networks: u32,
-    /// Milliseconds: a step (the median on the processor, the mean on a GPU), or the one epoch; of several networks a step of one of them.
+    /// Time in ms: of a step (median on the processor, mean on a GPU) or of the epoch. With several networks: of a step
+    /// of one network.
     ms: f64,
 }
 
 #[derive(Serialize)]
 struct Report {
     schema_version: u32,
-    /// Sweeps of a batch.
+    /// Number of sweeps in a batch.
     batch: usize,
-    /// Sweeps of an epoch.
+    /// Number of sweeps in an epoch.
     sweeps: usize,
     rows: Vec<Row>,
 }
 
-/// Runs the command.
+/// Times the devices.
 pub fn run(arguments: &DeviceArgs) -> anyhow::Result<ExitCode> {
-    say!("making sweeps of the twin …");
+    say!("generating the twin …");
     let twin = generate(&TwinConfig {
         materials: arguments.materials as usize,
         sweeps: arguments.sweeps as usize,
@@ -127,7 +128,7 @@ pub fn run(arguments: &DeviceArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A device with its name.
+/// Returns a device with its name.
 fn named(device: Compute) -> anyhow::Result<(Compute, String)> {
     let known = Compute::present().into_iter().find(|(of, _)| *of == device);
     Ok(match known {
@@ -151,7 +152,7 @@ fn table(report: &Report) -> Result<String, std::fmt::Error> {
     }
     write!(
         text,
-        "a step takes {} sweeps, with several networks the time is that of one network's; an epoch is {} sweeps in batches of {} at most",
+        "a step processes {} sweeps (with several networks: the time of one network's step); an epoch is {} sweeps in batches of at most {}",
         report.batch, report.sweeps, report.batch
     )?;
     Ok(text)

@@ -12,13 +12,13 @@ use crate::output;
 
 #[derive(Args)]
 pub struct FetchArgs {
-    /// Which data set
+    /// Name of the data set
     #[arg(value_enum)]
     name: Published,
-    /// Where to put it
+    /// Output file
     #[arg(long, value_name = "FILE", default_value = "tactmat.h5")]
     out: PathBuf,
-    /// Fetch from another address, a mirror; the content is verified all the same
+    /// Address of a mirror; the content is verified in the same way
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 }
@@ -30,7 +30,7 @@ enum Published {
     Tactmat,
 }
 
-/// Runs the command.
+/// Downloads the data set.
 pub fn run(arguments: &FetchArgs) -> anyhow::Result<ExitCode> {
     let mut source = match arguments.name {
         Published::Tactmat => Source::tactmat(),
@@ -56,7 +56,7 @@ pub fn run(arguments: &FetchArgs) -> anyhow::Result<ExitCode> {
     bar.finish_and_clear();
     let fetched = fetched?;
     let how = match fetched.origin {
-        Origin::AlreadyThere => "there already, verified".to_string(),
+        Origin::AlreadyThere => "already present, verified".to_string(),
         Origin::Downloaded { resumed_from: 0 } => "downloaded and verified".to_string(),
         Origin::Downloaded { resumed_from } => {
             format!("downloaded (resumed at byte {resumed_from}) and verified")
@@ -79,7 +79,7 @@ fn download_bar() -> ProgressBar {
 
 fn byte_bar(target: ProgressDrawTarget) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(None, target);
-    // At most 48 columns before the bar: `999.99 MiB/999.99 MiB, 999.99 MiB/s, 59m to go`.
+    // Up to 48 columns before the bar: `999.99 MiB/999.99 MiB, 999.99 MiB/s, 59m to go`.
     let template = "{bytes}/{total_bytes}, {bytes_per_sec}, {eta} to go {wide_bar}";
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style.progress_chars("=> "));

@@ -1,4 +1,4 @@
-//! `tactnet data import`: a recording or another program's data set becomes a data set of this one.
+//! `tactnet data import`: converts a recording, tables or arrays into a data set.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -15,21 +15,22 @@ use crate::{output, source};
 pub struct ImportArgs {
     #[command(flatten)]
     pub(super) convert: ConvertArgs,
-    /// What was swept over, where the data does not say
+    /// Material of the sweeps, for data that does not name it
     #[arg(long, value_name = "NAME")]
     pub(super) material: Option<String>,
-    /// Frames of a sweep that are kept [default: all; of a recording those of the recorded classifier, or 1000]
+    /// Number of time steps of each sweep to keep, from its start [default: all; for a recording the recorded
+    /// classifier's, or 1000]
     #[arg(long, value_name = "N")]
     pub(super) steps: Option<usize>,
-    /// Frames a second [default: what the data says; of a recording the recorded classifier's, or by the frames' own clock]
+    /// Sample rate, in Hz [default: from the data; for a recording the recorded classifier's, or by the frames' clock]
     #[arg(long, value_name = "HZ")]
     pub(super) rate: Option<f64>,
-    /// Rows and columns of taxels [default: what the data says; of a recording the recorded classifier's, or a square]
+    /// Rows and columns of taxels [default: from the data; for a recording the recorded classifier's, or a square]
     #[arg(long, value_name = "RxC", value_parser = shape)]
     pub(super) shape: Option<(usize, usize)>,
 }
 
-/// `4x4`
+/// Parses rows and columns, for example `4x4`.
 fn shape(text: &str) -> Result<(usize, usize), String> {
     let parsed = text
         .split_once('x')
@@ -45,10 +46,10 @@ impl ImportArgs {
     }
 }
 
-/// Sweeps of a file that says of no material, all of which are of `material`.
+/// Reads unlabelled sweeps, all of `material`.
 ///
 /// # Errors
-/// What [`read_to_classify`] refuses; a file with materials of its own.
+/// Fails as [`read_to_classify`] does, or if the file names its materials.
 fn of_material(path: &Path, steps: Option<usize>, material: &str) -> anyhow::Result<Dataset> {
     let found = read_to_classify(path, steps)?;
     if found.labelled {
@@ -80,7 +81,7 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
     if let Some(rate) = arguments.rate {
         let own = dataset.sample_rate_hz();
         if !dataset.is_rate_assumed() && own != rate {
-            say!("warning: {data} says {own} Hz; `--rate {rate}` is taken instead");
+            say!("warning: {data} states {own} Hz, but `--rate {rate}` takes precedence");
         }
         dataset = dataset.with_sample_rate(rate)?;
     }
@@ -88,7 +89,7 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
         let own = dataset.shape();
         if !dataset.is_patch_assumed() && (own.rows, own.cols) != (rows, cols) {
             say!(
-                "warning: {data} says {}x{} taxels; `--shape {rows}x{cols}` is taken instead",
+                "warning: {data} states {}x{} taxels, but `--shape {rows}x{cols}` takes precedence",
                 own.rows,
                 own.cols
             );
@@ -98,7 +99,7 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
     source::warn_of_assumed_rate(dataset.is_rate_assumed(), dataset.sample_rate_hz());
     if dataset.is_patch_assumed() && dataset.shape().taxels() > 1 {
         say!(
-            "note: the data does not say how its {} taxels are arranged; they stand in one row, `--shape RxC` names another",
+            "note: the data does not state the arrangement of its {} taxels; they form one row, unless `--shape RxC` is given",
             dataset.shape().taxels()
         );
     }
@@ -113,10 +114,10 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
     Ok(ExitCode::SUCCESS)
 }
 
-/// A recording of the channels, or another program's data set.
+/// Converts a recording or a data set.
 ///
 /// # Errors
-/// What cannot be read, or not be written in the format asked for.
+/// Fails if the input cannot be read or the output format cannot hold it.
 pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     let format = Format::from_extension(&arguments.convert.out)?;
     if !arguments.is_recording() {

@@ -1,4 +1,4 @@
-//! `tactnet data import` of a recording of the channels.
+//! `tactnet data import` for recordings.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -13,7 +13,7 @@ use crate::output;
 /// Writes the sweeps of a recording as a data set.
 ///
 /// # Errors
-/// A recording that cannot be read; sweeps that the format cannot hold.
+/// Fails if the recording cannot be read or the output format cannot hold its sweeps.
 pub fn run(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {
     let convert_arguments = &arguments.convert;
     let (path, out) = (Path::new(&convert_arguments.data), &convert_arguments.out);
@@ -23,10 +23,7 @@ pub fn run(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {
         say!("{}: the end is missing ({cut})", path.display());
     }
     if recording.foreign > 0 {
-        say!(
-            "left out: {} messages that are none of ours",
-            recording.foreign
-        );
+        say!("skipped: {} messages of other types", recording.foreign);
     }
     let settings = SweepSettings {
         steps: arguments.steps,
@@ -35,18 +32,18 @@ pub fn run(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {
     };
     let found = sweeps(path, &recording, arguments.material.as_deref(), settings)?;
     for reason in &found.rejected {
-        say!("left out: {reason}");
+        say!("skipped: {reason}");
     }
     if found.unlabelled > 0 {
         say!(
-            "left out: {} sweeps of which nobody said what was swept over (`--material` names it)",
+            "skipped: {} unlabelled sweeps (`--material` names their material)",
             found.unlabelled
         );
     }
     let counts = found.dataset.sweeps_per_label();
     if format == Format::TactMat && counts.iter().any(|count| *count != counts[0]) {
         bail!(
-            "{}: an .h5 data set has equally many sweeps of every material, this recording has {} to {}; .npz holds any number",
+            "{}: an .h5 data set needs the same number of sweeps for every material, this recording has {} to {}; .npz does not",
             out.display(),
             counts.iter().min().unwrap_or(&0),
             counts.iter().max().unwrap_or(&0)

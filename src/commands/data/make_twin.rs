@@ -1,4 +1,4 @@
-//! `tactnet data twin`: makes the synthetic TactMat twin.
+//! `tactnet data twin`: generates the synthetic TactMat twin.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -18,41 +18,41 @@ use crate::{GIT, output};
 #[command(after_help = "Examples:\n  \
     tactnet data twin --out twin.h5                         3600 sweeps of 36 materials\n  \
     tactnet data twin --materials 5 --sweeps 20 --out small.h5\n  \
-    tactnet data twin --contact-force 1.3 --out harder.h5   the same sweeps, pressed harder\n  \
-    tactnet data twin --stats                               its signal beside the real one\n  \
-    tactnet data twin --twin-version 1 --out twin1.h5       as `--data twin1`")]
+    tactnet data twin --contact-force 1.3 --out harder.h5   the same sweeps with more pressure\n  \
+    tactnet data twin --stats                               compare its signal statistics with TactMat\n  \
+    tactnet data twin --twin-version 1 --out twin1.h5       the same as `--data twin1`")]
 pub struct TwinArgs {
-    /// Where to write it (.h5 or .npz)
+    /// Output file (.h5 or .npz)
     #[arg(long, value_name = "FILE", required_unless_present = "stats")]
     out: Option<PathBuf>,
-    /// Materials, 1 to 36
+    /// Number of materials, 1 to 36 [default: 36]
     #[arg(long, value_name = "N")]
     materials: Option<usize>,
-    /// Sweeps of each material
+    /// Number of sweeps per material [default: 100]
     #[arg(long, value_name = "N")]
     sweeps: Option<usize>,
-    /// Time steps of a sweep, at 750 Hz
+    /// Number of time steps of a sweep, at 750 Hz [default: 1000]
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Another twin of the same materials
+    /// Seed of all random numbers
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// How close the materials are
+    /// Similarity of the materials
     #[arg(long, value_name = "X")]
     difficulty: Option<f64>,
-    /// How hard the finger presses: factor on the usual force
+    /// Contact force, relative to the normal force [default: 1]
     #[arg(long, value_name = "X")]
     contact_force: Option<f64>,
-    /// Speed of the stroke: factor on 3 cm/s
+    /// Speed of the stroke, relative to 3 cm/s [default: 1]
     #[arg(long, value_name = "X")]
     speed: Option<f64>,
-    /// Which twin
+    /// Version of the twin [default: the newest]
     #[arg(long, value_name = "1|2", value_parser = version)]
     twin_version: Option<TwinVersion>,
-    /// Other numbers than the version's own, to calibrate a twin: a JSON file with any of the fields of `Construction`
+    /// JSON file with fields of `Construction` that replace the version's numbers, for calibration
     #[arg(long, value_name = "FILE")]
     construction: Option<PathBuf>,
-    /// Print its statistics beside those of the real signal
+    /// Print signal statistics beside those of TactMat
     #[arg(long)]
     stats: bool,
     /// With --stats: print one JSON document instead of a table
@@ -63,7 +63,7 @@ pub struct TwinArgs {
     force: bool,
 }
 
-/// What `--stats --json` prints.
+/// Document of `--stats --json`.
 #[derive(Serialize)]
 struct Statistics<'a> {
     schema_version: u32,
@@ -79,7 +79,7 @@ fn version(text: &str) -> Result<TwinVersion, String> {
     TwinVersion::try_from(number)
 }
 
-/// The version's numbers with those that the file names instead.
+/// Returns the version's numbers, with replacements from a file.
 fn construction_in(file: &Path, version: TwinVersion) -> anyhow::Result<Construction> {
     let text = std::fs::read_to_string(file)
         .with_context(|| format!("{}: cannot read", file.display()))?;
@@ -92,7 +92,7 @@ fn construction_in(file: &Path, version: TwinVersion) -> anyhow::Result<Construc
     serde_json::from_value(numbers).with_context(|| format!("{}", file.display()))
 }
 
-/// Runs the command.
+/// Generates the twin.
 pub fn run(arguments: &TwinArgs) -> anyhow::Result<ExitCode> {
     let default = TwinConfig::default();
     let config = TwinConfig {

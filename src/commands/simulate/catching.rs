@@ -1,4 +1,4 @@
-//! `tactnet simulate catching`: the load of the ball catching stack.
+//! `tactnet simulate catching`: message load of the catching stack.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,19 +18,19 @@ use crate::table;
 
 #[derive(Args)]
 pub struct CatchingArgs {
-    /// The table of channels; the stack's own are those of `--print-table`
+    /// Channel table; `--print-table` prints one with the stack's channels
     #[arg(long, value_name = "FILE", required_unless_present = "print_table")]
     table: Option<PathBuf>,
-    /// End after so many seconds [default: go on]
+    /// Duration, in s [default: until Ctrl-C]
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Run one process of the stack only
+    /// Run only this process of the stack
     #[arg(long, hide = true)]
     role: Option<LoadRole>,
-    /// Run that process under SCHED_FIFO with this priority
+    /// Priority of that process under SCHED_FIFO
     #[arg(long, hide = true, value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: Option<u8>,
-    /// Print a table with the stack's channels and the classifier's, and end
+    /// Print a table with the channels of the stack and the classifier, and exit
     #[arg(long)]
     print_table: bool,
     /// Print one JSON document
@@ -38,7 +38,7 @@ pub struct CatchingArgs {
     json: bool,
 }
 
-/// Runs the command.
+/// Runs the load.
 pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
     let Some(path) = &arguments.table else {
         let table = load_table(ServeConfig::default().table("robot"));
@@ -53,14 +53,14 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
             ..Realtime::default()
         };
         for line in realtime.apply() {
-            say!("{line}; going on without");
+            say!("{line}; continuing without");
         }
         output::print(format_args!("ready"))?;
         let report = run_role(role, &bus, &|| stop.asked())?;
         output::print_json(&report)?;
         return Ok(ExitCode::SUCCESS);
     }
-    // Only to see that there is a hub; every process of the stack opens its own.
+    // This only checks for a hub; every process of the stack opens its own bus.
     drop(bus);
     let program = std::env::current_exe()?;
     let stack = CatchingLoad::start(&program, path, Scheduling::Usual)?;

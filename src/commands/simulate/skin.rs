@@ -1,4 +1,4 @@
-//! `tactnet simulate skin`: sweeps of a data set on the skin's channel in real time.
+//! `tactnet simulate skin`: sends sweeps of a data set on the skin's channel in real time.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -21,54 +21,54 @@ use crate::{output, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet simulate skin --table robot.toml                             all materials of the twin at random\n  \
+    tactnet simulate skin --table robot.toml                             all materials of the twin, in random order\n  \
     tactnet simulate skin --table robot.toml --data sweeps.h5 --sweeps 5 five sweeps of a recorded data set")]
 pub struct SkinArgs {
-    /// The table of channels; `tactnet serve --print-table` prints one
+    /// Channel table; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
-    /// Whose sweeps [default: twin; with --unseen-by, the run's data]
+    /// Data set of the sweeps [default: twin; with --unseen-by, the run's data set]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
-    /// Frames per second, for data that does not say [default: with --unseen-by, what the run was given]
+    /// Sample rate of data that does not state it, in Hz [default: with --unseen-by, the run's setting]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Only sweeps that this run was not trained on, at its sample rate and of its number of steps
+    /// Run directory: play only sweeps that this run was not trained on, with its sample rate and number of steps
     #[arg(long, value_name = "DIR")]
     unseen_by: Option<PathBuf>,
-    /// N sweeps in a row are of one object; a reset is commanded before the next; `none`: no resets [default: 3, or as many as every
-    /// material has]
+    /// Number of consecutive sweeps of one object; a reset follows each object; `none` disables resets [default: 3, or
+    /// the smallest number of sweeps per material]
     #[arg(long, value_name = "N|none", value_parser = object_sweeps)]
     sweeps_per_object: Option<u64>,
-    /// Only these materials, in turns
+    /// Materials to play, in turns [default: all, in random order]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     materials: Vec<String>,
-    /// End after N sweeps [default: go on]
+    /// Number of sweeps to play [default: until Ctrl-C]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     sweeps: Option<u64>,
-    /// How much faster than a skin is; too fast for the classifier, frames are lost
+    /// Speed relative to real time; frames are lost if it is too fast for the classifier
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
-    /// Write how many sweeps come before they come again, before it is ready: for `tactnet demo`
+    /// Write the cycle of sweeps to this file before `ready`, for `tactnet demo`
     #[arg(long, value_name = "FILE", hide = true)]
     cycle_out: Option<PathBuf>,
-    /// Put frames alone: starts, stops and resets come from elsewhere (`tactnet channel command`)
+    /// Send only frames; start, stop and reset come from elsewhere (`tactnet channel command`)
     #[arg(long)]
     no_commands: bool,
-    /// Decides the order of the sweeps
+    /// Seed of the order of the sweeps
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 }
 
-/// A service that there is has said what it serves after so long.
+/// Timeout for the names of a serving network.
 const SERVICE: Wait = Wait::Block {
     timeout: Duration::from_millis(500),
 };
 
-/// Sweeps of one object.
+/// Default number of sweeps per object.
 const OBJECT_SWEEPS: u64 = 3;
 
-/// Reads how many sweeps are of one object; 0: nobody says when the object is another one.
+/// Parses the number of sweeps per object; 0 means that no command marks a new object.
 fn object_sweeps(text: &str) -> Result<u64, String> {
     match text.parse() {
         Ok(sweeps @ 0..=1000) => Ok(sweeps),
@@ -84,7 +84,7 @@ fn speed(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Refuses frames that the network which serves on this table, if there is one, cannot be of.
+/// Refuses frames that do not fit the network that serves on this table, if there is one.
 fn refuse_another_skin(
     bus: &Bus,
     table: &Table,
@@ -97,7 +97,7 @@ fn refuse_another_skin(
         return Ok(());
     }
     let models = bus.get_port::<ModelNames>(config.model.as_str(), Start::History(1))?;
-    // A service gives its newest packet to who joins late, at its next tick.
+    // A service sends its newest packet to late subscribers at its next tick.
     let Some(packet) = models.get(SERVICE)? else {
         return Ok(());
     };
@@ -108,7 +108,7 @@ fn refuse_another_skin(
     let taxels = network.rows as usize * network.cols as usize;
     if own.taxels() != taxels || (rate_hz / network.sample_rate_hz - 1.0).abs() > 1e-3 {
         bail!(
-            "the network that serves expects {}x{} taxels at {} Hz, these sweeps have {}x{} at {rate_hz} Hz",
+            "the serving network expects {}x{} taxels at {} Hz, these sweeps have {}x{} at {rate_hz} Hz",
             network.rows,
             network.cols,
             network.sample_rate_hz,
@@ -119,16 +119,16 @@ fn refuse_another_skin(
     Ok(())
 }
 
-/// Runs the command.
+/// Plays the sweeps.
 pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     let table = table::load(&arguments.table)?;
     let config = ServeConfig::of(&table)?;
-    // Before sweeps are read or generated: without a hub that would be in vain.
+    // A missing hub is an error before sweeps are read or generated.
     let bus = Bus::open(Domain::Host, &table)?;
     let (dataset, sweeps) = match &arguments.unseen_by {
         Some(run) => {
-            // At the rate and with the steps of the run.
+            // Sample rate and number of steps are the run's.
             let config = RunDir::open(run)?.config()?;
             let mut spec = config.spec.clone();
             spec.rate_hz = arguments.rate.or(spec.rate_hz);
@@ -166,7 +166,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     }
     if dataset.is_rate_assumed() && arguments.rate.is_none() {
         say!(
-            "warning: the rate of {} Hz is assumed, since the data does not say; `--rate HZ` names the true one",
+            "warning: the sample rate of {} Hz is assumed, because the data does not state it; `--rate HZ` sets it",
             dataset.sample_rate_hz()
         );
     }
@@ -182,7 +182,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         skin = skin.with_objects_of(object_sweeps);
     }
     say!(
-        "putting {} frames a second on {}; Ctrl-C ends",
+        "sending {} frames per second on {}; Ctrl-C ends",
         dataset.sample_rate_hz() * arguments.speed,
         config.fingers[0]
     );
@@ -192,7 +192,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         let material = dataset.labels().name(dataset.records()[sweep].label);
         if motion == in_order + 1 {
             say!(
-                "note: all {} were played; from here they come again",
+                "note: all {} were played; the sequence repeats",
                 output::counted(in_order as usize, "sweep")
             );
         }

@@ -1,4 +1,4 @@
-//! `tactnet simulate soak`: everything at once, measured.
+//! `tactnet simulate soak`: soak test of the complete system.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,23 +18,23 @@ use crate::{GIT, output, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet simulate soak --seconds 30 --json                          a small network is trained first\n  \
-    tactnet simulate soak --seconds 60 --with catching                 beside the stack that catches balls\n  \
+    tactnet simulate soak --seconds 30 --json                          trains a small network first\n  \
+    tactnet simulate soak --seconds 60 --with catching                 beside the real catching stack\n  \
     tactnet simulate soak --seconds 600 --run runs/twin-fast-fold0-1   ten minutes with a trained network")]
 pub struct SoakArgs {
-    /// Time with the classifier attached; as long again without it, in turns of ten seconds
+    /// Time with the classifier, in s; as much time without it alternates in windows of at most 10 s
     #[arg(long, value_name = "S", default_value_t = 30.0)]
     seconds: f64,
-    /// Run directory of a trained network [default: a small one is trained]
+    /// Run directory of a trained network [default: train a small one]
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
-    /// Whose sweeps; only those that the network was not trained on
+    /// Data set of the played sweeps, except the network's training sweeps
     #[arg(long, value_name = "FILE|twin", default_value = "twin")]
     data: String,
-    /// What runs beside the classifier
+    /// Processes beside the classifier
     #[arg(long, value_enum, default_value_t)]
     with: CompanyChoice,
-    /// How the 1 kHz loop, the skin and the classifier are scheduled
+    /// Scheduling of the 1 kHz loop, the skin and the classifier
     #[arg(long, value_enum, default_value_t)]
     scheduling: SchedulingChoice,
     /// Print one JSON document
@@ -45,10 +45,10 @@ pub struct SoakArgs {
 /// Values of `--with`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 enum CompanyChoice {
-    /// Packets like those of the catching stack, with two pictures of 2 megapixels, and next to no computing
+    /// Packet load of the catching stack, with two 2-megapixel images, almost without computation
     #[default]
     Load,
-    /// The catching stack itself, before the simulated world that throws balls at it
+    /// The catching stack in its simulated world
     Catching,
 }
 
@@ -67,12 +67,12 @@ impl CompanyChoice {
 /// Values of `--scheduling`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 enum SchedulingChoice {
-    /// SCHED_FIFO where it is allowed
+    /// SCHED_FIFO if permitted
     #[default]
     Auto,
-    /// SCHED_FIFO, the loop above the skin, the skin above the classifier
+    /// SCHED_FIFO, with the loop above the skin and the skin above the classifier
     Fifo,
-    /// As any other process
+    /// The default scheduler
     Usual,
 }
 
@@ -82,20 +82,20 @@ impl SchedulingChoice {
             Self::Usual => Ok(Scheduling::Usual),
             Self::Fifo => Ok(Scheduling::fifo()?),
             Self::Auto => Ok(Scheduling::fifo().unwrap_or_else(|refused| {
-                say!("as usual, not under SCHED_FIFO: {refused}");
+                say!("using the default scheduler instead of SCHED_FIFO: {refused}");
                 Scheduling::Usual
             })),
         }
     }
 }
 
-/// Runs the command.
+/// Runs the test.
 pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     if !(arguments.seconds > 0.0 && arguments.seconds <= 86_400.0) {
         bail!("--seconds: expected more than 0 and at most a day");
     }
-    // Before a network is trained: with data that cannot be read that would be in vain.
+    // Unreadable data is an error before a network is trained.
     let dataset = match DataSource::named(&arguments.data) {
         DataSource::Twin(version) => twin::generate(&TwinConfig {
             version,

@@ -1,4 +1,4 @@
-//! `tactnet view`: channels as things happen, or a recording.
+//! `tactnet view`: live channels or a recording in the viewer.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -16,7 +16,7 @@ use crate::stop::Stop;
 use crate::table;
 
 impl TargetArgs {
-    /// Returns where the pictures go.
+    /// Returns the output of the viewer data.
     pub(super) fn target(&self) -> Target {
         match (&self.save, &self.connect) {
             (Some(path), _) => Target::File { path: path.clone() },
@@ -27,8 +27,8 @@ impl TargetArgs {
         }
     }
 
-    /// Returns `what` with where it went.
-    pub(super) fn told(&self, what: &str) -> String {
+    /// Returns `what` with the output file, if there is one.
+    pub(super) fn describe(&self, what: &str) -> String {
         match &self.save {
             Some(path) => format!("{}: {what}; `rerun {0}` shows it", path.display()),
             None => what.into(),
@@ -36,7 +36,7 @@ impl TargetArgs {
     }
 }
 
-/// Runs the command.
+/// Shows the channels or the recording.
 pub fn run(arguments: &ViewArgs) -> anyhow::Result<ExitCode> {
     let seconds = arguments.seconds.unwrap_or(f64::INFINITY);
     if seconds.is_nan() || seconds <= 0.0 {
@@ -46,7 +46,7 @@ pub fn run(arguments: &ViewArgs) -> anyhow::Result<ExitCode> {
     let viewed = match (&arguments.file, &arguments.table) {
         (Some(file), _) => view_recording(file, &target)?,
         (None, Some(table)) => view_channels(table, &target, seconds)?,
-        (None, None) => bail!("expected a recording, or `--table` to look on live"),
+        (None, None) => bail!("expected a recording, or `--table` for live channels"),
     };
     if let Some(gone) = &viewed.gone {
         say!("{gone}");
@@ -54,7 +54,7 @@ pub fn run(arguments: &ViewArgs) -> anyhow::Result<ExitCode> {
     if arguments.target.json {
         output::print_json(&viewed)?;
     } else {
-        output::print(arguments.target.told(&viewed.to_string()))?;
+        output::print(arguments.target.describe(&viewed.to_string()))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -73,8 +73,8 @@ fn view_channels(path: &Path, target: &Target, seconds: f64) -> anyhow::Result<V
     let table = table::load(path)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let on_ready = || {
-        say!("looking on; Ctrl-C ends");
-        // Whoever waits for this line and has gone does not miss it.
+        say!("showing live channels; Ctrl-C ends");
+        // A reader that has closed the output does not need the line.
         let _ = output::print(format_args!("ready"));
     };
     let time = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);

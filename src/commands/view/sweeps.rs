@@ -1,4 +1,4 @@
-//! `tactnet data view`: the sweeps of a data set, one after the other.
+//! `tactnet data view`: shows the sweeps of a data set in the viewer.
 
 use std::process::ExitCode;
 
@@ -18,7 +18,7 @@ struct Viewed {
     frames: usize,
 }
 
-/// Runs the command.
+/// Shows the sweeps.
 pub fn run(arguments: &SweepsArgs) -> anyhow::Result<ExitCode> {
     if arguments.sweeps == 0 {
         bail!("--sweeps: expected at least 1, found 0");
@@ -38,7 +38,7 @@ pub fn run(arguments: &SweepsArgs) -> anyhow::Result<ExitCode> {
         output::print_json(&viewed)?;
     } else {
         let what = format!("{} sweeps of {} materials", viewed.sweeps, viewed.materials);
-        output::print(arguments.target.told(&what))?;
+        output::print(arguments.target.describe(&what))?;
     }
     Ok(ExitCode::SUCCESS)
 }
