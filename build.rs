@@ -1,4 +1,4 @@
-//! Tells the binary which commit it was built from.
+//! Passes the commit of the build to the binary.
 
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -13,7 +13,7 @@ fn git(arguments: &[&str]) -> Option<String> {
 
 fn main() {
     let commit = git(&["rev-parse", "--short=12", "HEAD"]).unwrap_or_else(|| "unknown".into());
-    // Without locks it leaves the index as it is, whose time decides whether this runs again.
+    // Without locks git does not touch the index, whose modification time decides if this script runs again.
     let changed = git(&["--no-optional-locks", "status", "--porcelain"])
         .is_some_and(|status| !status.is_empty());
     let suffix = if changed { "-dirty" } else { "" };
@@ -23,7 +23,7 @@ fn main() {
         println!("cargo::rerun-if-changed={folder}/logs/HEAD");
         println!("cargo::rerun-if-changed={folder}/index");
     }
-    // Whatever git tracks can make the tree differ from its commit.
+    // A change of any tracked file can make the tree differ from its commit.
     let tracked = git(&["ls-files"]).unwrap_or_default();
     let top: BTreeSet<&str> = tracked
         .lines()

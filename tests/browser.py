@@ -1,4 +1,4 @@
-"""A real headless Chromium, driven over its debugging protocol.
+"""A headless Chromium, driven through its debugging protocol.
 
     apt-get install chromium; pip install websocket-client
 """
@@ -21,7 +21,7 @@ class Browser:
         program = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome"])), None)
         if program is None:
             sys.exit("no Chromium found; install it with `apt-get install chromium`")
-        # Chromium's helpers may still write while it is removed.
+        # Chromium's child processes may still write while the folder is removed.
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         self.process = subprocess.Popen(
             [program, "--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0",

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Opens a recording with the mcap package, and an exported network with ONNX and its runtime. Usage: check_recording.py FILE.mcap FILE.onnx FILE_WITH_MASKS.onnx
+"""Opens a recording with the mcap package, and an exported network with ONNX Runtime.
 
     pip install mcap mcap-protobuf-support numpy onnx onnxruntime
 
-The recording must decode by the descriptions that it carries. The network, run on the sweeps of the recording, must say what the recorded
-beliefs say, plainly to 1e-4.
+Usage: check_recording.py FILE.mcap FILE.onnx FILE_WITH_MASKS.onnx
+
+The recording must decode with its embedded schemas. On the recorded sweeps the network must reproduce the recorded plain beliefs within 1e-4.
 """
 
 import json
@@ -44,7 +45,7 @@ onnx.checker.check_model(model, full_check=True)
 properties = {item.key: item.value for item in model.metadata_props}
 assert json.loads(properties["labels"]) == names
 steps = int(properties["window_steps"])
-# What the file says about its use runs as it stands, and ONNX Runtime has nothing to say about it.
+# The Python program in the file must run unchanged, and ONNX Runtime must print no message about it.
 for exported in (network, network_with_masks):
     with tempfile.TemporaryDirectory() as folder:
         shutil.copy(exported, pathlib.Path(folder) / "model.onnx")
@@ -63,7 +64,7 @@ for belief in beliefs:
     (plain,) = session.run(None, {"digits": digits})
     _, mixed, information = with_masks.run(None, {"digits": digits, "masks": numpy.ones((2, features), numpy.float32)})
     apart = max(apart, float(numpy.abs(numpy.exp(plain[0]) - numpy.array(belief.posterior)).max()))
-    # Masks that keep everything leave nothing to mix.
+    # Masks that keep everything give no variance.
     assert numpy.allclose(plain, mixed, atol=1e-5) and abs(information[0]) < 1e-5
 assert apart < 1e-4, apart
 print(f"{counts}: fine; ONNX Runtime differs from {len(beliefs)} recorded beliefs by at most {apart:.1e}")

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Opens a report in a real headless Chromium and checks it. Usage: check_report.py REPORT.html SCREENSHOTS_FOLDER
+"""Opens a report in a headless Chromium and checks it. Usage: check_report.py REPORT.html SCREENSHOTS_FOLDER
 
     apt-get install chromium; pip install websocket-client
 
-Fails on any console message, network request, missing section, empty figure, sideways scrolling of the page, a control that the keyboard
-does not reach; unless the headline is the first text after the title, a phone shows model and accuracy side by side, what scrolls says so,
-and provenance is folded; and on faint letters, also in the dark and on paper. Leaves screenshots: wide and narrow, light and dark, print.
+Fails on console messages, network requests, missing sections, empty figures, horizontal scrolling of the page, and controls that the keyboard
+cannot reach. Fails unless the headline is the first text after the title, a phone shows model and accuracy side by side, scrollable frames have a
+label, and the provenance is folded. Checks the contrast of texts, also in dark mode and in print. Writes screenshots.
 """
 
 import base64
@@ -20,10 +20,10 @@ from browser import Browser
 page = pathlib.Path(sys.argv[1]).resolve()
 folder = pathlib.Path(sys.argv[2])
 folder.mkdir(parents=True, exist_ok=True)
-# Sections that are always there and fewest figures: of a report on classifiers, and of one on a study.
+# Required sections and minimum number of figures: of a report on classifiers, and of one on a study.
 CLASSIFIERS = (["results", "accuracy", "contenders", "provenance", "glossary"], 4)
 STUDY = (["results", "curves", "provenance", "glossary"], 1)
-# The headline is the first text after the title; it holds a number and a sentence that qualifies it.
+# The headline is the first text after the title; it contains a number and a qualifying sentence.
 HEADLINE = """(() => {
   const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   texts.currentNode = document.querySelector('h1');
@@ -34,7 +34,7 @@ HEADLINE = """(() => {
       && headline.querySelector('.qualifier').textContent.trim().endsWith('.');
   }
 })()"""
-# Of the table of results: whether the name of every row and its score are wholly in view, and how far they reach to the right.
+# In the table of results: true if all row names and scores are fully visible, and their right edge.
 IN_VIEW = """(() => {
   const table = document.querySelector('table.results');
   const score = table.querySelector('thead .score').cellIndex;
@@ -43,21 +43,21 @@ IN_VIEW = """(() => {
   const apart = rows.every((row) => row.cells[0].getBoundingClientRect().right <= row.cells[score].getBoundingClientRect().left + 1);
   return {rows: rows.length, left: Math.min(...ends.map((e) => e.left)), right: Math.max(...ends.map((e) => e.right)), apart};
 })()"""
-# Frames that hide a part of what they hold without saying so.
+# Scrollable frames without a label.
 SILENT = """[...document.querySelectorAll('.scroll')].filter((frame) => frame.checkVisibility()
   && frame.scrollWidth > frame.clientWidth + 1 && (frame.previousElementSibling?.className !== 'hint' || frame.previousElementSibling.hidden))
   .map((frame) => frame.getAttribute('aria-label'))"""
-# Axis titles of figures that other letters run into.
+# Axis titles in figures that overlap other text.
 RUN_INTO = """[...document.querySelectorAll('svg.figure')].filter((svg) => svg.checkVisibility()).flatMap((svg) => {
   const texts = [...svg.querySelectorAll('text')].map((text) => [text, text.getBoundingClientRect()]);
   return texts.filter(([text]) => text.classList.contains('label')).flatMap(([title, a]) => texts
     .filter(([text, b]) => text !== title && a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom)
     .map(([text]) => title.textContent + ' / ' + text.textContent));
 })"""
-# Details of the provenance that are open, and whether it comes after the results.
+# Number of open details in the provenance, and true if it follows the results.
 UNFOLDED = "document.querySelectorAll('section[aria-labelledby=provenance] details[open]').length"
 FOLDED_FACTS = "[...document.querySelectorAll('dl.facts')].every((facts) => facts.closest('section[aria-labelledby=provenance] details'))"
-# The lowest contrast of letters with what is behind them (WCAG: at least 4.5).
+# The lowest contrast of a text with its background (WCAG: at least 4.5).
 CONTRAST = """(() => {
   const parts = (colour) => colour.match(/[0-9.]+/g).map(Number);
   const light = (colour) => parts(colour).slice(0, 3).map((v) => v / 255)
@@ -97,25 +97,25 @@ try:
         if browser.run("document.documentElement.scrollWidth > window.innerWidth + 1"):
             wrong.append(f"{width} px: the page scrolls sideways")
         if not browser.run(HEADLINE):
-            wrong.append(f"{width} px: the first text after the title is no headline with a number and a sentence")
+            wrong.append(f"{width} px: the first text after the title is not a headline with a number and a sentence")
         seen = browser.run(IN_VIEW)
         if seen["rows"] < 2 or seen["left"] < 0 or seen["right"] > width or not seen["apart"]:
-            wrong.append(f"{width} px: names and scores of the results are not side by side in view: {seen}")
-        # Observers of sizes run before the next picture.
+            wrong.append(f"{width} px: names and scores of the results are not visible side by side: {seen}")
+        # Resize observers run before the next frame is painted.
         browser.call("Runtime.evaluate", expression="new Promise((done) => requestAnimationFrame(() => setTimeout(done)))", awaitPromise=True)
         if silent := browser.run(SILENT):
-            wrong.append(f"{width} px: scrolls without a sign: {silent}")
+            wrong.append(f"{width} px: scrolls without a label: {silent}")
         if browser.run(UNFOLDED) or not browser.run(FOLDED_FACTS):
             wrong.append(f"{width} px: provenance is not folded")
         if run_into := browser.run(RUN_INTO):
-            wrong.append(f"{width} px: letters over each other: {run_into[:3]}")
+            wrong.append(f"{width} px: overlapping texts: {run_into[:3]}")
         contrast, text = browser.run(CONTRAST)
         if contrast < 4.5:
             wrong.append(f"{width} px, {scheme}: contrast {contrast:.1f} of `{text}`")
         shot = browser.call("Page.captureScreenshot", captureBeyondViewport=True,
                             clip={"x": 0, "y": 0, "width": width, "height": 6000, "scale": 1})
         (folder / f"report_{width}_{scheme}.png").write_bytes(base64.b64decode(shot["data"]))
-    # Paper: light, unfolded, nothing cut off.
+    # Print: light, unfolded, nothing cut off.
     browser.call("Emulation.setDeviceMetricsOverride", width=720, height=1018, deviceScaleFactor=1, mobile=False)
     browser.call("Emulation.setEmulatedMedia", media="print", features=[{"name": "prefers-color-scheme", "value": "dark"}])
     browser.run("dispatchEvent(new Event('beforeprint'))")
@@ -141,20 +141,20 @@ try:
         ".some(s => s.querySelectorAll('rect, path, circle, line, polyline, text').length > 2)).map(f => f.textContent.slice(0, 60))"
     )
     if figures < fewest or empty:
-        wrong.append(f"{figures} figures, of which without picture or caption: {empty}")
-    # Sorting by keyboard: focus a header's button, press Enter.
+        wrong.append(f"{figures} figures, without image or caption: {empty}")
+    # Sort by keyboard: focus a header's button, press Enter.
     browser.run("document.querySelector('section[aria-labelledby=results] th button').focus()")
     browser.press("Enter", 13, "\r")
     order = browser.run("document.querySelector('section[aria-labelledby=results] th:first-child').getAttribute('aria-sort')")
     if order != "ascending":
         wrong.append("Enter on a column's button does not sort")
-    # Everything that can be clicked can be focused.
+    # Every clickable element must be focusable.
     unreachable = browser.run(
         "[...document.querySelectorAll('a[href], button, summary, [tabindex]:not(main)')].filter(e => e.tabIndex < 0).length"
     )
     if unreachable:
-        wrong.append(f"{unreachable} controls are out of the keyboard's reach")
-    # The confusion matrix speaks when it is walked through with the arrow keys.
+        wrong.append(f"{unreachable} controls cannot be reached by keyboard")
+    # The confusion matrix announces its cells on arrow keys.
     said = "predicted"
     if not is_study:
         browser.run("document.querySelector('.matrix').focus()")
@@ -162,7 +162,7 @@ try:
         browser.press("ArrowDown", 40)
         said = browser.run("document.querySelector('.tip')?.textContent ?? ''")
     if "predicted" not in said:
-        wrong.append(f"the confusion matrix says `{said}` under the arrow keys")
+        wrong.append(f"on arrow keys the confusion matrix announces `{said}`")
     for event in browser.events:
         method, detail = event.get("method"), event.get("params", {})
         if method in ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"):
@@ -170,7 +170,7 @@ try:
         if method == "Network.requestWillBeSent":
             url = detail["request"]["url"]
             if url != page.as_uri() and not url.startswith("data:"):
-                wrong.append(f"the page asks for {url}")
+                wrong.append(f"the page requests {url}")
 finally:
     browser.close()
 for line in wrong:

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Opens what `tactnet view` makes in Rerun's own library and viewer. Usage:
+"""Opens the output of `tactnet view` in Rerun's library and viewer. Usage:
 
-    check_view.py sweeps    DATA.npz DATA.rrd PICTURES     a file of `tactnet data view` holds the data set's numbers
-    check_view.py live      URL PICTURES                   a viewer that is fed by `tactnet view --connect`
-    check_view.py throw     FILE.rrd PICTURES              a throw that was caught, of `tactnet catch throw-series --view`
-    check_view.py recording FILE.mcap FILE.rrd PICTURES    a recording, as it is and by `tactnet view --save`
+    check_view.py sweeps    DATA.npz DATA.rrd PICTURES     a file of `tactnet data view` contains the data set's values
+    check_view.py live      URL PICTURES                   a viewer fed by `tactnet view --connect`
+    check_view.py throw     FILE.rrd PICTURES              a caught throw of `tactnet catch throw-series --view`
+    check_view.py recording FILE.mcap FILE.rrd PICTURES    a recording, directly and through `tactnet view --save`
 
     pip install rerun-sdk==0.36.3 numpy; a Vulkan driver (mesa's lavapipe is enough)
 
-PICTURES: a folder for the screenshots, or an empty word. The viewer draws without a screen.
+PICTURES is a folder for the screenshots, or an empty string. The viewer runs without a screen.
 """
 
 import os
@@ -25,21 +25,21 @@ import PIL.Image
 from rerun.experimental import McapReader, RrdReader, ViewerClient
 
 kind, *inputs, pictures = sys.argv[1:]
-# A viewer that does not answer is an error, not a wait.
+# A viewer that does not respond is an error.
 signal.alarm(180)
 folder = pathlib.Path(pictures or tempfile.mkdtemp())
 folder.mkdir(parents=True, exist_ok=True)
 
 
 def colorful(path):
-    """Share of the pixels that are no shade of grey."""
+    """Returns the share of pixels that are not grey."""
     image = numpy.asarray(PIL.Image.open(path).convert("RGB")).astype(int)
     return float(((image.max(axis=2) - image.min(axis=2)) > 60).mean())
 
 
 def screenshot(url, name, least, patience=60):
-    """Waits until the viewer shows pictures."""
-    # The axes find their range.
+    """Waits until the viewer shows images."""
+    # The axes need time to find their range.
     time.sleep(3)
     out, begun, share = folder / f"{name}.png", time.monotonic(), 0.0
     while time.monotonic() - begun < patience:
@@ -50,12 +50,12 @@ def screenshot(url, name, least, patience=60):
         time.sleep(0.5)
         try:
             share = colorful(out)
-        except OSError:  # not written wholly yet
+        except OSError:  # not completely written yet
             continue
         if share >= least:
             return share
         time.sleep(1)
-    raise AssertionError(f"{out}: {share:.4f} of the picture has colors, expected {least}")
+    raise AssertionError(f"{out}: a share of {share:.4f} of the image has colours, expected {least}")
 
 
 def show(file, name, least):
@@ -85,7 +85,7 @@ def show(file, name, least):
 
 
 def rows(reader, entity, column):
-    """The lists of one column of one entity, in the order of time."""
+    """Returns the lists of one column of one entity, ordered by time."""
     found = []
     for chunk in reader.stream():
         if str(chunk.entity_path) != entity or chunk.is_static:
@@ -113,7 +113,7 @@ if kind == "sweeps":
         assert (numpy.abs(sweeps - sweep).max(axis=(1, 2)) == 0).any(), "no sweep of the data set"
     assert len(shown) == 8, len(shown)
     heatmaps = rows(RrdReader(file), "/skin/heatmap", "Tensor:data")
-    # 25 a second.
+    # 25 per second.
     assert abs(len(heatmaps) - 8 * steps / 750 * 25) <= 8, len(heatmaps)
     print(f"{len(shown)} sweeps, {len(heatmaps)} heatmaps: fine; colors {show(file, 'sweeps', 0.02):.3f}")
 elif kind == "live":
@@ -122,12 +122,12 @@ elif kind == "throw":
     file = inputs[0]
     links = {str(chunk.entity_path) for chunk in RrdReader(file).stream() if str(chunk.entity_path).startswith("/world/bodies/")}
     assert len(links) == 12, links
-    # Links are rigid, but for the neck: its end is the head as it truly stands.
+    # Links are rigid, except the neck, which ends at the true pose of the head.
     for link in links:
         lengths = numpy.array(rows(RrdReader(file), link, "lengths")).ravel()
         assert numpy.ptp(lengths) < (0.05 if link.endswith(("neck", "torso")) else 1e-3), (link, numpy.ptp(lengths))
     ball = numpy.array(rows(RrdReader(file), "/world/balls/1", "positions"))[:, 0]
-    # It comes from afar, and is seen last in a hand.
+    # The ball starts far away and ends in a hand.
     assert ball[0, 0] > 3.5, ball[0]
     hands = []
     for side in ("left", "right"):

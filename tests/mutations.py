@@ -1,16 +1,15 @@
 #!/usr/bin/env python3
-"""Applies wrong lines one by one to a copy of the sources and demands that the unit tests fail.
+"""Applies mutations one by one to a copy of the sources and checks that the unit tests fail.
 
-    python3 tests/mutations.py                        # all of tests/mutations.toml; goes on where an interrupted run stopped
-    python3 tests/mutations.py --only no-l2 --json    # one of them
-    python3 tests/mutations.py --random 3             # three, drawn by the commit: what .ci/run does
-    python3 tests/mutations.py --cargo='--workspace --features zenoh'    # with what is built already for these arguments
+    python3 tests/mutations.py                        # all of tests/mutations.toml; resumes an interrupted run
+    python3 tests/mutations.py --only no-l2 --json    # one mutation
+    python3 tests/mutations.py --random 3             # three, selected by the commit, as in .ci/run
+    python3 tests/mutations.py --cargo='--workspace --features zenoh'    # with the build of these arguments
     python3 tests/mutations.py --write                # all, and tests/MUTATIONS.md with the test that caught each
 
-A mutation is caught if a unit test of its crate fails, or, where those pass, one of the whole workspace (`cargo test --lib`). The test that
-tests/MUTATIONS.md names runs first. Of a mutated crate only the unit tests are compiled, what depends on it is not. One that does not
-compile, or whose line is no longer there, is a mistake in the list. Exit code: 0 if all are caught, 1 if one survives, 2 for a
-mistake in the call or in the list.
+A mutation is caught if a unit test of its crate fails, or else a unit test of the workspace (`cargo test --lib`). The test named in
+tests/MUTATIONS.md runs first. Only the unit tests of the mutated crate are compiled, not its dependents. A mutation that does not compile, or whose
+line is missing, is an error in the list. Exit code: 0 if all are caught, 1 if one survives, 2 for an error in the call or in the list.
 """
 
 import argparse
@@ -33,10 +32,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tests" / "mutations.toml"
 PAGE = ROOT / "tests" / "MUTATIONS.md"
-# A test that a mutation keeps from ending has failed.
+# A test that does not end because of a mutation counts as failed.
 LIMIT_SECONDS = 900
-# As a compiler's wrapper: compiles the unit tests of one crate and what they depend on. Cargo would compile everything that depends on the
-# crate first; such calls wait here until cargo is ended, or end when something does not compile.
+# Wrapper of the compiler: compiles the unit tests of one crate and their dependencies. Cargo would compile all
+# dependents of the crate first; such calls wait here until cargo is ended, or end when a compilation fails.
 ONLY_THE_TESTS = """#!/bin/sh
 crate= test= before=
 for word; do
@@ -62,17 +61,17 @@ exit 1
 
 
 class Mistake(Exception):
-    """Something to correct in the call or in the list."""
+    """Error in the call or in the list."""
 
 
 def read_list():
-    """Returns the mutations; each one's line must stand once in its file."""
+    """Returns the mutations; each one's line must occur once in its file."""
     mutations = tomllib.loads(LIST.read_text())["mutation"]
     seen = set()
     for mutation in mutations:
         name = mutation["id"]
         if name in seen:
-            raise Mistake(f"{name}: stands twice in {LIST.name}")
+            raise Mistake(f"{name}: occurs twice in {LIST.name}")
         seen.add(name)
         for key in ("find", "replace"):
             mutation[key] = mutation[key].removeprefix("\n")
@@ -88,22 +87,22 @@ def package(folder):
 
 
 def crate_of(file):
-    """Returns the package that a source file belongs to."""
+    """Returns the package of a source file."""
     for folder in (ROOT / file).parents:
         manifest = folder / "Cargo.toml"
         if manifest.exists():
             return package(manifest.parent)
-    raise Mistake(f"{file} belongs to no package")
+    raise Mistake(f"{file}: not part of a package")
 
 
 def library(package):
-    """Returns the name of a package's library as rustc knows it."""
+    """Returns the name of a package's library in rustc."""
     kinds = {"lib", "rlib", "cdylib", "staticlib", "proc-macro"}
     return next(target["name"] for target in package["targets"] if kinds & set(target["kind"]))
 
 
 def needed_crates(crate):
-    """Returns the package's library as rustc knows it, and the libraries of our own packages that it depends on by their packages."""
+    """Returns the package's library in rustc, and the libraries of the workspace packages it depends on, by package."""
     call = ["cargo", "metadata", "--no-deps", "--format-version", "1"]
     packages = json.loads(subprocess.run(call, cwd=ROOT, check=True, capture_output=True, text=True).stdout)["packages"]
     packages = {each["name"]: each for each in packages}
@@ -123,12 +122,12 @@ def known_tests():
 
 
 def package_of(fingerprint):
-    """Returns the package that a folder of cargo's is about: `tactnet-data` of `tactnet-data-0a1b2c3d4e5f6789`."""
+    """Returns the package of a fingerprint folder: `tactnet-data` for `tactnet-data-0a1b2c3d4e5f6789`."""
     return fingerprint.name.rpartition("-")[0]
 
 
 def fingerprints():
-    """Returns the folders by which cargo knows what is built of our own packages."""
+    """Returns cargo's fingerprint folders of the workspace packages."""
     return (target_folder() / "release" / ".fingerprint").glob("tactnet*")
 
 
@@ -139,14 +138,14 @@ def target_folder():
 
 
 def forget_since(begun):
-    """Makes cargo build anew what it has built of our own packages since then."""
+    """Deletes cargo's fingerprints of workspace packages that were built since then, so that cargo builds them again."""
     for fingerprint in fingerprints():
         if fingerprint.stat().st_mtime >= begun or any(file.stat().st_mtime >= begun for file in fingerprint.iterdir()):
             shutil.rmtree(fingerprint)
 
 
 def end_cargo_in(folder):
-    """Ends the builds of a copy, and waits until they have ended."""
+    """Ends the builds of a copy and waits for their end."""
     for process in Path("/proc").glob("[0-9]*"):
         try:
             while process.joinpath("cwd").resolve() == Path(folder):
@@ -157,7 +156,7 @@ def end_cargo_in(folder):
 
 
 def forget_killed():
-    """Does what calls that were killed had no time to do: what cargo built of their mutated copies must not be taken for the sources."""
+    """Cleans up after killed calls: builds of their mutated copies must not be mistaken for the sources."""
     for owner in (target_folder() / "mutations").glob("saved-*/owner.json"):
         killed = json.loads(owner.read_text())
         if Path(f"/proc/{killed['process']}").exists():
@@ -192,13 +191,13 @@ class Copy:
             shutil.copy2(ROOT / name, copy)
 
     def forget(self):
-        """Deletes the copy, and makes cargo build anew what it built of it: file times do not tell a mutated crate from the right one."""
+        """Deletes the copy and its builds: file times cannot distinguish a mutated crate from the original."""
         shutil.rmtree(self.folder)
         shutil.rmtree(self.saved)
         forget_since(self.begun)
 
     def build(self, arguments, until=None):
-        """Builds unit tests, or only up to those of the package `until`.
+        """Builds the unit tests, or only those up to the package `until`.
 
         Returns folders and programs, and what cargo said if it failed.
         """
@@ -214,7 +213,7 @@ class Copy:
             broken.unlink(missing_ok=True)
             environment["BROKEN_BUILD"] = str(broken)
             environment["RUNNER"] = str(os.getpid())
-            # Calls that wait take a place each.
+            # Waiting calls occupy a job each.
             alone = ["--jobs", "64", "--config", f"build.rustc-wrapper={json.dumps(str(wrapper))}"]
         cargo = ["cargo", "test", "--release", "--locked", "--lib", "--no-run", "--message-format", "json-render-diagnostics", *alone, *(self.cargo or arguments)]
         tests = []
@@ -230,7 +229,7 @@ class Copy:
                         return tests[-1:], None
                 cargo.wait()
             finally:
-                # Where the wanted tests are built, the rest of the calls still waits; where we are told to end, cargo works on.
+                # Once the tests are built, the remaining calls still wait. Cargo continues when this script is ended.
                 if cargo.poll() is None:
                     os.killpg(cargo.pid, signal.SIGTERM)
                     cargo.communicate()
@@ -238,15 +237,15 @@ class Copy:
                 said.seek(0)
                 lines = said.read().splitlines()
                 first = next((at for at, line in enumerate(lines) if line.startswith("error")), 0)
-                # What waited says nothing.
+                # Waiting calls print nothing useful.
                 ended = next((at for at, line in enumerate(lines) if line.startswith("warning: build failed")), len(lines))
                 return [], "\n".join(lines[first : min(ended, first + 30)])
         if not tests:
-            raise Mistake(f"no unit tests are built by cargo test {' '.join(self.cargo or arguments)}")
+            raise Mistake(f"cargo test {' '.join(self.cargo or arguments)} builds no unit tests")
         return tests, None
 
     def tests(self, arguments, until=None, first=None):
-        """Builds unit tests, or only those of the package `until`, and runs them up to the first crate that fails, the test `first` before all.
+        """Builds the unit tests, or only those up to the package `until`, and runs them until a crate fails, starting with the test `first`.
 
         Returns 'passed', 'failed' or 'broken', and the first test that failed or what cargo said.
         """
@@ -266,7 +265,7 @@ class Copy:
         return "passed", ""
 
     def try_mutation(self, mutation):
-        """Returns the name of the test that caught it, or None."""
+        """Returns the name of the test that caught the mutation, or None."""
         path = self.folder / mutation["file"]
         original, times = path.read_text(), path.stat()
         path.write_text(original.replace(mutation["find"], mutation["replace"]))
@@ -288,12 +287,12 @@ class Copy:
             if everything:
                 forget_since(self.begun)
             else:
-                # But for the unit tests of the crate nothing was built.
+                # Only the unit tests of the crate were built.
                 os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
                 self.remember_no_more(crate)
 
     def remember(self):
-        """Notes what cargo knows to be built."""
+        """Saves cargo's fingerprints."""
         shutil.rmtree(self.saved / "fingerprints", ignore_errors=True)
         for fingerprint in fingerprints():
             shutil.copytree(fingerprint, self.saved / "fingerprints" / fingerprint.name)
@@ -304,8 +303,8 @@ class Copy:
             os.link(library, self.saved / "libraries" / library.name)
 
     def remember_no_more(self, crate):
-        """Tells cargo what it knew before, except that the unit tests of `crate` are to be built anew."""
-        # What the crate depends on was built right, if anything of it was.
+        """Restores cargo's fingerprints, except that the unit tests of `crate` must be built again."""
+        # The dependencies of the crate were built correctly, if at all.
         _, needed = needed_crates(crate)
         for fingerprint in list(fingerprints()):
             if package_of(fingerprint) not in needed:
@@ -321,7 +320,7 @@ class Copy:
 
 
 def content_key():
-    """Names the sources and the list that results belong to."""
+    """Returns a key of the sources and the list, to which results belong."""
     names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True).stdout.decode().split("\0")
     digest = hashlib.sha256()
     for name in sorted(name for name in names if name.endswith((".rs", ".lock"))):
@@ -352,15 +351,15 @@ def page(results):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", metavar="ID", help="these mutations")
-    parser.add_argument("--random", type=int, metavar="N", help="N of them, drawn by the commit")
+    parser.add_argument("--only", nargs="+", metavar="ID", help="IDs of the mutations [default: all]")
+    parser.add_argument("--random", type=int, metavar="N", help="number of mutations, selected by the commit")
     parser.add_argument("--write", action="store_true", help="write tests/MUTATIONS.md")
-    parser.add_argument("--unchecked", action="store_true", help="the unit tests of the sources as they are have just passed")
-    parser.add_argument("--cargo", default="", metavar="ARGS", help="packages and features, instead of the mutated crate and then the workspace")
+    parser.add_argument("--unchecked", action="store_true", help="skip the check that the unit tests pass without a mutation")
+    parser.add_argument("--cargo", default="", metavar="ARGS", help="packages and features [default: the mutated crate, then the workspace]")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
     for ending in (signal.SIGTERM, signal.SIGHUP):
-        # Not the default, which ends without tidying up.
+        # The default action would end without cleanup.
         signal.signal(ending, lambda number, _: sys.exit(128 + number))
     mutations = read_list()
     if arguments.only:
@@ -383,7 +382,7 @@ def main():
             known[entry["id"], entry["find"], entry["replace"]] = entry
     say = lambda text: print(text, file=sys.stderr, flush=True)
     if not arguments.unchecked and not known:
-        say("the unit tests of the sources as they are …")
+        say("running the unit tests of the unchanged sources …")
         verdict, what = copy.tests(["--workspace"])
         if verdict != "passed":
             raise Mistake(f"the unit tests fail without any mutation: {what}")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Opens an export with the real MLflow and prints what it holds as JSON. Usage: open_with_mlflow.py DIR
+"""Opens an export with MLflow and prints its contents as JSON. Usage: open_with_mlflow.py DIR
 
     pip install mlflow-skinny pandas
 """

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Kills tactnet's processes at random moments, and counts what is lost by it.
+"""Kills tactnet's processes at random moments and counts the losses.
 
     python3 tests/attacks/kills.py --tactnet target/release/tactnet --kills 40
 
-Prints one JSON with a row for each attack: `target`, `executions` (kills), `panics`, `hangs`, `over_memory`, `lost`. A process that
-prints `panicked` counts as a panic, one that does not end or answer within a minute as a hang, work that ended before a kill and is
-another or gone after it as lost; so does a program that does not start again, which ends that attack.
+Prints a JSON document with a row per attack: `target`, `executions` (kills), `panics`, `hangs`, `over_memory`, `lost`. Output with `panicked` counts
+as a panic, no end or response within a minute as a hang. Finished work that is changed or missing after a kill counts as lost. A program that does
+not start again also counts as lost and ends its attack.
 """
 
 import argparse
@@ -36,11 +36,11 @@ method = { kind = "base" }
 
 
 class DoesNotStart(Exception):
-    """A program that is not ready, with what it said."""
+    """A program that does not get ready, with its output."""
 
 
 class Attack:
-    """One row, and how processes are run for it."""
+    """One row of the result, and the way to run its processes."""
 
     def __init__(self, name, tactnet, work):
         self.tactnet, self.work = tactnet, work
@@ -66,14 +66,14 @@ class Attack:
         return process.log.read()
 
     def end(self):
-        """Leaves nothing behind, however the attack ended."""
+        """Ends all processes and removes all files, however the attack ended."""
         for process in self.started:
             if process.poll() is None:
                 process.kill()
                 process.wait()
 
     def kill(self, process):
-        """As the kernel kills one when memory is short: it, not its children."""
+        """Kills a process as the kernel does when out of memory: the process, not its children."""
         process.kill()
         process.wait()
         self.row["executions"] += 1
@@ -112,7 +112,7 @@ def seconds_of(call):
 
 
 def train(attack, kills, rng):
-    """A training that is killed again and again ends with the bits of one that is not."""
+    """A training that is killed repeatedly ends with the same bits as an undisturbed one."""
     spec = ["train", "--data", "data.h5", "--recipe", "small.toml", "--out"]
     whole = seconds_of(lambda: attack.run(*spec, "whole"))
     while attack.row["executions"] < kills:
@@ -131,7 +131,7 @@ def train(attack, kills, rng):
 
 
 def experiment(attack, kills, rng):
-    """An experiment whose runner is killed goes on where it was, with the same figures."""
+    """An experiment with a killed runner resumes, with the same results."""
     spec = ["experiment", "run", "crossval_baselines", "--set", "data=data.h5", "--set", "folds=3", "--set", 'models=["knn-l", "small.toml"]', "--out"]
 
     def figures(folder):
@@ -152,7 +152,7 @@ def experiment(attack, kills, rng):
 
 
 def enroll(attack, kills, rng):
-    """A killed enrolment leaves the run as it was, and nothing that passes for a classifier."""
+    """A killed enrolment leaves the run unchanged, and no incomplete classifier."""
     attack.run("train", "--data", "data.h5", "--recipe", "small.toml", "--calibrate", "--false-alarms", "0.2", "--coverage", "0.8", "--out", "run")
     spec = ["enroll", "run", "--data", "five.h5", "--material", attack.new, "--out"]
     whole = seconds_of(lambda: attack.run(*spec, "whole"))
@@ -163,18 +163,18 @@ def enroll(attack, kills, rng):
         attack.kill(process)
         attack.lost(before != {path.name: digest(path) for path in (attack.work / "run").iterdir()})
         made = attack.work / f"killed{number}"
-        # It is there whole, or not at all.
+        # The new run is complete or does not exist.
         whole_one = made.exists() and (made / "manifest.json").exists()
         attack.lost(made.exists() and not (whole_one and digest(made / "weights.safetensors") == digest(attack.work / "whole/weights.safetensors")))
         attack.lost(not attack.run(*spec, f"again{number}"))
-        # At the same place as well.
+        # The same output folder can be used again.
         attack.lost(not made.exists() and not attack.run(*spec, f"killed{number}"))
         for folder in (f"killed{number}", f"again{number}"):
             shutil.rmtree(attack.work / folder, ignore_errors=True)
 
 
 class Robot:
-    """Hub, skin and classifier on a bus of their own."""
+    """Hub, skin and classifier on a private bus."""
 
     def __init__(self, attack):
         self.attack = attack
@@ -197,7 +197,7 @@ class Robot:
         self.attack.kill(self.processes.pop(name))
 
     def believes(self):
-        """Waits for a belief that comes from now on."""
+        """Waits for a belief sent after this call."""
         echo = ["timeout", "-s", "TERM", str(PATIENCE), self.attack.tactnet, "channel", "echo", "tactile/belief", "--table", "robot.toml", "--count", "1"]
         found = subprocess.run(echo, cwd=self.attack.work, capture_output=True, text=True)
         self.attack.row["hangs"] += found.returncode == 124
@@ -221,7 +221,7 @@ def models(attack):
 
 
 def channels(attack, kills, rng):
-    """Whichever process of the robot is killed, beliefs come again when it is started again."""
+    """After a kill and restart of any process of the robot, beliefs arrive again."""
     models(attack)
     robot = Robot(attack)
     robot.start("hub", "serve", "skin")
@@ -237,7 +237,7 @@ def channels(attack, kills, rng):
 
 
 def record(attack, kills, rng):
-    """A killed recorder leaves a file that is read, but for its last second."""
+    """The file of a killed recorder can be read; at most the last second is missing."""
     models(attack)
     robot = Robot(attack)
     robot.start("hub", "serve", "skin")
@@ -249,7 +249,7 @@ def record(attack, kills, rng):
         attack.kill(process)
         lasted = time.monotonic() - begun
         info = subprocess.run([attack.tactnet, "data", "import", file, "--out", attack.work / f"{number}.h5"], capture_output=True, text=True)
-        # A sweep takes under a second; the last second may be missing.
+        # A sweep takes less than a second; the last second may be missing.
         attack.lost(info.returncode not in (0, 2) or (lasted > 3 and info.returncode != 0))
         for made in (file, attack.work / f"{number}.h5"):
             made.unlink(missing_ok=True)
@@ -257,14 +257,14 @@ def record(attack, kills, rng):
 
 
 def swap(attack, kills, rng):
-    """A service that is killed while models change serves the newest whole one when it is started again."""
+    """A service killed during a change of models restarts with the newest complete one."""
     models(attack)
     robot = Robot(attack)
     robot.start("hub", "serve", "skin")
     version = 1
     for _ in range(kills):
         version += 1
-        # As somebody copies: file by file, the last one last.
+        # Like a copy by hand: file by file, the last one last.
         new = attack.work / f"models/{version}"
         new.mkdir()
         for path in sorted((attack.work / "models/1").iterdir(), key=lambda path: path.name == "result.json"):
@@ -284,8 +284,8 @@ ATTACKS = {"kill train": train, "kill experiment": experiment, "kill enroll": en
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tactnet", type=Path, required=True)
-    parser.add_argument("--kills", type=int, default=10, metavar="N", help="of each kind")
-    parser.add_argument("--channel-kills", type=int, metavar="N", help="of the processes on the channels [default: as of the others]")
+    parser.add_argument("--kills", type=int, default=10, metavar="N", help="number of kills of each kind")
+    parser.add_argument("--channel-kills", type=int, metavar="N", help="number of kills of processes on the channels [default: as --kills]")
     parser.add_argument("--only", nargs="+", choices=ATTACKS)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
@@ -312,7 +312,7 @@ def main():
             finally:
                 attack.end()
             attack.row["seconds"] = round(time.monotonic() - begun, 1)
-            # The others may take hours.
+            # The other attacks may take hours.
             print(json.dumps(attack.row), file=sys.stderr, flush=True)
             rows.append(attack.row)
     print(json.dumps({"schema_version": 1, "seed": arguments.seed, "rows": rows}, indent=2))

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Feeds one service many frames, and looks whether its memory and its descriptors grow.
+"""Sends many frames to one service and measures the growth of its memory and descriptors.
 
     python3 tests/attacks/long_run.py --tactnet target/release/tactnet --frames 64800000 --speed 10     # a day of 750 Hz
-    python3 tests/attacks/long_run.py --tactnet target/release/tactnet --frames 64800000 --speed 40 --depth 4096      # the same in 36 minutes
+    python3 tests/attacks/long_run.py --tactnet target/release/tactnet --frames 64800000 --speed 40 --depth 4096      # the same in 36 min
 
-Prints one JSON with a row like those of kills.py, and `frames`, `kib_per_million_frames` (slope of its own resident memory with its 95 %
-interval; the first fifth is left out, and the first 50 000 frames, in which the store of newest sweeps is touched for the first time) and `descriptors` (at that time and at the end). `lost` counts frames that were lost, and 1 more if
-memory grows: if the whole interval is above 64 KiB per million frames, twenty-two minutes of a skin, and above a mebibyte in the run.
+Prints a JSON document with a row as in kills.py, and `frames`, `kib_per_million_frames` (slope of the resident private memory with its 95 %
+interval) and `descriptors` (at the start of the measurement and at the end). The slope excludes the first fifth and the first 50 000 frames, which fill
+the store of recent sweeps. `lost` counts lost frames, plus 1 if memory grows: if the whole interval is above 64 KiB per million frames (22 min of a
+skin) and the growth is above 1 MiB.
 """
 
 import argparse
@@ -29,13 +30,13 @@ GROWS = 64
 
 
 def resident_kib(pid):
-    """Returns its own memory; pages of the channels, which are reserved beforehand and counted when they are first touched, are left out."""
+    """Returns the private memory. It excludes the channels' pages, which are reserved in advance and counted when first touched."""
     status = Path(f"/proc/{pid}/status").read_text()
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("RssAnon:"))
 
 
 def descriptors(pid):
-    """Returns the least of several looks: a request that has just been answered is still being closed."""
+    """Returns the minimum of several counts, because a finished request is closed with a delay."""
     looks = []
     for _ in range(5):
         looks.append(len(list(Path(f"/proc/{pid}/fd").iterdir())))
@@ -44,7 +45,7 @@ def descriptors(pid):
 
 
 def slope(points):
-    """Least squares; returns slope and half of its 95 % interval."""
+    """Least squares: returns the slope and half of its 95 % interval."""
     n = len(points)
     mean_x, mean_y = (sum(point[axis] for point in points) / n for axis in (0, 1))
     spread = sum((x - mean_x) ** 2 for x, _ in points)
@@ -57,8 +58,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tactnet", type=Path, required=True)
     parser.add_argument("--frames", type=int, default=200_000, help="at least 80 000")
-    parser.add_argument("--speed", type=float, default=10, help="times 750 frames a second")
-    parser.add_argument("--depth", type=int, help="frames that a finger's channel holds [default: the table's own, a third of a second of 750 Hz]")
+    parser.add_argument("--speed", type=float, default=10, help="factor on 750 frames per second")
+    parser.add_argument("--depth", type=int, help="queue length of a finger's channel, in frames [default: from the table, a third of a second at 750 Hz]")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         attack = Attack("one service for long", arguments.tactnet.resolve(), Path(folder))
@@ -84,7 +85,7 @@ def main():
             text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=PATIENCE).read().decode()
             return next(int(float(line.split()[1])) for line in text.splitlines() if line.startswith(f"tactnet_{name}_total "))
 
-        # The page's threads take their memory at their first requests.
+        # The page's threads allocate memory at their first requests.
         for _ in range(500):
             counted("frames")
         log = open(attack.work / "skin", "w")

@@ -1,4 +1,5 @@
-//! Arrays other than 4 x 4 taxels go the whole way: training, prediction, frame by frame, and a word beforehand about what cannot be had.
+//! Arrays other than 4 x 4 taxels in training, prediction and online classification, and errors for arrays that packets
+//! cannot hold.
 
 use std::f32::consts::TAU;
 
@@ -8,7 +9,7 @@ use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 
 use crate::command::{Lab, expect, stderr, stdout, tactnet};
 
-/// Three materials, ten sweeps each: waves of one, two and three periods that run over the array, with some noise.
+/// Generates three materials with ten sweeps each: waves of one, two and three periods across the array, with noise.
 fn waves(rows: usize, cols: usize, steps: usize) -> Dataset {
     let shape = SweepShape { steps, rows, cols };
     let taxels = shape.taxels();
@@ -63,7 +64,7 @@ fn arrays_of_other_shapes_are_learnt_and_followed_frame_by_frame() {
             train.arg("--out").arg(name("run"));
             let found: Value = serde_json::from_str(&stdout(&expect(0, train))).unwrap();
             let accuracy = found["accuracy_one_sweep"]["mean"].as_f64().unwrap();
-            // Six test sweeps of three materials; three taxels in a row show little of a wave.
+            // Six test sweeps of three materials; three taxels in a row see little of a wave.
             assert!(accuracy > 0.5, "{recipe}, {rows}x{cols}: {accuracy}");
             let mut eval = tactnet(["eval", "--json", "--runtime", "online"]);
             eval.arg(name("run"));

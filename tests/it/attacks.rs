@@ -1,4 +1,4 @@
-//! Attacks that succeeded once, with real processes: each stays mended.
+//! Regression tests of past failures, with real processes.
 
 use std::fs::Permissions;
 use std::io::{BufRead, BufReader};
@@ -20,7 +20,7 @@ use crate::serve::{Robot, Running, STEPS};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Sets how many descriptors a process may have open.
+/// Sets the maximum number of file descriptors of a process.
 fn limit_descriptors(pid: u32, most: usize) {
     let limited = Command::new("prlimit")
         .args(["--pid", &pid.to_string()])
@@ -29,14 +29,14 @@ fn limit_descriptors(pid: u32, most: usize) {
     assert!(limited.unwrap().success());
 }
 
-/// The least number that a process has no descriptor of: with that limit it gets no more.
+/// Returns the lowest unused descriptor of a process. With this limit it cannot open another file.
 fn first_free_descriptor(pid: u32) -> usize {
     (0..)
         .find(|number| std::fs::symlink_metadata(format!("/proc/{pid}/fd/{number}")).is_err())
         .unwrap()
 }
 
-/// What a process says on its standard error, line by line.
+/// Returns the standard error of a process, line by line.
 fn said(process: &mut Running) -> Receiver<String> {
     let (say, heard) = channel();
     let err = BufReader::new(process.0.stderr.take().unwrap());
@@ -59,7 +59,7 @@ fn wait_for(heard: &Receiver<String>, words: &str) {
     panic!("`{words}` was not said, but {before:?}");
 }
 
-/// Idle connections to the port of the counters once took all descriptors, and a skin that came then was never heard, without a word.
+/// Idle connections to the metrics port used up all descriptors, and a new skin was silently ignored.
 #[test]
 fn a_service_without_descriptors_says_so_and_reaches_its_skin_when_it_has_some_again() {
     let robot = Robot::new("descriptors");
@@ -89,7 +89,7 @@ fn a_service_without_descriptors_says_so_and_reaches_its_skin_when_it_has_some_a
     assert!(beliefs.get(patience).unwrap().is_some(), "it sees the skin");
 }
 
-/// Two programs that put commands as fast as they can once stopped all beliefs.
+/// Two programs that flooded the commands channel stopped all beliefs.
 #[test]
 fn a_flood_of_commands_stops_no_belief() {
     let robot = Robot::new("flood");
@@ -135,7 +135,7 @@ fn a_flood_of_commands_stops_no_belief() {
     }
 }
 
-/// A flipped bit of a finished run once gave other numbers without a word, and an edited result another report.
+/// A flipped bit in a finished run silently changed its results, and an edited result changed a report.
 #[test]
 fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
     let robot = Robot::new("changed");
@@ -180,7 +180,7 @@ fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
         let path = lab.path("models/1").join(file);
         let whole = std::fs::read(&path).unwrap();
         let mut changed = whole.clone();
-        // A digit of a text, a bit of a number.
+        // A digit of a text, or a bit of a number.
         let at = changed
             .iter()
             .rposition(|byte| byte.is_ascii_digit())
@@ -198,7 +198,7 @@ fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
     expect(0, tactnet(&calls[0]));
 }
 
-/// A version that asks for a terabyte once ended a service that ran, and kept it from starting again.
+/// A version that requests a terabyte ended a running service and prevented its restart.
 #[test]
 fn a_version_that_asks_for_all_memory_is_passed_over_and_the_service_serves_on() {
     let robot = Robot::new("monster");
@@ -210,7 +210,7 @@ fn a_version_that_asks_for_all_memory_is_passed_over_and_the_service_serves_on()
             let entry = entry.unwrap();
             std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
         }
-        // As from a version that wrote no digests: the configuration alone must not be believed.
+        // Like a version without digests: the configuration alone must not be trusted.
         std::fs::remove_file(to.join("manifest.json")).unwrap();
         let text = std::fs::read_to_string(to.join("config.json")).unwrap();
         let mut config: Value = serde_json::from_str(&text).unwrap();
@@ -235,11 +235,11 @@ fn a_version_that_asks_for_all_memory_is_passed_over_and_the_service_serves_on()
         }
     }
     service.end();
-    // And it starts again, with the version that is sound.
+    // The service restarts with the valid version.
     robot.serve("models").end();
 }
 
-/// A file that others had made in shared memory once emptied a file of the hub's user, and one from the future kept the hub from starting.
+/// A link in shared memory made the hub empty a file of its user, and a file with a future timestamp prevented its start.
 #[test]
 fn a_hub_follows_no_link_and_waits_for_no_file_from_the_future() {
     let lab = Lab::new();
@@ -273,7 +273,7 @@ fn a_hub_follows_no_link_and_waits_for_no_file_from_the_future() {
     remove_bus(&table).unwrap();
 }
 
-/// Other users could once empty, lock or make files of a bus in advance. Needs root, to be two users.
+/// Other users could empty, lock or create files of a bus in advance. This test needs root to act as two users.
 #[test]
 fn another_user_gets_nowhere_near_a_bus() {
     if !may_change_user() {
@@ -294,7 +294,7 @@ fn another_user_gets_nowhere_near_a_bus() {
     };
     let own = place.path().join("own");
     let running = Running::start(hub(&own));
-    // What is there, and what a stranger can do to it.
+    // Files and folders of the bus, which a stranger must not change.
     let (mut files, mut folders) = (Vec::new(), vec![own]);
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).unwrap() {
@@ -308,7 +308,7 @@ fn another_user_gets_nowhere_near_a_bus() {
         }
     }
     assert!(files.len() > 5, "{files:?}");
-    // The stranger is somebody, and may do what anybody may.
+    // The stranger is an ordinary user.
     let mut stranger = Command::new("sh");
     stranger
         .args(["-c", "cat /etc/passwd"])
@@ -331,7 +331,7 @@ fn another_user_gets_nowhere_near_a_bus() {
     }
     running.end();
 
-    // A folder that a stranger made first.
+    // A folder that a stranger created first.
     let theirs = place.path().join("theirs");
     std::fs::create_dir(&theirs).unwrap();
     chown(&theirs, Some(65534), Some(65534)).unwrap();
@@ -341,7 +341,7 @@ fn another_user_gets_nowhere_near_a_bus() {
     assert_eq!(refused.lines().count(), 1, "{refused}");
 }
 
-/// A process that was killed while it made its run once left a folder that could be neither trained in nor resumed.
+/// A process that was killed while it created its run left a folder that could be neither trained in nor resumed.
 #[test]
 fn a_run_that_was_killed_at_its_very_beginning_is_begun_again() {
     let lab = Lab::new();
@@ -353,7 +353,7 @@ fn a_run_that_was_killed_at_its_very_beginning_is_begun_again() {
     expect(0, lab.train(&recipe, "run"));
     assert!(folder.join("result.json").exists());
     assert!(!folder.join(".writing-abc").exists());
-    // What is not ours stays, and is said.
+    // Foreign files are kept and named in the error.
     let strange = lab.path("strange");
     std::fs::create_dir(&strange).unwrap();
     std::fs::write(strange.join("thesis.tex"), "").unwrap();
@@ -361,7 +361,7 @@ fn a_run_that_was_killed_at_its_very_beginning_is_begun_again() {
     assert!(refused.contains("found `thesis.tex`"), "{refused}");
 }
 
-/// Pipes and devices under the names of a run's files once were read for ever; weights that are no numbers were believed, or ended in a panic.
+/// Pipes and devices named like files of a run were read forever; weights that are not finite were accepted, or caused a panic.
 #[test]
 fn what_is_no_file_and_no_number_is_refused_in_a_line() {
     let lab = Lab::new();
@@ -424,7 +424,7 @@ fn what_is_no_file_and_no_number_is_refused_in_a_line() {
     }
 }
 
-/// A full disk behind standard error once ended a training; help that could not be written was a success.
+/// A full disk behind standard error ended a training; help that could not be written counted as success.
 #[test]
 fn messages_that_cannot_be_written_end_nothing_and_lost_results_are_failures() {
     let full = || {
@@ -443,13 +443,13 @@ fn messages_that_cannot_be_written_end_nothing_and_lost_results_are_failures() {
     }
 }
 
-/// The hub's unit once let it do nearly everything.
+/// The sandbox of the hub's systemd unit was almost open.
 #[test]
 fn units_are_closed_to_what_they_do_not_need() {
     for unit in ["tactnet.service", "tactnet-hub.service"] {
         let path = format!("{}/serving/{unit}", env!("CARGO_MANIFEST_DIR"));
         let checked = Command::new("systemd-analyze")
-            // Tenths of the exposure level.
+            // In tenths of the exposure level.
             .args(["security", "--offline=yes", "--threshold=22", &path])
             .output();
         let Ok(checked) = checked else {
@@ -470,7 +470,7 @@ fn may_change_user() -> bool {
     own.metadata().unwrap().uid() == 0
 }
 
-/// A runner that is killed once left its trainings behind, which held their folders.
+/// A killed runner left its trainings running, which kept their folders locked.
 #[test]
 fn the_processes_of_a_killed_runner_end() {
     let lab = Lab::new();

@@ -96,7 +96,7 @@ fn baselines_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// Eigenvalues of large matrices are where sums could be split among threads.
+/// Eigenvalues of large matrices are the computation whose sums could be split among threads.
 #[test]
 fn ridge_classifiers_of_many_sweeps_do_not_depend_on_the_number_of_threads() {
     let lab = Lab::new();
@@ -187,7 +187,7 @@ fn what_a_baseline_cannot_do_is_said_in_one_line() {
         let last = message.trim_end().lines().last().unwrap();
         assert!(last.contains(said), "{model} {more:?}: {message}");
     }
-    // Some sweeps of the twin stand still for nine steps, which is refused before; these do not.
+    // Some short sweeps of the twin are constant for nine steps and are refused; these values are not.
     let values = (0..12 * 9).map(|i| i * i % 101);
     let mut table = String::from("material,sweep,taxel\n");
     for (index, value) in values.enumerate() {

@@ -1,4 +1,4 @@
-//! The build script, compiled and run by itself in a repository made for it.
+//! The build script, compiled and run in a test repository.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Catching on the command line: what is wrong is said in one line, and what is asked for comes out the same twice.
+//! The catching commands: one-line errors, and repeatable results.
 
 use crate::command::{Lab, expect, stderr, stdout, tactnet};
 

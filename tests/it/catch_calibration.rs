@@ -1,4 +1,4 @@
-//! Live runs of a robot that is not as its description says, with and without what calibration finds of it.
+//! Live runs of a robot with calibration errors, with and without its calibration.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -22,14 +22,14 @@ const SHORTLY: Wait = Wait::Block {
     timeout: Duration::from_millis(50),
 };
 
-/// The simulated robot whose errors are planted here.
+/// Arguments that plant calibration errors in the simulated robot.
 pub(crate) const PLANTED: [&str; 2] = ["--planted", "7"];
 
-/// What `catch calibrate` finds of it, as a file in a folder.
+/// Runs `catch calibrate` and returns the calibration file in a folder.
 pub(crate) fn calibrated(folder: &Path) -> PathBuf {
     let path = folder.join("calibration.toml");
     let mut calibrate = tactnet(["catch", "calibrate", "--simulate", "--seed", PLANTED[1]]);
-    // Few configurations: hands are then about 2 mm off.
+    // Few configurations leave a hand error of about 2 mm.
     calibrate.args(["--configurations", "6", "--throws", "0", "--out"]);
     calibrate.arg(&path);
     expect(0, calibrate);
@@ -40,7 +40,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// The first throw of a run, and the run's report.
+/// Returns the first throw of a run and the run's report.
 fn first_throw(arguments: &[&str]) -> (String, serde_json::Value) {
     let mut run = Run::start(&[&["--seed", "3"], &PLANTED[..], arguments].concat());
     let line = run.wait_for("throw 1:");
@@ -60,7 +60,7 @@ fn a_robot_that_is_not_as_described_misses_live() {
     );
 }
 
-/// The same throw. From the recording, tracker and planners answer the same with the same calibration.
+/// The same throw, calibrated. Tracker and planners reproduce their results from the recording.
 #[test]
 fn a_robot_that_is_not_as_described_catches_live_with_its_calibration() {
     let place = tempfile::tempdir().unwrap();
@@ -121,14 +121,14 @@ fn a_calibration_that_cannot_be_used_is_one_line_before_anything_starts() {
             assert_eq!(said.trim().lines().count(), 1, "{said}");
         }
     }
-    // Nobody has touched the good one, and a new one does not take its place where it is refused.
+    // The valid calibration file is unchanged, and a refused one does not replace it.
     let mut again = tactnet(["catch", "calibrate", "--from"]);
     again.arg(&described).arg("--out").arg(&good);
     expect(2, again);
     assert_eq!(std::fs::read(&good).unwrap(), kept);
 }
 
-/// A robot of the world that stands with its right hand before its cameras.
+/// A simulated robot that holds its right hand in front of its cameras.
 struct Standing {
     world: World,
     stay: JointCommand,
@@ -142,7 +142,7 @@ impl Standing {
         let robot = Robot::new(RobotDescription::nominal());
         let bodies = Bodies::new(robot.description());
         let (model, guess) = (Model::new(&robot), Priors::default().guess());
-        // Knuth's linear congruential generator: any configuration will do.
+        // Knuth's linear congruential generator; any configurations are suitable.
         let mut state = 7_u64;
         let mut uniform = || {
             state = state
@@ -174,7 +174,7 @@ impl Standing {
         }
     }
 
-    /// Stands through so many pictures, faster than in real time, and returns the last word on the calibration.
+    /// Holds still for a number of images, faster than real time, and returns the last calibration state.
     fn pictures(&mut self, mut pictures: usize) -> CalibrationState {
         while pictures > 0 {
             let sensed = *self.world.step(&self.stay, &[None; ARMS]);
@@ -190,11 +190,11 @@ impl Standing {
                     }])
                     .unwrap();
                 pictures -= 1;
-                // It has to take the joints' states before there are too many.
+                // Give the process time to read the joint states before its queue is full.
                 std::thread::sleep(Duration::from_millis(4));
             }
         }
-        // It speaks twice a second.
+        // The process reports twice a second.
         let mut last = None;
         let begun = Instant::now();
         while begun.elapsed() < Duration::from_millis(700) {
@@ -205,7 +205,7 @@ impl Standing {
     }
 }
 
-/// Nobody else knows: the process hears markers and joints alone.
+/// The process receives only markers and joints.
 #[test]
 fn a_slipped_tendon_is_noticed_by_the_process_that_watches_and_by_one_that_begins_again() {
     let place = tempfile::tempdir().unwrap();
@@ -228,7 +228,7 @@ fn a_slipped_tendon_is_noticed_by_the_process_that_watches_and_by_one_that_begin
     let mut robot = Standing::new(&bus);
     let state = robot.pictures(5);
     assert_eq!(state.hold(), Some(CalibrationHold::NotTold), "{state:?}");
-    // A good robot, and some features that are something else.
+    // A robot without errors, and some false features.
     let state = robot.pictures(150);
     assert_eq!(state.hold(), Some(CalibrationHold::Holds), "{state:?}");
     assert!(
@@ -251,7 +251,7 @@ fn a_slipped_tendon_is_noticed_by_the_process_that_watches_and_by_one_that_begin
         state.since_ns > 0 && state.mean_square[1] > 10.0,
         "{state:?}"
     );
-    // Killed; the next one knows nothing, and finds it again.
+    // The process is killed; the new one starts without knowledge and detects the slip again.
     drop(watch);
     let watch = start(&["catch", "role", "slip-watch"]);
     let state = robot.pictures(40);

@@ -1,4 +1,4 @@
-//! The whole stack as processes before the simulated world.
+//! The complete catching stack as processes in the simulated world.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use crate::command::tactnet;
 use crate::serve::{Robot, Running};
 
-/// A run beside this test, and what it says.
+/// A run as a child process, with its output.
 pub(crate) struct Run {
     child: Child,
     said: std::sync::mpsc::Receiver<String>,
@@ -41,12 +41,12 @@ impl Run {
         }
     }
 
-    /// Waits for a line that begins so; all lines so far are kept.
+    /// Waits for a line with this beginning and keeps all lines so far.
     pub(crate) fn wait_for(&mut self, beginning: &str) -> String {
         self.wait_until(beginning, |line| line.starts_with(beginning))
     }
 
-    /// Waits for a line with these words.
+    /// Waits for a line that contains these words.
     pub(crate) fn wait_with(&mut self, words: &str) -> String {
         self.wait_until(words, |line| line.contains(words))
     }
@@ -63,7 +63,7 @@ impl Run {
                 }
                 Err(_) if begun.elapsed() < Duration::from_secs(90) => {}
                 Err(_) => {
-                    // Its processes would go on for ever.
+                    // Otherwise its processes would run forever.
                     signal("TERM", self.child.id());
                     panic!("no `{wanted}`: {:?}", self.heard);
                 }
@@ -71,7 +71,7 @@ impl Run {
         }
     }
 
-    /// Names and numbers of its processes.
+    /// Returns names and ids of its processes.
     pub(crate) fn processes(&mut self) -> BTreeMap<String, u32> {
         let line = self.wait_for("started: ");
         line["started: ".len()..]
@@ -83,7 +83,7 @@ impl Run {
             .collect()
     }
 
-    /// Asks it to end, and returns its report.
+    /// Asks the run to end and returns its report.
     pub(crate) fn end(mut self) -> serde_json::Value {
         signal("TERM", self.child.id());
         let output = self.child.wait_with_output().unwrap();
@@ -125,7 +125,8 @@ fn a_live_run_catches_and_ends_all_its_processes() {
             "world"
         ]
     );
-    // What is true stays in the world's process: the stack has the robot's bus open, and all of its files can be named.
+    // The ground truth stays in the world's process. The stack has only the robot's bus open, and all of its files are
+    // accounted for.
     for (name, process) in &processes {
         let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).unwrap();
         assert!(
@@ -149,7 +150,7 @@ fn a_live_run_catches_and_ends_all_its_processes() {
     a_recording_tells_the_same(&file, &report);
 }
 
-/// Its times are those of the run, and tracker and planners answer the same again.
+/// The replayed times equal those of the run, and tracker and planners reproduce their results.
 pub(crate) fn a_recording_tells_the_same(file: &Path, report: &serde_json::Value) {
     let picture = file.with_extension("svg");
     let mut timing = tactnet(["catch", "timing", "--json", "--picture"]);
@@ -163,7 +164,7 @@ pub(crate) fn a_recording_tells_the_same(file: &Path, report: &serde_json::Value
         assert!(ends >= ended, "{name}: {timing}");
         ended = ends;
     }
-    // What the run itself has heard may lack a packet.
+    // The run's own listener may miss a packet.
     let (told, recorded) = (
         &report["exposure_to_path_ms"],
         &timing["exposure_to_path_ms"],
@@ -196,7 +197,7 @@ fn json(mut command: Command) -> serde_json::Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Tools of the channels know the stack's packets, whoever puts them.
+/// The channel tools decode the stack's packets from any sender.
 #[test]
 fn packets_of_the_stack_are_echoed_and_recorded() {
     let place = tempfile::tempdir().unwrap();
@@ -251,7 +252,7 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
     timing.arg(&file);
     let period = json(timing)["joint_period_ms"]["p50"].as_f64().unwrap();
     assert!((0.5..2.0).contains(&period), "{period}");
-    // Nobody planned, so there is nothing to answer again.
+    // No planner ran, so there is nothing to reproduce.
     let mut replay = tactnet(["catch", "replay"]);
     let output = replay.arg(&file).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -266,7 +267,7 @@ fn every_process_may_be_killed_at_any_moment() {
     let mut run = Run::start(&["--seed", "5", "--throw-back=3.6,0,1.2"]);
     let mut processes = run.processes();
     run.wait_for("throw 1:");
-    // In an order of its own; the last ones while the robot still recovers from those before.
+    // In a fixed order; the last ones are killed while the robot is still recovering.
     for name in [
         "tracker",
         "controller",
@@ -286,10 +287,10 @@ fn every_process_may_be_killed_at_any_moment() {
         let number = line.rsplit(' ').next().unwrap().parse().unwrap();
         processes.insert(name.into(), number);
     }
-    // It finds back, and goes on.
+    // The run recovers and continues.
     run.wait_for("throw ");
     run.wait_for("thrown back ");
-    // A throw is given up where its thrower ends, and the ball thrown again by the next one.
+    // A throw is aborted when its thrower ends, and the next thrower repeats it.
     run.wait_for("throw ");
     signal("KILL", processes["thrower"]);
     let ended = run.wait_for("the thrower has ended");
@@ -312,8 +313,8 @@ fn every_process_may_be_killed_at_any_moment() {
     }
 }
 
-/// After a catch the free hand sweeps over the ball, and the network says of what it is; whoever is killed among those who feel does not
-/// brake the robot, and begins again.
+/// After a catch the free hand sweeps over the ball and the network predicts its material. Killed processes of this
+/// part do not brake the robot, and restart.
 #[test]
 fn a_caught_ball_is_felt_and_named() {
     let robot = Robot::new("felt");

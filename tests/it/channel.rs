@@ -1,4 +1,4 @@
-//! Hub, putters and getters as processes of their own, with faults.
+//! Hub, senders and receivers as separate processes, with faults.
 
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 use crate::command::{expect, stderr, stdout, tactnet};
 
-/// A bus of its own with a table file; its files in shared memory are removed at the end.
+/// A private bus with a table file; its files in shared memory are removed at the end.
 struct Robot {
     folder: TempDir,
     bus: String,
@@ -46,7 +46,7 @@ impl Robot {
         command
     }
 
-    /// Starts a process and waits until it says `ready`.
+    /// Starts a process and waits until it prints `ready`.
     fn start(&self, arguments: &[&str]) -> Running {
         let mut child = self
             .command(arguments)
@@ -79,7 +79,7 @@ impl Robot {
         serde_json::from_str(&stdout(&output)).unwrap()
     }
 
-    /// Waits until channel 0 of the list has so many ports.
+    /// Waits until channel 0 of the list has this many ports.
     fn wait_for_ports(&self, put: u64, get: u64) {
         let begun = Instant::now();
         loop {
@@ -102,7 +102,7 @@ impl Drop for Robot {
     }
 }
 
-/// A process that is killed, as by `kill -9`, when it is dropped.
+/// A process that is killed when dropped, as by `kill -9`.
 struct Running(Child);
 
 impl Running {
@@ -129,7 +129,7 @@ impl Drop for Running {
 
 const ONE: &str = "[channels.a]\npacket = \"u8\"\nitem_bytes = 1\nitems = 1000\nput_ports = 1\nget_ports = 3\ndepth = 1024\n";
 
-/// Packets a second that are seen of 200 put; a loaded machine makes a sleeping putter slower.
+/// Minimum rate received of 200 packets per second; a loaded machine slows the sender down.
 fn is_steady(rate: &Value) {
     assert!(rate["hz"].as_f64().unwrap() > 50.0, "{rate}");
     assert_eq!(rate["lost"], 0, "{rate}");
@@ -335,7 +335,7 @@ fn too_little_shared_memory_is_an_error_and_no_crash() {
     )
     .unwrap();
     let free: u64 = free.lines().nth(1).unwrap().trim().parse().unwrap();
-    // Ten packets, each a fifth of what is free.
+    // Ten packets, each a fifth of the free memory.
     let robot = Robot::new(&format!(
         "[channels.a]\npacket = \"u8\"\nitem_bytes = 1\nitems = {}\nget_ports = 1\ndepth = 7\n",
         free / 5
@@ -372,7 +372,7 @@ fn the_stress_test_measures_every_transport_that_was_asked_for() {
         .arg(&page);
     let result: Value = serde_json::from_str(&stdout(&expect(0, stress))).unwrap();
     let rows = result["rows"].as_array().unwrap();
-    // The futex has no packet and one client.
+    // The futex transport has no packets and one client.
     assert_eq!(rows.len(), 2 * 2 * 3 + 2);
     for row in rows {
         assert_eq!(row["failures"], 0, "{row}");

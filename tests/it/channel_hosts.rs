@@ -13,11 +13,11 @@ use serde_json::Value;
 use tactnet_channel::MEMORY_FOLDER_VARIABLE;
 use tempfile::TempDir;
 
-/// Size of a packet, bytes.
+/// Size of a packet, in bytes.
 const PACKET: usize = 100_000;
 
 struct Host {
-    /// Keeps the namespaces.
+    /// Keeps the namespaces alive.
     anchor: Child,
     table: String,
 }
@@ -104,7 +104,7 @@ impl Host {
         Running(child)
     }
 
-    /// Starts to listen, and waits until the hub knows.
+    /// Starts to listen and waits until the hub knows.
     fn hz(&self, getters: usize, seconds: &str) -> Vec<Child> {
         let listening = (0..getters)
             .map(|_| {
@@ -116,7 +116,7 @@ impl Host {
         loop {
             let output = self.channel(&["list", "--json"]).output().unwrap();
             let listed: Value = serde_json::from_slice(&output.stdout).unwrap();
-            // One more is the hub's own.
+            // One of them is the hub's own.
             if listed[0]["get_ports"] == getters as u64 + 1 {
                 return listening;
             }
@@ -125,7 +125,7 @@ impl Host {
         }
     }
 
-    /// Bytes that have come in over a cable.
+    /// Returns the number of bytes received over a cable.
     fn received(&self, cable: &str) -> u64 {
         let output = self
             .run("ip")
@@ -170,7 +170,7 @@ fn three_hosts(folder: &TempDir) -> [Host; 3] {
     [a, b, c]
 }
 
-/// Cables from `a` to both others.
+/// Cables from `a` to both other hosts.
 fn connect(a: &Host, b: &Host, c: &Host) {
     for (number, other) in [(1, b), (2, c)] {
         let (near, far) = (
@@ -185,7 +185,7 @@ fn connect(a: &Host, b: &Host, c: &Host) {
     }
 }
 
-/// Authorities and certificates in a folder, by openssl.
+/// Certificate authorities and certificates in a folder, created by openssl.
 struct Certificates<'a>(&'a TempDir);
 
 impl Certificates<'_> {
@@ -200,7 +200,7 @@ impl Certificates<'_> {
         ));
     }
 
-    /// The lines of a table for a host of this name that `authority` vouches for.
+    /// Returns table lines for a host with this name and a certificate of `authority`.
     fn host(&self, name: &str, authority: &str) -> String {
         self.openssl(&format!(
             "req -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN={name} -keyout {name}.key -out {name}.csr"
@@ -235,7 +235,7 @@ fn may_have_namespaces() -> bool {
     may
 }
 
-/// A second hub without credentials once put what it liked, and read everything.
+/// A second hub without credentials could send and receive everything.
 #[test]
 fn a_host_puts_and_gets_only_what_its_certificate_allows() {
     if !may_have_namespaces() {
@@ -258,7 +258,7 @@ fn a_host_puts_and_gets_only_what_its_certificate_allows() {
         "b",
         &format!("connect = [\"tls/10.77.1.1:7447\"]\n{head}"),
     );
-    // One that the robot's authority vouches for, but that may neither put nor get; one of another authority; one without TLS.
+    // One host with a valid certificate but without rights, one of another authority, one without TLS.
     let leg = certificates.host("leg", "robot");
     let other = certificates.host("other", "stranger");
     let intruders = [
@@ -295,7 +295,7 @@ fn cable(a: &Host, number: usize) -> String {
     format!("tn{number}b{}", a.anchor.id())
 }
 
-/// Waits until the hubs have told each other who listens.
+/// Waits until the hubs have exchanged their subscribers.
 fn settle() {
     std::thread::sleep(Duration::from_secs(2));
 }
@@ -337,7 +337,7 @@ fn packets_cross_the_wire_once_for_a_host_that_listens_and_a_killed_hub_comes_ba
     assert!((1.0..1.01).contains(&wire), "{wire}");
     assert!(idle < 0.001, "{idle}");
 
-    // The remote hub dies; this host's own getter goes on; the hub comes back and packets cross again.
+    // The remote hub dies; the local receiver continues. The hub returns and packets cross again.
     drop(hub_b);
     put("100", 50);
     let _hub_b = b.hub();

@@ -1,11 +1,11 @@
-//! The real binary, run as a person would.
+//! The real binary, run as a user would.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-/// `tactnet` with `arguments`.
+/// Returns the command `tactnet` with `arguments`.
 pub fn tactnet<I, S>(arguments: I) -> Command
 where
     I: IntoIterator<Item = S>,
@@ -16,7 +16,7 @@ where
     command
 }
 
-/// Runs `command` and expects exit code `code`.
+/// Runs `command` and expects the exit code `code`.
 pub fn expect(code: i32, mut command: Command) -> Output {
     let output = command.output().unwrap();
     assert_eq!(
@@ -44,13 +44,13 @@ pub struct Lab {
 
 /// Layers of the small recipe.
 pub const CONVOLUTIONS: &str = "maps = [8, 8]";
-/// The same of a network on spectra.
+/// Layers of the small recipe of a network on spectra.
 pub const SPECTRA: &str = "spectra = { bands = 6, taxel_units = 5, units = 12 }";
 
 /// Changes to the small recipe.
 #[derive(Default)]
 pub struct RecipeChange {
-    /// [`CONVOLUTIONS`] if empty.
+    /// Layers; [`CONVOLUTIONS`] if empty.
     pub layers: &'static str,
     pub epochs: Option<usize>,
     pub extra_training: &'static str,
@@ -92,7 +92,7 @@ impl Lab {
         path
     }
 
-    /// `tactnet train` on the small twin with the small recipe, into `out`.
+    /// Returns `tactnet train` on the small twin with the small recipe, into `out`.
     pub fn train(&self, recipe: &Path, out: &str) -> Command {
         let mut command = tactnet(["train", "--data"]);
         command

@@ -1,4 +1,4 @@
-//! What the command line says of itself, and how it answers mistakes.
+//! Help, version and error messages of the command line.
 
 use serde_json::Value;
 
@@ -55,7 +55,7 @@ fn every_command_has_a_manual_page_and_help() {
         assert!(refused.contains(meant), "{refused}");
         assert!(!refused.contains("tip:"), "{refused}");
     }
-    // Where nothing better is known, what clap proposes stands.
+    // Without a better suggestion, clap's own one stays.
     let near = stderr(&expect(2, tactnet(["train", "--epoch", "3"])));
     assert!(
         near.contains("`--epochs`") || near.contains("'--epochs'"),

@@ -229,7 +229,7 @@ fn the_twin_is_called_a_twin_and_shows_its_statistics() {
     );
     let text = stdout(&output);
     assert!(text.contains("twin") && text.contains("TactMat"), "{text}");
-    // Recorded on other sweeps than these.
+    // TactMat's statistics belong to other sweeps than these.
     assert!(!text.contains("trained classifiers"), "{text}");
 }
 
@@ -277,7 +277,7 @@ fn sweeps_without_materials_are_looked_at_checked_and_named() {
     let text = stdout(&checked);
     assert!(text.contains("materials not named"), "{text}");
     assert!(text.contains("0 errors, 0 warnings"), "{text}");
-    // What is wrong with the values is found as in any other.
+    // Invalid values are found as in labelled data.
     std::fs::write(folder.join("3.csv"), "1,2\n".repeat(40)).unwrap();
     let text = stdout(&expect(1, data(&["data", "check"], &[])));
     assert!(

@@ -1,4 +1,4 @@
-//! `tactnet enroll` with the real binary: a material more, the others as before.
+//! `tactnet enroll` with the real binary: the new material is added, the others are unchanged.
 
 use std::process::Command;
 
@@ -9,7 +9,7 @@ use tactnet_models::Weights;
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 
-/// A small twin of `materials` materials, `sweeps` sweeps each.
+/// Generates a small twin with `materials` materials and `sweeps` sweeps each.
 fn twin(lab: &Lab, name: &str, materials: &str, sweeps: &str) {
     let mut twin = tactnet([
         "data",
@@ -58,7 +58,7 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     };
     let calibrate = ["--calibrate", "--false-alarms", "0.1"];
     let result = json(train("three.h5", "run", &calibrate));
-    // 180 sweeps: 36 are tested; of 144, a fifth is set aside.
+    // 180 sweeps: 36 are test sweeps; of the other 144, a fifth is held out.
     let aside = 144 - result["n_train"].as_u64().unwrap();
     assert!((27..=30).contains(&aside), "{aside}");
     assert!(
@@ -84,12 +84,13 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     assert!(own["verdicts"]["detected"].is_null(), "{own}");
     assert!(own["verdicts"]["set_size"].as_f64().unwrap() >= 1.0);
 
-    // The small twin's fourth material was never seen: without calibration that is an error, with it a number.
+    // The network was not trained on the fourth material. Without calibration this is an error, with calibration a
+    // measured rate.
     let other = eval(&lab, "run", Some("twin.h5"));
     assert_eq!(other["verdicts"]["detected"]["n"], 10, "{other}");
     let unknown = other["verdicts"]["unknown_materials"].as_array().unwrap();
     assert_eq!(unknown.len(), 1, "{other}");
-    // Sweeps that the small twin shares with the training set are left out.
+    // Sweeps that the small twin shares with the training set are excluded.
     let known = other["n_test"].as_u64().unwrap() - 10;
     assert!((1..30).contains(&known), "{other}");
     assert_eq!(other["evaluations"]["plain"]["one_sweep"]["n"], known);
@@ -102,7 +103,8 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     assert_eq!(counted, 10, "{other}");
     assert!(other["values"].is_null(), "the same unit: {other}");
 
-    // The fourth is learnt; thresholds are fitted again, also to its sweeps, and keep about what they promise.
+    // The fourth material is enrolled. The thresholds are fitted again, including its sweeps, and roughly meet their
+    // guarantees.
     twin(&lab, "four.h5", "4", "60");
     let new = unknown[0].as_str().unwrap();
     let ten = ["--sweeps", "10", "--json"];
@@ -121,7 +123,9 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     assert_eq!(alarms["n"], all["n_test"], "it knows all four: {all}");
     assert!(all["n_test"].as_u64().unwrap() >= 50, "{all}");
     assert!(alarms["mean"].as_f64().unwrap() <= 0.25, "{all}");
-    // More than half of the test sweeps are of the new material, whose ten sweeps say little of them: with this small network single seeds
+    // More than half of the test sweeps are of the new material, which its ten sweeps represent poorly: with this small
+    // network the coverage is 58 to 84 %,
+    // depending on the seed. Without new thresholds it would be close to zero.
     // cover 58 to 84 %. Thresholds that were not fitted again cover next to nothing.
     let mut coverage = all["verdicts"]["coverage"]["mean"].as_f64().unwrap();
     for seed in ["2", "3"] {
@@ -133,7 +137,7 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
         coverage += all["verdicts"]["coverage"]["mean"].as_f64().unwrap();
     }
     assert!(coverage / 3.0 >= 0.55, "{coverage}");
-    // A run that did not keep the sweeps behind its thresholds says so.
+    // A run that did not keep the sweeps behind its thresholds prints a warning.
     std::fs::remove_file(lab.path("run/held_out.safetensors")).unwrap();
     let kept = stderr(&expect(
         0,
@@ -243,7 +247,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         (&5.into(), &new.into())
     );
     assert_eq!(found["sweeps"].as_array().unwrap().len(), 5);
-    // Nothing was set aside; the run's own test sweeps say what it costs, as `eval` counts.
+    // No sweeps were held out, so the run's test sweeps measure the cost, as `eval` counts.
     let (before, after) = (eval(&lab, "run", None), eval(&lab, "more", None));
     let cost = &found["test_cost"];
     assert_eq!(cost["held_out"], before["n_test"], "{found}");
@@ -272,12 +276,12 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         assert_eq!(values.len() - tensor.values.len(), more, "{name}");
     }
 
-    // The run's own test sweeps, and another file without the sweeps that were learnt from.
+    // The run's own test sweeps, and another file without the enrolled sweeps.
     assert_eq!(eval(&lab, "more", None)["n_test"], 8);
     let mut again = tactnet(["eval", "--mc", "0"]);
     again.arg(lab.path("more"));
     let note = stderr(&expect(0, again));
-    let none = format!("note: `{new}` was enrolled, and none of the run's test sweeps is of it");
+    let none = format!("note: `{new}` was enrolled, and the run has no test sweeps of it");
     assert!(note.contains(&none), "{note}");
     let other = eval(&lab, "more", Some("five.h5"));
     assert!(
@@ -325,7 +329,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
     let known = eval(&lab, "more", Some("twin.h5"));
     assert!(known["evaluations"]["plain"]["one_sweep"]["mean"].is_number());
 
-    // Once more, on top; and again from the first run.
+    // Another material on top, and again from the first run.
     let text = stdout(&expect(0, {
         let mut renamed = enroll(&lab, "run", "five.h5", new, "again", &[]);
         renamed.env("NO_COLOR", "1");

@@ -1,4 +1,4 @@
-//! `tactnet experiment` with real processes: resumed, killed, shared, and on a real Slurm where there is one.
+//! `tactnet experiment` with real processes: resumed, killed, shared, and on a real Slurm if there is one.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 
-/// An experiment of two folds with a small network and a baseline on the small twin.
+/// An experiment with two folds, a small network and a baseline on the small twin.
 fn experiment(lab: &Lab, out: &str) -> Command {
     let recipe = lab.path("small.toml");
     if !recipe.exists() {
@@ -62,7 +62,7 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         (&summary["tasks"], &summary["tasks_done"]),
         (&8.into(), &8.into())
     );
-    // Two probes, the network asked two ways, one baseline.
+    // Two probes, the network with two prediction methods, one baseline.
     let contenders = summary["contenders"].as_array().unwrap();
     assert_eq!(contenders.len(), 5);
     for row in contenders {
@@ -118,7 +118,7 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         "{refused}"
     );
 
-    // Where no folder is named there is another one for it.
+    // Without `--out` another folder is created for it.
     let mut free = tactnet([
         "experiment",
         "run",
@@ -149,7 +149,7 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
     let second = lab.json("experiments-out/crossval_baselines-2/summary.json");
     assert_eq!(second["tasks"], 2);
 
-    // A model whose file has changed is another model.
+    // A model whose recipe file changed is another model.
     let recipe = lab.path("small.toml");
     let changed = std::fs::read_to_string(&recipe)
         .unwrap()
@@ -161,7 +161,7 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         "{refused}"
     );
 
-    // The folder may be moved, and gone on with.
+    // The folder may be moved and then continued.
     std::fs::rename(lab.path("out"), lab.path("moved")).unwrap();
     std::fs::remove_dir_all(lab.path("moved/tasks").join(TASKS[2])).unwrap();
     let changed = std::fs::read_to_string(&recipe)
@@ -175,7 +175,7 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         stderr(&again)
     );
 
-    // An accuracy that somebody raised, digests and all, is not reported.
+    // An accuracy that was edited together with its digests is not reported.
     let task = lab.path("moved/tasks/twin-knn-l-run0-fold1");
     let mut forged = lab.json("moved/tasks/twin-knn-l-run0-fold1/result.json");
     for evaluation in forged["evaluations"].as_object_mut().unwrap().values_mut() {
@@ -223,7 +223,7 @@ fn a_runner_that_is_asked_to_stop_lets_its_task_write_a_checkpoint() {
     expect(0, experiment(&lab, "out"));
 }
 
-/// Children of a process, by its id.
+/// Returns the children of a process.
 fn children(pid: u32) -> Vec<u32> {
     let path = format!("/proc/{pid}/task/{pid}/children");
     let text = std::fs::read_to_string(path).unwrap_or_default();
@@ -253,14 +253,14 @@ fn wait_for(what: &str, ready: impl Fn() -> bool) {
 #[test]
 fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
     let lab = Lab::new();
-    // So many epochs that a task is killed before it ends.
+    // Enough epochs that a task is killed before it ends.
     lab.recipe(RecipeChange {
         epochs: Some(30),
         ..RecipeChange::default()
     });
     expect(0, experiment(&lab, "undisturbed"));
 
-    // A task is killed: the runner begins it again. One task at a time, so that it is known which one runs.
+    // A task is killed, and the runner starts it again. One task runs at a time, so that it is known which one.
     let mut runner = experiment(&lab, "killed")
         .args(["--jobs", "1"])
         .stdout(Stdio::null())
@@ -270,7 +270,7 @@ fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
     let network = lab.path("killed/tasks/twin-small-run0-fold0");
     wait_for("the first epoch", || network.join("metrics.jsonl").exists());
     children(runner.id()).into_iter().for_each(kill_9);
-    // Then the runner itself, and what it had started.
+    // Then the runner and its children are killed.
     let second = lab.path("killed/tasks/twin-small-run0-fold1");
     wait_for("the second network", || {
         second.join("metrics.jsonl").exists()
@@ -291,7 +291,7 @@ fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
         .unwrap()
         .modified()
         .unwrap();
-    // Its folder alone says all.
+    // The folder contains everything that is needed.
     let mut set = tactnet(["experiment", "run"]);
     set.arg(lab.path("killed")).args(["--set", "folds=2"]);
     let refused = stderr(&expect(2, set));
@@ -336,7 +336,7 @@ fn two_runners_share_a_folder() {
         assert!(!stderr(&output).contains("failed"), "{}", stderr(&output));
     }
     for task in TASKS {
-        // Only who trains says so in the task's log: one did.
+        // Only the training process writes this line to the task's log: there is one.
         let log = String::from_utf8(lab.read(&format!("shared/tasks/{task}.log"))).unwrap();
         assert_eq!(
             log.matches("predicting 8 test sweeps").count(),
@@ -382,7 +382,7 @@ fn a_task_that_cannot_succeed_is_named_and_not_tried_again() {
     );
 }
 
-/// Needs root and Debian's Slurm packages, which `tests/local-slurm start` installs: run by `.ci/run` with `--ignored`.
+/// Needs root and Debian's Slurm packages, which `tests/local-slurm start` installs; `.ci/run` runs it with `--ignored`.
 #[test]
 #[ignore = "needs a Slurm; .ci/run starts one"]
 fn slurm_gives_the_same_bytes_as_this_machine() {
@@ -399,7 +399,7 @@ fn slurm_gives_the_same_bytes_as_this_machine() {
     let jobs = std::fs::read_dir(lab.path("slurm/slurm")).unwrap();
     assert!(jobs.count() > 8, "each task left a log");
 
-    // A task that fails is submitted again, and its log is shown.
+    // A failed task is submitted again, and its log is shown.
     let mut broken = tactnet([
         "experiment",
         "run",
@@ -439,7 +439,7 @@ fn slurm_that_is_not_there_is_said_in_one_line() {
     );
 }
 
-/// Needs MLflow: run by `.ci/run` with `--ignored` and `TACTNET_PYTHON`, a Python that has it.
+/// Needs MLflow; `.ci/run` runs it with `--ignored` and `TACTNET_PYTHON`, a Python with MLflow.
 #[test]
 #[ignore = "needs Python with mlflow-skinny; .ci/run has one"]
 fn mlflow_opens_the_export() {

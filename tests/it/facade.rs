@@ -1,4 +1,4 @@
-//! The library as its users see it.
+//! The library's public interface.
 
 use tactnet::{Classifier, Dataset, Recipe, Seed, TwinConfig};
 use tactnet_data::DataError;

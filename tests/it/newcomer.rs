@@ -1,10 +1,10 @@
-//! A newcomer with few sweeps of their own: what they are told without having asked.
+//! Messages for a new user with few sweeps of their own.
 
 use std::process::Command;
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 
-/// Writes a folder of `.csv`, which does not say its rate: two materials, `sweeps` of each.
+/// Writes a folder of `.csv` files, which do not state a rate: two materials with `sweeps` sweeps each.
 pub fn own_sweeps(lab: &Lab, folder: &str, names: [&str; 2], sweeps: usize, taxels: usize) {
     for (material, swing) in names.into_iter().zip([3, 7]) {
         for sweep in 0..sweeps {
@@ -22,7 +22,7 @@ pub fn own_sweeps(lab: &Lab, folder: &str, names: [&str; 2], sweeps: usize, taxe
     }
 }
 
-/// `verb` of a data set in the lab, with options behind it, in the lab's folder.
+/// Returns the command `verb` for a data set, with options, run in the lab's folder.
 pub fn with(lab: &Lab, verb: &[&str], data: &str, options: &[&str]) -> Command {
     let mut command = tactnet(verb.iter().copied());
     command.arg(lab.path(data)).args(options);
@@ -45,7 +45,7 @@ fn few_training_steps_are_named_and_what_comes_next() {
         "the recipe's own: {said}"
     );
     assert!(said.contains("next: `tactnet demo --run "), "{said}");
-    // Few steps lead nowhere: the last lines say what helps.
+    // With few training steps, the last lines give advice.
     let end = said.rfind("next: ").map_or("", |at| &said[at..]);
     assert!(end.contains("hint: 12 training steps are few"), "{said}");
     assert!(
@@ -87,14 +87,14 @@ fn few_training_steps_are_named_and_what_comes_next() {
         refused.contains("flat.npz") && refused.contains(" --out arranged.npz --shape 4x4`"),
         "{refused}"
     );
-    // A shape that was declared is no more rearranged than the run's own.
+    // A declared shape is not rearranged to the run's.
     let refused = with(&lab, &["predict"], "run", &["--data", &flat]);
     let refused = stderr(&expect(2, refused));
     assert!(
         refused.contains(" --out arranged.npz --shape 4x4`"),
         "{refused}"
     );
-    // Of taxels that nobody arranged, both say what they take them for.
+    // If the arrangement is unknown, both commands state the assumed one.
     let known = ["synthetic leather rough", "metallic jersey"];
     own_sweeps(&lab, "tables", known, 3, 16);
     for command in ["eval", "predict"] {
@@ -247,7 +247,7 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     assert!(page.contains("<strong>Assumed:</strong> own does not say"));
     assert!(found.contains("TactNet-II (small), MC dropout"), "{found}");
     assert!(!found.contains("published"), "{found}");
-    // Two of the five folds are asked for, and that says little.
+    // Only two of the five folds were requested, which the output states.
     assert!(
         found.contains("own, 2 of 5 random folds, levels kept"),
         "{found}"
@@ -320,7 +320,7 @@ fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
     let refused = stderr(&expect(2, train(&[])));
     assert!(refused.contains("np.moveaxis"), "{refused}");
     assert!(refused.contains("add --axes-are-right"), "{refused}");
-    // What `train` refuses is an error of the check as well.
+    // `check` reports as an error what `train` refuses.
     let check = |more: &[&str]| with(&lab, &["data", "check"], "wide", more);
     let found = stdout(&expect(1, check(&[])));
     assert!(found.contains("add --axes-are-right"), "{found}");
@@ -387,7 +387,7 @@ fn a_material_spelt_otherwise_is_answered_with_the_one_that_is_known() {
     );
 }
 
-/// Of two sweeps of a material one is left to train on: what cannot learn from that says so before it leaves a folder behind.
+/// With two sweeps per material, one is left for training. Models that cannot train on it fail before they create a folder.
 #[test]
 fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
     let lab = Lab::new();
@@ -421,7 +421,7 @@ fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
     let refused = experiment(&[]);
     let remedy = "left out by `--set 'models=[\"fast\"]'` `--set 'probes=[\"means\"]'`";
     assert!(refused.contains(remedy), "{refused}");
-    // As `train` proposes it, with fewer epochs.
+    // The command that `train` suggests, with fewer epochs.
     let proposed = [
         "experiment",
         "run",

@@ -1,4 +1,4 @@
-//! A newcomer's own skin on the robot's channels: values of any range, and what cannot be served.
+//! A user's own skin on the robot's channels: other value ranges, and settings that cannot be served.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -12,7 +12,7 @@ use tactnet_data::{Dataset, Samples, SweepRecord};
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 use crate::serve::{Robot, Running};
 
-/// Writes the sweeps of `from` with rows and columns as said, without blocks.
+/// Writes the sweeps of `from` with this number of rows and columns, without blocks.
 fn write_patch(from: &Path, to: &Path, (rows, cols): (usize, usize)) {
     let twin = read(from).unwrap().with_patch(rows, cols).unwrap();
     let records = twin.records().iter().map(|record| SweepRecord {
@@ -30,7 +30,7 @@ fn write_patch(from: &Path, to: &Path, (rows, cols): (usize, usize)) {
     Format::Npz.write(to, &own.unwrap()).unwrap();
 }
 
-/// Writes the sweeps of `from` as a baseline-subtracted skin of floats would have shown them: -2.4 to 10.35 at 750 Hz.
+/// Writes the sweeps of `from` as a baseline-subtracted skin would record them: floats from -2.4 to 10.35 at 750 Hz.
 fn write_own(from: &Path, to: &Path) {
     let twin = read(from).unwrap();
     let values = (0..twin.len()).flat_map(|sweep| twin.sweep(sweep));
@@ -77,7 +77,7 @@ fn every_sweep_of_a_skin_with_values_below_zero_is_judged_in_the_demo() {
     let mut demo = Running(demo.stdout(Stdio::piped()).spawn().unwrap());
     let mut said = BufReader::new(demo.0.stdout.take().unwrap()).lines();
     assert_eq!(said.next().unwrap().unwrap(), "ready");
-    // Two sweeps of each material are left to play.
+    // Two sweeps of each material remain to play.
     let object = said.next().unwrap().unwrap();
     assert!(object.starts_with("object 1: said "), "{object}");
     assert!(object.contains(" after 2 sweeps, it was "), "{object}");
@@ -193,7 +193,7 @@ fn beliefs_are_echoed_in_words_and_a_second_service_is_told_of_the_first() {
     let last = words.lines().last().unwrap();
     assert!(last.contains("sweep ") && last.contains(" %"), "{words}");
     assert!(!last.contains("label "), "materials have names: {words}");
-    // The network's length comes with its names, and every second belief or so is of a part of a sweep.
+    // The sweep length follows from the network's names, and about every second belief is provisional.
     let provisional = words
         .lines()
         .any(|line| line.contains(" of 120 frames, provisional: "));

@@ -1,4 +1,4 @@
-//! Record, replay, import: real processes with the channels between them.
+//! Record, replay and import with real processes and channels.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -43,14 +43,14 @@ fn frames_of(recording: &Recording) -> Vec<(u64, Vec<f32>)> {
         .collect()
 }
 
-/// Lets the simulated skin sweep so often while everything is recorded.
+/// Plays `sweeps` sweeps of the simulated skin while everything is recorded.
 fn recorded(robot: &Robot, file: &str, sweeps: &str, more: &[&str]) -> (PathBuf, Value) {
     let _hub = robot.start(&["channel", "hub"]);
     let service = robot.serve("models/1");
     let recorder = recorder(robot, file, more);
     let mut skin = robot.skin(sweeps);
     assert!(skin.0.wait().unwrap().success());
-    // The last beliefs.
+    // Wait for the last beliefs.
     std::thread::sleep(Duration::from_millis(500));
     let told = serde_json::from_str(&recorder.end()).unwrap();
     service.end();
@@ -74,7 +74,7 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
         again["posterior_sha256"], again["recorded"]["posterior_sha256"],
         "{again}"
     );
-    // Faster, with the classifier named.
+    // Faster, with a named classifier.
     let fast = replay(&file, &["--run", &run, "--speed", "3"]);
     assert_eq!(
         fast["posterior_sha256"], again["posterior_sha256"],
@@ -84,7 +84,7 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
     assert_eq!(fast["another_asked"], false, "{fast}");
     assert!(fast["seconds"].as_f64().unwrap() < again["seconds"].as_f64().unwrap());
 
-    // Another classifier says other things, which is told.
+    // Another classifier gives other predictions, which the report shows.
     let mut other = tactnet(["train", "--epochs", "1", "--data"]);
     other.arg(robot.lab.path("data.h5"));
     other.arg("--recipe").arg(robot.lab.path("small.toml"));
@@ -96,7 +96,7 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
     assert_eq!(unlike["another_asked"], true, "{unlike}");
     assert_eq!(unlike["sweeps"], 6, "{unlike}");
 
-    // The sweeps are those that were played, digit by digit.
+    // The sweeps equal the played ones, digit by digit.
     let out = robot.lab.path("again.npz");
     let said = stderr(&expect(0, import(&file, &out, &[])));
     assert!(said.contains("6 sweeps"), "{said}");
@@ -111,11 +111,11 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
         let original = found.expect("a sweep that was played");
         assert_eq!(played.labels().name(played.records()[original].label), name);
     }
-    // Not equally many of every material.
+    // The numbers of sweeps per material differ.
     let unequal = robot.lab.path("unequal.h5");
     let refused = stderr(&expect(2, import(&file, &unequal, &[])));
     assert!(refused.contains(".npz holds any number"), "{refused}");
-    // Never over what is there.
+    // An existing file is never overwritten.
     let twice = stderr(&expect(2, import(&file, &out, &[])));
     assert!(twice.contains("exists already"), "{twice}");
 }
@@ -126,7 +126,7 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
     let hub = robot.start(&["channel", "hub"]);
     let recorder = recorder(&robot, "cut.mcap", &["--material", "felt"]);
     let mut skin = robot.skin("14");
-    // Fourteen motions take some 3.5 seconds.
+    // Fourteen motions take about 3.5 seconds.
     std::thread::sleep(Duration::from_millis(2500));
     let count = |file: &Path| {
         let recording = Recording::read(file).unwrap();
@@ -137,12 +137,12 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
             .count();
         (frames, recording.cut.is_some())
     };
-    // Killed, as by `kill -9`.
+    // The process is killed as by `kill -9`.
     drop(recorder);
     let file = robot.lab.path("cut.mcap");
     let (frames, cut) = count(&file);
     assert!(cut);
-    // At 750 a second, with a second's loss.
+    // At 750 frames per second, with a loss of one second.
     assert!(frames > 750, "{frames}");
     assert!(skin.0.wait().unwrap().success());
     drop(hub);
@@ -158,11 +158,11 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
         std::fs::write(&shorter, &whole[..whole.len() * share / 10]).unwrap();
         let (frames, cut) = count(&shorter);
         assert!(cut && frames <= before, "{frames} of {before}");
-        // Two chunks of a second each; the first is whole.
+        // Two chunks of one second each; the first is complete.
         assert_eq!(frames > 0, share >= 7, "{frames} in {share} tenths");
         before = frames;
     }
-    // A flipped bit anywhere is noticed, or stands where nothing is read; nothing that is not true is read, and nothing panics.
+    // A flipped bit is either detected or in unused bytes. No wrong data is read, and nothing panics.
     let true_frames: Vec<_> = frames_of(&Recording::read(&file).unwrap());
     for at in (0..whole.len()).step_by(whole.len() / 300) {
         let mut flipped = whole.clone();
@@ -181,7 +181,7 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
         std::fs::write(&shorter, &whole[..length]).unwrap();
         let _ = Recording::read(&shorter);
     }
-    // What is no recording is said in one line.
+    // A file that is not a recording is a one-line error.
     std::fs::write(&shorter, b"no recording").unwrap();
     let mut none = tactnet(["replay"]);
     none.arg(&shorter);

@@ -1,10 +1,10 @@
-//! The exported network in other runtimes, judged on the same sweeps as in Burn.
+//! The exported network in other runtimes, evaluated on the same sweeps as in Burn.
 
 use serde_json::Value;
 
 use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, expect, stdout, tactnet};
 
-/// A small trained network of `layers`; with `levels` removed or kept, and steps that leave a pool unfilled.
+/// A small trained network with `layers`, `levels` removed or kept, and a number of steps that leaves a pool unfilled.
 fn trained(levels: &str, layers: &'static str) -> Lab {
     let lab = Lab::new();
     let recipe = lab.recipe(RecipeChange {

@@ -1,4 +1,4 @@
-//! The online classifier with hub, skin and service as processes of their own.
+//! The online classifier with hub, skin and service as separate processes.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -25,13 +25,13 @@ const SOON: Wait = Wait::Block {
     timeout: Duration::from_secs(20),
 };
 
-/// A bus, a small network, and the data set that it was trained on.
+/// A bus, a small network, and its data set.
 pub(crate) struct Robot {
     pub(crate) lab: Lab,
     table: tactnet_channel::Table,
 }
 
-/// A process that is killed, as by `kill -9`, when it is dropped.
+/// A process that is killed when dropped, as by `kill -9`.
 pub(crate) struct Running(pub(crate) Child);
 
 impl Drop for Running {
@@ -42,7 +42,7 @@ impl Drop for Running {
 }
 
 impl Running {
-    /// Starts a process and waits until it says `ready`.
+    /// Starts a process and waits until it prints `ready`.
     pub(crate) fn start(mut command: Command) -> Self {
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let out = child.stdout.as_mut().unwrap();
@@ -55,7 +55,7 @@ impl Running {
         Self(child)
     }
 
-    /// Asks it to end, and gives what it printed.
+    /// Asks the process to end and returns its output.
     pub(crate) fn end(mut self) -> String {
         let killed = Command::new("kill")
             .args(["-TERM", &self.0.id().to_string()])
@@ -148,7 +148,7 @@ pub(crate) fn offline(robot: &Robot, run: &str, sweep: usize) -> Vec<f64> {
     log_p.iter().map(|log_p| log_p.exp()).collect()
 }
 
-/// The next packet that `wanted` says yes to.
+/// Returns the next packet for which `wanted` returns true.
 fn next<T: tactnet_channel::Packet>(port: &GetPort<T>, mut wanted: impl FnMut(&T) -> bool) -> T {
     let begun = Instant::now();
     loop {
@@ -180,7 +180,7 @@ fn a_taken_port_ends_the_demo_before_anything_is_trained() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     let out = expect(2, tactnet(["demo", "--listen", &address]));
-    // One line: nothing was trained before.
+    // One line: no training was started.
     let text = stderr(&out);
     let begin = format!("error: cannot listen at {address}: ");
     assert!(text.starts_with(&begin), "{text}");
@@ -211,7 +211,7 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
     {
         seen.push(next(&beliefs, |_| true));
         if seen.len() == 4 {
-            // Nobody misses it.
+            // The dashboard ends; the service does not depend on it.
             dashboard.0.kill().unwrap();
         }
     }
@@ -260,7 +260,7 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
             }
         }
     }
-    // Without a reset all sweeps are of one object.
+    // Without a reset all sweeps belong to one object.
     let calibration = RunDir::open(&robot.lab.path("models/1")).unwrap();
     let calibration = calibration.calibration().unwrap().unwrap();
     let whole = seen.iter().filter(|b| b.stage == Stage::Dropout as u32);
@@ -275,7 +275,7 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
         assert_ne!(verdict, Verdict::NotTold);
         assert_eq!(live.fused_verdict, verdict as u32, "{sweeps} sweeps");
     }
-    // 40 ms are 30 frames, so three of 120 frames' beliefs come before the last.
+    // 40 ms are 30 frames, so three provisional beliefs precede the final one of 120 frames.
     let anytime = seen
         .iter()
         .filter(|b| b.stage == Stage::Anytime as u32)
@@ -403,7 +403,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
         refused.text
     );
 
-    // Sweeps of another skin are not put before this network.
+    // Sweeps of another skin are refused before they are sent to this network.
     for sweep in 0..2 {
         let file = robot.lab.path(&format!("other/felt/{sweep}.csv"));
         std::fs::create_dir_all(file.parent().unwrap()).unwrap();
@@ -433,7 +433,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     assert_eq!((names.version, names.materials), (2, 5));
     assert_eq!(names.names[4].as_str(), "felt");
     assert!(robot.lab.path("models/2/enrolled.json").exists());
-    // By hand, on the command line.
+    // Enroll on the command line.
     let by_hand = |code: i32, words: &[&str]| {
         let mut command = tactnet(["channel", "command"]);
         command.args(words).arg("--table");
@@ -451,7 +451,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     assert!(nameless.contains("--material"), "{nameless}");
     next(&status, |s| s.event == Event::Refused as u32);
 
-    // A version without the materials that are served.
+    // A version without the served materials.
     copy(&robot.lab.path("models/1"), &robot.lab.path("models/.3"));
     std::fs::rename(robot.lab.path("models/.3"), robot.lab.path("models/3")).unwrap();
     let wrong = next(&status, |s| s.event == Event::ModelRejected as u32);
@@ -460,7 +460,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
         "{:?}",
         wrong.text
     );
-    // One that fits.
+    // A version that fits.
     copy(&robot.lab.path("models/2"), &robot.lab.path("models/.7"));
     std::fs::rename(robot.lab.path("models/.7"), robot.lab.path("models/7")).unwrap();
     let swapped = next(&status, |s| s.event == Event::Swapped as u32);
@@ -506,7 +506,7 @@ fn damaged_versions_are_named_and_the_newest_good_one_serves() {
     );
     assert!(rejected().contains("models/9"));
     assert!(rejected().contains("models/2"));
-    // A good version below a damaged one.
+    // A valid version below a damaged one.
     put("models/1", "models/8", false);
     assert_eq!(
         next(&status, |s| s.event == Event::Swapped as u32).model_version,
@@ -515,7 +515,7 @@ fn damaged_versions_are_named_and_the_newest_good_one_serves() {
     let said = service.end();
     assert!(said.contains("\"rejected\""), "{said}");
 
-    // None can serve.
+    // No version can serve.
     std::fs::remove_dir_all(robot.lab.path("models/1")).unwrap();
     std::fs::remove_dir_all(robot.lab.path("models/8")).unwrap();
     let mut serve = tactnet(["serve", "--metrics", "off", "--models"]);

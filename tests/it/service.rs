@@ -1,4 +1,5 @@
-//! The online classifier inside this process, step by step: what frames and commands mean does not depend on when it looks at them.
+//! The online classifier in this process, step by step: the effect of frames and commands does not depend on when the
+//! service reads them.
 
 use std::time::Duration;
 
@@ -15,7 +16,7 @@ use crate::serve::{Robot, STEPS, offline};
 
 const SKIP: usize = 20;
 
-/// A service of two fingers with everything that it is connected to.
+/// A service for two fingers with all of its channels.
 struct ServiceUnderTest {
     service: Service,
     fingers: [PutPort<SkinFrame>; 2],
@@ -62,7 +63,7 @@ impl ServiceUnderTest {
         self.commands.put_copy(&[command]).unwrap();
     }
 
-    /// Frames of a motion over a sweep, from its first on.
+    /// Returns the frames of a motion over a sweep, from its first frame on.
     fn frames(&self, sweep: usize, first_sequence: u64) -> Vec<SkinFrame> {
         let mut skin = SkinSimulator::new(&self.dataset, vec![sweep], SKIP, 1);
         skin.step();
@@ -75,9 +76,9 @@ impl ServiceUnderTest {
         frames
     }
 
-    /// Lets the service do all that is to be done.
+    /// Lets the service process everything that is waiting.
     fn settle(&mut self) {
-        // Each call looks at one channel that has something.
+        // Each call processes one channel that has packets.
         for _ in 0..4 {
             self.service.step(Duration::from_millis(1)).unwrap();
         }
@@ -107,7 +108,7 @@ fn two_fingers_sweep_at_once_and_each_gets_its_own_belief() {
     let frames = sweeps.map(|sweep| tested.frames(sweep, 0));
     tested.command(Command::Start, 0, 70);
     for at in 0..SKIP + STEPS {
-        // The second finger begins later, between the other's frames.
+        // The second finger starts later, between the other's frames.
         if at == 7 {
             tested.command(Command::Start, 1, 71);
         }
@@ -131,7 +132,7 @@ fn two_fingers_sweep_at_once_and_each_gets_its_own_belief() {
         assert_alike(belief, &offline(&robot, "models/1", sweep));
     }
     assert_ne!(beliefs[0].sweep, beliefs[1].sweep);
-    // What one finger fused is not the other's.
+    // The fused sweeps of one finger do not affect the other.
     assert!(beliefs.iter().all(|belief| belief.fused_sweeps <= 1));
 }
 
@@ -166,7 +167,7 @@ fn commands_divide_the_frames_at_their_own_time_however_late_both_are_seen() {
         (Event::Rejected, 1),
         (Event::Begun, 2),
         (Event::Classified, 2),
-        // No finger 5.
+        // Finger 5 does not exist.
         (Event::Refused, 0),
     ];
     assert_eq!(told, expected.map(|(event, motion)| (event as u32, motion)));

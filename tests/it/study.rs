@@ -1,4 +1,5 @@
-//! Questions other than cross-validation, with the real binary on a small twin: transfer, differentiation, unknown materials, sequential sweeping.
+//! Questions other than cross-validation, with the real binary on a small twin: transfer, differentiation, unknown
+//! materials, sequential sweeps.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -33,7 +34,7 @@ fn lab() -> Lab {
     lab
 }
 
-/// The same with a recipe that hardly learns, where only the course of a study matters.
+/// The same with a recipe that barely trains, for tests of a study's course.
 fn quick_lab() -> Lab {
     let lab = lab();
     lab.recipe(RecipeChange {
@@ -88,13 +89,13 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
         assert_eq!(row["n"], 2, "two draws of the materials");
         assert!((0.0..=1.0).contains(&at("mean")), "{row}");
         assert!(
-            // Equal draws do not say how sure their mean is.
+            // Identical draws have no confidence interval.
             row["ci95"].is_null()
                 || row["ci95"][0].as_f64() <= Some(at("mean"))
                     && Some(at("mean")) <= row["ci95"][1].as_f64(),
             "{row}"
         );
-        // Three materials with thirty sweeps each are tested once; from scratch, two of five folds.
+        // Three materials with thirty sweeps each are tested once; from scratch, in two of five folds.
         let decisions = if row["method"] == "nk" {
             2 * 36
         } else {
@@ -144,7 +145,8 @@ fn networks_are_compared_under_every_circumstance_with_what_they_cost() {
         .iter()
         .filter(|row| row["network"].is_string())
         .collect();
-    // A file is felt no second time, and no fold has 99 sweeps; as trained with MC dropout, too.
+    // A file cannot be generated again with other forces, and no fold has 99 sweeps. Prediction methods: as trained,
+    // and MC dropout.
     let conditions = [
         "as trained",
         "as trained",
@@ -168,7 +170,7 @@ fn networks_are_compared_under_every_circumstance_with_what_they_cost() {
     };
     assert!(cost("spectra", "multiply_adds") < cost("small", "multiply_adds"));
     assert!(cost("small", "train_seconds") > 0.0);
-    // Each with the other, by the same method: three circumstances, one of them with dropout, too.
+    // Pairs with the same method, in three conditions, one of them with dropout.
     assert_eq!(found["comparisons"].as_array().unwrap().len(), 4);
 }
 
@@ -202,7 +204,7 @@ fn the_twin_is_felt_again_weaker_and_faster() {
         });
         own.unwrap()["mean"].as_f64().unwrap()
     };
-    // The same network on the same sweeps, which feel otherwise.
+    // The same network on the same sweeps with another force and speed.
     assert!(loss("force \u{d7} 0.5") != loss("as trained"));
     assert!(loss("speed \u{d7} 1.5") != loss("as trained"));
 }
@@ -216,10 +218,10 @@ fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
         &["splits=2", "shots=[1, 2]"],
         "differentiate",
     ));
-    // Five judges, one and two sweeps; the hard pairs are TactMat's materials only.
+    // Five judges with one and two sweeps; the hard pairs exist for TactMat's materials only.
     assert_eq!(rows(&found).len(), 10);
     assert!(rows(&found).iter().all(|row| row["decisions"] == 2 * 2700));
-    // The small network's outputs say little, but more than nothing.
+    // The small network is weak, but better than chance.
     let threshold = rows(&found)
         .iter()
         .find(|row| row["method"] == "threshold" && row["sweeps"] == 1);
@@ -228,8 +230,8 @@ fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
 
     let settings = ["splits=2", "study={kind=\"unknown\", new_materials=3}"];
     let found = summary(study(&lab, "unknown", &settings, "unknown"));
-    // Four scores: three measures for one sweep; for three sweeps the area alone, as five groups cannot promise 5 % false alarms. Two
-    // conformal targets by two measures.
+    // Four scores: three measures for one sweep; for three sweeps only the area, because five groups cannot guarantee 5
+    // % false alarms. Two conformal targets with two measures.
     assert_eq!(rows(&found).len(), 4 * (3 + 1) + 4);
     for row in rows(&found)
         .iter()
@@ -260,7 +262,7 @@ fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
     assert!(mean("accuracy", "fixed 3") >= mean("accuracy", "fixed 1") - 0.1);
 }
 
-/// The mean of one row.
+/// Returns the mean of one row.
 fn mean(summary: &Value, wanted: &[(&str, &str)]) -> f64 {
     let row = rows(summary).iter().find(|row| {
         wanted
@@ -325,7 +327,7 @@ fn enrolment_tells_what_the_new_material_gains_and_the_others_lose() {
         for shots in ["1", "5", "20"] {
             let lost = of("known, before", shots) - of("known, after", shots);
             assert!((of("known, lost", shots) - lost).abs() < 1e-12, "{method}");
-            // What was there before does not depend on what is learnt.
+            // The results before enrolment do not depend on the enrolled material.
             assert_eq!(of("known, before", shots), of("known, before", "1"));
         }
         assert!(
@@ -366,7 +368,7 @@ fn feature_maps_put_every_test_sweep_in_the_plane_and_into_the_report() {
                 ],
             )
         };
-        // A third is chance.
+        // Chance level is a third.
         assert!((0.0..=1.0).contains(&purity("input")));
         assert!(purity("embedding") > 1.0 / 3.0, "{space}");
     }

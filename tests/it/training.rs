@@ -267,7 +267,7 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
     );
 }
 
-/// `command`, to which every file is full after so many KiB, as on a full disk.
+/// Runs `command` with a maximum file size in KiB, which acts like a full disk.
 fn limited(kibibytes: usize, command: &Command) -> Command {
     let mut limited = Command::new("bash");
     limited
@@ -328,7 +328,8 @@ fn a_full_disk_is_an_error_and_never_a_broken_checkpoint() {
         command.arg(lab.path("full"));
         command
     };
-    // A file beyond the limit fails half-way, as on a full disk. Half a checkpoint: the next one may be a few bytes shorter than this.
+    // A write fails halfway, as on a full disk. The limit is half a checkpoint, because the next one may be a few bytes
+    // shorter.
     let limit = checkpoint.len() / 2048;
     let message = stderr(&expect(1, limited(limit, &resume())));
     assert!(
@@ -406,7 +407,7 @@ fn a_run_is_resumed_from_any_folder_and_a_moved_data_set_can_be_named() {
     let mut child = start_and_wait_for_an_epoch(train);
     signal(&child, "INT");
     child.wait().unwrap();
-    // From another folder than the one that it was begun in.
+    // From another folder than the one in which it was started.
     let resume = || {
         let mut resume = tactnet(["train", "--resume"]);
         resume.arg(lab.path("run"));
@@ -420,7 +421,7 @@ fn a_run_is_resumed_from_any_folder_and_a_moved_data_set_can_be_named() {
     assert!(lost.contains("`--data FILE`"), "{lost}");
     let mut named = resume();
     named.arg("--data").arg(&moved);
-    // On the processor no GPU is looked for, which would be told here.
+    // On the processor no GPU search takes place; it would print a line here.
     named.env_remove("XDG_RUNTIME_DIR");
     let said = stderr(&expect(0, named));
     assert!(said.contains("going on after step"), "{said}");

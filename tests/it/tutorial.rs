@@ -1,4 +1,4 @@
-//! The tutorial, as it stands.
+//! The tutorial's commands, run as they are printed.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,7 +13,7 @@ fn the_tutorial_runs_as_it_stands() {
     let calls = script.lines().filter(|line| line.starts_with("tactnet "));
     assert_eq!(calls.count(), 10, "ten commands");
     let folder = TempDir::new().unwrap();
-    // A bus of its own, so that two tests do not share one.
+    // A private bus, so that two tests do not share one.
     let bus = format!("tutorial{}", std::process::id());
     let script = script.replace(
         "> robot.toml\n",

@@ -1,9 +1,9 @@
-//! Sweeps whose materials nobody has named: `predict` and `same`.
+//! Unlabelled sweeps: `predict` and `same`.
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
 use crate::newcomer::{own_sweeps, with};
 
-/// Writes sweeps of the small twin without their materials: a folder of `.csv`, and one file of one sweep.
+/// Writes sweeps of the small twin without their labels: a folder of `.csv` files, and one file with one sweep.
 fn without_labels(lab: &Lab) -> Vec<String> {
     let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
     let folder = lab.path("new");
@@ -74,7 +74,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
             *sum += log_p;
         }
     }
-    // One sweep as an array of its frames, rows and columns.
+    // One sweep as an array of frames, rows and columns.
     let steps = dataset.shape().steps;
     let header =
         format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({steps}, 4, 4), }}\n");
@@ -96,7 +96,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
         all.map(|p| p.as_f64().unwrap()).collect()
     };
     for (one, among) in of(&alone["sweeps"][0]).iter().zip(of(&rows[0])) {
-        // A batch of one rounds otherwise.
+        // A batch of one has other rounding.
         assert!((one - among).abs() < 1e-6, "{one} {among}");
     }
     let fused = &found["object"];
@@ -127,7 +127,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     let written: serde_json::Value = serde_json::from_slice(&lab.read("found.json")).unwrap();
     assert_eq!(written["sweeps"].as_array().unwrap().len(), rows.len());
 
-    // A file alone, and a data set with materials, which then stand beside.
+    // A single file, and a labelled data set, whose labels are printed beside the predictions.
     let one = stdout(&expect(0, predict("new/0.csv", &[])));
     assert!(
         one.contains("or else") && one.contains("1 sweep: "),
@@ -170,7 +170,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     assert!(shown.contains(" of 40 right"), "{shown}");
     let plain = stdout(&expect(0, with(&lab, &["eval", "--mc", "0"], "run", &[])));
     assert!(!plain.contains("MC dropout"), "{plain}");
-    // A skin that says nothing, among others that do.
+    // A constant skin among normal ones.
     let frame = "7,".repeat(15) + "7\n";
     std::fs::write(lab.path("new/still.csv"), frame.repeat(steps)).unwrap();
     let still = expect(0, predict("new", &[]));
@@ -192,7 +192,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     );
     let refused = stderr(&expect(2, predict("nothing", &[])));
     assert!(refused.contains("nothing"), "{refused}");
-    // What is longer is cut, and a material is learnt from sweeps that nobody labelled.
+    // Longer sweeps are cut, and a material can be enrolled from unlabelled sweeps.
     let row = vec!["9"; 16].join(",") + "\n";
     std::fs::write(lab.path("long.csv"), row.repeat(200)).unwrap();
     let refused = stderr(&expect(2, predict("long.csv", &[])));
@@ -209,7 +209,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     let said = expect(0, with(&lab, &["data", "import"], "twin.h5", &slower));
     let said = stderr(&said);
     assert!(
-        said.contains("twin.h5 says 750 Hz; `--rate 100` is taken instead"),
+        said.contains("twin.h5 states 750 Hz, but `--rate 100` takes precedence"),
         "{said}"
     );
     for command in [
@@ -243,7 +243,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     assert_eq!(found["materials"].as_array().unwrap().len(), 5);
 }
 
-/// Two files of one object each, and the object beside itself.
+/// Two files of one object each, and an object compared with itself.
 #[test]
 fn two_objects_are_of_one_material_or_of_two() {
     let lab = Lab::new();
@@ -277,7 +277,7 @@ fn two_objects_are_of_one_material_or_of_two() {
     let said = stdout(&expect(0, with(&lab, &["same"], "run", &[&cup, &cloth])));
     assert!(said.contains("probability of one material "), "{said}");
     expect(2, with(&lab, &["same"], "run", &[&cup, "nowhere.npz"]));
-    // Names in the files that contradict the verdict, and those that the run does not know.
+    // Labels in the files that contradict the result, and labels that the run does not know.
     let named = |file: &str, name: &str| {
         let out = lab.path(file).display().to_string();
         let more = ["--material", name, "--rate", "750", "--out", &out];
@@ -292,7 +292,7 @@ fn two_objects_are_of_one_material_or_of_two() {
         "{verdict}"
     );
     assert!(hints.contains("the run does not know `silk`"), "{hints}");
-    // The run is named either way, and what is odd about the files is said.
+    // The run can be named either way, and problems of the files are reported.
     let named = with(&lab, &["same", "--run"], "run", &[&cup, &cloth]);
     assert_eq!(stdout(&expect(0, named)), said);
     expect(

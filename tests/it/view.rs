@@ -1,4 +1,4 @@
-//! Looking on in the Rerun viewer, or being told that this build has none.
+//! The Rerun viewer, and the error of a build without it.
 
 #[cfg(not(feature = "rerun"))]
 #[test]
@@ -34,7 +34,7 @@ mod with_rerun {
         view
     }
 
-    /// Rerun's viewer without a screen, which a launcher in Python has started.
+    /// Rerun's viewer without a screen, started by a launcher in Python.
     struct Viewer(Running);
 
     impl Viewer {
@@ -111,7 +111,7 @@ mod with_rerun {
         let check = |what: &[&str]| {
             let mut check = Command::new(&python);
             check.arg("tests/check_view.py").args(what).arg(&pictures);
-            // A viewer that hangs is killed by the script itself.
+            // The script kills a hanging viewer.
             let said = stdout(&expect(0, check));
             assert!(said.contains("fine"), "{said}");
         };
@@ -132,7 +132,7 @@ mod with_rerun {
         let service = robot.serve("models/1");
         let file = path("a.mcap");
         let recorder = robot.start(&["record", "--json", "--out", &file]);
-        // A real viewer, which is halted in the middle.
+        // A real viewer that is suspended for a while.
         let port = {
             let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
             free.local_addr().unwrap().port()
@@ -159,7 +159,7 @@ mod with_rerun {
         assert!(skin.0.wait().unwrap().success());
         let served: Value = serde_json::from_str(&service.end()).unwrap();
         let told: Value = serde_json::from_str(&looks_on.end()).unwrap();
-        // What the viewer missed while it was halted waited for it.
+        // The data for the suspended viewer was queued.
         assert_eq!(told["left_out"], 0, "{told}");
         drop(viewer);
         assert_eq!(served["dropped_frames"], 0, "{served}");

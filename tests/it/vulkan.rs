@@ -70,9 +70,10 @@ fn vulkan_gives_the_logits_and_gradients_of_the_processor() {
     }
 }
 
-/// The mean loss of each epoch of ten steps, and the weights after them: blocks of one map in and of several, Adam, running statistics.
+/// Returns the mean loss of each epoch of ten steps, and the final weights. The network covers blocks with one and
+/// several input maps, Adam and running statistics.
 ///
-/// With `threads` every step comes from a thread of its own.
+/// With `threads`, every step runs on a new thread.
 fn trained(device: Compute, layers: &str, method: &str, threads: bool) -> (Vec<f64>, Weights) {
     let text = format!(
         "name = \"small\"\nnetwork = {{ {layers}, hidden = 8 }}\n\
@@ -118,7 +119,7 @@ fn vulkan_trains_as_the_processor_does_and_always_the_same() {
     for (layers, method, tolerance) in [
         (MAPS, "{ kind = \"base\" }", 1e-3),
         (SPECTRA, "{ kind = \"base\" }", 1e-3),
-        // The sign of a gradient near zero is another one.
+        // The sign of a gradient near zero may differ.
         (
             MAPS,
             "{ kind = \"adversarial\", alpha = 0.5, epsilon = 4.0 }",

@@ -1,7 +1,7 @@
-//! Damaged and hostile input against everything that reads files or packets of others, in process.
+//! Damaged and hostile input for all readers of files and foreign packets, in process.
 //!
-//! [`open`] makes a target ready, [`attack`] gives it inputs that were made from valid ones, [`Report`] attacks all of them in processes of
-//! their own.
+//! [`open`] prepares a target, [`attack`] runs it on mutations of valid inputs, [`Report`] attacks all targets in
+//! separate processes.
 
 mod ceiling;
 mod mutate;

@@ -1,8 +1,8 @@
-//! Throws damaged and hostile input at everything that reads files or packets of others, in process, and counts what happens.
+//! Runs damaged and hostile input on all readers of files and foreign packets, in process, and counts the failures.
 //!
-//! Each target has seeds that must be accepted, so that a run in which everything is refused at the door does not look like a success.
-//! Mutations are drawn from a seeded generator: a run repeats itself. What breaks is kept in a file, and tried again by
-//! `tactnet-attacks --target NAME --input FILE`.
+//! Each target must accept its seeds, so that a run that refuses every input does not look like a success. A seeded
+//! generator draws the mutations, so a
+//! run is repeatable. Failing inputs are kept in files; `tactnet-attacks --target NAME --input FILE` runs one again.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -13,32 +13,32 @@ use tactnet_attacks::{Allocator, Limits, Report, attack, most_held, open};
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
 
-/// Damaged and hostile input against everything that reads files or packets of others.
+/// Run damaged and hostile input on all readers of files and foreign packets
 #[derive(Parser)]
 #[command(after_help = "Examples:\n  \
     tactnet-attacks --seconds 5                       every target for five seconds\n  \
     tactnet-attacks --executions 10000000 --seconds 3600\n  \
     tactnet-attacks --target npz --input attacks/npz-17    again what broke")]
 struct Arguments {
-    /// One target only
+    /// Target to attack [default: all]
     #[arg(long, value_name = "NAME")]
     target: Option<String>,
-    /// Most seconds for each target
+    /// Maximum duration per target, in s
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     seconds: f64,
-    /// Most executions of each target
+    /// Maximum number of executions per target
     #[arg(long, value_name = "N", default_value_t = u64::MAX)]
     executions: u64,
-    /// Names every random choice
+    /// Seed of all random choices
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Where inputs go that break something
+    /// Folder for failing inputs
     #[arg(long, value_name = "DIR", default_value = "attacks")]
     out: PathBuf,
-    /// Run this input once, and nothing else
+    /// Input to run once, instead of an attack
     #[arg(long, value_name = "FILE", requires = "target")]
     input: Option<PathBuf>,
-    /// In the process that attacks
+    /// Attack in this process
     #[arg(long, hide = true, requires = "target")]
     child: bool,
 }

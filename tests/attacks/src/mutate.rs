@@ -1,9 +1,9 @@
-//! Other inputs from valid ones.
+//! Mutations of valid inputs.
 
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt};
 
-/// Numbers at which programs break.
+/// Numbers that often cause failures.
 const NUMBERS: [u64; 16] = [
     0,
     1,
@@ -22,7 +22,7 @@ const NUMBERS: [u64; 16] = [
     0x8000_0000_0000_0000,
     u64::MAX,
 ];
-/// The same in texts.
+/// Texts that often cause failures.
 const TEXTS: [&str; 12] = [
     "0",
     "-1",
@@ -37,10 +37,10 @@ const TEXTS: [&str; 12] = [
     "\"\\u0000\"",
     "[]",
 ];
-/// Longest input that mutations make, bytes.
+/// Maximum length of a mutated input, in bytes.
 const LONGEST: usize = 1 << 20;
 
-/// Returns an input that was made from one of `seeds` by one to eight changes.
+/// Returns an input made from one of `seeds` by one to eight changes.
 pub fn mutated(seeds: &[Vec<u8>], rng: &mut impl Rng) -> Vec<u8> {
     let mut input = seeds.choose(rng).cloned().unwrap_or_default();
     for _ in 0..rng.random_range(1..=8) {
@@ -85,7 +85,7 @@ fn change(input: &mut Vec<u8>, seeds: &[Vec<u8>], rng: &mut impl Rng) {
     }
 }
 
-/// Replaces the number in digits that comes next, if one does.
+/// Replaces the next decimal number, if there is one.
 fn another_number(input: &mut Vec<u8>, at: usize, rng: &mut impl Rng) {
     let digits = |byte: &u8| byte.is_ascii_digit();
     let Some(begin) = input[at..].iter().position(digits).map(|found| at + found) else {

@@ -1,4 +1,4 @@
-//! All targets, each in a process of its own.
+//! Attacks on all targets, each in its own process.
 
 use std::process::{Command, Stdio};
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::run::{HANGS, Limits, Row, last_input};
 use crate::targets;
 
-/// What `tactnet-attacks` prints.
+/// Document printed by `tactnet-attacks`.
 #[derive(Debug, Serialize)]
 pub struct Report {
     schema_version: u32,
@@ -16,10 +16,10 @@ pub struct Report {
 }
 
 impl Report {
-    /// Attacks every target, or one, by calling this program again.
+    /// Attacks all targets, or one, by running this program again.
     ///
     /// # Errors
-    /// As [`crate::attack`].
+    /// Fails as [`crate::attack`] does.
     pub fn of(target: Option<&str>, limits: &Limits) -> anyhow::Result<Self> {
         let names = match target {
             Some(name) => vec![name],
@@ -37,7 +37,7 @@ impl Report {
         })
     }
 
-    /// Returns true if nothing broke.
+    /// Returns true if there was no failure.
     pub fn is_clean(&self) -> bool {
         self.rows
             .iter()
@@ -66,7 +66,7 @@ fn row(name: &str, limits: &Limits) -> anyhow::Result<Row> {
         return Ok(serde_json::from_slice(&output.stdout)?);
     }
     let hangs = output.status.code() == Some(HANGS);
-    // Ended by a signal: out of memory, or a panic that could not unwind.
+    // The process was ended by a signal: out of memory, or a panic that could not unwind.
     if hangs || output.status.code().is_none() {
         return Ok(Row {
             target: name.into(),

@@ -1,4 +1,4 @@
-//! One target, attacked until time or executions are over.
+//! Attack on one target until its time or number of executions is over.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -15,52 +15,52 @@ use crate::ceiling::most_held;
 use crate::mutate::mutated;
 use crate::targets;
 
-/// A call that takes longer on the processor hangs,
+/// Processor time after which a call counts as hanging.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// and one that waits so much longer, since other programs may hold the processor.
+/// Factor by which the waiting time may be longer, because other programs use the processor.
 const WAIT: u32 = 20;
 /// Exit code of a process that hangs.
 pub const HANGS: i32 = 3;
-/// Findings of one kind of which the inputs are kept.
+/// Maximum number of inputs kept per kind of failure.
 const KEPT: u64 = 5;
 
-/// How long a target is attacked, and with what.
+/// Limits and seed of an attack.
 #[derive(Debug, Clone)]
 pub struct Limits {
-    /// Most seconds.
+    /// Maximum duration, in s.
     pub seconds: f64,
-    /// Most inputs.
+    /// Maximum number of inputs.
     pub executions: u64,
-    /// Names every random choice.
+    /// Seed of all random choices.
     pub seed: u64,
-    /// Where inputs go that break something.
+    /// Folder for failing inputs.
     pub out: PathBuf,
 }
 
-/// What became of one target.
+/// Result of one target.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Row {
-    /// Its name.
+    /// Name of the target.
     pub target: String,
-    /// Inputs that it was given.
+    /// Number of executions.
     pub executions: u64,
-    /// Inputs among them that it took as valid, seeds not counted.
+    /// Number of mutated inputs that the target accepted.
     pub accepted: u64,
-    /// Calls that panicked, or ended the process.
+    /// Number of calls that panicked or ended the process.
     pub panics: u64,
-    /// Calls that took over ten seconds of the processor, or two hundred by the clock.
+    /// Number of calls that took over 10 s of processor time, or 200 s in total.
     pub hangs: u64,
-    /// Calls that took more memory than the target's ceiling.
+    /// Number of calls above the target's memory ceiling.
     pub over_memory: u64,
-    /// Data that an attack cost, where it can.
+    /// Number of data losses, for targets where they are possible.
     pub lost: u64,
-    /// Most memory of a call, MiB.
+    /// Peak memory of a call, in MiB.
     pub most_mib: f64,
-    /// How long it took.
+    /// Duration, in s.
     pub seconds: f64,
 }
 
-/// Where a process keeps the input that it tries, in memory.
+/// Returns the file in shared memory with the current input of a process.
 pub(crate) fn last_input(process: u32) -> PathBuf {
     format!("/dev/shm/tactnet-attacks-{process}").into()
 }
@@ -68,7 +68,7 @@ pub(crate) fn last_input(process: u32) -> PathBuf {
 /// Attacks `name` in this process.
 ///
 /// # Errors
-/// A target that is not there, or whose seeds are refused; a folder that cannot be written.
+/// Fails if the target does not exist or refuses its seeds, or if a folder cannot be written.
 pub fn attack(name: &str, limits: &Limits) -> anyhow::Result<Row> {
     let mut target = targets::open(name)?;
     for (number, seed) in target.seeds.clone().iter().enumerate() {
@@ -77,7 +77,7 @@ pub fn attack(name: &str, limits: &Limits) -> anyhow::Result<Row> {
             "{name}: seed {number} is refused, so the run would show nothing"
         );
     }
-    // Panics are counted, not shown.
+    // Panics are counted, not printed.
     std::panic::set_hook(Box::new(|_| {}));
     let begun = Instant::now();
     let since = Arc::new(AtomicU64::new(u64::MAX));
@@ -122,7 +122,9 @@ pub fn attack(name: &str, limits: &Limits) -> anyhow::Result<Row> {
     Ok(row)
 }
 
-/// Ends the process if a call hangs; `since` is when the call began, milliseconds after `begun`.
+/// Ends the process if a call hangs.
+///
+/// - `since`: start of the call, in ms after `begun`
 fn watch(begun: Instant, since: Arc<AtomicU64>) {
     std::thread::spawn(move || {
         let mut seen = (u64::MAX, Duration::ZERO);
@@ -141,7 +143,7 @@ fn watch(begun: Instant, since: Arc<AtomicU64>) {
     });
 }
 
-/// How long this process has had a processor.
+/// Returns the processor time of this process.
 fn processor_time() -> Duration {
     let mut time = libc::timespec {
         tv_sec: 0,

@@ -1,4 +1,4 @@
-//! Everything that reads files or packets of others.
+//! Targets: all readers of files and foreign packets.
 
 mod datasets;
 mod messages;
@@ -21,18 +21,18 @@ pub const NAMES: [&str; 9] = [
     "tables",
 ];
 
-/// Reads an input; returns whether it is taken as valid.
+/// Reads an input; returns true if it accepts it as valid.
 type Run = dyn FnMut(&[u8]) -> bool;
 
-/// What is attacked.
+/// A reader under attack.
 pub struct Target {
     /// Valid inputs.
     pub seeds: Vec<Vec<u8>>,
-    /// Reads an input; returns whether it is taken as valid.
+    /// Reads an input; returns true if it accepts it as valid.
     pub run: Box<Run>,
-    /// Most bytes that a call may hold.
+    /// Maximum memory of a call, in bytes.
     pub ceiling: usize,
-    /// True if a call might end the process, so that its input is kept before.
+    /// True if a call might end the process, so that its input is saved first.
     pub may_abort: bool,
 }
 
@@ -47,10 +47,10 @@ impl Target {
     }
 }
 
-/// Makes a target ready.
+/// Prepares a target.
 ///
 /// # Errors
-/// No such target; no shared memory for its files.
+/// Fails if the target does not exist or there is no shared memory for its files.
 pub fn open(name: &str) -> anyhow::Result<Target> {
     match name {
         "npz" => datasets::whole("npz"),

@@ -1,4 +1,4 @@
-//! Every target for a moment, by the program that `tests/attacks/run.sh` runs for longer.
+//! A short attack on every target, with the program that `tests/attacks/run.sh` runs for longer.
 
 use std::process::Command;
 
@@ -23,7 +23,7 @@ fn damaged_input_breaks_nothing() {
     assert_eq!(rows.len(), tactnet_attacks::NAMES.len());
     for row in rows {
         assert!(row["executions"].as_u64().unwrap() > 20, "{row}");
-        // Some changes do no harm.
+        // Some changes are harmless.
         assert!(row["accepted"].as_u64().unwrap() > 0, "{row}");
     }
 }
@@ -32,7 +32,7 @@ fn damaged_input_breaks_nothing() {
 fn a_record_that_says_it_is_long_takes_no_more_memory_than_its_file() {
     let mut target = open("mcap").unwrap();
     let mut input = target.seeds[0].clone();
-    // Behind the magic bytes and the kind of the first record stands its length.
+    // The length of the first record follows the magic bytes and its kind.
     input[9..17].copy_from_slice(&((64_u64 << 20) - 1).to_le_bytes());
     let (accepted, most) = most_held(|| (target.run)(&input));
     assert!(!accepted, "the record is cut off");

@@ -1,4 +1,4 @@
-//! Gives libFuzzer's inputs to the target that the program is named after, and ends where one panics or holds more than its ceiling.
+//! Runs libFuzzer's inputs on the target named by the program; aborts on a panic or above the memory ceiling.
 #![no_main]
 
 use std::cell::RefCell;
@@ -15,10 +15,11 @@ thread_local! {
     static TARGET: RefCell<Target> = RefCell::new(ready());
 }
 
-/// The target, which accepts its valid inputs: else a run would show nothing. Writes them into `TACTNET_FUZZ_SEEDS`, if that is a folder.
+/// Returns the target after a check that it accepts its valid inputs, which a useful run requires. Writes them to the
+/// folder `TACTNET_FUZZ_SEEDS`, if set.
 fn ready() -> Target {
-    // libFuzzer's own hook ends the process. The crate that reads Parquet panics on damaged files, on a thread of its own whose panics become
-    // refusals.
+    // libFuzzer's own hook ends the process. The Parquet reader panics on damaged files on its own thread, where panics
+    // become errors.
     let ends = panic::take_hook();
     panic::set_hook(Box::new(move |panic| {
         if thread::current().name() != Some(READING) {

@@ -1,4 +1,4 @@
-//! Data sets in all formats that are read.
+//! Data sets in all supported formats.
 
 use std::io::{Cursor, Read, Write};
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use zip::{ZipArchive, ZipWriter};
 
 use super::Target;
 
-/// A file in memory that is written anew for every call.
+/// A file in memory that every call rewrites.
 struct Place {
     path: PathBuf,
     _folder: TempDir,
@@ -40,7 +40,7 @@ fn twin() -> anyhow::Result<tactnet_data::Dataset> {
     })?)
 }
 
-/// Valid files of other writers, small ones.
+/// Returns small valid files of other writers.
 fn fixtures(extension: &str) -> anyhow::Result<Vec<Vec<u8>>> {
     let mut found = Vec::new();
     for folder in ["h5", "read"] {
@@ -60,7 +60,7 @@ fn fixtures(extension: &str) -> anyhow::Result<Vec<Vec<u8>>> {
     Ok(found)
 }
 
-/// A file of `extension`, byte by byte.
+/// Target: a file with this extension, byte by byte.
 pub(super) fn whole(extension: &'static str) -> anyhow::Result<Target> {
     let place = Place::new(&format!("data.{extension}"))?;
     let format = if extension == "npz" {
@@ -74,7 +74,7 @@ pub(super) fn whole(extension: &'static str) -> anyhow::Result<Target> {
     Ok(Target::new(seeds, move |input| place.reads(input)))
 }
 
-/// An archive's members; the archive around them is whole. Input: `NAME LENGTH\n` and that many bytes, for each.
+/// Target: the members of an archive, inside an undamaged archive. Input: `NAME LENGTH\n` and that many bytes, for each member.
 pub(super) fn npz_members() -> anyhow::Result<Target> {
     let place = Place::new("data.npz")?;
     Format::Npz.write(&place.path, &twin()?)?;
@@ -111,7 +111,7 @@ pub(super) fn npz_members() -> anyhow::Result<Target> {
     }))
 }
 
-/// A table of sweeps.
+/// Target: a table of sweeps.
 pub(super) fn csv() -> anyhow::Result<Target> {
     let place = Place::new("data.csv")?;
     let mut text = String::from("sweep,material,t0,t1\n");
@@ -125,7 +125,7 @@ pub(super) fn csv() -> anyhow::Result<Target> {
     }))
 }
 
-/// A table of sweeps in columns.
+/// Target: a columnar table of sweeps.
 pub(super) fn parquet() -> anyhow::Result<Target> {
     let place = Place::new("data.parquet")?;
     let seeds = fixtures("parquet")?;

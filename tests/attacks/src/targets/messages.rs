@@ -8,7 +8,7 @@ use tactnet_skin::packets::{
 
 use super::Target;
 
-/// Input: a byte that says which message, and the message.
+/// Input: a byte that selects the message type, and the message.
 pub(super) fn messages() -> Target {
     let mut frame = SkinFrame::zeroed();
     frame.taxels = 16;
@@ -51,7 +51,7 @@ pub(super) fn messages() -> Target {
     target
 }
 
-/// Reads a message; what was read must be written the same way again, and once more.
+/// Reads a message. Writing and reading it again must give the same result.
 fn reads<T: Recordable>(message: &[u8]) -> bool {
     let Some(packet) = T::from_message(message) else {
         return false;

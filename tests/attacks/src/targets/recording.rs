@@ -13,7 +13,8 @@ use tactnet_skin::packets::SkinFrame;
 
 use super::Target;
 
-/// Two files of the same recording: as it is written, and without compression and checksums, so that changes reach what they protect.
+/// Two files of the same recording: as written, and without compression and checksums, so that mutations reach the
+/// protected parts.
 pub(super) fn mcap() -> anyhow::Result<Target> {
     let folder = tempfile::tempdir_in("/dev/shm")?;
     let path: PathBuf = folder.path().join("recorded.mcap");

@@ -1,4 +1,4 @@
-//! Run directories of somebody else: configuration, weights and what lies beside them.
+//! Foreign run directories: configuration, weights and other files.
 
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ const FILES: [&str; 7] = [
     "result.json",
 ];
 
-/// Input: a byte that says which file, and what stands in it; the others are as they were written.
+/// Input: a byte that selects the file, and its content; the other files are valid.
 pub(super) fn run() -> anyhow::Result<Target> {
     let place = tempfile::tempdir_in("/dev/shm")?;
     let data = place.path().join("data.h5");
@@ -49,7 +49,7 @@ pub(super) fn run() -> anyhow::Result<Target> {
     })?;
     let program = Provenance::of_this_process("0", "0");
     Session::begin(&job, Some(&folder), program, |_| Ok(()))?.train(|_| {}, || false)?;
-    // Its digests would refuse every change at once.
+    // The digests would refuse every change at once.
     std::fs::remove_file(folder.join("manifest.json"))?;
     let mut whole = Vec::new();
     let mut seeds = Vec::new();
@@ -73,7 +73,7 @@ pub(super) fn run() -> anyhow::Result<Target> {
     }))
 }
 
-/// What eval, enroll, serve and the report read.
+/// Files that eval, enroll, serve and the report read.
 fn opens(folder: &std::path::Path, device: &Device) -> bool {
     let read = || -> anyhow::Result<()> {
         let run = RunDir::open(folder)?;

@@ -1,4 +1,4 @@
-//! Texts that people write: tables of channels, recipes of networks and of experiments.
+//! Texts written by users: channel tables, recipes of networks and of experiments.
 
 use tactnet_channel::Table;
 use tactnet_experiments::ExperimentRecipe;
@@ -7,7 +7,7 @@ use tactnet_skin::ServeConfig;
 
 use super::Target;
 
-/// Input: a byte that says which kind, and the text.
+/// Input: a byte that selects the kind, and the text.
 pub(super) fn tables() -> Target {
     let table = toml::to_string(&ServeConfig::default().table("attacked")).unwrap_or_default();
     let network = "name = \"small\"\nnetwork = { maps = [2, 3], hidden = 8, keep_probability = 0.5 }\n\
