@@ -377,7 +377,10 @@ fn a_known_material_under_a_new_name_is_noticed() {
     ));
     let seen = "the run was trained on 8 of these 10 sweeps, under another label";
     assert!(said.contains(seen), "{said}");
-    let alike = format!("were predicted as `{}` before; is it that material?", known[0]);
+    let alike = format!(
+        "were predicted as `{}` before; is it that material?",
+        known[0]
+    );
     assert!(said.contains(&alike), "{said}");
 }
 

@@ -110,10 +110,7 @@ fn a_contact_that_own_values_never_reach_is_refused_before_anything_is_served() 
     let mut serve = tactnet(["serve", "--run", &own, "--table"]);
     serve.arg(lab.path("robot.toml"));
     let refused = stderr(&expect(2, serve));
-    assert!(
-        refused.contains("a contact at a mean of 40"),
-        "{refused}"
-    );
+    assert!(refused.contains("a contact at a mean of 40"), "{refused}");
     assert!(
         refused.contains("lower `begins` and `ends`") && refused.lines().count() == 1,
         "{refused}"

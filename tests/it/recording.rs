@@ -191,7 +191,10 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
     let mut without = tactnet(["replay"]);
     without.arg(&file);
     let without = stderr(&expect(2, without));
-    assert!(without.contains("name a run directory with `--run`"), "{without}");
+    assert!(
+        without.contains("name a run directory with `--run`"),
+        "{without}"
+    );
 }
 
 #[test]
