@@ -357,7 +357,7 @@ fn a_stack_without_a_hub_and_a_role_that_there_is_not_are_named() {
         .output()
         .unwrap();
     std::fs::write(&path, &table.stdout).unwrap();
-    for (role, expected) in [("tracker", "no hub"), ("cook", "no role `cook`")] {
+    for (role, expected) in [("tracker", "no hub"), ("cook", "unknown role `cook`")] {
         let mut command = tactnet(["catch", "role", role, "--table"]);
         let output = command.arg(&path).output().unwrap();
         assert_eq!(output.status.code(), Some(2));

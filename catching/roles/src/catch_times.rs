@@ -1,33 +1,33 @@
-//! How old the last measurements are when balls are caught.
+//! Age of the measurements that a catch was based on.
 
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{ArmPath, CatchOutcome};
 
-/// A path that begins so long before its catch is the one that it was caught by, ns.
+/// Maximum time between the start of a path and its catch for the catch to count for that path, in ns.
 const LATEST_NS: u64 = 2_000_000_000;
 
-/// Times of paths and catches, gathered from packets as they come.
+/// Latencies of paths and catches, computed from packets in the order in which they arrive.
 #[derive(Debug, Clone, Default)]
 pub struct CatchTimes {
-    /// From the middle of an exposure to the first path that follows from it, ms.
+    /// Time from the middle of an exposure to the first path that follows from it, in ms.
     pub exposure_to_path_ms: Vec<f64>,
-    /// From the exposure that a caught ball's path follows from to the catch, ms.
+    /// Time from the exposure behind the path of a caught ball to the catch, in ms.
     pub picture_age_ms: Vec<f64>,
-    /// From the head's pose that it follows from to the catch, ms.
+    /// Time from the head pose behind the path of a caught ball to the catch, in ms.
     pub head_age_ms: Vec<f64>,
-    /// The last paths of both arms.
+    /// Latest path of each arm.
     paths: [Option<ArmPath>; ARMS],
 }
 
 impl CatchTimes {
-    /// Takes a path.
+    /// Records a path.
     ///
-    /// - `put_ns`: when it was put
+    /// - `put_ns`: time at which the path was published, in ns
     pub fn path(&mut self, put_ns: u64, path: &ArmPath) {
         let Some(place) = self.paths.get_mut(path.arm as usize) else {
             return;
         };
-        // A last correction follows from a newer pose of the head, not from a picture.
+        // A last correction uses a newer head pose, but the same picture, so it does not count again.
         if place.is_none_or(|before| before.exposure_ns != path.exposure_ns) {
             self.exposure_to_path_ms
                 .push(milliseconds(put_ns.saturating_sub(path.exposure_ns)));
@@ -35,7 +35,7 @@ impl CatchTimes {
         *place = Some(*path);
     }
 
-    /// Takes what became of a throw.
+    /// Records the outcome of a throw.
     pub fn outcome(&mut self, outcome: &CatchOutcome) {
         let path = self.paths.get(outcome.arm as usize).copied().flatten();
         let Some(path) = path.filter(|path| {

@@ -1,4 +1,4 @@
-//! The stack's channels.
+//! Channels of the catching stack.
 
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CalibrationState, CatchOutcome, CatchStatus, Circles,
@@ -8,7 +8,7 @@ use tactnet_catching_packets::packets::{
 };
 use tactnet_channel::{ChannelConfig, Packet, Table};
 
-/// Bytes before the pixels of a picture: a [`crate::PictureHead`].
+/// Number of bytes before the pixels of a picture: the size of a [`crate::PictureHead`].
 pub const PICTURE_HEAD: usize = 64;
 
 pub(crate) const CAMERA_LEFT: &str = "camera/left";
@@ -41,9 +41,10 @@ pub(crate) const CATCH_OUTCOME: &str = "catch/outcome";
 pub(crate) const MARKER_FEATURES: &str = "marker/features";
 pub(crate) const CALIBRATION_STATE: &str = "calibration/state";
 
-/// Adds the stack's channels to a table.
+/// Adds the channels of the stack to a table.
 ///
-/// - `pixels`: of a picture; `None`: circles come from somewhere else, and there are no pictures
+/// - `pixels`: number of pixels of a picture; `None` adds no picture channels, for circles that are computed
+///   elsewhere
 pub fn catching_channels(table: Table, pixels: Option<usize>) -> Table {
     let table = table
         .with(JOINT_STATE, fast::<JointState>())
@@ -87,11 +88,12 @@ pub fn catching_channels(table: Table, pixels: Option<usize>) -> Table {
         .with(CAMERA_RIGHT, picture)
 }
 
-/// For hundreds of packets a second: nothing is lost to who looks every 60 ms.
+/// Returns the configuration of a channel with hundreds of packets per second. A reader that polls every 60 ms loses
+/// nothing.
 fn fast<T: Packet>() -> ChannelConfig {
     ChannelConfig {
         depth: 64,
-        // One that was killed and the one that begins again.
+        // A process that was killed and its successor.
         put_ports: 2,
         ..ChannelConfig::of::<T>(1)
     }

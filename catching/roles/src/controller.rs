@@ -1,4 +1,4 @@
-//! The loop of 1 kHz: paths in, joint commands out.
+//! Control loop at 1 kHz: turns paths into joint commands.
 
 use tactnet_catching::control::Controller;
 use tactnet_catching::safety::Bodies;
@@ -17,7 +17,7 @@ use crate::newest::{Newest, PATIENCE};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// Beats between packets of its state, where nothing changes.
+/// Number of cycles between state packets while the state does not change.
 const STATE_EVERY: u64 = 20;
 
 pub(crate) fn run(
@@ -42,7 +42,7 @@ pub(crate) fn run(
     let commands = bus.put_port::<JointCommand>(JOINT_COMMAND, Priority::RealTime)?;
     let states = bus.put_port::<ControllerState>(CONTROLLER_STATE, Priority::High)?;
     ready();
-    // It goes on from where the joints are.
+    // The controller starts from the measured joint positions.
     let first = loop {
         if stopped() {
             return Ok(RoleReport::default());
@@ -73,7 +73,7 @@ pub(crate) fn run(
             let Some(state) = packet.first() else {
                 continue;
             };
-            // Drives that began again stand somewhere else.
+            // Restarted drives may be at other positions.
             if state.number < sample && state.q.iter().all(|q| q.is_finite()) {
                 controller = begin(&state.q);
             }
@@ -86,7 +86,7 @@ pub(crate) fn run(
             for order in packet.iter() {
                 match order.order() {
                     Some(ControllerOrder::Brake) => controller.brake(order.reason.as_str()),
-                    // Whoever is not watched does not move.
+                    // The robot moves only while the safety monitor is alive.
                     Some(ControllerOrder::GoBack) if !silent => controller.go_back(),
                     _ => {}
                 }
@@ -94,7 +94,7 @@ pub(crate) fn run(
         }
         while let Some(packet) = paths.try_get()? {
             for path in packet.iter() {
-                // Its refusal is in its state.
+                // The state packet reports a refusal.
                 let _ = controller.arm_path(effect_ns, path);
                 changed = true;
             }

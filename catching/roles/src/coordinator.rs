@@ -1,4 +1,4 @@
-//! Predictions in, questions to the planners, paths and closing times out.
+//! Coordinator: turns predictions into plan requests, paths and closing times.
 
 use std::time::Duration;
 
@@ -25,33 +25,34 @@ use crate::times::Times;
 use crate::translate::{Origin, body_packet, flight_packet, isometry, planned, request_packet};
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// Longest sleep: closing times and phases are looked at so often.
+/// Maximum sleep, which bounds the reaction time to closing times and phase changes.
 const BEAT: Wait = Wait::Block {
     timeout: Duration::from_millis(2),
 };
-/// A path is sent so long before it begins, or not at all: the controller is ahead by what drives take, ns.
+/// Time before its start at which a path is sent, in ns. It exceeds the delay of the drives.
 const ON_THE_WAY_NS: u64 = 4_500_000;
-/// So much later than that it may be, ns.
+/// Maximum delay after that moment at which a path is still sent, in ns.
 const LATE_NS: u64 = 500_000;
-/// What the controller says of its paths counts so long after one was sent, ns.
+/// Time after sending a path until the controller's state takes it into account, in ns.
 const TAKEN_NS: u64 = 5_000_000;
-/// A controller or an estimator that is silent for so long is not there, ns.
+/// Timeout after which a silent controller or estimator counts as lost, in ns.
 const SILENT_NS: u64 = 200_000_000;
-/// A ball that is not seen for so long is gone, ns.
+/// Time without detections after which a ball counts as gone, in ns.
 const GONE_NS: u64 = 500_000_000;
-/// The controller is told again to go back so often, ns.
+/// Period at which the order to return to the waiting pose is repeated, in ns.
 const AGAIN_NS: u64 = 100_000_000;
-/// The last correction is asked for within so long of the last moment for it, ns: two beats.
+/// Window before the latest possible moment in which the last correction is requested, in ns: two cycles.
 const LAST_CHANCE_NS: u64 = 4_000_000;
-/// The head turns to the hand so long after a catch, ns,
+/// Delay between a catch and the head's turn towards the hand, in ns.
 const CAUGHT_NS: u64 = 20_000_000;
-/// is told again so often where it is: a gaze follows a ball that falls, ns,
+/// Period at which the gaze target at the hand is repeated, in ns. A gaze follows a falling ball, so it drifts off a
+/// fixed point.
 const LOOK_AGAIN_NS: u64 = 10_000_000;
-/// and has so much longer for it, s.
+/// Time for which the head looks at the hand, in s.
 const LOOKING: f64 = 0.6;
-/// The head looks at a place so far ahead of the chest, m.
+/// Minimum distance of the gaze target ahead of the chest, in m.
 const AHEAD: f64 = 0.5;
-/// The phase is told so often, where it does not change, ns.
+/// Period at which an unchanged phase is published, in ns.
 const TELL_NS: u64 = 100_000_000;
 
 pub(crate) fn run(
@@ -115,7 +116,7 @@ struct Puts {
     status: PutPort<CatchStatus>,
 }
 
-/// Questions that are being answered.
+/// Plan requests that wait for their results.
 struct Asked {
     origin: Origin,
     start_ns: u64,
@@ -127,11 +128,11 @@ struct Live {
     puts: Puts,
     corrections: Corrections,
     settings: RoleSettings,
-    /// While the robot may catch.
+    /// Present while the robot may catch.
     coordinator: Option<Coordinator>,
     controller: Option<ControllerState>,
     asked: Option<Asked>,
-    /// The newest predictions of this throw.
+    /// Latest predictions of the current throw.
     seen: Option<BallPredictions>,
     calls: u64,
     sent: [u64; ARMS],
@@ -213,7 +214,7 @@ impl Live {
         Ok(())
     }
 
-    /// Ends what may be going on.
+    /// Ends the current catch attempt.
     fn disarm(&mut self) {
         if let Some(coordinator) = self.coordinator.take() {
             self.no_plans += coordinator.no_plans();
@@ -238,7 +239,7 @@ impl Live {
         Ok(())
     }
 
-    /// Draws conclusions from what the controller does.
+    /// Reacts to the state of the controller.
     fn follow_controller(&mut self, now_ns: u64) -> Result<(), RoleError> {
         let Some(state) = self
             .controller
@@ -249,7 +250,7 @@ impl Live {
         };
         match state.mode() {
             Some(ControllerMode::Ready) if self.coordinator.is_none() => {
-                // What it said before it was told to go back is over.
+                // States from before the order to return are outdated.
                 if state.t_ns > self.ordered_ns + TAKEN_NS {
                     self.coordinator = Some(Coordinator::new(
                         self.corrections.robot().clone(),
@@ -293,9 +294,9 @@ impl Live {
         Ok(())
     }
 
-    /// Asks the planners what follows from a prediction.
+    /// Requests plans for a prediction.
     ///
-    /// - `arms`: whose paths are asked for
+    /// - `arms`: arms to plan for
     fn predictions(
         &mut self,
         arms: [bool; ARMS],
@@ -362,8 +363,8 @@ impl Live {
         self.tell_hands()
     }
 
-    /// Asks once more at the last moment at which a path can still be corrected, from the newest pose of the head: pictures come every 40 ms,
-    /// the inertial unit's poses much more often.
+    /// Requests one last correction from the latest head pose, just before a path becomes final. Pictures arrive
+    /// every 40 ms, poses of the inertial unit much more often.
     fn correct_last(
         &mut self,
         now_ns: u64,
@@ -395,7 +396,7 @@ impl Live {
         Ok(())
     }
 
-    /// Returns the arm that has just caught, where it is looked at.
+    /// Returns the arm that has just caught a ball if the head should look at it.
     fn hand_to_look_at(&self, now_ns: u64) -> Option<usize> {
         let coordinator = self.coordinator.as_ref()?;
         let closed = coordinator.state() == CatchState::Closed;
@@ -407,7 +408,8 @@ impl Live {
         (0..ARMS).find(|arm| looks && over(arm))
     }
 
-    /// Looks at the wrist of the arm that has just caught: whether the calibration still holds is seen by its marker.
+    /// Turns the head to the wrist of the arm that has just caught. The slip watch uses the marker on the wrist to
+    /// check the calibration.
     fn look_at_hand(
         &mut self,
         now_ns: u64,
@@ -428,7 +430,7 @@ impl Live {
         let [_, _, wrist, _] = robot
             .arm(arm)
             .points(&std::array::from_fn(|i| links[own + i]));
-        // Necks look at nothing that is near the chest, so farther out on the same line.
+        // The neck cannot look at points near the chest, so the target moves outwards along the same line.
         let neck = Vector3::new(0.0, 0.0, robot.description().neck.height);
         let farther = (AHEAD / wrist.x.max(0.05)).max(1.0);
         let place = chest * Point3::from(neck + (wrist - neck) * farther);
@@ -455,7 +457,7 @@ impl Live {
         asked.answers.extend(planned(result));
     }
 
-    /// Decides once all answers are there, or time is up.
+    /// Decides once all plans have arrived or the time is over.
     fn answer(&mut self, now_ns: u64) -> Result<(), RoleError> {
         let latest = |asked: &Asked| asked.start_ns.saturating_sub(ON_THE_WAY_NS);
         let Some(asked) = self
@@ -467,7 +469,7 @@ impl Live {
         let Some(coordinator) = &mut self.coordinator else {
             return Ok(());
         };
-        // A path that would be late is none.
+        // Late paths are discarded.
         let answers = if now_ns <= latest(&asked) + LATE_NS {
             &asked.answers[..]
         } else {

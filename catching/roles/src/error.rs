@@ -2,60 +2,60 @@
 
 use std::path::PathBuf;
 
-/// Why a process of the stack ends; each is one line for people.
+/// Error that ends a process of the stack. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum RoleError {
-    /// The channels.
+    /// Error of the channels.
     #[error(transparent)]
     Channel(#[from] tactnet_channel::ChannelError),
-    /// Settings of the pose estimator.
+    /// Invalid settings of the pose estimator.
     #[error(transparent)]
     Pose(#[from] tactnet_catching::pose::PoseError),
-    /// Settings of the tracker.
+    /// Invalid settings of the tracker.
     #[error(transparent)]
     Track(#[from] tactnet_catching::track::TrackError),
-    /// The table's section.
+    /// Invalid section `[components.catching]` of the table.
     #[error("[components.catching]: {0}")]
     Settings(#[from] toml::de::Error),
-    /// The table's section of the classifier.
+    /// Invalid section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
-    /// The description of the robot.
+    /// Invalid description of the robot.
     #[error("{path}: {reason}", path = .path.display())]
     Robot {
-        /// Its file.
+        /// File of the description.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason in plain words.
         reason: String,
     },
-    /// What the robot's description lacks.
+    /// Invalid calibration.
     #[error("{path}: {reason}", path = .path.display())]
     Calibration {
-        /// Its file.
+        /// File of the calibration.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason in plain words.
         reason: String,
     },
-    /// Nothing that could be watched.
+    /// The slip watch needs a calibration, but the settings name none.
     #[error(
-        "[components.catching]: expected `calibration = \"FILE\"`: without one there is nothing to watch"
+        "[components.catching]: expected `calibration = \"FILE\"`, which the slip watch checks, found none"
     )]
     NoCalibration,
-    /// Settings of the watch.
+    /// Invalid settings of the slip watch.
     #[error("[components.catching]: {0}")]
     Slip(#[from] tactnet_catching::calibrate::CalibrationError),
-    /// A name of no role.
-    #[error("no role `{name}`; there are {known}")]
+    /// Unknown name of a role.
+    #[error("unknown role `{name}`, expected one of {known}")]
     NoRole {
-        /// The name asked for.
+        /// Requested name.
         name: String,
-        /// Those that there are.
+        /// Names of all roles.
         known: String,
     },
 }
 
 impl RoleError {
-    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    /// Returns true if the caller can correct the error (exit code 2), false for a failure at run time (exit code 1).
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Channel(error) => error.is_usage(),

@@ -1,4 +1,4 @@
-//! Pictures in, circles out: a thread for each camera.
+//! Circle detection with one thread per camera.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -38,7 +38,7 @@ pub(crate) fn run(
             let seen = side
                 .join()
                 .unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-            // Both cameras work alike: the slower one counts.
+            // Both cameras do the same work, so the report holds the slower one.
             whole = RoleReport {
                 count: whole.count + seen.count,
                 lost: whole.lost + seen.lost,

@@ -1,4 +1,4 @@
-//! The free hand sweeps over a caught ball until the classifier is sure of its material.
+//! Tactile exploration: the free hand sweeps over a caught ball until the classifier is confident of the material.
 //!
 //! ```text
 //! hand/state (holds something), catch/state (stands) ─> feel ─ sweep/command ─> skin, classifier ─ tactile/belief ─> feel ─ catch/felt ─> judge
@@ -19,13 +19,13 @@ use crate::newest::Newest;
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// How long it sleeps at most.
+/// Maximum sleep between two polls.
 const LOOK: Wait = Wait::Block {
     timeout: Duration::from_millis(10),
 };
-/// A sweep of which nothing is heard for so long is given up, ns.
+/// Timeout after which a sweep without any packet is abandoned, in ns.
 const LONGEST_SWEEP_NS: u64 = 5_000_000_000;
-/// Motions of a grip are numbered from this many times the grip.
+/// Factor between the number of a grip and the number of its first motion.
 const MOTIONS: u64 = 100;
 
 pub(crate) fn run(
@@ -36,7 +36,7 @@ pub(crate) fn run(
 ) -> Result<RoleReport, RoleError> {
     let config = ServeConfig::of(bus.table())?;
     let mut ports = Ports::open(bus, &config)?;
-    // The last belief on a sweep, which fusion takes.
+    // Stage of the belief that concludes a sweep, which the fusion uses.
     let last_stage = match config.mc_samples {
         0 => Stage::Plain,
         _ => Stage::Dropout,
@@ -53,7 +53,7 @@ pub(crate) fn run(
         let Some(going_on) = &mut grip else {
             if let Some(hand) = held.filter(|hand| hand.grip > felt && ports.stands()) {
                 let begins = Grip::begin(hand.grip, now);
-                // What was felt of the last ball stays until then.
+                // The fused belief of the previous ball is kept until a new grip begins.
                 ports.command(Command::Reset, begins.motion())?;
                 ports.command(Command::Start, begins.motion())?;
                 grip = Some(begins);
@@ -62,7 +62,7 @@ pub(crate) fn run(
         };
         let motion = going_on.motion();
         if held.is_none_or(|hand| hand.grip != going_on.number) {
-            // It is gone.
+            // The ball left the hand.
             ports.command(Command::Stop, motion)?;
             grip = None;
             continue;
@@ -93,17 +93,17 @@ pub(crate) fn run(
     })
 }
 
-/// A ball that is held and felt.
+/// A held ball during exploration.
 struct Grip {
     number: u64,
-    /// Sweeps that were used.
+    /// Number of usable sweeps.
     sweeps: u32,
-    /// Sweeps that have begun.
+    /// Number of started sweeps.
     tried: u32,
-    /// When the last one was asked for.
+    /// Time at which the latest sweep was requested.
     asked_ns: u64,
     begun_ns: u64,
-    /// Most probable label, and its probability.
+    /// Most probable label and its probability.
     best: Option<(u32, f32)>,
 }
 
@@ -119,7 +119,7 @@ impl Grip {
         }
     }
 
-    /// Number of the motion that goes on.
+    /// Returns the number of the current motion.
     fn motion(&self) -> u64 {
         self.number * MOTIONS + u64::from(self.tried)
     }
@@ -148,8 +148,8 @@ impl Ports {
         })
     }
 
-    /// Takes what has come since the last look, at the latest after a while: the belief on a motion's whole sweep if there is one, and true if
-    /// its sweep cannot be used.
+    /// Polls all channels, and waits at most [`LOOK`]. Returns the belief on the whole sweep of a motion, if there is
+    /// one, and true if the sweep is unusable.
     fn look(
         &mut self,
         motion: Option<u64>,
@@ -175,7 +175,7 @@ impl Ports {
         Ok((belief, rejected))
     }
 
-    /// Returns true while the robot stands where it waits.
+    /// Returns true while the robot is in its waiting pose.
     fn stands(&self) -> bool {
         let phase = self.status.get().and_then(CatchStatus::phase);
         phase == Some(CatchPhase::Armed)

@@ -1,4 +1,4 @@
-//! Closing times and releases, checked, to the hands.
+//! Forwards valid closing times and releases to the hands.
 
 use std::time::Duration;
 
@@ -10,9 +10,9 @@ use crate::channels::{HAND_COMMAND, HAND_OPEN, HAND_RELEASE, HAND_TARGET};
 use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
-/// A time farther ahead is a mistake, ns.
+/// Maximum distance of a plausible time in the future, in ns.
 const FARTHEST_NS: u64 = 3_000_000_000;
-/// How often a closing time is repeated: hands that missed it, or begin again, still close.
+/// Period at which a closing time is repeated, so that a hand that missed it or restarted still closes.
 const AGAIN: Wait = Wait::Block {
     timeout: Duration::from_millis(5),
 };
@@ -41,7 +41,7 @@ pub(crate) fn run(
             }
             next = commands.try_get()?;
         }
-        // Not repeated: whoever falls silent takes a release back.
+        // Releases are not repeated, so that a sender that stops cancels its release.
         while let Some(packet) = releases.try_get()? {
             if let Some(release) = packet
                 .first()

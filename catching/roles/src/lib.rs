@@ -1,4 +1,5 @@
-//! The catching stack on a robot's channels (thesis, figure 3.2): every part is a process, which may end and begin again at any moment.
+//! The catching stack on a robot's channels (thesis, figure 3.2). Every part is a process that may stop and restart
+//! at any time.
 //!
 //! ```text
 //! camera/left, camera/right ─> eyes ─ ball/circles ─> tracker ─ ball/prediction ─> coordinator ─ plan/request ─> planner (left, right)
@@ -9,11 +10,11 @@
 //!                                                                     └─ hand/command ─> hand ─ hand/target, hand/open ─> hands
 //! hand/state ─> thrower ─ throw/path ─> controller                                             ^
 //!                  └──────────────────────────────────────── hand/release ─────────────────────┘
-//! marker/features, joint/state ─> slip-watch ─ calibration/state ─> whoever asks for calibration
+//! marker/features, joint/state ─> slip-watch ─ calibration/state ─> user interface
 //! ```
 //!
-//! The parts that think are in `tactnet-catching`, which knows neither clocks nor channels; here they get both. Nothing here depends on the
-//! simulated world: what sends `joint/state`, `imu` and circles or pictures may be a robot.
+//! The algorithms are in `tactnet-catching`, which has neither clocks nor channels; this crate adds both. It does not
+//! depend on the simulated world: a robot may as well send `joint/state`, `imu` and circles or pictures.
 
 mod catch_times;
 mod channels;

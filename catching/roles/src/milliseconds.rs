@@ -1,11 +1,11 @@
-//! Times in figures.
+//! Percentiles of durations.
 
 use serde::Serialize;
 
-/// Times of something that happened often, ms.
+/// Percentiles of durations, in ms.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Milliseconds {
-    /// How many.
+    /// Number of durations.
     pub count: usize,
     /// Median.
     pub p50: f64,
@@ -13,12 +13,12 @@ pub struct Milliseconds {
     pub p99: f64,
     /// 99.9th percentile.
     pub p999: f64,
-    /// The longest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Milliseconds {
-    /// Returns those of some values; `None` without any.
+    /// Returns the percentiles of `values`, or `None` if there are none.
     pub fn of(values: &[f64]) -> Option<Self> {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);

@@ -1,15 +1,15 @@
-//! Get-ports of which only the newest packet counts.
+//! Get-ports that keep only the latest packet.
 
 use std::time::Duration;
 
 use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Received, Start, Wait};
 
-/// How long a process sleeps at most before it looks whether it is to end.
+/// Maximum sleep of a process, which bounds its reaction time to a stop request.
 pub(crate) const PATIENCE: Wait = Wait::Block {
     timeout: Duration::from_millis(50),
 };
 
-/// The newest packet of a channel.
+/// Latest packet of a channel.
 pub(crate) struct Newest<T> {
     port: GetPort<T>,
     last: Option<T>,
@@ -29,7 +29,7 @@ impl<T: Packet + Copy> Newest<T> {
         })
     }
 
-    /// Takes what has come, and returns true if there was something.
+    /// Takes all waiting packets and returns true if there was at least one.
     pub fn look(&mut self) -> Result<bool, ChannelError> {
         let mut came = false;
         while let Some(packet) = self.port.try_get()? {
@@ -44,12 +44,13 @@ impl<T: Packet + Copy> Newest<T> {
         self.last = packet.first().copied().or(self.last);
     }
 
-    /// Returns the newest so far.
+    /// Returns the latest packet, if any has arrived.
     pub fn get(&self) -> Option<&T> {
         self.last.as_ref()
     }
 
-    /// Returns when the newest was put, nanoseconds of the host's monotonic clock; 0: never.
+    /// Returns the time at which the latest packet was published, in ns of the host's monotonic clock; 0 before the
+    /// first.
     pub fn put_ns(&self) -> u64 {
         self.put_ns
     }

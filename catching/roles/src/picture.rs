@@ -1,27 +1,27 @@
-//! Pictures on channels: a head of 64 bytes, then the pixels row by row, a byte each.
+//! Layout of pictures on channels: a header of 64 bytes, then the pixels row by row, one byte each.
 
 use bytemuck::{Pod, Zeroable};
 
-/// What stands before the pixels of a picture, 64 bytes.
+/// Header of a picture, 64 bytes.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct PictureHead {
-    /// 0: number of the picture; both cameras count alike.
+    /// Offset 0: number of the picture, equal for both cameras.
     pub frame: u64,
-    /// 8: middle of the exposure.
+    /// Offset 8: middle of the exposure, in ns.
     pub exposure_ns: u64,
-    /// 16: 0 left, 1 right.
+    /// Offset 16: camera, 0 for left and 1 for right.
     pub camera: u32,
-    /// 20: pixels of a row.
+    /// Offset 20: width in pixels.
     pub width: u32,
-    /// 24: rows.
+    /// Offset 24: height in pixels.
     pub height: u32,
-    /// 28: for what may come.
+    /// Offset 28: reserved.
     pub reserved: [u32; 9],
 }
 
 impl PictureHead {
-    /// Returns head and pixels of a packet; `None` if it is no picture.
+    /// Returns header and pixels of a packet, or `None` if its size and header do not match.
     pub fn split(packet: &[u8]) -> Option<(Self, &[u8])> {
         let (head, pixels) = packet.split_at_checked(size_of::<Self>())?;
         let head: Self = bytemuck::pod_read_unaligned(head);

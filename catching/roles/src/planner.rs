@@ -1,4 +1,4 @@
-//! Plans of one arm.
+//! Planner process of one arm.
 
 use tactnet_catching::plan::{PlanConditions, Planner};
 use tactnet_catching_packets::packets::{PlanRequest, PlanResult};
@@ -10,18 +10,20 @@ use crate::times::Times;
 use crate::translate::{request, result_packet};
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// An answer is to be there so long before its motion begins, ns.
+/// Time before the start of a motion at which its plan must be published, in ns.
 const ON_THE_WAY_NS: u64 = 5_500_000;
 
-/// Returns when a planner gives up a question, ns: it answers then with the best that it has.
+/// Returns the time at which a planner stops its search and publishes its best result, in ns.
 pub fn planning_ends_ns(question: &PlanRequest) -> u64 {
     question.start_ns.saturating_sub(ON_THE_WAY_NS)
 }
 
-/// Returns the plan for a question, or the nearest miss; `None` for a question with an arm or an objective that there is not.
+/// Returns the plan for a request, or the closest result if none is feasible. Returns `None` if the arm or the
+/// objective is unknown.
 ///
-/// - `planner`: of the arm that the question is for
-/// - `out_of_time`: ends the search; without an end the same question has the same answer, bit by bit
+/// - `planner`: planner of the requested arm
+/// - `out_of_time`: returns true to end the search; a search that is never ended has a reproducible result, bit by
+///   bit
 pub fn answer(
     planner: &Planner,
     question: &PlanRequest,

@@ -1,4 +1,4 @@
-//! Where the head is, from the inertial unit, and from kinematics while the robot waits.
+//! Head pose from the inertial unit, and from kinematics while the robot waits.
 
 use tactnet_catching::pose::{PoseConfig, PoseEstimator};
 use tactnet_catching_packets::JOINTS;
@@ -10,9 +10,9 @@ use crate::newest::{Newest, PATIENCE};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// A robot that waits for so long hardly swings on its springs any more, ns.
+/// Waiting time after which the oscillation of the torso springs is negligible, in ns.
 const STILL_NS: u64 = 1_500_000_000;
-/// Joints slower than this stand, rad/s and m/s.
+/// Joint speed below which a joint counts as standing still, in rad/s and m/s.
 const STILL_RATE: f64 = 0.02;
 
 pub(crate) fn run(
@@ -50,7 +50,7 @@ pub(crate) fn run(
         });
         let still = waits && stands_since.is_some_and(|since| now - since > STILL_NS);
         if still && !was_still {
-            // What was integrated while it moved is worth less than where it stands.
+            // After a motion, the kinematic pose is more accurate than the integrated one, so the estimator restarts.
             estimator = PoseEstimator::new(robot.description(), PoseConfig::default())?;
         }
         was_still = still;
@@ -58,7 +58,7 @@ pub(crate) fn run(
             let links = corrections.joints(joints).q;
             robot.chest(&links) * robot.head(&links)
         });
-        // A sample that is not to be used leaves the pose as it is; without any pose there is nothing to say.
+        // A rejected sample leaves the pose unchanged. Nothing is published before the first pose.
         if let Ok(pose) = estimator.push(&sample, kinematic) {
             poses.put_copy(&[pose])?;
         }

@@ -1,4 +1,4 @@
-//! The processes of the stack by name.
+//! Processes of the stack by name.
 
 use std::str::FromStr;
 
@@ -14,34 +14,34 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
-    /// Pictures in, circles out.
+    /// Detects circles in pictures.
     Eyes,
-    /// Inertial samples in, poses of the head out.
+    /// Estimates head poses from inertial samples.
     Pose,
-    /// Circles in, predictions out.
+    /// Predicts balls from circles.
     Tracker,
-    /// Predictions in, paths out.
+    /// Chooses paths for predicted balls.
     Coordinator,
-    /// Plans for the left arm.
+    /// Plans motions of the left arm.
     PlannerLeft,
-    /// Plans for the right arm.
+    /// Plans motions of the right arm.
     PlannerRight,
-    /// Paths in, joint commands out, 1 kHz.
+    /// Turns paths into joint commands at 1 kHz.
     Controller,
-    /// Joint commands in, the monitor's word out, 1 kHz.
+    /// Checks joint commands for self-collisions at 1 kHz.
     Safety,
-    /// Closing times in, the hands' targets out.
+    /// Forwards closing times to the hands.
     Hand,
-    /// A caught ball in, what it is made of out.
+    /// Determines the material of a caught ball.
     Feel,
-    /// A caught ball in, the motion of a throw and the hand's release out.
+    /// Throws a caught ball back: plans the motion and the release of the hand.
     Thrower,
-    /// Markers at the wrists in, whether the calibration still holds out.
+    /// Checks the calibration with the markers on the wrists.
     SlipWatch,
 }
 
 impl Role {
-    /// All of them, in an order in which they may start.
+    /// All roles, in a valid start order.
     pub const ALL: [Self; 12] = [
         Self::Safety,
         Self::Hand,
@@ -57,7 +57,7 @@ impl Role {
         Self::SlipWatch,
     ];
 
-    /// Returns its name on the command line.
+    /// Returns the name of the role, such as `planner-left`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Eyes => "eyes",
@@ -75,15 +75,15 @@ impl Role {
         }
     }
 
-    /// Returns true for the loops of 1 kHz.
+    /// Returns true for the loops at 1 kHz.
     pub fn is_fast(self) -> bool {
         matches!(self, Self::Controller | Self::Safety)
     }
 
-    /// Opens its ports, calls `ready`, works until `stopped` returns true, and says what it has done.
+    /// Opens the ports, calls `ready`, works until `stopped` returns true, and returns statistics.
     ///
     /// # Errors
-    /// Channels that are missing or break down; settings that make no sense.
+    /// Missing or broken channels, and invalid settings.
     pub fn run(
         self,
         bus: &Bus,

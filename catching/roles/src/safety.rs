@@ -1,4 +1,4 @@
-//! The monitor of self-collisions beside the controller.
+//! Safety process: monitors the controller's commands for self-collisions.
 
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig};
@@ -10,7 +10,7 @@ use crate::newest::PATIENCE;
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// Joints that are slower stand, rad/s and m/s.
+/// Joint speed below which a joint counts as standing still, in rad/s and m/s.
 const MOVES: f64 = 1e-3;
 
 pub(crate) fn run(
@@ -51,7 +51,7 @@ pub(crate) fn run(
         };
         let said = if finite {
             let command = &links(&corrections, command);
-            // One that begins while joints move knows where they are, and bounds what they can do from there.
+            // A monitor that starts during a motion takes the current joint states as its starting point.
             let monitor = monitor.get_or_insert_with(|| {
                 Monitor::new(
                     bodies.clone(),
@@ -67,7 +67,7 @@ pub(crate) fn run(
         };
         states.put_copy(&[said])?;
         times.push(said.computing_ns);
-        // Only after the word is out.
+        // Statistics follow after the verdict is published.
         let moves = command.dq.iter().any(|dq| dq.abs() > MOVES);
         if went && said.go == 0 && moves && finite {
             brakes += 1;
@@ -86,7 +86,7 @@ pub(crate) fn run(
     })
 }
 
-/// Where links go with what the drives are told.
+/// Returns the command with joint angles converted to link angles.
 fn links(corrections: &Corrections, command: &JointCommand) -> JointCommand {
     JointCommand {
         q: corrections.links(&command.q),

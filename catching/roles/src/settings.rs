@@ -1,4 +1,4 @@
-//! Settings of the stack, `[components.catching]` of a robot's table.
+//! Settings of the stack, section `[components.catching]` of a robot's table.
 
 use std::path::PathBuf;
 
@@ -15,37 +15,37 @@ use crate::{RoleError, ThrowBack};
 /// Name of the section.
 const SECTION: &str = "catching";
 
-/// Settings that the stack's processes share; what is not given is as in `Default`.
+/// Settings shared by the processes of the stack. Missing fields have the values of `Default`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RoleSettings {
-    /// File with the robot's description; left out: the nominal one.
+    /// File with the robot's description; the nominal robot if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<PathBuf>,
-    /// File with what `tactnet catch calibrate` found of this robot; left out: it is as described.
+    /// File with a calibration of this robot; if absent, the robot matches its description.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<PathBuf>,
-    /// Who catches what, and when plans are to begin.
+    /// Catching arms, ball limits and start times of plans.
     pub coordinator: CoordinatorConfig,
-    /// The planners.
+    /// Settings of the planners.
     pub planner: PlanConfig,
-    /// From the controller's beat to the moment that its command is for, s: what the drives take.
+    /// Delay of the drives, from a cycle of the controller to the time that its command applies to, in s.
     pub drives: f64,
-    /// The controller brakes if it has not heard the monitor of self-collisions for so long, s.
+    /// Timeout without verdicts of the safety monitor after which the controller brakes, in s.
     pub safety_patience: f64,
-    /// The controller brakes where the monitor says so; otherwise it is only reported.
+    /// Makes the controller brake if the monitor predicts a collision; otherwise collisions are only reported.
     pub brakes: bool,
-    /// Circles of a picture that are no balls, as the tracker expects them.
+    /// Expected number of false detections per picture, for the tracker.
     pub clutter: f64,
-    /// The free hand sweeps over a caught ball until a material is so probable, 0 to 1.
+    /// Probability of a material at which the exploration of a caught ball ends, from 0 to 1.
     pub sure: f64,
-    /// Or until it has swept so often.
+    /// Maximum number of sweeps per ball.
     pub most_sweeps: u32,
-    /// A robot that has closed its hands, or whose ball is gone, goes back after so long, s.
+    /// Time after a catch or a lost ball at which the robot returns to its waiting pose, in s.
     pub after_catch: f64,
-    /// Throwing back.
+    /// Settings of throwing back.
     pub throw: ThrowBack,
-    /// When the calibration no longer holds.
+    /// Limits of the slip watch.
     pub slip: SlipConfig,
 }
 
@@ -70,10 +70,10 @@ impl Default for RoleSettings {
 }
 
 impl RoleSettings {
-    /// Reads the section of a table; defaults where it has none.
+    /// Reads the section of a table, or returns the defaults if there is none.
     ///
     /// # Errors
-    /// An unknown setting, or a value of another type.
+    /// An unknown setting, or a value of the wrong type.
     pub fn of(table: &Table) -> Result<Self, RoleError> {
         match table.components.get(SECTION) {
             Some(section) => Ok(section.clone().try_into()?),
@@ -81,7 +81,7 @@ impl RoleSettings {
         }
     }
 
-    /// Puts the section into a table.
+    /// Writes the section into a table.
     #[must_use]
     pub fn into_table(&self, mut table: Table) -> Table {
         if let Ok(section) = toml::Value::try_from(self) {
@@ -90,7 +90,7 @@ impl RoleSettings {
         table
     }
 
-    /// Returns the robot as described.
+    /// Returns the robot from its description.
     ///
     /// # Errors
     /// A description that cannot be read.
@@ -108,10 +108,10 @@ impl RoleSettings {
         Ok(Robot::new(description))
     }
 
-    /// Returns the calibration, where the settings name one.
+    /// Returns the calibration if the settings name one.
     ///
     /// # Errors
-    /// A description that cannot be read; a file that cannot be read, is no calibration, or that of another robot.
+    /// A description or a calibration that cannot be read, an invalid calibration, or one of another robot.
     pub fn kept(&self) -> Result<Option<KeptCalibration>, RoleError> {
         let Some(path) = &self.calibration else {
             return Ok(None);
@@ -122,16 +122,16 @@ impl RoleSettings {
         };
         let robot = self.robot()?;
         let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
-        // What is no text is no calibration, and the line that is wrong says so.
+        // Bytes that are not text fail in `parse`, whose error names the line.
         KeptCalibration::parse(&String::from_utf8_lossy(&bytes), robot.description())
             .map(Some)
             .map_err(|error| failed(error.to_string()))
     }
 
-    /// Returns what stands between sensors, stack and drives, with the robot that the stack knows behind it.
+    /// Returns the corrections between sensors, stack and drives, together with the robot model.
     ///
     /// # Errors
-    /// As [`RoleSettings::kept`].
+    /// Same as [`RoleSettings::kept`].
     pub fn corrections(&self) -> Result<Corrections, RoleError> {
         let kept = self.kept()?;
         let parameters = kept.as_ref().map(|kept| &kept.parameters);

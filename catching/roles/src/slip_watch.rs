@@ -1,7 +1,7 @@
-//! Whether the calibration still holds: markers and joints in, the word on it out.
+//! Slip watch: checks the calibration from markers and joint states.
 //!
 //! ```text
-//! marker/features, joint/state ─> slip-watch ─ calibration/state ─> whoever asks for calibration
+//! marker/features, joint/state ─> slip-watch ─ calibration/state ─> user interface
 //! ```
 
 use std::time::Duration;
@@ -14,11 +14,11 @@ use crate::channels::{CALIBRATION_STATE, JOINT_STATE, MARKER_FEATURES};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// Longest sleep: joints' states are taken so often, and must not be lost.
+/// Maximum sleep, short enough that no joint state is lost.
 const LOOK: Wait = Wait::Block {
     timeout: Duration::from_millis(20),
 };
-/// Its word is told so often, where it does not change, ns.
+/// Period at which an unchanged result is published, in ns.
 const TELL_NS: u64 = 500_000_000;
 
 pub(crate) fn run(

@@ -1,4 +1,4 @@
-//! Robot and balls as a page draws them, from channels alone: what the stack believes, not what is true.
+//! Robot and balls for a web page, from channels only: the state that the stack estimates, not the true one.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -15,40 +15,40 @@ use crate::channels::{CATCH_OUTCOME, CATCH_STATE, HAND_STATE, JOINT_STATE, PREDI
 use crate::newest::Newest;
 use crate::{RoleError, RoleSettings};
 
-/// Balls of older predictions are no longer in the air, ns.
+/// Age of a prediction after which its ball is no longer drawn, in ns.
 const IN_THE_AIR_NS: u64 = 300_000_000;
-/// The foot of the column stands so high, m.
+/// Height of the foot of the torso column, in m.
 const FOOT: f64 = 0.1;
 
-/// Points from the side: metres before the robot, metres above the floor.
+/// A point in the side view: metres ahead of the robot, metres above the floor.
 pub type Side = [f32; 2];
 
-/// What is drawn.
+/// Content of the drawing.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Stage {
-    /// Foot, hip, knee, chest, head.
+    /// Foot, hip, knee, chest and head.
     pub body: Vec<Side>,
-    /// Left and right: shoulder, elbow, wrist, hand.
+    /// Left and right arm: shoulder, elbow, wrist, hand.
     pub arms: Vec<[Side; 4]>,
-    /// Where balls are predicted to be now.
+    /// Predicted current positions of the balls.
     pub balls: Vec<Side>,
-    /// A hand that holds a ball: 0 left, 1 right.
+    /// Hand that holds a ball: 0 left, 1 right.
     pub holds: Option<u32>,
-    /// What the robot is about, in words.
+    /// Current activity of the robot, in words.
     pub about: &'static str,
-    /// Balls thrown so far.
+    /// Number of thrown balls.
     pub thrown: u64,
-    /// Of them, caught.
+    /// Number of caught balls.
     pub caught: u64,
-    /// Caught balls that were felt to be of some material.
+    /// Number of caught balls with a predicted material.
     pub felt: u64,
-    /// Of them, of the right one.
+    /// Number of correctly predicted materials.
     pub right: u64,
-    /// What became of the last ball, in words; empty before the first.
+    /// Outcome of the last ball, in words; empty before the first.
     pub last: String,
 }
 
-/// Follows the channels that a page draws a stage from.
+/// Subscribes to the channels that the drawing needs.
 pub struct StageView {
     corrections: Corrections,
     joints: Newest<JointState>,
@@ -60,7 +60,7 @@ pub struct StageView {
 }
 
 impl StageView {
-    /// Returns true for a table with the stack's channels.
+    /// Returns true if a table has the channels of the stack.
     pub fn is_on(table: &Table) -> bool {
         let joints = table.channels.get(JOINT_STATE);
         joints.is_some_and(|config| config.packet == JointState::NAME)
@@ -69,7 +69,7 @@ impl StageView {
     /// Opens the channels.
     ///
     /// # Errors
-    /// No hub; channels missing in the table; a robot's description that cannot be read.
+    /// No hub, channels that the table lacks, or a robot's description that cannot be read.
     pub fn open(bus: &Bus) -> Result<Self, RoleError> {
         Ok(Self {
             corrections: RoleSettings::of(bus.table())?.corrections()?,
@@ -82,10 +82,10 @@ impl StageView {
         })
     }
 
-    /// Takes what has come and returns what is to be drawn now.
+    /// Takes all waiting packets and returns the updated drawing.
     ///
     /// # Errors
-    /// Channels that have broken down.
+    /// Broken channels.
     pub fn look(&mut self) -> Result<&Stage, ChannelError> {
         self.joints.look()?;
         self.predictions.look()?;
@@ -168,7 +168,7 @@ fn limbs(robot: &Robot, q: &[f64; JOINTS]) -> (Vec<Side>, Vec<[Side; 4]>) {
     (body.iter().map(side).collect(), arms.collect())
 }
 
-/// Where a ball is now; `None` for one that is not in the air any more.
+/// Returns the current position of a ball, or `None` if it is no longer in the air.
 fn place(ball: &BallPrediction, now_ns: u64) -> Option<Side> {
     let since = now_ns.checked_sub(ball.t_ns)?;
     let flight = Flight {

@@ -4,25 +4,25 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching::throw::ThrowPlanConfig;
 use tactnet_catching_packets::ARMS;
 
-/// Where caught balls are thrown to; what is not given is as in `Default`.
+/// Targets of thrown balls. Missing fields have the values of `Default`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ThrowBack {
-    /// Where they are to come down, m, inertial frame; left out: where the ball came from.
+    /// Landing point in the inertial frame, in m; if absent, the ball returns to its origin.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at: Option<[f64; 3]>,
-    /// Throws of the left and of the right hand are aimed so far beside that, m.
+    /// Offsets of the landing point for the left and the right hand, in m.
     pub beside: [[f64; 3]; ARMS],
-    /// A ball that came from farther away than this is thrown so far in its direction, m from the robot's axis: from about 4.6 m on no throw
-    /// is within the limits of the robot as described.
+    /// Maximum throwing distance from the robot's axis, in m. Beyond about 4.6 m no throw is within the limits of the
+    /// robot as described.
     pub farthest: f64,
-    /// It comes down at this height there, m.
+    /// Height of the landing point, in m.
     pub height: f64,
-    /// A ball is thrown once it was felt.
+    /// Throws a ball only after its material is determined.
     pub after_feeling: bool,
-    /// A ball is thrown so often, where the robot has to brake; then it drops.
+    /// Maximum number of attempts per ball if the robot has to brake; then it drops the ball.
     pub tries: u32,
-    /// The planner of throws.
+    /// Settings of the planner of throws.
     pub planner: ThrowPlanConfig,
 }
 
@@ -41,7 +41,7 @@ impl Default for ThrowBack {
 }
 
 impl ThrowBack {
-    /// Returns where a ball is thrown to that was first seen at `seen`, m; without such a place, straight ahead.
+    /// Returns the target for a ball that was first seen at `seen`, in m; straight ahead if `seen` is `None`.
     pub(crate) fn target(&self, seen: Option<[f64; 3]>) -> [f64; 3] {
         self.at.unwrap_or_else(|| {
             let [x, y, _] = seen.unwrap_or([self.farthest, 0.0, 0.0]);

@@ -1,7 +1,8 @@
-//! What is to be done with a ball that a hand holds, from what hands, coordinator and controller say.
+//! State machine for a held ball, driven by the states of hands, coordinator and controller.
 //!
 //! ```text
-//! Empty ── a hand holds a ball ─> Waiting ── the robot stands where it waits: a path is sent ─> Throwing ── the ball has left ─> Empty
+//! Empty ── a hand holds a ball ─> Waiting ── robot is in its waiting pose: send path ─> Throwing ── ball has left ─>
+//! Empty
 //!                                    ^ └── tried too often, or no plan ─> Dropping ─> Empty       │
 //!                                    └────────── refused, braked, the hand kept it ───────────────┘
 //! ```
@@ -11,37 +12,37 @@ use tactnet_catching_packets::packets::{
     ThrowPhase,
 };
 
-/// What is silent for so long is not there, ns.
+/// Timeout after which a silent process counts as lost, in ns.
 const SILENT_NS: u64 = 300_000_000;
-/// The robot stands so long before it throws, ns.
+/// Standstill before a throw, in ns.
 const STANDS_NS: u64 = 200_000_000;
-/// The controller takes a path within this, ns.
+/// Timeout within which the controller must accept a path, in ns.
 const TAKEN_NS: u64 = 300_000_000;
-/// A hand is told from so long before it opens, ns.
+/// Time before the opening at which the hand receives its first command, in ns.
 const TOLD_NS: u64 = 100_000_000;
-/// Hands say within this that a ball has left, ns.
+/// Timeout within which a hand must report that the ball has left, in ns.
 const LEFT_NS: u64 = 150_000_000;
 
-/// The newest word of everybody.
+/// Latest packets of all processes.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Seen {
     pub hand: Option<HandState>,
     pub status: Option<CatchStatus>,
     pub controller: Option<ControllerState>,
-    /// Grip of the ball that was felt last; `None`: nobody waits for that.
+    /// Grip of the ball that was explored last; `None` if throws do not wait for the exploration.
     pub felt: Option<u64>,
 }
 
-/// What is to be done now.
+/// Next action.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Do {
     Nothing,
-    /// A throw is to be planned.
+    /// Plan a throw.
     Plan {
         arm: usize,
         grip: u64,
     },
-    /// The hand is to be told.
+    /// Command the hand to open.
     Open(HandOpening),
 }
 
@@ -64,14 +65,16 @@ pub(crate) struct ThrowDuty {
     tries: u32,
     grip: u64,
     tried: u32,
-    /// Throws that came to nothing.
+    /// Number of failed throws.
     pub failed: u64,
-    /// Why the last of them did.
+    /// Reason of the last failure.
     pub reason: String,
 }
 
 impl ThrowDuty {
-    /// - `tries`: a ball is thrown so often, then it drops
+    /// Creates the state machine.
+    ///
+    /// - `tries`: number of attempts per ball before it drops
     pub fn new(tries: u32) -> Self {
         Self {
             about: About::Empty,
@@ -83,7 +86,7 @@ impl ThrowDuty {
         }
     }
 
-    /// Returns the grip that it is about, and what it is about.
+    /// Returns the current grip and phase.
     pub fn about(&self) -> (u64, ThrowPhase) {
         let phase = match self.about {
             About::Empty => ThrowPhase::Empty,
@@ -94,7 +97,7 @@ impl ThrowDuty {
         (self.grip, phase)
     }
 
-    /// Draws conclusions from what was heard.
+    /// Updates the state and returns the next action.
     pub fn look(&mut self, now_ns: u64, seen: &Seen) -> Do {
         let fresh = |t_ns: u64| now_ns.saturating_sub(t_ns) < SILENT_NS;
         let held = seen
@@ -165,7 +168,7 @@ impl ThrowDuty {
             if now_ns < opening.open_ns {
                 self.fail("the hand holds nothing any more");
             }
-            // It is on its way.
+            // The ball is in the air.
             self.about = About::Empty;
             return Do::Nothing;
         }
@@ -197,7 +200,7 @@ impl ThrowDuty {
         Do::Nothing
     }
 
-    /// Takes the path that was sent.
+    /// Records that a path was sent.
     pub fn sent(&mut self, now_ns: u64, path: &ThrowPath) {
         self.tried += 1;
         self.about = About::Throwing {
@@ -210,7 +213,7 @@ impl ThrowDuty {
         };
     }
 
-    /// There is no throw: the next question would have the same answer.
+    /// Records that no throw is possible. A repetition would have the same result, so the ball drops.
     pub fn no_plan(&mut self, why: &str) {
         self.fail(why);
         self.tried = self.tries;
@@ -232,7 +235,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// Everybody's word at a time.
+    /// Returns packets of all processes at one time.
     fn seen(now_ns: u64, grip: Option<u64>, mode: ControllerMode) -> Seen {
         Seen {
             hand: Some(HandState {
@@ -266,7 +269,7 @@ mod tests {
 
     const PLAN: Do = Do::Plan { arm: 1, grip: 7 };
 
-    /// A duty that has sent a path which lets go at 5 s.
+    /// Returns a duty that has sent a path with release at 5 s.
     fn sent() -> ThrowDuty {
         let mut duty = ThrowDuty::new(2);
         let ready = seen(1000 * MS, Some(7), ControllerMode::Ready);
@@ -322,7 +325,7 @@ mod tests {
             (duty.failed, duty.reason.as_str()),
             (1, "trunk and forearm")
         );
-        // Still on its way back.
+        // The robot still returns to its waiting pose.
         assert_eq!(duty.look(4960 * MS, &brakes), Do::Nothing);
         let ready = seen(9000 * MS, Some(7), ControllerMode::Ready);
         assert_eq!(duty.look(9000 * MS, &ready), PLAN);
@@ -355,7 +358,7 @@ mod tests {
         assert_eq!((duty.failed, duty.reason.as_str()), (1, "out of reach"));
     }
 
-    /// The world began again, the hand's word was lost, the controller was killed.
+    /// The world restarted, the packet of the hand was lost, or the controller was killed.
     #[test]
     fn a_ball_that_is_gone_a_hand_that_keeps_it_and_a_silent_controller_are_named() {
         let mut duty = sent();

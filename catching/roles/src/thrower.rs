@@ -1,7 +1,7 @@
-//! Throws caught balls back: a held ball in, the motion of a throw and the hand's release out.
+//! Thrower process: plans the throw of a held ball and commands the release of the hand.
 //!
 //! ```text
-//! hand/state, catch/state ─> thrower ─ throw/path ─> controller      (and whoever judges)
+//! hand/state, catch/state ─> thrower ─ throw/path ─> controller, judge
 //! ball/prediction, arm/path ───┘  └─── hand/release ─> hand ─ hand/open ─> hands
 //! ```
 
@@ -26,15 +26,15 @@ use crate::throw_duty::{Do, Seen, ThrowDuty};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// Longest sleep: a hand is told again so often.
+/// Maximum sleep, which is also the period of repeated commands to the hand.
 const BEAT: Wait = Wait::Block {
     timeout: Duration::from_millis(4),
 };
-/// A throw begins so long after it was planned, ns.
+/// Time between planning a throw and its start, in ns.
 const AHEAD_NS: u64 = 50_000_000;
-/// What it is about is told so often, where it does not change, ns.
+/// Period at which an unchanged phase is published, in ns.
 const TELL_NS: u64 = 100_000_000;
-/// Balls whose first places are kept.
+/// Number of balls whose first positions are kept.
 const BALLS: usize = 8;
 
 pub(crate) fn run(
@@ -90,7 +90,7 @@ pub(crate) fn run(
     })
 }
 
-/// Plans a throw from where the robot waits.
+/// Plans a throw that starts in the waiting pose.
 fn plan(
     thrower: &Thrower,
     waiting: &[f64; JOINTS],
@@ -114,7 +114,7 @@ fn plan(
     path.ok_or("no straight way to the swing")
 }
 
-/// In a few words.
+/// Returns a short description of the reason.
 fn why(no_throw: NoThrow) -> &'static str {
     match no_throw {
         NoThrow::NoBall => "no hand holds a ball",
@@ -126,10 +126,10 @@ fn why(no_throw: NoThrow) -> &'static str {
     }
 }
 
-/// Where balls were first seen, and which of them each arm went for.
+/// First positions of balls, and the ball that each arm reached for.
 struct Origins {
     existence: f32,
-    /// By number of the ball; the oldest first.
+    /// Number and first position of each ball; oldest first.
     first: Vec<(u64, [f64; 3])>,
     caught: [Option<u64>; ARMS],
 }
@@ -163,7 +163,7 @@ impl Origins {
         }
     }
 
-    /// Returns where the ball was first seen that an arm went for last.
+    /// Returns the first position of the last ball that an arm reached for.
     fn of(&self, arm: usize) -> Option<[f64; 3]> {
         let ball = (*self.caught.get(arm)?)?;
         let first = self.first.iter().find(|(number, _)| *number == ball);
@@ -200,7 +200,7 @@ impl Ports {
         })
     }
 
-    /// Takes what has come, at the latest after a while.
+    /// Polls all channels, and waits at most [`BEAT`].
     fn look(&mut self, origins: &mut Origins) -> Result<(), RoleError> {
         let mut next = self.controller.get(BEAT)?;
         while let Some(packet) = next {

@@ -1,12 +1,12 @@
-//! How long the work of a process takes.
+//! Computation times of a process.
 
 use serde::{Deserialize, Serialize};
 use tactnet_channel::percentile;
 
-/// Times that are kept; more are counted and no longer looked at: an hour at 1 kHz.
+/// Maximum number of stored times, an hour at 1 kHz. Later ones are only counted.
 const MOST: usize = 3_600_000;
 
-/// Times of one process's work.
+/// Computation times of one process.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Times {
     ns: Vec<u32>,
@@ -14,7 +14,7 @@ pub(crate) struct Times {
 }
 
 impl Times {
-    /// Room for an hour at that rate.
+    /// Reserves memory for an hour at the given rate.
     pub fn at(rate_hz: usize) -> Self {
         Self {
             ns: Vec::with_capacity((rate_hz * 3600).min(MOST)),
@@ -43,25 +43,25 @@ impl Times {
     }
 }
 
-/// What a process has done.
+/// Statistics of a process.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RoleReport {
-    /// Pieces of work: beats of the controller, judgements, plans, pairs of pictures.
+    /// Number of cycles of the controller, verdicts, plans, or pairs of pictures.
     pub count: u64,
-    /// Median time of one, microseconds; of the controller from its beat to its command.
+    /// Median computation time, in µs; for the controller from the start of a cycle to its command.
     pub p50_us: f64,
-    /// 99th percentile, microseconds.
+    /// 99th percentile, in µs.
     pub p99_us: f64,
-    /// 99.9th percentile, microseconds.
+    /// 99.9th percentile, in µs.
     pub p999_us: f64,
-    /// The longest, microseconds.
+    /// Maximum, in µs.
     pub max_us: f64,
-    /// Packets that were put and it never got.
+    /// Number of packets that were published but not received.
     pub lost: u64,
-    /// Commands at which the monitor began to say no, while the robot moved.
+    /// Number of transitions of the monitor to its stop verdict while the robot moved.
     pub brakes: u64,
-    /// Of those, how often bodies would have stayed apart.
+    /// Number of false stops: stops after which the bodies would not have touched.
     pub brakes_in_vain: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Circles of both cameras and the head's pose in, predictions out.
+//! Tracker process: predicts balls from the circles of both cameras and the head pose.
 
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::pose::PoseRing;
@@ -11,7 +11,7 @@ use crate::newest::PATIENCE;
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
-/// Poses that are kept: 0.6 s.
+/// Number of stored poses: 0.6 s.
 const POSES: usize = 307;
 
 pub(crate) fn run(
@@ -46,7 +46,7 @@ pub(crate) fn run(
     })
 }
 
-/// Poses of the head and circles of both cameras in, predictions out, in whatever order they come.
+/// Predicts balls from head poses and circles of both cameras, in any order of arrival.
 #[derive(Debug)]
 pub struct Sight {
     corrections: Corrections,
@@ -56,10 +56,10 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Returns one that has seen nothing yet.
+    /// Creates a tracker without measurements.
     ///
     /// # Errors
-    /// A robot's description or a calibration that cannot be read, or cameras that see nothing.
+    /// A description or a calibration that cannot be read, or cameras without overlap.
     pub fn new(settings: &RoleSettings) -> Result<Self, RoleError> {
         let config = TrackConfig {
             clutter: settings.clutter,
@@ -74,13 +74,13 @@ impl Sight {
         })
     }
 
-    /// Takes where the head is.
+    /// Adds a head pose.
     pub fn pose(&mut self, pose: &HeadPose) {
         self.poses.take(pose);
     }
 
-    /// Takes the circles of one picture, as the cameras saw them; returns those of both pictures of an exposure, as the described cameras
-    /// would have seen them, once the second has come.
+    /// Adds the circles of one picture in camera coordinates. Once both pictures of an exposure are there, returns
+    /// their circles as the cameras of the description would see them.
     pub fn pair(&mut self, seen: &Circles) -> Option<[Circles; 2]> {
         *self.newest.get_mut(seen.camera as usize)? = Some(self.corrections.circles(seen));
         let [Some(left), Some(right)] = self.newest else {
@@ -92,14 +92,14 @@ impl Sight {
         })
     }
 
-    /// Returns what follows from both pictures; `None` for those of a moment of which no pose is known.
+    /// Returns the predictions for a pair of pictures, or `None` if the head pose at that time is unknown.
     pub fn predict(&mut self, [left, right]: &[Circles; 2]) -> Option<BallPredictions> {
         let head = self.poses.at(left.exposure_ns)?;
         self.tracker.push([left, right], &head).ok()
     }
 }
 
-/// Where the head was in the last moments.
+/// Recent head poses.
 #[derive(Debug)]
 struct KnownPoses {
     ring: PoseRing,
@@ -116,7 +116,7 @@ impl KnownPoses {
 
     fn take(&mut self, pose: &HeadPose) {
         match &self.last {
-            // An estimator that began again.
+            // The estimator restarted.
             Some(last) if pose.t_ns <= last.t_ns => self.ring.clear(),
             _ => {}
         }
@@ -129,7 +129,7 @@ impl KnownPoses {
     }
 }
 
-/// The same from a channel.
+/// Recent head poses from a channel.
 pub(crate) struct Poses {
     port: GetPort<HeadPose>,
     known: KnownPoses,
@@ -143,7 +143,7 @@ impl Poses {
         })
     }
 
-    /// Takes what has come.
+    /// Takes all waiting packets.
     pub fn look(&mut self) -> Result<(), RoleError> {
         while let Some(packet) = self.port.try_get()? {
             packet.iter().for_each(|pose| self.known.take(pose));
@@ -151,12 +151,12 @@ impl Poses {
         Ok(())
     }
 
-    /// Returns where it was.
+    /// Returns the pose at a time.
     pub fn at(&self, t_ns: u64) -> Option<HeadPose> {
         self.known.at(t_ns)
     }
 
-    /// Returns where it was last.
+    /// Returns the latest pose.
     pub fn last(&self) -> Option<&HeadPose> {
         self.known.last.as_ref()
     }

@@ -1,4 +1,4 @@
-//! Between what parts of the stack say in a process and packets.
+//! Conversions between packets and the types of the stack.
 
 use bytemuck::Zeroable;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
@@ -13,7 +13,7 @@ use tactnet_catching_packets::packets::{
     self, BodyPath, FlightPacket, HeadPose, PlanFailure, PlanObjective, RampPacket,
 };
 
-/// What a request follows from.
+/// Measurements behind a plan request.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Origin {
     pub call: u64,
@@ -77,7 +77,7 @@ pub(crate) fn request_packet(request: &PlanRequest, origin: Origin) -> packets::
     }
 }
 
-/// Returns `None` for a packet with an arm or an objective that there is not.
+/// Returns `None` if the arm or the objective of the packet is unknown.
 pub(crate) fn request(packet: &packets::PlanRequest) -> Option<PlanRequest> {
     Some(PlanRequest {
         ball: packet.ball,
@@ -140,7 +140,7 @@ fn failure(no_plan: &NoPlan) -> PlanFailure {
     }
 }
 
-/// Returns `None` for an answer to a question that makes no sense, or with numbers that are none.
+/// Returns `None` if the request of the packet is invalid or a number is not finite.
 pub(crate) fn planned(packet: &packets::PlanResult) -> Option<Planned> {
     let request = request(&packet.request)?;
     let numbers = packet

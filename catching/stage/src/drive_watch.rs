@@ -1,24 +1,24 @@
-//! Drives that hear no more commands brake by themselves.
+//! Braking of drives that receive no commands.
 
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{JOINTS, Joint};
 
-/// Ticks without a command after which they do.
+/// Number of ticks without a command after which the drives brake.
 const PATIENCE: u64 = 20;
-/// Seconds of a tick.
+/// Duration of a tick, in s.
 const TICK: f64 = 1e-3;
 
-/// The last command, as long as it counts.
+/// Latest command, until its timeout.
 pub(crate) struct DriveWatch {
     joints: [Joint; JOINTS],
     command: JointCommand,
     age: u64,
-    /// Times that they braked while something moved.
+    /// Number of brakings while a joint moved.
     pub braked: u64,
 }
 
 impl DriveWatch {
-    /// Stands at `q` until there is a command.
+    /// Holds the joints at `q` until the first command.
     pub fn new(joints: [Joint; JOINTS], q: &[f64; JOINTS]) -> Self {
         Self {
             joints,
@@ -33,9 +33,9 @@ impl DriveWatch {
         }
     }
 
-    /// Returns what the drives do in a tick.
+    /// Returns the command that the drives follow in a tick.
     ///
-    /// - `newest`: the newest command since the last tick
+    /// - `newest`: latest command since the previous tick
     pub fn tick(&mut self, newest: Option<&JointCommand>) -> &JointCommand {
         match newest {
             Some(command) => {
@@ -52,7 +52,7 @@ impl DriveWatch {
             let (q, dq) = (&mut self.command.q[i], &mut self.command.dq[i]);
             let before = *dq;
             if self.age >= PATIENCE {
-                // What is not a number stands.
+                // A velocity that is not finite becomes 0.
                 *dq = if dq.is_finite() {
                     dq.signum() * (dq.abs() - joint.acceleration * TICK).max(0.0)
                 } else {

@@ -2,64 +2,64 @@
 
 use tactnet_process::ProcessError;
 
-/// Why a run or the world ends; each is one line for people.
+/// Error that ends a run or the world. Each message is one line.
 #[derive(Debug, thiserror::Error)]
 pub enum StageError {
-    /// The channels.
+    /// Error of the channels.
     #[error(transparent)]
     Channel(#[from] tactnet_channel::ChannelError),
-    /// The recording.
+    /// Error of the recording.
     #[error(transparent)]
     Recording(#[from] tactnet_recording::RecordingError),
-    /// The stack's settings.
+    /// Invalid settings of the stack, or an error of one of its processes.
     #[error(transparent)]
     Role(#[from] tactnet_catching_roles::RoleError),
-    /// The world's settings.
+    /// Invalid settings of the world.
     #[error(transparent)]
     World(#[from] tactnet_catching_world::WorldError),
-    /// A file that cannot be written.
+    /// A file cannot be written.
     #[error("{path}: {source}", path = .path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: std::path::PathBuf,
-        /// The reason.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The table of channels, as text.
+    /// The table of channels cannot be written as TOML.
     #[error("the table of channels: {0}")]
     Table(#[from] toml::ser::Error),
-    /// A process that does not start.
+    /// A process did not start.
     #[error("the {name} {source}")]
     Process {
-        /// Its role.
+        /// Name of its role.
         name: &'static str,
-        /// What it said.
+        /// Error, including its last message.
         source: ProcessError,
     },
-    /// A process that ends again and again.
-    #[error("the {name} has ended {times} times: {said}")]
+    /// A process ended too often soon after its start.
+    #[error("the {name} ended {times} times: {said}")]
     KeepsEnding {
-        /// Its role.
+        /// Name of its role.
         name: &'static str,
-        /// How often.
+        /// Number of ends.
         times: usize,
-        /// What it said last.
+        /// Its last message.
         said: String,
     },
-    /// The robot does not get ready for a throw.
+    /// The robot did not get ready for a throw.
     #[error("no throw for {seconds} s: the robot {phase}: {reason}")]
     NoThrow {
-        /// How long was waited.
+        /// Waiting time, in s.
         seconds: u64,
-        /// What it is about.
+        /// Phase of the robot.
         phase: &'static str,
-        /// Why.
+        /// Reason that the robot gave.
         reason: String,
     },
 }
 
 impl StageError {
-    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    /// Returns true if the caller can correct the error (exit code 2), false for a failure at run time (exit code 1).
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Channel(error) => error.is_usage(),

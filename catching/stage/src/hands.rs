@@ -1,61 +1,61 @@
-//! What hands hold in real time: until it has been felt, until it is thrown back, or until nobody waits any longer.
+//! Balls in the hands in real time. A hand holds a ball until it is explored, thrown back, or a timeout ends.
 
 use tactnet_catching_packets::packets::{HandOpening, ThrowPath};
 use tactnet_catching_world::{FlightSample, OPENING_NS, OpenCommand, Released, TICK_NS, World};
 
 use crate::judge::Over;
 
-/// Fingers begin to open only if they were told to within so long before, ns.
+/// Maximum age of an opening command at which the fingers begin to open, in ns.
 const TOLD_NS: u64 = 25_000_000;
-/// Samples of a flight.
+/// Maximum number of samples of a flight.
 const LONGEST: usize = 3000;
 
 /// A ball that a hand holds.
 pub(crate) struct Held {
     pub arm: usize,
-    /// What is to be told once it has been felt.
+    /// Result that is published once the ball is explored.
     pub over: Option<Over>,
-    /// Nobody waits for longer.
+    /// End of the timeout, in ns.
     pub until_ns: u64,
 }
 
 /// A ball that was thrown back.
 #[derive(Debug, Clone)]
 pub(crate) struct Thrown {
-    /// Counted from 1.
+    /// Number of the throw, counted from 1.
     pub number: u64,
-    /// What was meant.
+    /// Planned throw.
     pub path: ThrowPath,
     pub released: Released,
-    /// From the hand to the floor.
+    /// Flight from the hand to the floor.
     pub flight: Vec<FlightSample>,
-    /// Adds to the world's time to make it the host's.
+    /// Offset from the world's time to the host's, in ns.
     pub epoch_ns: u64,
 }
 
-/// Opens hands in time, and follows what leaves them.
+/// Opens hands on time and tracks the balls that leave them.
 #[derive(Debug, Default)]
 pub(crate) struct Letting {
-    /// The newest word, with the time at which it came.
+    /// Latest opening command, and its time of arrival in ns.
     told: Option<(HandOpening, u64)>,
-    /// The one that was carried out last.
+    /// Latest executed opening.
     opened: Option<HandOpening>,
-    /// When the last ball left, by the world's clock.
+    /// Time at which the last ball left, in ns of the world's clock.
     left_ns: Option<u64>,
-    /// What was planned last.
+    /// Latest planned throw.
     path: Option<ThrowPath>,
     away: Option<Thrown>,
-    /// Balls that were thrown back.
+    /// Number of balls that were thrown back.
     pub thrown: u64,
 }
 
 impl Letting {
-    /// Takes what the thrower means to do.
+    /// Records the planned throw.
     pub fn plan(&mut self, path: &ThrowPath) {
         self.path = Some(*path);
     }
 
-    /// Takes a hand's release.
+    /// Records an opening command of a hand.
     pub fn tell(&mut self, now_ns: u64, opening: &HandOpening) {
         if self.opened != Some(*opening) {
             self.told = Some((*opening, now_ns));
@@ -67,9 +67,9 @@ impl Letting {
         self.away.is_some()
     }
 
-    /// Begins to open a hand in the last tick in which it lets go in time.
+    /// Starts to open a hand in the last tick that still releases the ball on time.
     ///
-    /// - `epoch_ns`: adds to the world's time to make it the host's
+    /// - `epoch_ns`: offset from the world's time to the host's, in ns
     pub fn open(&mut self, world: &mut World, epoch_ns: u64) {
         let now_ns = world.time_ns() + epoch_ns;
         let due = |told: &mut (HandOpening, u64)| now_ns + OPENING_NS + TICK_NS > told.0.open_ns;
@@ -80,14 +80,14 @@ impl Letting {
             return;
         }
         self.opened = Some(opening);
-        // A hand that holds nothing opens in vain.
+        // Opening an empty hand has no effect.
         let _ = world.open(&OpenCommand {
             arm: usize::try_from(opening.arm).unwrap_or(usize::MAX),
             open_ns: opening.open_ns.saturating_sub(epoch_ns),
         });
     }
 
-    /// Lets what has left a hand in the last tick fly; returns a ball that was thrown back and has come down.
+    /// Advances the flights of released balls by a tick. Returns a ball that was thrown back and has landed.
     pub fn follow(&mut self, world: &mut World, epoch_ns: u64) -> Option<Thrown> {
         let left = world
             .released()
@@ -145,7 +145,7 @@ mod tests {
 
     const EPOCH_NS: u64 = 5_000_000_000;
 
-    /// A hand that stands, is told so every 4 ms until a time, and lets go at 5.2 s.
+    /// Simulates a hand at rest with a release at 5.2 s. The command is repeated every 4 ms until `last_ms`.
     fn told_until(last_ms: u64) -> (Option<Thrown>, World) {
         let robot = Robot::new(RobotDescription::nominal());
         let mut config = WorldConfig::default();
@@ -195,7 +195,7 @@ mod tests {
         assert!(same.len().abs_diff(thrown.flight.len()) <= 2);
     }
 
-    /// The robot has braked, or the thrower was killed.
+    /// As after a braking of the robot, or when the thrower was killed.
     #[test]
     fn a_hand_that_is_not_told_any_more_keeps_its_ball() {
         let (thrown, world) = told_until(160);

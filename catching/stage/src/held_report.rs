@@ -1,36 +1,38 @@
-//! What was heard of the calibration in a run.
+//! State of the calibration during a run.
 
 use serde::Serialize;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{CalibrationHold, CalibrationState};
 
-/// Whether the calibration held.
+/// Result of the calibration check.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HeldReport {
-    /// What the calibration is known by.
+    /// Identifier of the calibration.
     pub identity: String,
-    /// False if it no longer holds; `null` where too little was seen of the markers.
+    /// False if the calibration no longer holds, `null` if the markers were seen too rarely.
     pub holds: Option<bool>,
-    /// Throws that were over when that was noticed.
+    /// Number of finished throws at the detection.
     pub noticed_after_throws: Option<u64>,
-    /// Features of the left and of the right arm's marker that were looked at.
+    /// Number of checked features of the left and of the right arm's marker.
     pub innovations: [u64; ARMS],
-    /// Mean normalised square of the last of them, or of those when it was noticed; 2 where a calibration holds; `null` without any.
+    /// Mean normalised squared innovation at the end, or at the detection: 2 if the calibration holds, `null` without
+    /// features.
     pub mean_square: [Option<f64>; ARMS],
 }
 
-/// What was heard.
+/// Received states of the calibration.
 #[derive(Debug, Default)]
 pub(crate) struct HeardHold {
     last: Option<CalibrationState>,
-    /// The first word that it no longer holds, with the throws until then: a watch that begins again does not know any more.
+    /// First state that reports an invalid calibration, and the number of throws until then. A restarted watch no
+    /// longer knows it.
     lost: Option<(CalibrationState, u64)>,
-    /// Looked at by watches that have ended.
+    /// Numbers of features that earlier watches checked.
     before: [u64; ARMS],
 }
 
 impl HeardHold {
-    /// Takes a word; returns true if it is the first one that says that the calibration no longer holds.
+    /// Records a state. Returns true if it is the first one that reports an invalid calibration.
     pub fn take(&mut self, state: &CalibrationState, throws: u64) -> bool {
         if let Some(last) = &self.last {
             for arm in 0..ARMS {
@@ -47,7 +49,7 @@ impl HeardHold {
         is_new
     }
 
-    /// Returns what came of it; `None` where nobody watched.
+    /// Returns the result, or `None` without a watch.
     pub fn report(&self) -> Option<HeldReport> {
         let last = self.last.as_ref()?;
         let (judged, throws) = self
@@ -95,7 +97,7 @@ mod tests {
         assert_eq!(heard.report().unwrap().holds, Some(true));
         assert!(heard.take(&state(CalibrationHold::Lost, [0, 70], 11.0), 5));
         assert!(!heard.take(&state(CalibrationHold::Lost, [0, 80], 20.0), 6));
-        // Another watch.
+        // State of another watch.
         assert!(!heard.take(&state(CalibrationHold::NotTold, [0, 3], 25.0), 7));
         let expected = HeldReport {
             identity: "00000000000000ff".into(),

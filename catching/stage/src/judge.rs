@@ -1,4 +1,5 @@
-//! Says what became of a throw, whether it could have been caught, and where a ball came down that was thrown back.
+//! Judge: determines the outcome of a throw, the arms that could have caught it, and the landing point of a ball that
+//! was thrown back.
 
 use std::sync::mpsc::Receiver;
 
@@ -13,27 +14,27 @@ use tactnet_channel::{Bus, Priority};
 use crate::StageError;
 use crate::hands::Thrown;
 
-/// A throw that is over.
+/// A finished throw.
 pub(crate) struct Over {
     pub throw: u64,
     pub verdict: Verdict,
-    /// As if nobody had caught it.
+    /// Flight of the ball as if no hand had caught it.
     pub flight: Vec<FlightSample>,
-    /// Adds to the world's time to make it the host's.
+    /// Offset from the world's time to the host's, in ns.
     pub epoch_ns: u64,
-    /// What a caught ball is made of, where somebody feels it.
+    /// True material of a caught ball, if it is explored.
     pub material: Option<String>,
-    /// What it was felt to be.
+    /// Predicted material.
     pub felt: Option<FeltMaterial>,
 }
 
-/// What is judged.
+/// A flight to judge.
 pub(crate) enum Judged {
     Over(Box<Over>),
     Thrown(Box<Thrown>),
 }
 
-/// Judges until the other end is dropped.
+/// Judges flights until the sender is dropped.
 pub(crate) fn judge(
     bus: &Bus,
     robot: &Robot,
@@ -44,7 +45,7 @@ pub(crate) fn judge(
     let outcomes = bus.put_port::<CatchOutcome>("catch/outcome", Priority::Normal)?;
     let backs = bus.put_port::<ThrownBack>("throw/outcome", Priority::Normal)?;
     let oracle = CatchSpace::new(robot, lower_body);
-    // The catch space is that of stepped time, so that rates can be compared.
+    // The catch space of stepped time applies here, too, so that rates are comparable.
     let reaction = ChainDelays::ours().reaction(robot.description().cameras.rate);
     for judged in throws {
         match judged {
@@ -136,7 +137,7 @@ mod tests {
 
     use super::*;
 
-    /// A ball on a parabola from 1 m: 3 m/s ahead and 4 m/s up.
+    /// Returns a ball on a parabola from a height of 1 m, with 3 m/s ahead and 4 m/s up.
     fn thrown(target: [f64; 3]) -> Thrown {
         let state = |t: f64| BallState {
             position: Vector3::new(3.0 * t, 0.1, 1.0 + 4.0 * t - 5.0 * t * t),
@@ -168,7 +169,7 @@ mod tests {
     #[test]
     fn a_ball_comes_down_to_its_targets_height_and_one_that_stays_below_is_measured_where_it_was_nearest()
      {
-        // 1.2 m again after 0.746 s.
+        // The ball is at 1.2 m again after 0.746 s.
         let down = thrown_back(&thrown([2.2, 0.0, 1.2]));
         let [x, y, z] = down.came_down;
         assert!((x - 2.239).abs() < 1e-3 && y == 0.1 && z == 1.2, "{x}");
@@ -179,7 +180,7 @@ mod tests {
         );
         assert_eq!((down.speed, down.left_ns, down.number), (5.0, 1070, 2));
         assert!((down.length - x).abs() < 1e-9);
-        // Its summit is at 1.8 m, 1.2 m ahead.
+        // Its apex is at a height of 1.8 m, 1.2 m ahead.
         let below = thrown_back(&thrown([1.2, 0.1, 2.8]));
         assert!((below.miss - 1.0).abs() < 1e-3, "{}", below.miss);
     }

@@ -1,14 +1,14 @@
-//! The stage on which the catching stack acts: the simulated world in real time, and runs of all processes before it.
+//! Stage of the catching stack: the simulated world in real time, and runs of all processes in it.
 //!
 //! ```text
 //!            joint/command, hand/target
 //! stack ───────────────────────────────> world ─ truth (inside the process) ─> painter ─ camera/left, camera/right ─> eyes
 //!   ^                                      │  └─ flights, verdicts (inside the process) ─> judge ─ catch/outcome
-//!   └── joint/state, imu, ball/circles ────┘   balls that are thrown back: hand/open ─> world ─> judge ─ throw/outcome
+//! └── joint/state, imu, ball/circles ────┘   balls that are thrown back: hand/open ─> world ─> judge ─ throw/outcome
 //! ```
 //!
-//! What is true never leaves the world's process: it is on no channel and in no shared memory, so that no process of the stack can get at it.
-//! The judge's word leaves it when a throw is over.
+//! The true state never leaves the process of the world. It is on no channel and in no shared memory, so the stack
+//! cannot read it. The judge publishes the outcome after a throw.
 
 mod drive_watch;
 mod error;

@@ -1,4 +1,4 @@
-//! Draws what the cameras see, and puts it when a camera would have delivered it.
+//! Painter: renders camera pictures, and publishes them with the delay of a camera.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
@@ -11,16 +11,16 @@ use tactnet_channel::{Bus, Priority, now_ns};
 
 use crate::StageError;
 
-/// A moment to draw.
+/// State of the world at an exposure.
 pub(crate) struct Exposure {
     pub truth: Truth,
     pub frame: u64,
-    /// Of the host's clock.
+    /// Middle of the exposure, in ns of the host's clock.
     pub exposure_ns: u64,
     pub due_ns: u64,
 }
 
-/// Draws until the other end is dropped. Returns how many pictures were late.
+/// Renders pictures until the sender is dropped. Returns the number of late pictures.
 pub(crate) fn paint(
     bus: &Bus,
     robot: &RobotDescription,

@@ -1,30 +1,33 @@
-//! Throws of two balls, counted as in stepped time: once, in the catch space if two arms can catch one each, caught if both are.
+//! Throws of two balls, counted as in stepped time. A throw counts once. It is in the catch space if each ball has an
+//! arm that can catch it, and caught if both balls are.
 
 use serde::Serialize;
 use tactnet_catching_packets::packets::CatchOutcome;
 use tactnet_plot::wilson_of_counts;
 
-/// Throws of two balls.
+/// Statistics of throws of two balls.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PairReport {
-    /// Throws of which both balls were judged.
+    /// Number of throws with two judged balls.
     pub thrown: usize,
-    /// Of them, with both balls in the catch space of an arm of its own.
+    /// Number of throws in the catch space: each ball can be caught by a separate arm.
     pub catchable: usize,
-    /// Of those, with both caught.
+    /// Number of caught throws in the catch space.
     pub caught: usize,
-    /// The share of those; `null` without any.
+    /// Catch rate in the catch space; `null` without such throws.
     pub rate: Option<f64>,
-    /// Its 95 % interval (Wilson).
+    /// Lower end of the 95 % Wilson interval of the rate.
     pub ci95_low: f64,
-    /// The other end.
+    /// Upper end of the interval.
     pub ci95_high: f64,
-    /// Throws with both caught, in the catch space or not.
+    /// Number of caught throws, in the catch space or not.
     pub caught_of_all: usize,
 }
 
 impl PairReport {
-    /// - `outcomes`: in their order; `None` for throws of one ball
+    /// Computes the statistics.
+    ///
+    /// - `outcomes`: outcomes in temporal order; returns `None` for throws of one ball
     pub(crate) fn of(outcomes: &[CatchOutcome]) -> Option<Self> {
         let same_throw = |a: &CatchOutcome, b: &CatchOutcome| a.throw == b.throw;
         let throws = outcomes.chunk_by(same_throw);
@@ -45,7 +48,7 @@ impl PairReport {
     }
 }
 
-/// True if every ball can be caught by an arm of its own; arms are bits.
+/// Returns true if each ball can be caught by a separate arm. Arms are bits.
 fn have_arms(balls: &[CatchOutcome]) -> bool {
     let [a, b] = balls else {
         return false;
@@ -70,7 +73,7 @@ mod tests {
         let outcomes = [
             outcome(1, 3, 1),
             outcome(1, 1, 1),
-            // One arm for both.
+            // The same arm for both balls.
             outcome(2, 2, 1),
             outcome(2, 2, 1),
             outcome(3, 1, 1),
@@ -78,7 +81,7 @@ mod tests {
             // Out of reach.
             outcome(4, 0, 0),
             outcome(4, 3, 1),
-            // The run ended before the second.
+            // The run ended before the second ball was judged.
             outcome(5, 3, 1),
         ];
         let pairs = PairReport::of(&outcomes).unwrap();

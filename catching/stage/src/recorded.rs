@@ -1,8 +1,8 @@
-//! What recordings of the catching stack tell, of a robot as of the simulated world.
+//! Analysis of recordings of the catching stack, on a robot or in the simulated world.
 //!
 //! ```text
-//! tactnet record ─> FILE.mcap ─┬─> timing  from every exposure to its path, step by step, from the stamps in the packets
-//!                              └─> replay  circles and poses through the tracker, questions through the planners: the same answers?
+//! recording ─┬─> timing  from every exposure to its path, step by step, from the timestamps in the packets
+//! └─> replay  circles and poses through the tracker, requests through the planners; compares the results
 //! ```
 
 mod chain;
@@ -16,20 +16,18 @@ pub use replay::{Compared, Replayed, replay};
 pub use session::{read_session, write_session};
 pub use timing::{Step, Timing, timing};
 
-/// A recording that tells nothing.
+/// Error of the analysis of a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordedError {
-    /// No paths in it.
-    #[error(
-        "the recording holds no packets of a catching stack; `tactnet catch run --record FILE.mcap` makes one that does"
-    )]
+    /// The recording has no paths.
+    #[error("expected a recording of the catching stack, found no packets of it")]
     NotCatching,
-    /// Times of channels and times in packets cannot be compared.
+    /// Times of channels and times in packets are not comparable.
     #[error(
-        "the recording does not say when the channels' clock began, so that times in packets cannot be compared with it"
+        "the recording lacks the start of the channels' clock, so times in packets are not comparable with it"
     )]
     NoClock,
-    /// The stack's settings in the recording's table.
+    /// Invalid settings of the stack in the table of the recording.
     #[error("the recording's table: {0}")]
     Settings(#[from] tactnet_catching_roles::RoleError),
 }

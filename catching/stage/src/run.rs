@@ -1,4 +1,4 @@
-//! A run of everything: hub, world and every process of the stack, watched until it is over.
+//! A run of the whole stack: starts and supervises hub, world and all processes until the end.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -22,48 +22,48 @@ use crate::throw_report::HeardThrows;
 use crate::world_role::WorldReport;
 use crate::{RunReport, StageError, WorldSettings};
 
-/// How often processes are looked at.
+/// Polling period of the processes.
 const LOOK: Duration = Duration::from_millis(10);
-/// A robot that is not thrown at for so long does not get ready any more, s.
+/// Timeout without a throw after which the run fails, in s.
 const NO_THROW: u64 = 60;
-/// A run ends so long after nothing was held and nothing flew any more.
+/// Time without a held or flying ball after which a run ends.
 const QUIET: Duration = Duration::from_millis(1500);
-/// A process that ends so often, each time soon after its start, is given up.
+/// Number of early ends in a row after which a process is not restarted.
 const TRIES: usize = 5;
-/// Soon.
+/// Time after the start within which an end counts as early.
 const SOON: Duration = Duration::from_secs(5);
 
-/// A run of the whole stack before the simulated world, in real time.
+/// A run of the whole stack in the simulated world, in real time.
 #[derive(Debug, Clone)]
 pub struct CatchRun<'a> {
-    /// The `tactnet` command.
+    /// Executable of the `tactnet` command.
     pub program: &'a Path,
-    /// Where the table of channels is written.
+    /// Folder for the table of channels.
     pub folder: &'a Path,
     /// Settings of the stack.
     pub stack: RoleSettings,
     /// Settings of the world.
     pub world: WorldSettings,
-    /// What feels caught balls; `None`: nobody does.
+    /// Tactile classifier for caught balls; `None` disables it.
     pub feel: Option<Feel<'a>>,
-    /// Ends after so many throws.
+    /// Number of throws after which the run ends.
     pub throws: Option<u64>,
-    /// Ends after so long.
+    /// Time after which the run ends, in s.
     pub seconds: Option<f64>,
-    /// Everything that travels on the channels, but pictures, goes into this file.
+    /// File that records all channels except pictures.
     pub record: Option<&'a Path>,
     /// Commit of the program, for the recording.
     pub git: &'a str,
-    /// SCHED_FIFO for the loops of 1 kHz and the world, 1 to 99.
+    /// SCHED_FIFO priority of the 1 kHz loops and the world, from 1 to 99.
     pub priority: Option<u8>,
 }
 
-/// A classifier beside the stack, and the skin of the hand that sweeps over caught balls.
+/// Classifier process, and simulated skin of the hand that sweeps over caught balls.
 #[derive(Debug, Clone)]
 pub struct Feel<'a> {
-    /// Run directory of the network that serves.
+    /// Run directory of the network.
     pub run: &'a Path,
-    /// Settings of the simulated skin, as `tactnet catch role skin` reads them.
+    /// Settings of the simulated skin, as the process of the skin reads them.
     pub skin: String,
 }
 
@@ -86,9 +86,9 @@ impl Part {
         }
     }
 
-    /// Whether the robot brakes where it ends.
+    /// Returns true if the robot brakes when the process ends.
     fn is_needed_to_move(self) -> bool {
-        // Without a thrower the hand keeps its ball.
+        // Without a thrower, the hand keeps its ball.
         !matches!(
             self,
             Self::Skin
@@ -98,43 +98,43 @@ impl Part {
     }
 }
 
-/// What happens in a run.
+/// Event of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RunEvent {
-    /// All processes are ready; with the number of each.
+    /// All processes are ready. Holds their names and process IDs.
     Started(Vec<(&'static str, u32)>),
-    /// A throw is over.
+    /// A throw is finished.
     Thrown {
-        /// Throws so far.
+        /// Number of finished throws.
         throws: u64,
-        /// Caught so far.
+        /// Number of caught balls.
         caught: u64,
-        /// This one.
+        /// Outcome of this throw.
         outcome: CatchOutcome,
     },
-    /// A ball that was thrown back has come down.
+    /// A ball that was thrown back has landed.
     ThrownBack(ThrownBack),
-    /// A throw back came to nothing, and why.
+    /// A throw back failed. Holds the reason.
     NotThrown(String),
-    /// The calibration no longer holds: the robot is to be calibrated anew.
+    /// The calibration no longer holds; the robot needs a new one.
     NoLongerCalibrated(CalibrationState),
-    /// A process has ended by itself, and begins again.
+    /// A process ended by itself, and will be restarted.
     Ended {
-        /// Its name.
+        /// Name of the process.
         name: &'static str,
-        /// The robot brakes for it.
+        /// True if the robot brakes because of it.
         brakes: bool,
-        /// What it said last.
+        /// Last message of the process.
         said: String,
     },
-    /// It has begun again.
+    /// A process was restarted.
     Restarted {
-        /// Its name.
+        /// Name of the process.
         name: &'static str,
-        /// Its process.
+        /// New process ID.
         process: u32,
     },
-    /// The robot brakes.
+    /// The robot brakes. Holds the reason.
     Braked(String),
 }
 
@@ -143,7 +143,7 @@ struct Child {
     part: Part,
     process: ReadyProcess,
     begun: Instant,
-    /// Times in a row that it ended soon after its start.
+    /// Number of early ends in a row.
     soon: usize,
 }
 
@@ -159,16 +159,17 @@ impl CatchRun<'_> {
         Ok(self.stack.into_table(table))
     }
 
-    /// Starts everything on a bus of its own, and ends it when throws or time are up, or `stopped` returns true.
+    /// Starts all processes on a new bus. Stops them after the last throw, at the end of the time, or when `stopped`
+    /// returns true.
     ///
     /// # Errors
-    /// Channels, a process or a file that cannot be had; a process that ends again and again; a robot that does not get ready.
+    /// Missing channels, processes or files, a process that ends too often, or a robot that does not get ready.
     pub fn run(
         &self,
         on_event: &mut dyn FnMut(RunEvent),
         stopped: &dyn Fn() -> bool,
     ) -> Result<RunReport, StageError> {
-        // Nothing depends on it.
+        // Failure to clean up is harmless.
         let _ = remove_abandoned_buses("catch");
         let name = format!("catch{}", std::process::id());
         let table = match self.feel {
@@ -186,8 +187,8 @@ impl CatchRun<'_> {
         ran
     }
 
-    /// Returns the stack's settings for its processes: with a copy of the calibration, so that one that begins again has the same as all
-    /// others, whatever has become of the file.
+    /// Returns the settings for the stack's processes, with a copy of the calibration file. Restarted processes thus
+    /// have the same calibration even if the file has changed.
     fn keep_calibration(&self) -> Result<RoleSettings, StageError> {
         let mut stack = self.stack.clone();
         if let Some(kept) = self.stack.kept()? {
@@ -198,13 +199,13 @@ impl CatchRun<'_> {
         Ok(stack)
     }
 
-    /// As [`CatchRun::run`], on a bus whose hub runs.
+    /// Runs as [`CatchRun::run`], on a bus with a running hub.
     ///
-    /// - `table`: with what [`CatchRun::channels`] adds
-    /// - `path`: where it is written
+    /// - `table`: table that includes the result of [`CatchRun::channels`]
+    /// - `path`: file of the table
     ///
     /// # Errors
-    /// As [`CatchRun::run`].
+    /// Same as [`CatchRun::run`].
     pub fn run_on(
         &self,
         table: &Table,
@@ -213,7 +214,7 @@ impl CatchRun<'_> {
         stopped: &dyn Fn() -> bool,
     ) -> Result<RunReport, StageError> {
         let bus = Bus::open(Domain::Host, table)?;
-        // It hears the first packets of all.
+        // The recorder starts first, so that it receives all packets.
         let recording = self
             .record
             .map(|path| RunRecorder::start(&bus, table, path, self.git));
@@ -248,7 +249,7 @@ impl CatchRun<'_> {
             let over = self
                 .throws
                 .is_some_and(|throws| watched.heard.outcomes.len() as u64 >= throws * balls);
-            // The last ball is thrown back as well.
+            // The run waits until the last ball is thrown back.
             if over && (!self.world.throw_back || watched.busy.elapsed() > QUIET) {
                 break;
             }
@@ -257,7 +258,7 @@ impl CatchRun<'_> {
             }
         }
         let seconds = begun.elapsed().as_secs_f64();
-        // The controller last: whoever is told nothing any more stands already.
+        // The controller stops last, so that the robot stands still by then.
         let mut parts = Vec::new();
         let mut world = WorldReport::default();
         for child in children.into_iter().rev() {
@@ -281,7 +282,7 @@ impl CatchRun<'_> {
         Ok(report)
     }
 
-    /// Its processes, in an order in which they may start.
+    /// Returns the processes of the run, in a valid start order.
     fn parts(&self) -> Vec<Part> {
         let mut parts = vec![Part::World];
         if self.feel.is_some() {
@@ -319,7 +320,7 @@ impl CatchRun<'_> {
             command.args(["--priority", &priority.to_string()]);
         }
         command.arg("--table").arg(table);
-        // Nobody else is told how the world is.
+        // Only the world receives its settings.
         let started = match (part, &self.feel) {
             (Part::World, _) => {
                 ReadyProcess::start_with_input(&mut command, &settings_line(&self.world)?)
@@ -340,7 +341,7 @@ impl CatchRun<'_> {
         })
     }
 
-    /// Brakes the robot and starts a process again that has ended; returns 1 if it has.
+    /// Restarts a process that has ended, and brakes the robot if necessary. Returns 1 for a restart, otherwise 0.
     fn look_after(
         &self,
         child: &mut Child,
@@ -401,7 +402,7 @@ struct Watched {
     orders: PutPort<ControllerCommand>,
     heard: Heard,
     throws: HeardThrows,
-    /// When a hand held something last, or a throw was over.
+    /// Time of the last held ball or finished throw.
     busy: Instant,
     mode: Option<ControllerMode>,
     phase: CatchStatus,
@@ -427,7 +428,7 @@ impl Watched {
         })
     }
 
-    /// Takes what has come; returns true if a throw was over.
+    /// Takes all waiting packets. Returns true if a throw finished.
     fn look(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<bool, StageError> {
         let before = self.heard.outcomes.len() + self.throws.count();
         while let Some(packet) = self.paths.try_get()? {
@@ -518,12 +519,12 @@ impl Watched {
     }
 }
 
-/// A bus whose shared memory is removed when this is dropped.
+/// A bus whose shared memory is removed on drop.
 struct OwnBus<'a>(&'a Table);
 
 impl Drop for OwnBus<'_> {
     fn drop(&mut self) {
-        // Nothing depends on it.
+        // Failure to clean up is harmless.
         let _ = remove_bus(self.0);
     }
 }
@@ -535,7 +536,7 @@ fn write(path: &Path, text: &str) -> Result<(), StageError> {
     })
 }
 
-/// Settings of the world in a line, as its process reads them.
+/// Returns the settings of the world as a line, as the process of the world reads them.
 fn settings_line(settings: &WorldSettings) -> Result<String, StageError> {
     serde_json::to_string(settings).map_err(|error| StageError::Io {
         path: PathBuf::from("the world's settings"),
@@ -543,7 +544,7 @@ fn settings_line(settings: &WorldSettings) -> Result<String, StageError> {
     })
 }
 
-/// Reads a report; `None` for one of a process that was killed.
+/// Parses a report; returns `None` if the process was killed.
 fn report_of<T: serde::de::DeserializeOwned>(text: &str) -> Option<T> {
     serde_json::from_str(text.trim()).ok()
 }

@@ -1,4 +1,4 @@
-//! A recording beside a run.
+//! Recording of a run.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,14 +11,14 @@ use tactnet_recording::{About, Counts, Recorder, RecordingError};
 
 use crate::{RecordingReport, StageError};
 
-/// Longest sleep.
+/// Maximum sleep.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// A recording that goes on in a thread of its own. Its file is ended properly however the run ends, and a run goes on where its recording
-/// breaks off.
+/// A recorder in its own thread. It completes the file in every case, and a failed recording does not stop the
+/// run.
 pub(crate) struct RunRecorder {
     stop: Arc<AtomicBool>,
-    /// Absent once it has ended.
+    /// Absent after the end.
     thread: Option<JoinHandle<Result<Counts, RecordingError>>>,
 }
 
@@ -49,7 +49,7 @@ impl RunRecorder {
         })
     }
 
-    /// Ends the file.
+    /// Completes the file.
     pub fn finish(mut self) -> RecordingReport {
         match self.end() {
             Some(Ok(counts)) => RecordingReport {
@@ -101,7 +101,7 @@ mod tests {
         let recorder = RunRecorder::start(&bus, &table, &path, "").unwrap();
         let status = bus.put_port("catch/state", Priority::Normal).unwrap();
         status.put_copy(&[CatchStatus::zeroed()]).unwrap();
-        // As where an error leaves the run.
+        // An error would drop the recorder in the same way.
         drop(recorder);
         let recording = Recording::read(&path).unwrap();
         assert_eq!((recording.cut, recording.entries.len()), (None, 1));

@@ -1,4 +1,4 @@
-//! What came of a run.
+//! Results of a run.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::held_report::HeardHold;
 use crate::world_role::WorldReport;
 use crate::{HeldReport, PairReport, ThrowBackReport};
 
-/// What was heard on the channels.
+/// Packets that the report summarises.
 #[derive(Debug, Default)]
 pub(crate) struct Heard {
     pub outcomes: Vec<CatchOutcome>,
@@ -29,14 +29,14 @@ impl Heard {
         *self.brakes.entry(why.into()).or_default() += 1;
     }
 
-    /// Takes how many paths a controller has refused since it began, and what it said last.
+    /// Records the controller's count of refused paths and its last reason. A restarted controller counts from 0.
     pub fn refused(&mut self, count: u64, why: &str) {
         if count < self.refused_now {
             self.refused_now = 0;
         }
         let new = count - self.refused_now;
         if new > 0 {
-            // By how much each was late would make a line of each.
+            // Lateness is removed from the reason, so that late paths count under one entry.
             let why = if why.ends_with(" us late") {
                 "a path that came late"
             } else {
@@ -54,70 +54,71 @@ impl Heard {
     }
 }
 
-/// A run in figures.
+/// Results of a run in figures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunReport {
-    /// Balls thrown, with the judge's word.
+    /// Number of judged balls.
     pub balls: usize,
-    /// Of them, in the catch space: an arm could have caught them.
+    /// Number of balls in the catch space: an arm could have caught them.
     pub catchable: usize,
-    /// Of those, caught.
+    /// Number of caught balls in the catch space.
     pub caught: usize,
-    /// Share of the catchable ones that were caught; `null` without any.
+    /// Catch rate in the catch space; `null` without such balls.
     pub rate: Option<f64>,
-    /// Its 95 % interval (Wilson).
+    /// Lower end of the 95 % Wilson interval of the rate.
     pub ci95_low: f64,
-    /// The other end.
+    /// Upper end of the interval.
     pub ci95_high: f64,
-    /// Caught of all, in the catch space or not.
+    /// Number of caught balls, in the catch space or not.
     pub caught_of_all: usize,
-    /// Why balls of the catch space were missed.
+    /// Number of missed balls in the catch space, by cause.
     pub misses: BTreeMap<&'static str, usize>,
-    /// Throws of two balls, each counted once, as in stepped time.
+    /// Statistics of throws of two balls, each counted once, as in stepped time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pairs: Option<PairReport>,
-    /// Balls that were thrown back, where the robot does that.
+    /// Statistics of balls that were thrown back, if enabled.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub throw_back: Option<ThrowBackReport>,
-    /// Whether the calibration held, where there is one.
+    /// Result of the calibration check, if there is a calibration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<HeldReport>,
-    /// Caught balls that were felt to be of a material.
+    /// Number of caught balls with a predicted material.
     pub beliefs_after_catch: usize,
-    /// Of them, of the right one.
+    /// Number of correctly predicted materials.
     pub correct_materials: usize,
-    /// Sweeps over them, on average.
+    /// Mean number of sweeps per caught ball.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sweeps_a_ball: Option<f64>,
-    /// From the middle of an exposure to the first path that follows from it.
+    /// Time from the middle of an exposure to its first path.
     pub exposure_to_path_ms: Option<Milliseconds>,
-    /// How old the last picture was that a caught ball's path follows from, when it was caught.
+    /// Age of the last picture behind the path of a caught ball, at the catch.
     pub last_picture_age_ms: Option<Milliseconds>,
-    /// How old the head's last pose was, as used by that path: the thesis's last measurement with an inertial unit.
+    /// Age of the last head pose behind the path of a caught ball, at the catch: the last measurement with an
+    /// inertial unit of the thesis.
     pub last_measurement_age_ms: Option<Milliseconds>,
-    /// The controller's beat: 99.9 % of commands are put so soon after it.
+    /// 99.9th percentile of the time from the start of a controller cycle to its command, in µs.
     pub loop_p999_us: f64,
-    /// Times that the monitor made the robot brake, or would have.
+    /// Number of stops by the safety monitor, including those that were only reported.
     pub monitor_brakes: u64,
-    /// Of those, in vain.
+    /// Number of false stops among them.
     pub false_brakes: u64,
-    /// Why the robot braked.
+    /// Number of brakings, by reason.
     pub brakes: BTreeMap<String, u64>,
-    /// Paths that the controller refused.
+    /// Number of paths that the controller refused.
     pub paths_refused: u64,
-    /// Why, as far as it was heard.
+    /// Number of refused paths, by reason, as far as the reasons were received.
     pub refusals: BTreeMap<String, u64>,
-    /// Plans that found nothing.
+    /// Number of plan requests without a result.
     pub no_plans: u64,
-    /// Processes that ended by themselves and began again.
+    /// Number of processes that ended by themselves and were restarted.
     pub restarts: u64,
-    /// How long it ran, s.
+    /// Duration of the run, in s.
     pub seconds: f64,
-    /// Work of every process.
+    /// Statistics of each process.
     pub processes: BTreeMap<&'static str, RoleReport>,
-    /// The world.
+    /// Statistics of the world.
     pub world: WorldReport,
-    /// The recording, where there is one.
+    /// Statistics of the recording, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingReport>,
 }
@@ -189,19 +190,19 @@ impl RunReport {
     }
 }
 
-/// What was recorded of a run.
+/// Statistics of a recording of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct RecordingReport {
-    /// Packets.
+    /// Number of recorded packets.
     pub messages: u64,
-    /// Packets that were put and never came.
+    /// Number of packets that were published but not received.
     pub lost: u64,
-    /// Why the rest is missing: a full disk, for example.
+    /// Reason of an early end, for example a full disk.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub broke_off: Option<String>,
 }
 
-/// Returns why a ball was missed, for people.
+/// Returns the cause of a miss in words.
 pub fn cause(number: u32) -> &'static str {
     match number {
         0 => "caught",
@@ -242,7 +243,7 @@ mod tests {
         };
         heard.times.path(1_055_000_000, &path(1, 1_060_000_000));
         heard.times.path(1_095_000_000, &path(1, 1_100_000_000));
-        // A correction from the same picture.
+        // Correction from the same picture.
         let corrected = ArmPath {
             exposure_ns: 1_030_000_000,
             ..path(1, 1_116_000_000)

@@ -1,4 +1,4 @@
-//! Balls that were thrown back, in figures.
+//! Results of throwing balls back.
 
 use std::collections::BTreeMap;
 
@@ -6,35 +6,35 @@ use serde::Serialize;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{ThrowStatus, ThrownBack};
 
-/// Throws back in figures.
+/// Results of throwing balls back, in figures.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct ThrowBackReport {
-    /// Balls that were thrown back, with the judge's word.
+    /// Number of judged balls that were thrown back.
     pub throws_back: usize,
-    /// How far beside their target they came down, mm.
+    /// Distance between landing point and target, in mm.
     pub throw_miss_mm: Option<Misses>,
-    /// By how much balls of the left and of the right hand came down beside it on average, along x and y, mm.
+    /// Mean offset of the landing point from the target along x and y, for the left and the right hand, in mm.
     pub throw_beside_mm: [Option<[f64; 2]>; ARMS],
-    /// From the hand to where they came down, m, median.
+    /// Median distance from the hand to the landing point, in m.
     pub throw_length_m: Option<f64>,
-    /// By how much they left the hand later than planned, ms: the greatest amount.
+    /// Delay of the release with the largest magnitude, in ms.
     pub release_off_ms: Option<f64>,
-    /// Why throws came to nothing.
+    /// Number of failed throws, by reason.
     pub throws_failed: BTreeMap<String, u64>,
 }
 
-/// Distances from where balls were to come down, mm.
+/// Distances from landing points to targets, in mm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Misses {
     /// Median.
     pub p50: f64,
     /// 95th percentile.
     pub p95: f64,
-    /// The greatest.
+    /// Maximum.
     pub max: f64,
 }
 
-/// What was heard of throws back.
+/// Received packets about throws.
 #[derive(Debug, Default)]
 pub(crate) struct HeardThrows {
     thrown: Vec<ThrownBack>,
@@ -51,9 +51,9 @@ impl HeardThrows {
         self.thrown.len()
     }
 
-    /// Takes the thrower's word; returns why a throw came to nothing since the last one.
+    /// Records the thrower's status. Returns the reason if a throw has failed since the last one.
     pub fn status(&mut self, status: &ThrowStatus) -> Option<String> {
-        // A thrower that began again counts from 0.
+        // A restarted thrower counts from 0.
         let before = std::mem::replace(&mut self.failed_now, status.failed);
         let new = status.failed != before && status.failed > 0;
         new.then(|| {
@@ -95,7 +95,7 @@ impl HeardThrows {
     }
 }
 
-/// The least value that a share of all are not above.
+/// Returns the quantile of sorted values at a share, without interpolation.
 fn at(sorted: &[f64], share: f64) -> f64 {
     sorted[((share * sorted.len() as f64).ceil() as usize).clamp(1, sorted.len()) - 1]
 }

@@ -1,4 +1,4 @@
-//! The world in real time: joint commands and hands' targets in, what the robot senses out.
+//! The simulated world in real time: takes commands of joints and hands, and publishes sensor data.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Sender, SyncSender, TrySendError, channel, sync_channel};
@@ -19,19 +19,19 @@ use crate::hands::{Held, Letting};
 use crate::judge::{Judged, Over, judge};
 use crate::painter::{Exposure, paint};
 
-/// The drives take commands half a millisecond after the controllers' beats.
+/// Delay between a controller cycle and the tick at which the drives take its command, in ns.
 const AFTER_BEAT_NS: u64 = 500_000;
-/// A throw's ball is on its way for at most so long; the next throw waits for it, ns.
+/// Maximum duration of a flight, after which the next throw may start, in ns.
 const LONGEST_NS: u64 = 3_200_000_000;
 
-/// A ball that nobody feels or throws is let go after so long, ns.
+/// Timeout after which a hand drops a ball that is not explored or thrown, in ns.
 const LONGEST_HELD_NS: u64 = 30_000_000_000;
-/// Ticks between two packets about the hands.
+/// Number of ticks between two packets about the hands.
 const HAND_STATE_EVERY: u64 = 20;
 
-/// Returns the place of the material of which the ball of a grip is, among so many; `None` among none. Every seed has its own order.
+/// Returns the index of the material of the ball of a grip, or `None` without materials. Each seed has its own order.
 pub fn material_of_grip(seed: u64, grip: u64, materials: usize) -> Option<usize> {
-    // SplitMix64.
+    // SplitMix64 (Steele et al., 2014).
     let mut mixed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ grip;
     mixed = mixed.wrapping_add(0x9e37_79b9_7f4a_7c15);
     mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -42,40 +42,41 @@ pub fn material_of_grip(seed: u64, grip: u64, materials: usize) -> Option<usize>
         .map(|place| place as usize)
 }
 
-/// How the world behaves.
+/// Settings of the world.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WorldSettings {
-    /// The world.
+    /// Settings of the physics.
     pub world: WorldConfig,
-    /// Decides everything that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Balls of a throw, 1 or 2.
+    /// Number of balls per throw, 1 or 2.
     pub balls: usize,
-    /// The robot waits this long before a throw, s.
+    /// Time that the robot waits before a throw, in s.
     pub rest: f64,
-    /// From the middle of an exposure to the memory of the computer that sees, s.
+    /// Time from the middle of an exposure to the picture's arrival in memory, in s.
     pub camera: f64,
-    /// What a detector takes: circles that come straight from the truth are that much later than pictures, s.
+    /// Duration of circle detection, in s. Circles that come straight from the true state arrive that much later than
+    /// pictures.
     pub detection: f64,
-    /// Materials of which balls may be, by number of the grip; caught balls are held until they have been felt. Empty: nobody feels them.
+    /// Possible materials of the balls. A caught ball is held until it is explored; empty disables the exploration.
     pub materials: Vec<String>,
-    /// Caught balls stay in the hand until it is told to let go.
+    /// Caught balls stay in the hand until a command opens it.
     pub throw_back: bool,
-    /// Pictures are drawn; otherwise circles come straight from the truth, with noise, misses and clutter.
+    /// Renders pictures; otherwise circles come straight from the true state, with noise, misses and clutter.
     pub pixels: bool,
-    /// A tendon slips.
+    /// Tendon slip during the run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slip: Option<SlipAt>,
 }
 
-/// A tendon that slips in a run.
+/// A tendon slip during a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SlipAt {
-    /// Just before this throw, counted from 1.
+    /// Number of the throw after the slip, counted from 1.
     pub throw: u64,
-    /// Which one, and how far.
+    /// Slipping tendon and amount.
     pub tendon: TendonSlip,
 }
 
@@ -96,28 +97,28 @@ impl Default for WorldSettings {
     }
 }
 
-/// The process of the world.
+/// Process of the world.
 #[derive(Debug, Clone)]
 pub struct WorldRole {
-    /// How it behaves.
+    /// Settings.
     pub settings: WorldSettings,
 }
 
-/// What it did, for its report.
+/// Statistics of the world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldReport {
-    /// Throws.
+    /// Number of throws.
     pub throws: u64,
-    /// Ticks.
+    /// Number of ticks.
     pub ticks: u64,
-    /// Ticks that came more than a millisecond late.
+    /// Number of ticks that were more than 1 ms late.
     pub late_ticks: u64,
-    /// Times that the drives braked, because they heard nothing while joints moved.
+    /// Number of brakings of the drives because commands were missing while joints moved.
     pub drives_braked: u64,
-    /// Moments that were not drawn, since the painter was busy.
+    /// Number of exposures that were skipped because the painter was busy.
     pub undrawn: u64,
-    /// Pictures that were drawn too late.
+    /// Number of pictures that were rendered too late.
     pub late_pictures: u64,
 }
 
@@ -131,11 +132,11 @@ struct Ports {
     hands: PutPort<HandState>,
     joints: PutPort<JointState>,
     imu: PutPort<ImuSample>,
-    /// Where there are no pictures.
+    /// Present if no pictures are rendered.
     detected: Option<DetectedPorts>,
 }
 
-/// What detectors find in the pictures of an exposure.
+/// Detections in the pictures of an exposure.
 struct Detected {
     circles: [Circles; 2],
     markers: MarkerFeatures,
@@ -147,10 +148,10 @@ struct DetectedPorts {
 }
 
 impl WorldRole {
-    /// Opens its ports, calls `ready`, and runs until `stopped` returns true.
+    /// Opens the ports, calls `ready`, and runs until `stopped` returns true.
     ///
     /// # Errors
-    /// Channels that are missing or break down; settings that make no sense.
+    /// Missing or broken channels, and invalid settings.
     pub fn run(
         &self,
         bus: &Bus,
@@ -230,7 +231,7 @@ impl WorldRole {
             let ran = live.run(stopped);
             let mut report = live.report;
             report.drives_braked = live.drives.braked;
-            // Judge and painter end with what they were sent.
+            // Dropping the senders ends judge and painter.
             drop(live);
             if let Some(painter) = painted {
                 report.late_pictures = joined(painter)?;
@@ -257,20 +258,20 @@ struct LiveWorld<'a> {
     over: Sender<Judged>,
     exposures: Option<SyncSender<Exposure>>,
     report: WorldReport,
-    /// Adds to the world's time to make it the host's.
+    /// Offset from the world's time to the host's, in ns.
     epoch_ns: u64,
-    /// What is on its way from the detectors, with the time at which it arrives.
+    /// Pending detections, with their time of arrival in ns.
     detected: VecDeque<(u64, Detected)>,
-    /// What the robot says that it is about, and since when.
+    /// Phase of the robot, and the time of its start in ns.
     phase: (CatchPhase, u64),
     thrown_ns: Option<u64>,
-    /// Balls that were caught so far.
+    /// Number of caught balls.
     grips: u64,
-    /// A ball that a hand holds.
+    /// Ball in a hand.
     held: Option<Held>,
     letting: Letting,
     judged: usize,
-    /// Of the balls of the last throw, by number.
+    /// Number and flight of each ball of the last throw.
     flights: Vec<(u64, Vec<FlightSample>)>,
     balls: u64,
     frames: u64,
@@ -347,7 +348,7 @@ impl LiveWorld<'_> {
         Ok(())
     }
 
-    /// Whoever throws waits until the robot stands, and the last ball is gone.
+    /// Throws balls once the robot has waited long enough and the last ball is gone.
     fn throw(&mut self) -> Result<(), StageError> {
         let now = self.now_ns();
         let (phase, since) = self.phase;
@@ -366,7 +367,7 @@ impl LiveWorld<'_> {
             self.world.throw(self.settings.balls);
             self.thrown_ns = Some(now);
             self.report.throws += 1;
-            // Now, while the robot stands: it takes some milliseconds.
+            // Computed while the robot waits, because it takes several milliseconds.
             let numbers = self.balls..self.balls + self.settings.balls as u64;
             self.balls = numbers.end;
             self.flights = numbers
@@ -422,14 +423,14 @@ impl LiveWorld<'_> {
         Ok(())
     }
 
-    /// What the ball of a grip is made of, where that matters.
+    /// Returns the material of the ball of a grip, if balls are explored.
     fn material_of(&self, grip: u64) -> Option<&str> {
         let materials = &self.settings.materials;
         let place = material_of_grip(self.settings.seed, grip, materials.len())?;
         materials.get(place).map(String::as_str)
     }
 
-    /// Says what the hands hold, and lets go of what has been felt.
+    /// Publishes the state of the hands, and drops balls that were explored.
     fn feel(&mut self) -> Result<(), StageError> {
         let now = self.now_ns();
         let mut felt = None;
@@ -482,7 +483,7 @@ impl LiveWorld<'_> {
                 self.grips += 1;
                 over.material = self.material_of(self.grips).map(Into::into);
             }
-            // The judge ends only with the world.
+            // The judge runs as long as the world.
             let tell = |over: Over| drop(self.over.send(Judged::Over(Box::new(over))));
             let stays = verdict.caught() && self.settings.throw_back;
             if self.held.is_some() || !(over.material.is_some() || stays) {

@@ -1,4 +1,4 @@
-//! Catching and throwing back live: every part in a thread of its own, on channels, before the simulated world.
+//! Live catching and throwing back: one thread per process, on channels, in the simulated world.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use tactnet_catching_roles::{Role, RoleSettings, catching_channels};
 use tactnet_catching_stage::{WorldRole, WorldSettings};
 use tactnet_channel::{Bus, Domain, Hub, Start, Table, remove_bus};
 
-/// Nothing here takes so long, unless the machine does.
+/// Timeout of the test, far above its usual duration.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 #[test]

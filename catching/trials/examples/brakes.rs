@@ -1,4 +1,5 @@
-//! In how many throws would the monitor of self-collisions have braked, and was what it stopped caught? A line of JSON a throw, then the report.
+//! Counts throws in which the self-collision monitor would have braked, and those of them in which the ball was
+//! caught. Prints a line of JSON per throw, then the report.
 //!
 //!     cargo run --release -p tactnet-catching-trials --example brakes -- BALLS THROWS SEED
 

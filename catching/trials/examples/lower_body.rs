@@ -1,5 +1,5 @@
-//! What could be gained by planning platform and torso together with the arm? Of balls with known flights: which can be caught with a lower body
-//! that stands, with the rule (or standing), and with the best of many motions of the lower body.
+//! Measures the benefit of planning platform and torso together with the arm. For balls with known flights, compares
+//! the catches with a fixed lower body, with the rule, and with the best of many motions of the lower body.
 //!
 //!     cargo run --release -p tactnet-catching-trials --example lower_body -- THROWS SEED
 
@@ -15,15 +15,15 @@ use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
 use tactnet_catching_world::{World, WorldConfig};
 use tactnet_plot::wilson_of_counts;
 
-/// Of all three.
+/// Search grid of all three variants.
 const GRID: Grid = Grid {
     times: 30,
     hands: 24,
     elbows: 24,
 };
-/// When platform and torso stand again, s after the first path can begin.
+/// Times after the start of the first path at which platform and torso stand still again, in s.
 const ENDS: [f64; 4] = [0.15, 0.25, 0.35, 0.5];
-/// Shares of how far platform and torso come by then.
+/// Shares of the maximum distance of platform and torso within that time.
 const SHARES: [f64; 7] = [-1.0, -0.67, -0.33, 0.0, 0.33, 0.67, 1.0];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// The true flight from the moment at which the first path can begin, every 10 ms, inertial frame.
+/// Returns the true flight from the earliest start of a path on, every 10 ms, in the inertial frame.
 fn flight(robot: &Robot, seed: u64) -> Vec<Flight> {
     let world = World::new(
         robot.description(),
@@ -77,14 +77,14 @@ fn flight(robot: &Robot, seed: u64) -> Vec<Flight> {
         .map(|sample| Flight {
             p: sample.state.position,
             v: sample.state.velocity,
-            // Between samples of 10 ms alone.
+            // Only between samples of 10 ms.
             k: DRAG,
             lift: Vector3::zeros(),
         })
         .collect()
 }
 
-/// Can the ball be caught with a lower body that stands, with the rule, with the best of many motions?
+/// Returns true for each variant that can catch the ball: fixed lower body, rule, best of many motions.
 fn ways(robot: &Robot, planners: &[Planner; ARMS], flight: &[Flight]) -> [bool; 3] {
     if flight.is_empty() {
         return [false; 3];

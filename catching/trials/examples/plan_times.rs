@@ -1,4 +1,5 @@
-//! What does it cost to keep the whole way clear? The same problems with and without, in turns: JSON, a line each.
+//! Measures the computation time for keeping the whole path clear. Plans the same problems alternately with and
+//! without it, and prints a line of JSON each.
 //!
 //!     cargo run --release -p tactnet-catching-trials --example plan_times -- PROBLEMS SEED
 
@@ -8,7 +9,7 @@ use tactnet_catching::plan::{Objective, PlanConfig, WayConfig};
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::PlanBench;
 
-/// Each of both.
+/// Number of repetitions of each variant.
 const TURNS: usize = 3;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,27 +1,27 @@
-//! Parts of the stack that an experiment switches off.
+//! Parts of the stack that an ablation experiment disables.
 
 use serde::{Deserialize, Serialize};
 
-/// A part of the stack that is switched off to measure its effect.
+/// A disabled part of the stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ablation {
-    /// The head's pose follows from the joints alone.
+    /// Inertial unit: the head pose follows from the joints alone.
     Imu,
-    /// The tracker takes the ball's flight for a parabola.
+    /// Drag: the tracker assumes parabolic flights.
     Drag,
-    /// The first plan is carried out.
+    /// Replanning: the robot executes the first plan.
     Replan,
-    /// Plans begin with the best candidate alone.
+    /// Multiple starts: the planner uses only the best candidate.
     Multistart,
-    /// Platform and torso stand still.
+    /// Lower body: platform and torso do not move.
     LowerBody,
-    /// Where no exact catch is left, the arm carries on as it was.
+    /// Near misses: without an exact catch, the arm continues its current path.
     NearMiss,
 }
 
 impl Ablation {
-    /// Returns its name, as on the command line.
+    /// Returns the name, such as `lower-body`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Imu => "imu",

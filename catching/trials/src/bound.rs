@@ -1,29 +1,30 @@
-//! How exactly a ball's flight can be predicted at all: the bound of Cramer and Rao for circles of both cameras with a head that stands still.
+//! Cramer-Rao bound for the prediction of flights from the circles of both cameras with a fixed head.
 
 use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, SVector, Vector3};
 use tactnet_catching::flight::{BALL_RADIUS, Flight};
 use tactnet_catching_packets::Cameras;
 
-/// Standard deviations of a circle: centre and radius, px.
+/// Standard deviation of the centre of a circle, in pixels.
 const CENTRE: f64 = 0.3;
 const RADIUS: f64 = 0.4;
-/// What is known of the drag before, as a share.
+/// Relative standard deviation of the drag before the first picture.
 const DRAG_PRIOR: f64 = 0.15;
 
-/// The least root mean squares that an unbiased prediction can have.
+/// Minimum root mean square error of an unbiased prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bound {
-    /// From the last picture to the catch, s.
+    /// Time from the last picture to the catch, in s.
     pub left: f64,
-    /// Across the flight, mm.
+    /// Error perpendicular to the flight, in mm.
     pub across_mm: f64,
-    /// Along the flight, ms.
+    /// Error along the flight, in ms.
     pub along_ms: f64,
 }
 
-/// Returns the bounds of a flight of `seconds`, from the second picture on, for a head at `head` (inertial frame).
+/// Returns the bounds for a flight of `seconds`, from the second picture on, for a head at `head` in the inertial
+/// frame.
 ///
-/// - `first`: time from the release to the first picture, s
+/// - `first`: time from the release to the first picture, in s
 pub fn bounds(
     release: &Flight,
     first: f64,
@@ -114,8 +115,9 @@ mod tests {
 
     use super::*;
 
-    /// A throw from 5 m that is caught after 0.8 s at 6.4 m/s; figures for 10 and 15 pictures were computed by others for these cameras:
-    /// 9.0 and 2.9 mm, 2.1 and 0.83 ms. Where the head and the catch were there is not said, so a third is granted.
+    /// A throw from 5 m that is caught after 0.8 s at 6.4 m/s. Published values for these cameras are 9.0 and 2.9 mm,
+    /// 2.1 and 0.83 ms for 10 and 15 pictures. The places of head and catch are not published, so the tolerance is a
+    /// third.
     #[test]
     fn bounds_are_near_those_that_others_found() {
         let cameras = RobotDescription::nominal().cameras;

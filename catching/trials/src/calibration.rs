@@ -1,4 +1,5 @@
-//! Calibration of the simulated robot, and what it is worth: hands at poses that it has not seen, balls caught before and after.
+//! Calibration of the simulated robot and its evaluation: positions of hands in held-out poses, and catch rates
+//! before and after.
 
 mod file;
 mod page;
@@ -36,143 +37,143 @@ use tactnet_catching::ChainDelays;
 use tactnet_plot::wilson_of_counts;
 use unseen::{Standing, distances};
 
-/// Places of a sweep that the choice of configurations looks at.
+/// Number of points of a sweep that the choice of configurations considers.
 const VIEWS: usize = 6;
-/// Seeds of unseen poses and of noise in them are this far from the session's.
+/// Offset between the session's seed and the seed of held-out poses and their noise.
 const APART: u64 = 7_919;
 
 /// A calibration of the simulated robot.
 #[derive(Debug, Clone)]
 pub struct CalibrationTrial {
-    /// The robot as described.
+    /// Robot as described.
     pub robot: Robot,
-    /// The world, planted errors included; where they name no robot, they are those of robot `seed`.
+    /// World including planted errors. If they name no robot, they are those of robot `seed`.
     pub world: WorldConfig,
-    /// The stack's settings.
+    /// Settings of the calibration.
     pub config: CalibrationConfig,
-    /// How the robot moves.
+    /// Motion of the robot during the session.
     pub routine: RoutineConfig,
-    /// Of noise, candidates, unseen poses and throws.
+    /// Seed of noise, candidates, held-out poses and throws.
     pub seed: u64,
-    /// Configurations of each arm.
+    /// Number of configurations per arm.
     pub of_each_arm: usize,
-    /// Random configurations that they are chosen from.
+    /// Number of random candidates for the configurations.
     pub candidates: usize,
-    /// Unseen poses.
+    /// Number of held-out poses.
     pub unseen: usize,
-    /// Throws of the series before and after; 0: none.
+    /// Number of throws before and after the calibration each; 0 for none.
     pub throws: u64,
 }
 
-/// What came out of a session.
+/// Result of the calibration of a session.
 #[derive(Debug, Clone, Serialize)]
 pub struct SolveReport {
-    /// Configurations of both arms.
+    /// Number of configurations of both arms.
     pub configurations: usize,
-    /// Features in pictures.
+    /// Number of features in pictures.
     pub features: usize,
-    /// Time that the robot needs at its joints' speeds, s.
+    /// Duration of the session at the joint speeds of the robot, in s.
     pub robot_seconds: f64,
-    /// Time of the solver, s.
+    /// Time of the solver, in s.
     pub solve_seconds: f64,
-    /// Its iterations.
+    /// Number of iterations.
     pub iterations: usize,
-    /// Cost of the minimum.
+    /// Cost at the minimum.
     pub cost: f64,
-    /// Median residual of features, in that of the noise alone.
+    /// Median residual of the features divided by that of the noise alone.
     pub fit: f64,
-    /// Share of features more than five standard deviations off.
+    /// Share of features with a residual of more than five standard deviations.
     pub outlying: f64,
-    /// Directions of which the session says least.
+    /// Parameter directions that the session determines worst.
     pub worst_determined: Vec<Determined>,
-    /// The parameters.
+    /// Estimated parameters.
     pub calibration: Calibration,
-    /// The same as it is kept.
+    /// The calibration in its file format.
     #[serde(skip)]
     pub kept: KeptCalibration,
 }
 
-/// What a calibration of the simulated robot gave. All but the times repeats to the bit.
+/// Result of a calibration trial. Everything except the times is reproducible bit by bit.
 #[derive(Debug, Clone, Serialize)]
 pub struct CalibrationReport {
-    /// Of noise, candidates, unseen poses and throws.
+    /// Seed of noise, candidates, held-out poses and throws.
     pub seed: u64,
-    /// Mean distance between where the calibrated stack and the world put hands at unseen poses, in the cameras' frames, mm.
+    /// Mean distance between the estimated and the true hand in held-out poses in the cameras' frames, in mm.
     pub mean_mm: f64,
-    /// Worst, mm.
+    /// Maximum of that distance, in mm.
     pub worst_mm: f64,
-    /// The same before.
+    /// Distances before the calibration.
     pub raw: Distances,
-    /// Unseen poses, each seen from both cameras.
+    /// Number of held-out poses, each seen by both cameras.
     pub unseen: usize,
-    /// Of the session.
+    /// Result of the session.
     #[serde(flatten)]
     pub solved: SolveReport,
-    /// Random configurations that those of the session were chosen from.
+    /// Number of random candidates for the configurations.
     pub candidates: usize,
-    /// `log det` of what is known with the chosen configurations, in standard deviations of the priors.
+    /// `log det` of the information from the chosen configurations, relative to the priors.
     pub log_det: f64,
-    /// As many configurations, drawn and not chosen.
+    /// Results of the same number of random configurations.
     pub random: RandomFigures,
-    /// Throws of each series.
+    /// Number of throws before and after the calibration each.
     pub throws: u64,
-    /// Of those, in the catch space.
+    /// Number of throws in the catch space.
     pub in_catch_space: usize,
-    /// Share of them that is caught with the planted errors; `None` without throws.
+    /// Catch rate in the catch space with the planted errors; `None` without throws.
     pub catch_rate_before: Option<f64>,
-    /// The same after calibration.
+    /// Catch rate after the calibration.
     pub catch_rate_after: Option<f64>,
-    /// Wilson's 95 % interval of `catch_rate_before`.
+    /// 95 % Wilson interval of `catch_rate_before`.
     pub catch_rate_before_ci95: Option<[f64; 2]>,
-    /// Wilson's 95 % interval of `catch_rate_after`.
+    /// 95 % Wilson interval of `catch_rate_after`.
     pub catch_rate_after_ci95: Option<[f64; 2]>,
-    /// Balls in the catch space that were missed before, by cause.
+    /// Number of missed balls in the catch space before the calibration, by cause.
     pub misses_before: BTreeMap<String, usize>,
-    /// The same after.
+    /// Number of missed balls in the catch space after the calibration, by cause.
     pub misses_after: BTreeMap<String, usize>,
-    /// What was recorded.
+    /// Recorded session.
     #[serde(skip)]
     pub session: Session,
-    /// What means and worst values are of.
+    /// Values behind means and maxima.
     #[serde(skip)]
     pub samples: CalibrationSamples,
 }
 
-/// Figures of configurations that were drawn and not chosen.
+/// Results of random configurations.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct RandomFigures {
-    /// Of as many configurations.
+    /// `log det` of the same number of random configurations.
     pub log_det: f64,
-    /// How much more of `log det` the chosen ones give.
+    /// Additional `log det` of the chosen configurations.
     pub log_det_gain: f64,
-    /// Mean distance of hands at the same unseen poses, mm.
+    /// Mean distance of hands in the same held-out poses, in mm.
     pub mean_mm: f64,
-    /// Worst, mm.
+    /// Maximum distance, in mm.
     pub worst_mm: f64,
-    /// Time that the robot needs, s.
+    /// Duration of the session, in s.
     pub robot_seconds: f64,
 }
 
-/// What a trial is at.
+/// Phase of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
-    /// Configurations are chosen.
+    /// Choosing configurations.
     Choosing,
-    /// Sessions are simulated.
+    /// Simulating sessions.
     Moving,
-    /// The problem is solved.
+    /// Solving the least-squares problem.
     Solving,
-    /// Balls are thrown; told after each.
+    /// Throwing balls; reported after each throw.
     Throwing,
 }
 
 impl SolveReport {
     /// Calibrates a robot from a session.
     ///
-    /// - `last`: the last good calibration, to begin from
+    /// - `last`: last valid calibration, the starting point of the solver
     ///
     /// # Errors
-    /// Where there is no calibration.
+    /// A session that does not give a valid calibration.
     pub fn new(
         model: &Model,
         config: &CalibrationConfig,
@@ -201,10 +202,10 @@ impl SolveReport {
 }
 
 impl CalibrationTrial {
-    /// Runs session, solver, unseen poses and throws.
+    /// Runs session, solver, held-out poses and throws.
     ///
     /// # Errors
-    /// Where settings make no sense, and where there is no calibration.
+    /// Invalid settings, or a session that does not give a valid calibration.
     pub fn run(&self, progress: impl Fn(Progress) + Sync) -> Result<CalibrationReport, TrialError> {
         let model = Model::new(&self.robot);
         progress(Progress::Choosing);
@@ -213,7 +214,7 @@ impl CalibrationTrial {
         let chosen = choose(&model, &self.config, &drawn, &views, self.of_each_arm)?;
         let configurations: Vec<Candidate> =
             chosen.numbers.iter().map(|number| drawn[*number]).collect();
-        // Arms are drawn in turn.
+        // Candidates alternate between both arms.
         let random: Vec<Candidate> = drawn[..ARMS * self.of_each_arm].to_vec();
         progress(Progress::Moving);
         let world = self.world();
@@ -283,7 +284,7 @@ impl CalibrationTrial {
         Ok(all)
     }
 
-    /// The world, with a robot that is the same in all of its runs.
+    /// Returns the world with the same robot in all runs.
     fn world(&self) -> WorldConfig {
         let mut world = self.world.clone();
         world.errors.robot.get_or_insert(self.seed);
@@ -344,7 +345,7 @@ mod tests {
         }
     }
 
-    /// The limits are the goals; seven in ten configurations of the command's are left out.
+    /// The limits are the goals, although the test omits seven in ten configurations of the command's default.
     #[test]
     fn hands_at_unseen_poses_are_where_the_calibrated_stack_puts_them() {
         for seed in [2, 3] {
@@ -354,10 +355,10 @@ mod tests {
             assert!(report.worst_mm <= 9.1, "{}", report.worst_mm);
             assert!(report.random.log_det_gain > 0.0, "{:?}", report.random);
             assert!(report.solved.robot_seconds < 300.0);
-            // What the model cannot tell apart is named.
+            // Indistinguishable parameters are reported.
             let worst = &report.solved.worst_determined[0];
             assert!(worst.left > 0.99 && !worst.unknowns.is_empty(), "{worst:?}");
-            // The values that the figures are of.
+            // Values behind the statistics.
             let samples = &report.samples;
             for (all, mean) in [
                 (&samples.raw_mm, report.raw.mean_mm),
@@ -391,7 +392,7 @@ mod tests {
         assert_eq!(text(&report), text(&run(1)));
     }
 
-    /// A recorded session of a robot, with its model and a calibration file that is there already.
+    /// Returns a recorded session of a robot with its model.
     fn recorded() -> (Model, Session, CalibrationTrial) {
         let trial = trial(5, 0);
         let model = Model::new(&trial.robot);
@@ -434,12 +435,12 @@ mod tests {
                 }
             }),
             ("at least 5 configurations of the right arm, found 2", |s| {
-                // Arms were drawn in turn.
+                // Configurations alternate between both arms.
                 s.pictures.retain(|p| p.arm == 0 || p.configuration < 5);
             }),
             ("expected arm 0 or 1, found 2", |s| s.pictures[7].arm = 2),
             ("something is not as the model says", |s| {
-                // Left and right by turns, as if pictures were of two robots.
+                // Alternating left and right offsets, as if the pictures belonged to two robots.
                 for (number, picture) in s.pictures.iter_mut().enumerate() {
                     for feature in picture.features.iter_mut().flatten() {
                         feature[0] += if number % 2 == 0 { 2.0 } else { -2.0 };
@@ -460,7 +461,7 @@ mod tests {
         std::fs::remove_file(path).unwrap();
     }
 
-    /// A tendon slips by a degree after calibration: the sensor says so much less than before.
+    /// A tendon slips by a degree after the calibration, so the sensor reads that much less.
     #[test]
     fn a_slipped_tendon_asks_for_calibration_and_a_good_robot_does_not() {
         let (model, session, trial) = recorded();

@@ -1,4 +1,4 @@
-//! How well balls are found in pictures, and how long that takes.
+//! Benchmark of the ball detector: accuracy and computation time.
 
 use std::time::Instant;
 
@@ -16,101 +16,102 @@ use crate::perception::{isometry, known_pose};
 use crate::quantiles::Quantiles;
 use crate::throw::{nanoseconds, ticks, world_seed};
 
-/// Seconds before a ball is thrown.
+/// Time before a ball is thrown, in s.
 const WAIT: f64 = 0.3;
-/// Seconds after which a ball has passed.
+/// Time after which a ball has passed, in s.
 const LONGEST: f64 = 1.5;
-/// A circle is a ball's if its centre is this near, pixels and share of the radius, and its radius within the share.
+/// Maximum distance of a true detection from the ball in pixels, and as a share of the radius; also the maximum
+/// relative error of the radius.
 const NEAR: (f64, f64) = (4.0, 0.2);
-/// Radii that rates are given for, pixels: least ones of the classes.
+/// Lower ends of the radius classes, in pixels.
 const CLASSES: [f64; 4] = [0.0, 12.0, 24.0, 48.0];
-/// The neck looks about, rad and rad/s.
+/// Amplitude in rad and angular frequency in rad/s of the head's motion.
 const LOOKING: (f64, f64) = (0.12, 3.0);
 
-/// What is measured.
+/// Settings of the benchmark.
 #[derive(Debug, Clone)]
 pub struct DetectBench {
-    /// Throws of one ball each.
+    /// Number of throws of one ball each.
     pub throws: usize,
-    /// Of throws, rooms, people and noise.
+    /// Seed of throws, rooms, people and noise.
     pub seed: u64,
-    /// The world.
+    /// Settings of the world.
     pub world: WorldConfig,
-    /// The detector.
+    /// Settings of the detector.
     pub config: CircleConfig,
 }
 
-/// What was measured. All but the times repeats to the bit.
+/// Results. Everything except the times is reproducible bit by bit.
 #[derive(Debug, Clone, Serialize)]
 pub struct DetectReport {
-    /// Throws.
+    /// Number of throws.
     pub throws: usize,
-    /// Of throws, rooms, people and noise.
+    /// Seed of throws, rooms, people and noise.
     pub seed: u64,
-    /// Pictures of both cameras.
+    /// Number of pictures of both cameras.
     pub pictures: usize,
-    /// Width and height, pixels.
+    /// Width and height, in pixels.
     pub size: [usize; 2],
-    /// Each picture on its own.
+    /// Results for independent pictures.
     pub search: DetectFigures,
-    /// With gates where the tracker expects the ball.
+    /// Results with gates at the positions that the tracker predicts.
     pub gated: DetectFigures,
 }
 
-/// The detector's figures.
+/// Statistics of the detector.
 #[derive(Debug, Clone, Serialize)]
 pub struct DetectFigures {
-    /// Balls that are wholly in a picture.
+    /// Number of balls that are completely in a picture.
     pub balls: usize,
-    /// Share of them that was found.
+    /// Recall of these balls.
     pub recall: f64,
-    /// The same by radius.
+    /// Results by radius.
     pub by_radius: Vec<RadiusClass>,
-    /// Circles that are no balls, mean number a picture.
+    /// Mean number of false detections per picture.
     pub false_alarms: f64,
-    /// Error of a found ball's centre, each way, pixels, root mean square.
+    /// Root mean square error of the centre along each axis, in pixels.
     pub centre_px_rms: Option<f64>,
-    /// Median of the centre's distance from the true one, pixels.
+    /// Median distance of the centre from the true one, in pixels.
     pub centre_px_median: Option<f64>,
-    /// Error of its radius, pixels, root mean square.
+    /// Root mean square error of the radius, in pixels.
     pub radius_px_rms: Option<f64>,
-    /// Mean error of the radius, pixels.
+    /// Mean error of the radius, in pixels.
     pub radius_px_mean: Option<f64>,
-    /// A picture, milliseconds, one core.
+    /// Computation time per picture on one core, in ms.
     pub picture_ms: Option<Quantiles>,
 }
 
-/// Balls of some radii.
+/// Results for a class of radii.
 #[derive(Debug, Clone, Serialize)]
 pub struct RadiusClass {
-    /// Least radius, pixels.
+    /// Minimum radius, in pixels.
     pub least: f64,
-    /// Balls.
+    /// Number of balls.
     pub balls: usize,
-    /// Share that was found.
+    /// Recall.
     pub recall: Option<f64>,
-    /// Error of the centre, each way, pixels, root mean square.
+    /// Root mean square error of the centre along each axis, in pixels.
     pub centre_px_rms: Option<f64>,
 }
 
-/// A picture with what is in it.
+/// A picture with ground truth and detections.
 pub struct Taken {
-    /// Of which throw.
+    /// Index of the throw.
     pub throw: usize,
-    /// 0 left, 1 right.
+    /// Camera, 0 for left and 1 for right.
     pub camera: usize,
-    /// `[height][width]`.
+    /// Grey levels, shape `[height][width]`.
     pub pixels: Vec<u8>,
-    /// The ball, if it is wholly in the picture, without distortion.
+    /// The ball without distortion, if it is completely in the picture.
     pub ball: Option<Circle>,
-    /// What our detector found in it on its own.
+    /// Detections of this project in the picture alone.
     pub circles: Vec<Circle>,
 }
 
 #[derive(Default)]
 struct Kept {
     errors: Vec<[f64; 3]>,
-    /// True radius, and whether it was found, with the squared error of the centre.
+    /// True radius of each ball, and the squared error of the centre if it was found.
     balls: Vec<(f64, Option<f64>)>,
     false_alarms: usize,
     pictures: usize,
@@ -118,13 +119,13 @@ struct Kept {
 }
 
 impl DetectBench {
-    /// Measures.
+    /// Runs the benchmark.
     ///
-    /// - `progress`: told how many throws are done
-    /// - `keep`: told of every picture
+    /// - `progress`: receives the number of finished throws
+    /// - `keep`: receives every picture
     ///
     /// # Errors
-    /// Where the robot's description or a setting makes no sense.
+    /// An invalid description of the robot or an invalid setting.
     pub fn run(
         &self,
         robot: &Robot,
@@ -180,7 +181,8 @@ impl DetectBench {
         })
     }
 
-    /// What is when pictures are taken, from shortly before a throw until the ball has passed. The head looks about.
+    /// Returns the true states at the exposures, from shortly before a throw until the ball has passed. The head
+    /// moves.
     fn exposures(&self, robot: &Robot, seed: u64) -> Result<Vec<Truth>, TrialError> {
         let ready = robot.waiting();
         let mut world = World::new(robot.description(), &self.world, seed, &ready)?;
@@ -223,11 +225,11 @@ impl DetectBench {
     }
 }
 
-/// The ball of a picture, if all of it is in there.
+/// Returns the ball in a picture if it is completely inside.
 fn whole(pictures: &Pictures, truth: &Truth, camera: usize) -> Option<Circle> {
     let [width, height] = pictures.size().map(|size| size as f64);
     let circle = pictures.outline(truth, camera, 0)?;
-    // The lens moves it by up to a few hundredths.
+    // The lens displaces the ball by up to a few hundredths of the width.
     let margin = circle.r + 0.04 * width;
     let inside = |x: f64, size: f64| x > margin && x < size - margin;
     (inside(circle.u, width) && inside(circle.v, height)).then_some(circle)
@@ -301,7 +303,7 @@ impl Kept {
     }
 }
 
-/// Returns true if a found circle is the ball's.
+/// Returns true if a detection matches the ball.
 pub fn is_ball(circle: &Circle, ball: &Circle) -> bool {
     let near = NEAR.0.max(NEAR.1 * ball.r);
     (circle.u - ball.u).hypot(circle.v - ball.v) < near && (circle.r - ball.r).abs() < near

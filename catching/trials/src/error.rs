@@ -7,45 +7,45 @@ use tactnet_catching::throw::NoThrow;
 use tactnet_catching::track::TrackError;
 use tactnet_catching_world::WorldError;
 
-/// Why a trial cannot be run.
+/// Error of a trial.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrialError {
-    /// Settings of the world make no sense.
+    /// Invalid settings of the world.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// There is no map.
+    /// The map cannot be built.
     #[error(transparent)]
     Map(#[from] MapError),
-    /// The head's pose cannot be estimated.
+    /// The head pose cannot be estimated.
     #[error(transparent)]
     Pose(#[from] PoseError),
     /// Balls cannot be tracked.
     #[error(transparent)]
     Track(#[from] TrackError),
-    /// Nothing can be thrown.
+    /// No throw is possible.
     #[error(transparent)]
     Throw(#[from] NoThrow),
-    /// A setting out of range.
+    /// A setting is out of range.
     #[error("`{setting}`: expected {expected}, found {found}")]
     Setting {
-        /// Its name.
+        /// Name of the setting.
         setting: &'static str,
-        /// What it must be.
+        /// Expected values.
         expected: &'static str,
-        /// What it is.
+        /// Value found.
         found: String,
     },
-    /// There is no calibration; the last one stays.
+    /// The calibration failed; the previous one stays valid.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// A robot whose markers its cameras hardly ever see.
+    /// Too few configurations show the robot's markers to its cameras.
     #[error(
-        "expected {expected} configurations in which a marker is seen and the way is free, found {found}"
+        "expected {expected} configurations with a visible marker and a collision-free path, found {found}"
     )]
     NoConfigurations {
-        /// So many were asked for.
+        /// Number of requested configurations.
         expected: usize,
-        /// So many were found.
+        /// Number of configurations found.
         found: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! Eyes: pictures drawn from the truth, and the circles in them.
+//! Rendered pictures and the circles detected in them.
 
 use bytemuck::Zeroable;
 use tactnet_catching::Robot;
@@ -32,9 +32,9 @@ impl Eyes {
         })
     }
 
-    /// Draws both pictures of a moment and finds circles in them, balls where they are expected.
+    /// Renders both pictures of a time and detects circles, with gates at the predicted balls.
     ///
-    /// - `head`: where the head is thought to be
+    /// - `head`: estimated head pose
     pub fn see(
         &mut self,
         truth: &Truth,

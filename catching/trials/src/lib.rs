@@ -1,8 +1,9 @@
-//! Throw series in stepped time and benchmarks of planner and tracker: the stack and the world together.
+//! Throw series in stepped time, and benchmarks of planner and tracker: the stack and the world together.
 //!
-//! A [`Series`] runs throw after throw, tick by tick, with every delay as configured, and repeats to the bit: the world says what is sensed,
-//! the stack where joints are to be and when hands close, the world's judge what was caught. An [`CatchSpace`](tactnet_catching::CatchSpace) that knows the true flight says
-//! which balls could have been.
+//! A [`Series`] runs throw after throw, tick by tick, with all configured delays, and is reproducible bit by bit. The
+//! world provides the sensor values, the stack the joint commands and closing times, and the world's judge the
+//! verdicts. A [`CatchSpace`](tactnet_catching::CatchSpace) with knowledge of the true flight determines the
+//! catchable balls.
 
 mod ablation;
 mod bound;

@@ -1,4 +1,5 @@
-//! Before a throw among obstacles: the robot looks about with its arms held up, a box is put elsewhere, it looks again, and lowers its arms.
+//! Mapping before a throw among obstacles. The robot looks around with raised arms, a box is moved, the robot looks
+//! again, and lowers its arms.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,48 +19,49 @@ use tactnet_catching_world::{DepthConfig, TICK_NS, World};
 use crate::error::TrialError;
 use crate::throw::{ThrowConfig, ticks};
 
-/// Pan and tilt of the head for each picture, rad.
+/// Pan and tilt of the head for each depth picture, in rad.
 const VIEWS: [[f64; 2]; 4] = [[1.0, 0.55], [0.35, 0.55], [-0.35, 0.55], [-1.0, 0.55]];
-/// Joints that turn far take so much of their top speed.
+/// Share of the maximum joint speed for large motions.
 const PACE: f64 = 0.4;
-/// No motion takes less, s,
+/// Minimum duration of a motion, in s.
 const LEAST: f64 = 0.3;
-/// and after each the robot stands so long, s.
+/// Standstill after each motion, in s.
 const STAND: f64 = 0.15;
 
-/// What the robot makes of what stands about.
+/// Use of a map by the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Mapping {
-    /// It does not look, and plans as if nothing stood about.
+    /// The robot does not look around, and plans without obstacles.
     #[default]
     Off,
-    /// It goes through the motions of looking, takes no pictures, and plans as if nothing stood about: what a map is compared with.
+    /// The robot makes the motions of looking around, but takes no pictures, and plans without obstacles. The
+    /// baseline for the map.
     Blind,
-    /// It maps what its depth camera shows and plans among that.
+    /// The robot builds a map from depth pictures and plans with it.
     Depth,
 }
 
-/// A robot that has looked about.
+/// State of a robot after it has looked around.
 pub(crate) struct Looked {
-    /// Where joints stand now.
+    /// Joint positions.
     pub joints: [f64; JOINTS],
-    /// What it has seen.
+    /// Distance field of the map.
     pub field: Option<Arc<DistanceField>>,
-    /// From the pictures of the last look to the map, s.
+    /// Time from the last depth pictures to the map, in s.
     pub seconds: f64,
 }
 
-/// Commands that move a robot through what comes before a throw.
+/// Motions of a robot before a throw.
 struct Motions<'a> {
     robot: &'a Robot,
     world: &'a mut World,
-    /// As commanded last.
+    /// Last commanded joint positions.
     joints: [f64; JOINTS],
-    /// As measured last.
+    /// Last measured joint positions.
     measured: [f64; JOINTS],
 }
 
-/// Returns joints in which the robot looks about: as it waits, but for the arms, which are held up.
+/// Returns the joint positions for looking around: the waiting pose with raised arms.
 fn looking(robot: &Robot) -> [f64; JOINTS] {
     let mut joints = robot.waiting();
     for arm in 0..ARMS {
@@ -68,7 +70,8 @@ fn looking(robot: &Robot) -> [f64; JOINTS] {
     joints
 }
 
-/// Returns a world with a robot that waits, having looked about if it is to; where it does not look, joints begin at `ready`.
+/// Returns a world with a robot in its waiting pose, after it has looked around if required. Without looking, the
+/// joints start at `ready`.
 pub(crate) fn begin(
     config: &ThrowConfig,
     seed: u64,
@@ -88,9 +91,9 @@ pub(crate) fn begin(
     Ok((world, looked))
 }
 
-/// Looks, has boxes put elsewhere, looks again and lowers the arms. An arm whose way down is not clear stays up.
+/// Looks around, moves the boxes, looks again and lowers the arms. An arm whose path down is not clear stays up.
 ///
-/// - `world`: in which the robot stands as [`looking`] says
+/// - `world`: world with the robot in the pose of [`looking`]
 fn look_about(
     robot: &Robot,
     mapping: Mapping,
@@ -143,7 +146,7 @@ fn look_about(
     })
 }
 
-/// Returns settings of a map for a depth camera.
+/// Returns the settings of a map for a depth camera.
 fn fusion_config(depth: &DepthConfig) -> FusionConfig {
     FusionConfig {
         camera: DepthCamera {
@@ -175,7 +178,7 @@ fn own_body(robot: &Robot, joints: &[f64; JOINTS], chest: &Isometry3<f64>) -> Ve
 }
 
 impl Motions<'_> {
-    /// Moves joints to where they are to be, and stands for a while.
+    /// Moves the joints to the given positions, and waits until they stand still.
     fn go_to(&mut self, there: &[f64; JOINTS]) {
         let seconds = self.seconds_to(there);
         let ramps: [Ramp; JOINTS] = std::array::from_fn(|i| {
@@ -195,7 +198,7 @@ impl Motions<'_> {
             let sensed = self.world.step(&command, &[None; ARMS]);
             self.measured = sensed.joints.q;
         }
-        // Where the ramps end but for rounding.
+        // The ramps end there except for rounding errors.
         self.joints = *there;
     }
 
@@ -221,7 +224,7 @@ impl Motions<'_> {
         for arm in 0..ARMS {
             let own = joint::ARM[arm].clone();
             let down = self.robot.ready(arm);
-            // Straight: all joints begin and end together, at whatever pace.
+            // All joints start and end together, so the path in joint space is straight at any speed.
             let way: [Ramp; ARM_JOINTS] = std::array::from_fn(|i| {
                 Ramp::between(self.joints[own.start + i], 0.0, down[i], 1.0, f64::INFINITY)
             });
@@ -256,7 +259,7 @@ mod tests {
         }
     }
 
-    /// What the map says of points about the true boxes, where the last look could see them from the front.
+    /// Compares the map with the true boxes at points that the last look could see from the front.
     #[test]
     fn the_map_shows_boxes_where_they_stand_and_not_where_they_stood() {
         let config = table_and_box();
@@ -275,7 +278,7 @@ mod tests {
                 if standing == table {
                     continue;
                 }
-                // Above it there is as much room as there is; beside it, what it hides counts as solid.
+                // Above a box, distances are correct; next to it, occluded space counts as solid.
                 for up in [0.05, 0.1, 0.2] {
                     let over = middle + Vector3::new(0.0, 0.0, 0.5 * standing.size[2] + up);
                     let truth = world
@@ -290,7 +293,7 @@ mod tests {
                     );
                 }
             }
-            // Where the box was before, and neither is now nor behind it.
+            // The former place of the box, if it is neither at nor behind the new one.
             let old = Vector3::from(before.boxes()[1].middle);
             let apart = moved.distance(&old);
             if apart > 0.15 && moved.middle[0] > before.boxes()[1].middle[0] {
@@ -325,7 +328,7 @@ mod tests {
         let field = looked.field.unwrap();
         for joints in [looking(&robot), robot.waiting()] {
             let chest = robot.chest(&joints);
-            // The torso below is not in view; what is behind what the camera sees of the floor is below the map.
+            // The lower torso is out of view. Space behind the visible floor is below the map.
             let spheres = own_body(&robot, &joints, &chest);
             let least = spheres
                 .iter()
@@ -357,7 +360,7 @@ mod tests {
         assert_eq!(world.contacts().ticks, 0);
         assert_eq!(seen.joints[joint::ARM[0].clone()], robot.raised(0));
         assert_eq!(seen.joints[joint::ARM[1].clone()], robot.ready(1));
-        // The robot that does not look touches it.
+        // The robot that does not look touches the box.
         let (world, blind) = looked(&under, 1, Mapping::Blind);
         assert!(world.contacts().ticks > 0 && blind.field.is_none());
     }

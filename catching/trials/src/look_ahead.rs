@@ -1,4 +1,4 @@
-//! How wrong predictions were: each against where the ball really was when it came to the hand.
+//! Errors of predictions, compared with the true ball at the hand.
 
 use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, Vector3};
 use tactnet_catching::flight::Flight;
@@ -7,32 +7,32 @@ use tactnet_catching_world::{FlightSample, TICK_NS};
 
 use crate::chi_square::chi_square_band;
 
-/// A prediction farther from a ball than this is not of it, m.
+/// Maximum distance between a prediction and its ball, in m.
 pub(crate) const SAME_BALL: f64 = 0.5;
 
-/// How wrong a prediction was.
+/// Error of a prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LookAhead {
-    /// From the exposure of its last picture to the catch, s.
+    /// Time from the exposure of its last picture to the catch, in s.
     pub left: f64,
-    /// Across the flight at the catch, mm.
+    /// Error perpendicular to the flight at the catch, in mm.
     pub across_mm: f64,
-    /// Along the flight, ms; early is negative.
+    /// Error along the flight in ms; negative if early.
     pub along_ms: f64,
-    /// What the filter says of `across_mm`, root mean square, mm.
+    /// Root mean square of `across_mm` according to the filter, in mm.
     pub sigma_across_mm: f64,
-    /// What the filter says of `along_ms`.
+    /// Standard deviation of `along_ms` according to the filter, in ms.
     pub sigma_along_ms: f64,
-    /// Normalised squared error of the position as seen from the head; 3 on average if the covariance is right.
+    /// Normalised squared error of the position seen from the head; 3 on average if the covariance is correct.
     pub nees: f64,
 }
 
-/// A prediction, with what was true at its exposure.
+/// A prediction and the true head pose at its exposure.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Said {
     pub exposure_ns: u64,
     pub prediction: BallPrediction,
-    /// From where the head was thought to be to where it was, at the exposure.
+    /// Transformation from the estimated to the true head pose at the exposure.
     pub aligned: Isometry3<f64>,
 }
 
@@ -48,7 +48,7 @@ impl Said {
         flight.after((t_ns as f64 - ball.t_ns as f64) * 1e-9)
     }
 
-    /// Returns where the ball was said to be at a time, seen from where the head really was.
+    /// Returns the predicted ball at a time, corrected for the error of the head pose.
     pub fn at(&self, t_ns: u64) -> Flight {
         let then = self.as_said(t_ns);
         Flight {
@@ -59,7 +59,8 @@ impl Said {
         }
     }
 
-    /// Returns how far from a ball's true flight it was said to be at the exposure, m; `None` if the ball did not fly then.
+    /// Returns the distance of the predicted ball from a true flight at the exposure in m, or `None` if the ball did
+    /// not fly then.
     pub fn distance(&self, flight: &[FlightSample]) -> Option<f64> {
         let sample = flight
             .iter()
@@ -68,8 +69,8 @@ impl Said {
             .then(|| (self.at(self.exposure_ns).p - sample.state.position).norm())
     }
 
-    /// Compares with the truth at the moment of the catch. What matters to a hand is where the ball is seen from the head, which carries
-    /// on its pose until then: `aligned` leads from where it is thought to be at the catch to where it is.
+    /// Computes the error at the time of the catch. A hand needs the ball relative to the head, which integrates its
+    /// pose until then: `aligned` maps the estimated head pose at the catch to the true one.
     pub fn judge(
         &self,
         aligned: &Isometry3<f64>,
@@ -97,7 +98,7 @@ impl Said {
         }
     }
 
-    /// The covariance of the position, by differences along the flight.
+    /// Returns the covariance of the position, by finite differences along the flight.
     fn covariance_at(&self, t_ns: u64) -> Matrix3<f64> {
         let ball = &self.prediction;
         let dt = (t_ns as f64 - ball.t_ns as f64) * 1e-9;
@@ -130,32 +131,32 @@ impl Said {
     }
 }
 
-/// Returns the ball of a sample, with the drag that is usual.
+/// Returns the ball of a sample with the usual drag.
 pub(crate) fn as_flight(sample: &FlightSample) -> Flight {
     Flight::with_usual_drag(sample.state.position, sample.state.velocity)
 }
 
-/// Returns where the ball of a true flight, sampled every millisecond, was at a time; `None` before its first sample.
+/// Returns the ball of a true flight, sampled every millisecond, at a time; `None` before its first sample.
 pub(crate) fn true_at(flight: &[FlightSample], at_ns: u64) -> Option<Flight> {
     let sample = flight.iter().rfind(|sample| sample.t_ns <= at_ns)?;
     Some(as_flight(sample).after((at_ns - sample.t_ns) as f64 * 1e-9))
 }
 
-/// How wrong many predictions were, and whether the filter knew.
+/// Root mean square errors of many predictions, and the consistency of the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Errors {
-    /// Across the flight, mm, root mean square.
+    /// Root mean square error perpendicular to the flight, in mm.
     pub across_mm_rms: f64,
-    /// Along the flight, ms, root mean square.
+    /// Root mean square error along the flight, in ms.
     pub along_ms_rms: f64,
-    /// Mean of the normalised squared error of the position; 3 if the covariance is right.
+    /// Mean normalised squared error of the position; 3 if the covariance is correct.
     pub nees: f64,
-    /// 95 % band of that mean, if it were.
+    /// 95 % band of that mean for a correct covariance.
     pub nees_band: [f64; 2],
 }
 
 impl Errors {
-    /// Returns those of some predictions; `None` of none.
+    /// Returns the statistics of predictions, or `None` for none.
     pub fn of(ahead: &[LookAhead]) -> Option<Self> {
         if ahead.is_empty() {
             return None;
@@ -172,7 +173,7 @@ impl Errors {
         })
     }
 
-    /// Returns true if the mean lies in its band.
+    /// Returns true if the mean is within its band.
     pub fn nees_in_band(&self) -> bool {
         let [low, high] = self.nees_band;
         low <= self.nees && self.nees <= high

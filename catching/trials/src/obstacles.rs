@@ -1,4 +1,4 @@
-//! Throws among obstacles: what was touched, what was caught, and how long it takes from looking to planning.
+//! Throws among obstacles: contacts, catches, and time from looking to planning.
 
 mod page;
 mod scene;
@@ -16,67 +16,68 @@ use crate::series::SeriesReport;
 use crate::throw::{BallOutcome, ThrowOutcome};
 use tactnet_plot::wilson_of_counts;
 
-/// What happened to a robot that looked about before a throw.
+/// Result of a throw in which the robot looked around.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AmongObstacles {
-    /// What it touched.
+    /// Contacts of the robot.
     pub contacts: Contacts,
-    /// Plans that found obstacles in every way.
+    /// Number of plans without a collision-free path.
     pub obstructed: u64,
-    /// Arms that stayed up because their way down was not clear.
+    /// Number of arms that stayed up because their path down was not clear.
     pub arms_held_up: usize,
-    /// From the pictures of the last look to the map, s.
+    /// Time from the last depth pictures to the map, in s.
     pub look_seconds: f64,
-    /// The first plans, both arms', s; `None`: none was asked for.
+    /// Time of the first plans of both arms in s; `None` without a plan request.
     pub plan_seconds: Option<f64>,
 }
 
-/// What a series among obstacles gave beside what every series gives.
+/// Additional results of a series among obstacles.
 #[derive(Debug, Clone, Serialize)]
 pub struct ObstaclesReport {
-    /// Throws in which the robot touched anything, from the first look to the verdict.
+    /// Number of throws with a contact, from the first look to the verdict.
     pub contacts: usize,
-    /// Wilson's 95 % interval of their share.
+    /// 95 % Wilson interval of their share.
     pub contacts_ci95: [f64; 2],
-    /// Of those, by part of the robot that went deepest.
+    /// Number of throws with a contact, by the part of the robot with the deepest one.
     pub contact_parts: BTreeMap<String, usize>,
-    /// The deepest contact, mm.
+    /// Deepest contact, in mm.
     pub contact_mm_max: f64,
-    /// Throws in which at least one plan found obstacles in every way.
+    /// Number of throws with at least one plan without a collision-free path.
     pub obstructed: usize,
-    /// Arms that stayed up because their way down was not clear.
+    /// Number of arms that stayed up because their path down was not clear.
     pub arms_held_up: usize,
-    /// Throws in which all balls were caught and nothing was touched.
+    /// Number of throws with all balls caught and no contact.
     pub untouched_catches: usize,
-    /// From the four depth pictures of a look to the first plan of both arms: fusion, transform, planning; ms. Depends on the machine.
+    /// Time from the four depth pictures of a look to the first plans of both arms (fusion, transform, planning), in
+    /// ms. Depends on the machine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub look_to_plan_ms: Option<Quantiles>,
-    /// Of that, fusion and transform, ms.
+    /// Time of fusion and transform, in ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub look_ms: Option<Quantiles>,
-    /// The same throws without a map.
+    /// Results of the same throws without a map.
     #[serde(flatten)]
     pub without_map: Option<WithoutMap>,
 }
 
-/// The same throws by a robot that does not look.
+/// Results of the same throws by a robot that does not look around.
 #[derive(Debug, Clone, Serialize)]
 pub struct WithoutMap {
-    /// Throws in which it touched anything.
+    /// Number of throws with a contact.
     pub contacts_without_map: usize,
-    /// Caught of those in the catch space.
+    /// Catch rate in the catch space.
     pub rate_without_map: f64,
-    /// Throws in which all balls were caught and nothing was touched.
+    /// Number of throws with all balls caught and no contact.
     pub untouched_catches_without_map: usize,
-    /// The deepest contact, mm.
+    /// Deepest contact, in mm.
     pub contact_mm_max_without_map: f64,
-    /// Throws that the oracle can catch: not always the same, since arms that stay up wait elsewhere.
+    /// Number of throws in the catch space. It may differ, since raised arms wait elsewhere.
     #[serde(skip)]
     pub in_catch_space: usize,
-    /// Of those, caught.
+    /// Number of caught throws in the catch space.
     #[serde(skip)]
     pub caught: usize,
-    /// Numbers of the throws in which it touched anything.
+    /// Numbers of the throws with a contact.
     #[serde(skip)]
     pub touched: Vec<u64>,
 }
@@ -104,7 +105,7 @@ fn deepest_mm(outcomes: &[ThrowOutcome]) -> f64 {
 }
 
 impl ObstaclesReport {
-    /// Returns what the throws gave; `None` if the robot did not look about.
+    /// Returns the results of a series; `None` if the robot did not look around.
     pub(crate) fn of(outcomes: &[ThrowOutcome]) -> Option<Self> {
         let among: Vec<AmongObstacles> = outcomes
             .iter()
@@ -150,7 +151,7 @@ impl ObstaclesReport {
 }
 
 impl WithoutMap {
-    /// Returns what a series of a robot that does not look gave.
+    /// Returns the results of a series of a robot that does not look around.
     pub(crate) fn of(report: &SeriesReport) -> Self {
         let outcomes = &report.outcomes;
         let those = outcomes.iter().filter(|outcome| touched(outcome));

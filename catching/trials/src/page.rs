@@ -1,4 +1,4 @@
-//! A series as a page: rates, errors before the catch, one throw drawn.
+//! HTML page of a series: rates, errors before the catch, one drawn throw.
 
 use std::fmt::Write;
 
@@ -16,13 +16,13 @@ use crate::series::{Series, SeriesReport};
 use crate::sheet::{LEFT, WIDTH, sheet};
 use crate::trace::{Trace, TraceTick};
 
-/// What plans cost that are no exact catch, and more.
+/// Minimum cost of plans that are not exact catches.
 const NEAR_MISS: f64 = 10.0;
 
-/// Returns a page that needs no network.
+/// Returns a self-contained page.
 ///
 /// # Errors
-/// As the series: the drawn throw is run again.
+/// Same as the series, because the drawn throw is simulated again.
 pub fn series_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
     let mut html = String::new();
     headline(&mut html, report);
@@ -96,7 +96,7 @@ fn headline(html: &mut String, report: &SeriesReport) {
     }
 }
 
-/// Root mean squares of errors in bins of a picture's time, the filter's own and the bound.
+/// Draws the root mean square errors over the time to the catch, those according to the filter, and the bound.
 fn errors(series: &Series, report: &SeriesReport) -> Option<String> {
     let all: Vec<&LookAhead> = report
         .outcomes
@@ -155,7 +155,7 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<String> {
     ))
 }
 
-/// The bound of a throw from 5 m with 7 m/s.
+/// Returns the bound of a throw from 5 m with 7 m/s.
 fn typical_bound(robot: &Robot) -> Vec<Bound> {
     let release = Flight {
         p: Vector3::new(5.6, 0.0, 1.5),
@@ -185,7 +185,7 @@ fn over_time(title: &str, label: &str, curves: &[Vec<(f64, f64)>]) -> Option<Str
     Some(figure(WIDTH, 300.0, title, &(axes.grid() + &lines)))
 }
 
-/// Balls and hands from above, a marker every 40 ms.
+/// Draws balls and hands from above, with a marker every 40 ms.
 fn from_above(trace: &Trace) -> String {
     let axes = Axes {
         left: LEFT,

@@ -1,4 +1,4 @@
-//! The same circles for other trackers: what cameras see of throws, where to begin, and what ours makes of it.
+//! Circles of throws for other trackers, with initial states and the results of this project.
 
 use std::time::Instant;
 
@@ -13,128 +13,129 @@ use crate::error::TrialError;
 use crate::look_ahead::Said;
 use crate::still_head::{Detectors, StillThrow};
 
-/// Throws with all that their models need. SI units, pixels; inertial frame.
+/// Throws with all parameters of their models, in SI units and pixels, inertial frame.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerCircles {
-    /// Of throws, noise and clutter.
+    /// Seed of throws, noise and clutter.
     pub seed: u64,
-    /// The cameras.
+    /// Cameras.
     pub cameras: PeerCameras,
-    /// Gravity less buoyancy, over the mass with the air that the ball moves, m/s^2.
+    /// Gravity minus buoyancy per effective mass, in m/s^2.
     pub gravity: f64,
-    /// Radius of the ball, m.
+    /// Radius of the ball, in m.
     pub ball_radius: f64,
-    /// Settings of our tracker, the same for all throws.
+    /// Settings of this project's tracker, equal for all throws.
     pub config: TrackConfig,
-    /// The throws.
+    /// Throws.
     pub throws: Vec<PeerThrow>,
 }
 
-/// Two cameras that look along the head's x axis; y is to the left, z up.
+/// Two cameras along the head's x axis; y points left, z up.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct PeerCameras {
-    /// Where the left and the right one are, head's frame, m.
+    /// Positions of the left and the right camera in the head frame, in m.
     pub offsets: [[f64; 3]; 2],
-    /// Focal length, pixels.
+    /// Focal length, in pixels.
     pub focal: f64,
-    /// Width and height of a picture, pixels.
+    /// Width and height of a picture, in pixels.
     pub size: [f64; 2],
-    /// Exposure, s.
+    /// Exposure time, in s.
     pub exposure: f64,
 }
 
-/// One ball, seen from a head that stands still.
+/// One ball, seen from a head at rest.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerThrow {
-    /// Its number in the series.
+    /// Number in the series.
     pub number: u64,
-    /// Position of the head, m.
+    /// Position of the head, in m.
     pub head: [f64; 3],
-    /// Rotation from the head's frame to the inertial one, row by row.
+    /// Rotation from the head frame to the inertial frame, row by row.
     pub head_rotation: [[f64; 3]; 3],
-    /// When the ball is to be caught, ns.
+    /// Time of the catch, in ns.
     pub catch_ns: u64,
-    /// Where it truly is then, m.
+    /// True position at the catch, in m.
     pub p: [f64; 3],
-    /// Its true velocity then, m/s.
+    /// True velocity at the catch, in m/s.
     pub v: [f64; 3],
-    /// With detectors that find the ball alone; `None` if our tracker never reported it.
+    /// Pictures without clutter and misses; `None` if the tracker never reported the ball.
     pub alone: Option<PeerFilter>,
-    /// With clutter and misses; `None` if our tracker did not report the ball before what it is judged by.
+    /// Pictures with clutter and misses; `None` if the tracker did not report the ball before the evaluated
+    /// prediction.
     pub cluttered: Option<PeerTrack>,
 }
 
 /// Position, velocity, drag and lift, with their covariance.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct PeerState {
-    /// Of when, ns.
+    /// Time, in ns.
     pub t_ns: u64,
-    /// m, m/s, 1/m, 1/s.
+    /// Position in m, velocity in m/s, drag in 1/m, lift in 1/s.
     pub x: [f64; STATES],
-    /// Row by row.
+    /// Covariance, row by row.
     pub covariance: [[f64; STATES]; STATES],
 }
 
-/// One filter of which is known which circles are its ball's.
+/// A single filter with known association of circles and ball.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerFilter {
-    /// Where it begins: our tracker's first report.
+    /// Initial state: the tracker's first report.
     pub start: PeerState,
-    /// The pictures after that.
+    /// Subsequent pictures.
     pub pairs: Vec<PeerStep>,
 }
 
-/// A pair of pictures with a ball and nothing else, and our filter after it.
+/// A pair of pictures that contains only a ball, and the filter state after it.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerStep {
-    /// u, v, r, pixels, left and right; `None` where the ball is not in the picture.
+    /// u, v and r in pixels, left and right; `None` if the ball is not in the picture.
     pub circles: [Option<[f64; 3]>; 2],
-    /// Ours, at the time of the pictures.
+    /// Filter state of this project at the time of the pictures.
     pub ours: PeerState,
-    /// How long ours took, microseconds.
+    /// Computation time of this project's filter, in µs.
     pub us: f64,
 }
 
-/// A tracker that is told where its ball is once.
+/// A tracker with a given initial state.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerTrack {
-    /// Where it begins: our tracker's first report.
+    /// Initial state: the tracker's first report.
     pub start: PeerState,
-    /// The pictures after that, up to the last ones at least 200 ms before the catch.
+    /// Subsequent pictures, up to the last pair at least 200 ms before the catch.
     pub pairs: Vec<PeerPair>,
-    /// Ours after the last pair; `None` if it lost the ball.
+    /// Result of this project's tracker after the last pair; `None` if it lost the ball.
     pub ours: Option<PeerPrediction>,
 }
 
 /// All circles of a pair of pictures.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerPair {
-    /// When they were taken, ns.
+    /// Time of the exposure, in ns.
     pub t_ns: u64,
-    /// u, v, r, pixels, left and right.
+    /// u, v and r in pixels, left and right.
     pub circles: [Vec<[f64; 3]>; 2],
-    /// How long our tracker took, microseconds.
+    /// Computation time of this project's tracker, in µs.
     pub us: f64,
 }
 
-/// What our tracker says after the last pair, and how wrong that is at the catch.
+/// Prediction of this project's tracker after the last pair, and its error at the catch.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct PeerPrediction {
-    /// Its state.
+    /// State of the tracker.
     pub state: PeerState,
-    /// Across the flight, mm.
+    /// Error perpendicular to the flight, in mm.
     pub across_mm: f64,
-    /// Along the flight, ms; early is negative.
+    /// Error along the flight in ms; negative if early.
     pub along_ms: f64,
     /// Normalised squared error of the position.
     pub nees: f64,
 }
 
-/// Returns the first `count` throws of a seed, the same as those of a [`TrackBench`](crate::TrackBench). `progress` is told how many
-/// are done.
+/// Returns the first `count` throws of a seed, the same as those of a [`TrackBench`](crate::TrackBench). `progress`
+/// receives the number of finished throws.
 ///
 /// # Errors
-/// Where the robot's description or a setting of the tracker makes no sense.
+/// An invalid description of the robot or an invalid setting of the tracker.
 pub fn peer_circles(
     robot: &Robot,
     config: TrackConfig,
@@ -185,7 +186,7 @@ fn peer_throw(
     })
 }
 
-/// Follows a ball, circle by circle, with the filter alone.
+/// Runs the filter alone on a ball, circle by circle.
 fn filtered(
     throw: &StillThrow,
     robot: &Robot,
@@ -211,7 +212,7 @@ fn filtered(
             circles.each_ref().map(Option::as_ref),
         );
         let us = begun.elapsed().as_secs_f64() * 1e6;
-        // Too near to be seen.
+        // Too close to be visible.
         if followed.is_none() {
             break;
         }
@@ -229,7 +230,7 @@ fn filtered(
     Ok(Some(PeerFilter { start, pairs }))
 }
 
-/// Tracks a ball among clutter.
+/// Runs the tracker on a ball among clutter.
 fn tracked(
     throw: &StillThrow,
     robot: &Robot,
@@ -274,7 +275,7 @@ fn all(circles: &Circles) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// Returns the circle of a picture that shows the ball and nothing else.
+/// Returns the circle of a picture that contains only the ball.
 fn only(circles: &Circles) -> Option<Vector3<f64>> {
     let circle = circles.valid().first()?;
     Some(Vector3::new(circle.u, circle.v, circle.r))
@@ -309,12 +310,12 @@ mod tests {
 
     use super::*;
 
-    /// Where the tracker gives a ball all of its circles, the filter alone ends where the tracker does.
+    /// If the tracker assigns all circles to the ball, the filter alone gives the same result.
     #[test]
     fn the_filter_alone_is_the_tracker_without_clutter() {
         let robot = Robot::new(RobotDescription::nominal());
         let config = TrackConfig {
-            // No circle is taken for clutter.
+            // No circle is rejected as clutter.
             gate: 100.0,
             ..TrackConfig::default()
         };
@@ -330,7 +331,7 @@ mod tests {
                 let of_tracker = reported(said);
                 for i in 0..STATES {
                     let sigma = step.ours.covariance[i][i].sqrt();
-                    // Roots of the first covariance differ by rounding.
+                    // Square roots of the first covariance differ by rounding errors.
                     assert!((step.ours.x[i] - of_tracker.x[i]).abs() < 1e-6 * sigma);
                 }
                 compared += 1;

@@ -1,4 +1,4 @@
-//! The same problems for other planners: what is asked for, where descents begin, and what ours found.
+//! Catch problems for other planners, with initial values and the solutions of this project.
 
 use std::time::Instant;
 
@@ -8,54 +8,55 @@ use tactnet_catching::plan::{BODIES, Body, Objective, PlanConditions, PlanConfig
 
 use crate::problems::{PlanProblem, plan_problem};
 
-/// A problem in numbers, with our answer. SI units; the ball and the arm in the chest's frame.
+/// A catch problem with its solution, in SI units. Ball and arm are in the chest frame.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerProblem {
-    /// Its number.
+    /// Number of the problem.
     pub number: u64,
-    /// 0 left, 1 right.
+    /// Arm, 0 for left and 1 for right.
     pub arm: usize,
-    /// The ball's position when the motion begins.
+    /// Position of the ball at the start of the motion.
     pub p: [f64; 3],
-    /// Its velocity.
+    /// Velocity of the ball.
     pub v: [f64; 3],
-    /// Its drag, 1/m.
+    /// Drag of the ball, in 1/m.
     pub k: f64,
-    /// Joint angles when the motion begins.
+    /// Joint angles at the start of the motion.
     pub q0: [f64; 7],
-    /// Joint rates when the motion begins.
+    /// Joint rates at the start of the motion.
     pub w0: [f64; 7],
-    /// No catch later.
+    /// Latest time of the catch.
     pub latest: f64,
-    /// What the hand stays out of.
+    /// Bodies that the hand must avoid.
     pub bodies: [Body; BODIES],
-    /// Joint angles and time that descents begin with, the best first.
+    /// Initial joint angles and times of the descents, the best first.
     pub starts: Vec<([f64; 7], f64)>,
-    /// Ours: joint angles, time, cost, and how long one core took, ms; `None` where it found nothing.
+    /// Solution of this project; `None` if it found none.
     pub ours: Option<PeerAnswer>,
 }
 
 /// A plan.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerAnswer {
-    /// Joint angles.
+    /// Joint angles at the catch.
     pub q: [f64; 7],
     /// Time of the catch.
     pub t: f64,
     /// Cost.
     pub cost: f64,
-    /// How long it took, ms, grid and all.
+    /// Computation time on one core including the grid, in ms.
     pub ms: f64,
 }
 
-/// Returns the first `count` problems of a seed that have starts.
+/// Returns the first `count` problems of a seed that have initial values.
 pub fn peer_problems(
     robot: &Robot,
     objective: Objective,
     seed: u64,
     count: usize,
 ) -> Vec<PeerProblem> {
-    // The programme of the thesis, which peers can be given in a few lines, knows the hand's distance from the chest only.
+    // The optimisation problem of the thesis includes only the hand's distance from the chest, and is short enough to
+    // be implemented for peers.
     let config = PlanConfig {
         clearance: 0.0,
         ..PlanConfig::default()

@@ -1,4 +1,4 @@
-//! The same throws for other planners: what is asked for, where descents begin, and what ours found.
+//! Throw problems for other planners, with initial values and the solutions of this project.
 
 use std::time::Instant;
 
@@ -12,37 +12,37 @@ use tactnet_catching_packets::ARMS;
 
 use crate::error::TrialError;
 
-/// A farthest throw in numbers, with our answer. SI units, inertial frame.
+/// A throw of maximum distance with its solution, in SI units, inertial frame.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerLaunch {
-    /// 0 left, 1 right.
+    /// Arm, 0 for left and 1 for right.
     pub arm: usize,
-    /// Where to, rad about the vertical from straight ahead.
+    /// Direction of the throw about the vertical, from straight ahead, in rad.
     pub heading: f64,
-    /// At which height the flight ends, m.
+    /// Height at which the flight ends, in m.
     pub height: f64,
-    /// The ball's drag, 1/m.
+    /// Drag of the ball, in 1/m.
     pub drag: f64,
-    /// Joints keep their speeds so long before and after the release, s.
+    /// Duration of constant joint speeds before and after the release, in s.
     pub coast: f64,
-    /// Greatest angle between hand's axis and the ball's velocity, rad.
+    /// Maximum angle between the hand's axis and the velocity of the ball, in rad.
     pub palm: f64,
-    /// Angles of turn and arm, shares of their speeds, time: the best first.
+    /// Initial angles of turn and arm, shares of their maximum speeds, and time; the best first.
     pub starts: Vec<Vec<f64>>,
-    /// Ours, in the same order.
+    /// Solution of this project, in the same order.
     pub unknowns: Vec<f64>,
-    /// Length of its flight, m.
+    /// Length of its flight, in m.
     pub distance: f64,
-    /// How long one core took, ms, starts and all.
+    /// Computation time on one core including the initial values, in ms.
     pub ms: f64,
 }
 
 /// Returns `count` throws.
 ///
 /// # Errors
-/// Where one is not found.
+/// A throw that cannot be planned.
 pub fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<PeerLaunch>, TrialError> {
-    // A peer is given limits and flight in a few lines, and not the robot's bodies.
+    // The exported problem has limits and flight, but not the robot's bodies, so that peers stay short.
     let config = ThrowPlanConfig {
         clearance: 0.0,
         margin: f64::NEG_INFINITY,

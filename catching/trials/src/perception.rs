@@ -1,4 +1,4 @@
-//! What the robot knows of head and balls: from its sensors, or, to tell what perception costs, from the truth.
+//! Perception of head and balls: from the sensors, or from the true state to measure the loss by perception.
 
 use std::collections::VecDeque;
 
@@ -20,12 +20,12 @@ use crate::eyes::Eyes;
 use crate::look_ahead::Said;
 use crate::throw::{ThrowConfig, between, nanoseconds};
 
-/// Without the inertial unit, the head is where kinematics put it, to a tenth of a millimetre, as a tracker is told that knows no better.
+/// Variance of the kinematic head pose without the inertial unit, in m^2: a tenth of a millimetre.
 const KINEMATIC_VARIANCE: f64 = 1e-8;
 
 /// Sensors, pose estimator and tracker with their delays.
 pub(crate) struct Perception {
-    /// The robot as the stack knows it.
+    /// Robot model of the stack.
     robot: Robot,
     corrections: Corrections,
     source: Source,
@@ -33,17 +33,17 @@ pub(crate) struct Perception {
     drag: bool,
     pose: PoseEstimator,
     tracker: BallTracker,
-    /// Where circles come from pictures.
+    /// Renderer and detector, if circles come from pictures.
     eyes: Option<Eyes>,
-    /// The newest predictions.
+    /// Latest predictions.
     last: BallPredictions,
     exposures: VecDeque<Exposure>,
     joints: JointState,
     chest: Isometry3<f64>,
     pictures: u32,
-    /// Where the head was, since the last sample.
+    /// True head poses since the last inertial sample.
     heads: VecDeque<(u64, Isometry3<f64>)>,
-    /// From where the head was thought to be to where it was, over time.
+    /// Transformations from the estimated to the true head pose, over time.
     alignments: Vec<(u64, Isometry3<f64>)>,
 }
 
@@ -53,13 +53,13 @@ enum Source {
     Sensors,
     /// Joints and cameras.
     Kinematics,
-    /// The world.
+    /// True state of the world.
     Truth,
 }
 
 struct Exposure {
     due_ns: u64,
-    /// By the cameras' clock, corrected; drawn pictures are stamped rightly.
+    /// Corrected timestamp of the cameras' clock; rendered pictures have exact timestamps.
     stamp_ns: u64,
     circles: [Circles; 2],
     truth: Truth,
@@ -67,17 +67,17 @@ struct Exposure {
     pictures: u32,
 }
 
-/// What follows from a pair of pictures.
+/// Result of a pair of pictures.
 pub(crate) struct Seen {
     pub predictions: BallPredictions,
-    /// Where the chest is now.
+    /// Current pose of the chest.
     pub chest: Isometry3<f64>,
     exposure_ns: u64,
     aligned: Isometry3<f64>,
 }
 
 impl Seen {
-    /// Returns the predictions with what was true.
+    /// Returns the predictions with the true head pose.
     pub fn said(&self) -> impl Iterator<Item = Said> + '_ {
         self.predictions.valid().iter().map(|prediction| Said {
             exposure_ns: self.exposure_ns,
@@ -88,12 +88,12 @@ impl Seen {
 }
 
 impl Perception {
-    /// - `seed`: the world's, for pictures
+    /// - `seed`: seed of the world, for pictures
     pub fn new(config: &ThrowConfig, seed: u64) -> Result<Self, TrialError> {
         let drag = !config.is_without(Ablation::Drag);
         let mut track = TrackConfig::default();
         if !drag {
-            // A parabola, and sure of it.
+            // A parabola without uncertainty.
             track.drag = [1e-9, 1e-9];
             track.drag_walk = 1e-9;
             (track.lift, track.lift_walk) = (1e-9, 1e-9);
@@ -130,7 +130,7 @@ impl Perception {
         })
     }
 
-    /// Takes what was sensed in a tick. `at_rest` is true while the robot waits.
+    /// Takes the sensor values of a tick. `at_rest` is true while the robot waits.
     pub fn sense(
         &mut self,
         sensed: &Sensed,
@@ -186,7 +186,7 @@ impl Perception {
         Ok(())
     }
 
-    /// Compares the poses that the head was thought to have, up to a sample, with those that it had.
+    /// Compares estimated and true head poses up to a sample.
     fn align(&mut self, sampled_ns: u64) -> Result<(), TrialError> {
         while let Some((t_ns, head)) = self.heads.pop_front_if(|(t_ns, _)| *t_ns <= sampled_ns) {
             match self.pose.at(t_ns) {
@@ -200,7 +200,7 @@ impl Perception {
         Ok(())
     }
 
-    /// Returns the way from where the head was thought to be to where it was, at a time.
+    /// Returns the transformation from the estimated to the true head pose at a time.
     pub fn alignment(&self, t_ns: u64) -> Isometry3<f64> {
         self.alignments
             .iter()
@@ -208,7 +208,7 @@ impl Perception {
             .map_or_else(Isometry3::identity, |(_, aligned)| *aligned)
     }
 
-    /// Returns what follows from the next pair of pictures, if its time has come.
+    /// Returns the result of the next pair of pictures if it is due.
     pub fn predictions(&mut self, now_ns: u64) -> Result<Option<Seen>, TrialError> {
         let Some(exposure) = self
             .exposures
@@ -220,7 +220,7 @@ impl Perception {
         let stamp_ns = exposure.stamp_ns;
         let head = match self.source {
             Source::Sensors => match self.pose.at(stamp_ns) {
-                // Pictures from before the first sample of the inertial unit are of no use.
+                // Pictures from before the first inertial sample are unusable.
                 Err(PoseError::NotKept { first_ns, .. }) if stamp_ns < first_ns => {
                     return Ok(None);
                 }
@@ -271,7 +271,7 @@ fn as_isometry(pose: &HeadPose) -> Isometry3<f64> {
     )
 }
 
-/// Returns the pose of a head that is known exactly and stands still: no covariance.
+/// Returns an exactly known pose of a head at rest, without covariance.
 pub(crate) fn known_pose(frame: &Isometry3<f64>, t_ns: u64) -> HeadPose {
     let rotation = frame.rotation.coords;
     HeadPose {
@@ -290,7 +290,7 @@ fn as_pose(frame: &Isometry3<f64>, t_ns: u64) -> HeadPose {
     pose
 }
 
-/// Returns what a tracker without error would say of the balls at one moment, having seen them in so many pictures.
+/// Returns the predictions of an ideal tracker at one time, after the given number of pictures.
 fn true_predictions(truth: &Truth, frames: u32) -> BallPredictions {
     let mut predictions = BallPredictions::zeroed();
     predictions.exposure_ns = truth.time_ns;

@@ -1,4 +1,4 @@
-//! A throw as a picture: robot and balls from the side, at several moments.
+//! Drawing of a throw: robot and balls from the side, at several times.
 
 use std::fmt::Write;
 
@@ -10,26 +10,26 @@ use crate::trace::{Trace, TraceTick};
 
 const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 330.0;
-/// Pixels a metre.
+/// Scale, in pixels per metre.
 const SCALE: f64 = 116.0;
-/// Where the robot's column stands and where the floor is, pixels.
+/// Position of the robot's column and of the floor, in pixels.
 const ORIGIN: (f64, f64) = (96.0, 296.0);
-/// Between two balls of a flight, s.
+/// Time between two drawn balls, in s.
 const BALL_EVERY: f64 = 0.04;
-/// Between two faint arms, s.
+/// Time between two faint arms, in s.
 const ARM_EVERY: f64 = 0.08;
-/// What stands still mostly is light, arms are dark.
+/// Colour of the body, which hardly moves.
 const BODY: &str = "#c3ccd4";
 const ARM: &str = "#43596f";
 const TITLE: &str = "Robot and balls from the side";
 
-/// Returns the throw from the side, for a page with the style of figures: the robot at the throw (faint) and at the end, its arms in between,
-/// balls every 40 ms.
+/// Returns a side view for a page with the style of figures: the robot at the throw (faint) and at the end, its arms
+/// in between, and balls every 40 ms.
 pub fn picture(trace: &Trace) -> Option<String> {
     Some(figure(WIDTH, HEIGHT, TITLE, &content(trace)?))
 }
 
-/// The same as a file of its own.
+/// Returns the same drawing as a stand-alone file.
 pub fn picture_file(trace: &Trace) -> Option<String> {
     Some(stand_alone(WIDTH, HEIGHT, TITLE, &content(trace)?))
 }
@@ -59,7 +59,7 @@ fn content(trace: &Trace) -> Option<String> {
         for place in way.filter_map(|tick| tick.balls[ball]) {
             circle(&mut svg, &place, colour, 0.45);
         }
-        // Where it was caught, or lies.
+        // Position of the catch or on the floor.
         if let Some(place) = trace.ticks.iter().rev().find_map(|tick| tick.balls[ball]) {
             circle(&mut svg, &place, colour, 1.0);
         }
@@ -71,7 +71,7 @@ fn at(point: &Vector3<f64>) -> (f64, f64) {
     (ORIGIN.0 + SCALE * point.x, ORIGIN.1 - SCALE * point.z)
 }
 
-/// The floor, with metres before the robot.
+/// Draws the floor, with distances from the robot in metres.
 fn ground() -> String {
     let (left, floor) = ORIGIN;
     let mut svg = format!("<path class=\"grid\" d=\"M8 {floor}H{:.0}\"/>", WIDTH - 8.0);
@@ -86,7 +86,7 @@ fn ground() -> String {
     svg
 }
 
-/// A chain of links with round ends, so many metres thick.
+/// Draws a chain of links with round ends; `radius` is in metres.
 fn limb(svg: &mut String, points: &[Vector3<f64>], radius: f64, colour: &str, opacity: f64) {
     let mut path = String::new();
     for (i, point) in points.iter().enumerate() {
@@ -101,7 +101,7 @@ fn limb(svg: &mut String, points: &[Vector3<f64>], radius: f64, colour: &str, op
     );
 }
 
-/// Column, torso and head.
+/// Draws column, torso and head.
 fn body(svg: &mut String, tick: &TraceTick, opacity: f64) {
     let [hip, knee, chest] = tick.torso;
     let foot = Vector3::new(hip.x, hip.y, 0.1);

@@ -1,4 +1,4 @@
-//! How long plans take, how many are missed, and what they cost beside the best that is known.
+//! Benchmark of the planner: computation time, missed solutions, and cost relative to the best known solution.
 
 use std::time::Instant;
 
@@ -14,48 +14,48 @@ use tactnet_catching::plan::{
 use crate::problems::{PlanProblem, plan_problem};
 use crate::quantiles::Quantiles;
 
-/// Time between two pictures, s: how far a re-plan is from its plan.
+/// Time between two pictures in s, and thus between a plan and its correction.
 const FRAME: f64 = 0.04;
 
-/// What is measured.
+/// Settings of the benchmark.
 #[derive(Debug, Clone, Copy)]
 pub struct PlanBench {
-    /// Problems that can be solved.
+    /// Number of feasible problems.
     pub problems: usize,
-    /// Of the problems.
+    /// Seed of the problems.
     pub seed: u64,
-    /// Of the plans.
+    /// Objective of the plans.
     pub objective: Objective,
-    /// Of the planner.
+    /// Settings of the planner.
     pub config: PlanConfig,
 }
 
-/// What was measured.
+/// Results.
 #[derive(Debug, Clone, Serialize)]
 pub struct PlanReport {
-    /// Problems that a dense grid or the planner solves.
+    /// Number of problems that a dense grid or the planner solves.
     pub problems: usize,
-    /// Problems that were drawn for it.
+    /// Number of drawn problems, including infeasible ones.
     pub drawn: usize,
-    /// Of the problems.
+    /// Seed of the problems.
     pub seed: u64,
-    /// Of the plans.
+    /// Objective of the plans.
     pub objective: Objective,
-    /// First plans, ms, one core.
+    /// Computation times of first plans on one core, in ms.
     pub first_plan_ms: Quantiles,
-    /// Plans one picture later, from the last one, ms, one core.
+    /// Computation times of plans one picture later, which start from the previous plan, on one core, in ms.
     pub replan_ms: Option<Quantiles>,
-    /// Problems that the dense grid solves and the planner does not.
+    /// Number of problems that only the dense grid solves.
     pub missed: usize,
-    /// The same, as a share of `problems`.
+    /// `missed` divided by `problems`.
     pub missed_of_feasible: f64,
-    /// Problems that the planner solves and the dense grid does not.
+    /// Number of problems that only the planner solves.
     pub beyond_oracle: usize,
-    /// Re-plans that found nothing where the dense grid with 32 descents does.
+    /// Number of replans without a solution where the dense grid with 32 descents has one.
     pub replans_missed: usize,
-    /// Cost over the best that is known (dense grid with 32 descents), as a share of that: median.
+    /// Median of the relative excess cost over the best known solution (dense grid with 32 descents).
     pub cost_gap_p50: f64,
-    /// The same, 99th percentile.
+    /// 99th percentile of the relative excess cost.
     pub cost_gap_p99: f64,
 }
 
@@ -66,7 +66,7 @@ struct Judged {
 }
 
 impl PlanBench {
-    /// Measures. `progress` is told how many problems are done.
+    /// Runs the benchmark. `progress` receives the number of finished problems.
     pub fn run(&self, robot: &Robot, mut progress: impl FnMut(usize)) -> PlanReport {
         let planners: [Planner; 2] =
             std::array::from_fn(|arm| Planner::new(robot, arm, self.config));
@@ -109,7 +109,7 @@ impl PlanBench {
                 })
                 .collect();
             drawn += wanted;
-            // Alone, since it is timed.
+            // Sequential, because it is timed.
             for (offset, judged) in judged.iter().enumerate() {
                 let PlanProblem { arm, request } = &judged.problem;
                 let planner = &planners[*arm];
@@ -170,7 +170,8 @@ impl PlanBench {
         }
     }
 
-    /// The arm one picture further on its path, the ball seen a little elsewhere.
+    /// Returns the request one picture later: the arm has moved along its path, and the ball is seen slightly
+    /// elsewhere.
     fn moved_by_a_picture(
         &self,
         request: &CatchRequest,

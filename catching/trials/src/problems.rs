@@ -1,4 +1,4 @@
-//! Random catches for benchmarks of the planner.
+//! Random catch problems for benchmarks of the planner.
 
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -7,17 +7,18 @@ use tactnet_catching::Robot;
 use tactnet_catching::flight::Flight;
 use tactnet_catching::plan::{CatchRequest, Objective};
 
-/// A catch to plan.
+/// A catch problem.
 #[derive(Debug, Clone, Copy)]
 pub struct PlanProblem {
-    /// 0 left, 1 right.
+    /// Arm, 0 for left and 1 for right.
     pub arm: usize,
-    /// What is asked for.
+    /// Request to the planner.
     pub request: CatchRequest,
 }
 
-/// Returns problem `number` of a seed: a throw from 4 to 6 m with 6 to 8 m/s, seen 0.15 to 0.5 s after its release, aimed into a box before
-/// one of the arms; every second one from rest at the ready pose, the others from anywhere, moving. Not every one can be solved.
+/// Returns problem `number` of a seed. The throw comes from 4 to 6 m with 6 to 8 m/s, is seen 0.15 to 0.5 s after its
+/// release, and is aimed into a box in front of one of the arms. Every second problem starts at rest in the waiting
+/// pose, the others in motion from a random pose. Some problems are infeasible.
 pub fn plan_problem(robot: &Robot, objective: Objective, seed: u64, number: u64) -> PlanProblem {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number);
@@ -66,7 +67,7 @@ pub fn plan_problem(robot: &Robot, objective: Objective, seed: u64, number: u64)
     }
 }
 
-/// Returns the velocity of length `speed` with which a ball gets nearest to `target`: the flatter of the throws that arrive.
+/// Returns the velocity of length `speed` with which a ball gets nearest to `target`; the flatter one of two hits.
 fn aim(release: &Vector3<f64>, target: &Vector3<f64>, speed: f64, k: f64) -> Vector3<f64> {
     let away = target - release;
     let level = Vector3::new(away.x, away.y, 0.0);

@@ -1,24 +1,24 @@
-//! Median, 99th percentile and maximum of a measure.
+//! Median, 99th percentile and maximum.
 
 use serde::Serialize;
 
-/// What a benchmark says of many values.
+/// Quantiles of many values.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Quantiles {
     /// Median.
     pub p50: f64,
     /// 99th percentile.
     pub p99: f64,
-    /// The greatest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Quantiles {
-    /// Returns those of some values; `None` of none.
+    /// Returns the quantiles of values, or `None` for none.
     pub fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let max = *values.last()?;
-        // The least value that a share of all are not above.
+        // Quantile without interpolation.
         let at = |share: f64| {
             values[((share * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1]
         };

@@ -1,8 +1,9 @@
-//! Two robots play catch (thesis, section 3.5.4): each throws back what it has caught.
+//! Two robots play catch (thesis, section 3.5.4): each throws back the balls that it has caught.
 //!
-//! They face each other, each in a world of its own: nothing but the ball goes from one to the other, with the place, velocity and rotation
-//! that it truly has when it leaves the hand. Before the games each arm of each robot practises: the catcher says where its tracker saw the
-//! ball come down, and the thrower aims beside its target by as much. The torso swings under a throw, so the first balls fall short.
+//! The robots face each other in separate worlds. Only the ball passes between them, with its true position, velocity
+//! and rotation at the release. Before the games, each arm of each robot practises: the catcher reports the landing
+//! point according to its tracker, and the thrower corrects its aim. The torso oscillates during a throw, so the
+//! first balls fall short.
 
 mod catching;
 mod flight;
@@ -33,23 +34,24 @@ use tactnet_catching::ChainDelays;
 use tactnet_catching_world::down_to;
 use tactnet_plot::wilson_of_counts;
 
-/// Two robots and how they play.
+/// Settings of two robots that play catch.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RallyConfig {
-    /// Between the two robots' axes, m.
+    /// Distance between the robots' axes, in m.
     pub distance: f64,
-    /// Where balls are to come down, in the catcher's frame, m.
+    /// Target of throws in the catcher's frame, in m.
     pub target: [f64; 3],
-    /// In throws the platform turns on wheels so far from its middle, m. `None`: the torso's vertical axis turns, with its own limits.
+    /// Distance of the wheels from the centre of the platform, which turns in throws, in m. `None`: the vertical axis
+    /// of the torso turns with its own limits.
     pub wheels: Option<f64>,
-    /// Planner of throws.
+    /// Settings of the planner of throws.
     pub throws: ThrowPlanConfig,
-    /// Throws of each arm before the games.
+    /// Number of practice throws of each arm before the games.
     pub practice: usize,
-    /// Share of what was seen by which the next aim is changed.
+    /// Share of the observed error by which the next aim is corrected.
     pub gain: f64,
-    /// A game ends after so many catches, at the latest.
+    /// Maximum number of catches per game.
     pub most: usize,
 }
 
@@ -67,67 +69,68 @@ impl Default for RallyConfig {
     }
 }
 
-/// Games that are played.
+/// A set of games.
 #[derive(Debug, Clone)]
 pub struct Rally {
-    /// How.
+    /// Settings.
     pub config: RallyConfig,
-    /// The robots.
+    /// Robot, the same for both sides.
     pub robot: Robot,
-    /// Their worlds.
+    /// Settings of the worlds.
     pub world: WorldConfig,
     /// Delays of the stack.
     pub timing: ChainDelays,
-    /// Games.
+    /// Number of games.
     pub rallies: usize,
-    /// Of everything that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// What came of it.
+/// Result of the games.
 #[derive(Debug, Clone, Serialize)]
 pub struct RallyReport {
-    /// Games.
+    /// Number of games.
     pub rallies: usize,
-    /// Of everything that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Between the robots, m.
+    /// Distance between the robots, in m.
     pub between_m: f64,
-    /// Catches in a row, at most.
+    /// Maximum number of consecutive catches.
     pub longest: usize,
-    /// Catches in a row, mean over games.
+    /// Mean number of consecutive catches over games.
     pub mean: f64,
-    /// Balls that were thrown and caught.
+    /// Number of caught balls.
     pub catches: usize,
-    /// Balls that were thrown.
+    /// Number of thrown balls.
     pub throws: usize,
-    /// Games that ended because nothing was thrown.
+    /// Number of games that ended because no throw was possible.
     pub no_throws: usize,
-    /// Catches a throw.
+    /// Catches per throw.
     pub rate: f64,
-    /// Wilson's 95 % interval of the rate.
+    /// Lower end of the 95 % Wilson interval of the rate.
     pub ci95_low: f64,
-    /// The same.
+    /// Upper end of the interval.
     pub ci95_high: f64,
-    /// Throws that the oracle can catch.
+    /// Number of throws in the catch space.
     pub in_catch_space: usize,
-    /// Catches of those.
+    /// Number of caught throws in the catch space.
     pub caught_in_catch_space: usize,
-    /// Length of the true flights down to the target's height, m, mean.
+    /// Mean length of the true flights down to the height of the target, in m.
     pub distance_m: Option<f64>,
-    /// Of the planned throws, how much nearer they come down if fingers open 2 ms early or late, whichever costs more, mm, mean.
+    /// Mean loss of distance of the planned throws if the fingers open 2 ms early or late, whichever is larger, in
+    /// mm.
     pub distance_lost_mm_at_2ms: Option<f64>,
-    /// By how far they come down elsewhere then, mm, mean.
+    /// Mean displacement of the landing point in that case, in mm.
     pub displaced_mm_at_2ms: Option<f64>,
-    /// Where the balls truly came down beside the target, mm, root mean square.
+    /// Root mean square distance of the true landing points from the target, in mm.
     pub beside_mm_rms: Option<f64>,
-    /// Why balls were not caught.
+    /// Number of missed balls, by cause.
     pub causes: BTreeMap<String, usize>,
-    /// Why nothing was thrown.
+    /// Number of games without a possible throw, by cause.
     pub no_throw_causes: BTreeMap<String, usize>,
-    /// Catches of every game.
+    /// Number of catches of each game.
     pub lengths: Vec<usize>,
-    /// The first throws of the first games.
+    /// First throws of the first games.
     #[serde(skip)]
     pub flights: Vec<RallyFlight>,
 }
@@ -140,7 +143,7 @@ struct Exchange {
     in_catch_space: bool,
     distance: f64,
     beside: f64,
-    /// Nearer, and elsewhere, m.
+    /// Loss of distance and displacement for fingers that open 2 ms early or late, in m.
     at_2ms: [f64; 2],
 }
 
@@ -149,15 +152,16 @@ struct Exchange {
 struct Game {
     exchanges: Vec<Exchange>,
     no_throw: Option<String>,
-    /// Those that are kept.
+    /// Kept flights.
     flights: Vec<RallyFlight>,
 }
 
 impl Rally {
-    /// Practises, and plays all games on all cores; `done` is told after every throw of a game. The result does not depend on how many there are.
+    /// Practises, then plays all games on all cores. `done` is called after every throw of a game. The result does
+    /// not depend on the number of cores.
     ///
     /// # Errors
-    /// Where settings make no sense, and where no throw gets to the target.
+    /// Invalid settings, or a target that no throw reaches.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<RallyReport, TrialError> {
         self.check()?;
         let oracle = CatchSpace::new(&self.robot, true);
@@ -217,14 +221,14 @@ impl Rally {
         Player::new(&config, &description, self.config.throws, seed)
     }
 
-    /// Where throws are to come down, in the thrower's frame.
+    /// Returns the aim of throws in the thrower's frame.
     fn aim(&self) -> Aim {
         Aim::At {
             target: self.across(&self.config.target.into()),
         }
     }
 
-    /// Returns a place of one robot's frame in the other's.
+    /// Returns a point of one robot's frame in the other's.
     fn across(&self, p: &Vector3<f64>) -> Vector3<f64> {
         Vector3::new(self.config.distance - p.x, -p.y, p.z)
     }
@@ -241,7 +245,7 @@ impl Rally {
         }
     }
 
-    /// Returns what throws are to be aimed beside the target, by robot and arm.
+    /// Returns the learnt offsets of the aim, by robot and arm.
     fn practise(&self, oracle: &CatchSpace) -> Result<[[Learnt; ARMS]; 2], TrialError> {
         let mut found = [[Learnt::default(); ARMS]; 2];
         let sides: Result<Vec<Learnt>, TrialError> = (0..2 * ARMS)
@@ -256,7 +260,7 @@ impl Rally {
                     let [thrower, catcher] = &mut players;
                     thrower.world.give(arm)?;
                     let throw = match thrower.throw(arm, self.aim(), 0.0) {
-                        // Nothing is thrown so far beside the target: the aim before will do.
+                        // No throw is possible with this offset, so the previous aim stays.
                         Err(TrialError::Throw(_)) if number > 0 => {
                             thrower.learnt[arm] = before;
                             break;
@@ -267,7 +271,7 @@ impl Rally {
                     let released = self.handed_over(&throw.released);
                     let catch = catcher.catch(&released, &self.config.target, oracle)?;
                     if let Some(beside) = catch.beside {
-                        // The catcher looks the other way.
+                        // The catcher looks in the opposite direction.
                         thrower.learnt[arm].beside += beside * self.config.gain;
                     }
                     (0..ARMS).for_each(|arm| catcher.world.take(arm));
@@ -398,15 +402,16 @@ impl Rally {
     }
 }
 
-/// Games and throws of each of which flights are kept.
+/// Number of games whose flights are kept.
 const GAMES_KEPT: u64 = 4;
 const THROWS_KEPT: usize = 2;
 
-/// Worlds of the practice come after those of the games.
+/// Offset of the numbers of practice worlds, beyond those of the games.
 const PRACTICE: u64 = 1 << 32;
 
-/// Returns a robot's description with the limits of a platform that turns on wheels `wheels` m from its middle: the torso's vertical axis,
-/// in the same place, stands for it. The thesis gives the platform's speed, 1.4 m/s; at 0.4 m that is 200 deg/s. `None` leaves it.
+/// Returns a robot's description with the limits of a platform that turns on wheels `wheels` m from its centre. The
+/// vertical axis of the torso, in the same place, represents it. The thesis gives the platform's speed, 1.4 m/s; at
+/// 0.4 m that is 200 deg/s. `None` leaves the description unchanged.
 pub(crate) fn with_turn(
     description: &RobotDescription,
     wheels: Option<f64>,
@@ -429,7 +434,8 @@ pub(crate) fn with_turn(
     Ok(description)
 }
 
-/// Returns by how much nearer a planned flight comes down, and by how much elsewhere, m, if fingers open 2 ms early or late, whichever is worse.
+/// Returns the loss of distance and the displacement of a planned flight in m if the fingers open 2 ms early or late,
+/// whichever is larger.
 pub(crate) fn lost(plan: &ThrowPlan, robot: &Robot, height: f64) -> [f64; 2] {
     let mut worst = [0.0f64; 2];
     let flown = plan.landing.p - plan.p;

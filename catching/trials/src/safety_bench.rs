@@ -1,4 +1,4 @@
-//! Whether the monitor lets a robot touch itself, how often it brakes in vain, and how long it takes.
+//! Benchmark of the self-collision monitor: missed collisions, false stops and computation time.
 
 use std::time::Instant;
 
@@ -15,79 +15,79 @@ use tactnet_catching_packets::{JOINTS, Joint};
 
 use crate::quantiles::Quantiles;
 
-/// Random motions that are judged alone on a core, to be timed.
+/// Number of random motions that are timed on one core.
 const TIMED: usize = 5000;
-/// Ticks of a motion that is watched, to time the monitor as it works: joints swing.
+/// Number of ticks of a continuous motion with swinging joints for timing.
 const WATCHED: usize = 5000;
 
-/// What is measured.
+/// Settings of the benchmark.
 #[derive(Debug, Clone, Copy)]
 pub struct SafetyBench {
-    /// Random motions, begun anywhere with any velocity within limits.
+    /// Number of random motions, with arbitrary poses and velocities within limits.
     pub motions: usize,
-    /// Of the motions.
+    /// Seed of the motions.
     pub seed: u64,
-    /// The monitor's settings.
+    /// Settings of the monitor.
     pub config: MonitorConfig,
 }
 
-/// What was measured. All but the times repeats to the bit.
+/// Results. Everything except the times is reproducible bit by bit.
 #[derive(Debug, Clone, Serialize)]
 pub struct SafetyReport {
-    /// Random motions.
+    /// Number of random motions.
     pub motions: usize,
-    /// Of the motions.
+    /// Seed of the motions.
     pub seed: u64,
-    /// Least distance that the monitor allows, m.
+    /// Minimum distance that the monitor allows, in m.
     pub margin: f64,
-    /// Motions that begin with bodies nearer than that, and are not counted below.
+    /// Number of motions that start with a smaller distance; excluded from the numbers below.
     pub begun_too_near: usize,
-    /// Motions that the monitor lets go on.
+    /// Number of motions that the monitor allows.
     pub go: usize,
-    /// Of those, motions in which bodies touch while the robot brakes: none, if the monitor is right.
+    /// Number of allowed motions in which bodies touch while braking; 0 for a correct monitor.
     pub missed: usize,
-    /// Least distance of bodies in those, m.
+    /// Minimum distance of bodies in allowed motions, in m.
     pub least_distance: f64,
-    /// Motions that are braked although bodies stay farther apart than the margin.
+    /// Number of false stops: motions that are braked although all distances exceed the margin.
     pub braked_in_vain: usize,
-    /// Of all motions in which bodies do.
+    /// Number of motions in which all distances exceed the margin.
     pub free: usize,
-    /// A judgement of a random command, with every pair anew where that is needed, microseconds.
+    /// Time of a verdict on a random command, which updates all necessary pairs, in µs.
     pub judge_anew_us: Option<Quantiles>,
-    /// A judgement in a motion of joints that swing, microseconds.
+    /// Time of a verdict in a motion of swinging joints, in µs.
     pub judge_us: Option<Quantiles>,
-    /// Distance of a pair of hulls at rest, microseconds, mean.
+    /// Mean time of the distance between two hulls at rest, in µs.
     pub distance_us: f64,
-    /// Swept hulls of a pair and their distance, microseconds, mean.
+    /// Mean time of the swept hulls of a pair and their distance, in µs.
     pub swept_us: f64,
 }
 
-/// Points of two hulls, their radii and distance, for others to compute.
+/// Points of two hulls, their radii and distance, for other implementations.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerHulls {
-    /// m.
+    /// Points of the first hull, in m.
     pub a: Vec<[f64; 3]>,
-    /// m.
+    /// Points of the second hull, in m.
     pub b: Vec<[f64; 3]>,
-    /// m.
+    /// Radii of both hulls, in m.
     pub radii: [f64; 2],
-    /// What ours says, m.
+    /// Distance according to this project, in m.
     pub distance: f64,
 }
 
-/// What became of a random motion.
+/// Result of a random motion.
 struct Judged {
-    /// Bodies were far enough apart at first.
+    /// True if the distances at the start exceed the margin.
     begun: bool,
     go: bool,
-    /// While braking, m.
+    /// Minimum distance while braking, in m.
     least: f64,
 }
 
 impl SafetyBench {
-    /// Measures.
+    /// Runs the benchmark.
     ///
-    /// - `progress`: told how many motions are done
+    /// - `progress`: receives the number of finished motions
     pub fn run(&self, robot: &Robot, progress: impl Fn(usize) + Sync) -> SafetyReport {
         let bodies = Bodies::new(robot.description());
         let done = std::sync::atomic::AtomicUsize::new(0);
@@ -175,7 +175,7 @@ impl SafetyBench {
         }
     }
 
-    /// Anywhere, with any velocity.
+    /// Returns a random pose with a random velocity.
     fn command(&self, joints: &[Joint; JOINTS], number: usize) -> JointCommand {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
@@ -213,7 +213,7 @@ impl SafetyBench {
             sum += distance(&a, &b);
             swept += begun.elapsed().as_secs_f64() * 1e6;
         }
-        // Joints swing about the middle of their ranges, a tick of a millisecond each time.
+        // Joints swing about the centres of their ranges, with a tick of 1 ms.
         let swing = |tick: usize| {
             let t = 1e-3 * tick as f64;
             let of = |i: usize| {

@@ -1,4 +1,4 @@
-//! Many throws, with what a reader wants to know of them.
+//! Series of throws and their statistics.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -22,81 +22,81 @@ use tactnet_catching::CatchSpace;
 use tactnet_catching::ChainDelays;
 use tactnet_plot::wilson_of_counts;
 
-/// Ahead of the catch, s, that predictions are judged at.
+/// Time before the catch at which predictions are evaluated, in s.
 pub const AHEAD: f64 = 0.2;
 
 /// A series of throws.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// What all throws share.
+    /// Settings of all throws.
     pub config: ThrowConfig,
-    /// How many.
+    /// Number of throws.
     pub throws: u64,
-    /// Of throws, noise, everything drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// What a series gave. A throw of two balls counts once: in the catch space if two arms can catch one each, caught if both are.
+/// Results of a series. A throw of two balls counts once: in the catch space if two arms can catch one each, and
+/// caught if both are.
 #[derive(Debug, Clone, Serialize)]
 pub struct SeriesReport {
-    /// Throws.
+    /// Number of throws.
     pub throws: usize,
-    /// Balls a throw.
+    /// Number of balls per throw.
     pub balls: usize,
-    /// Seed.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Delays, s.
+    /// Delays, in s.
     pub timing: ChainDelays,
-    /// What was left out.
+    /// Disabled parts.
     pub without: Vec<Ablation>,
-    /// True if head and balls were known from the truth.
+    /// True if head and balls were taken from the true state.
     pub perfect_perception: bool,
-    /// True if circles were found in pictures.
+    /// True if circles were detected in rendered pictures.
     pub pixels: bool,
-    /// Throws that the oracle can catch.
+    /// Number of throws in the catch space.
     pub in_catch_space: usize,
-    /// Of those, caught.
+    /// Number of caught throws in the catch space.
     pub caught: usize,
-    /// `caught` of `in_catch_space`.
+    /// `caught` divided by `in_catch_space`.
     pub rate: f64,
-    /// Wilson's 95 % interval of `rate`.
+    /// Lower end of the 95 % Wilson interval of `rate`.
     pub ci95_low: f64,
-    /// See `ci95_low`.
+    /// Upper end of the interval.
     pub ci95_high: f64,
-    /// All that were caught, of all throws.
+    /// Share of caught throws of all throws.
     pub over_all_throws: f64,
-    /// Balls in the catch space that were missed, by cause.
+    /// Number of missed balls in the catch space, by cause.
     pub misses: BTreeMap<String, usize>,
-    /// Error of the prediction 200 ms before the catch, across the flight, mm, root mean square over balls.
+    /// Root mean square error of the predictions 200 ms before the catch, perpendicular to the flight, in mm.
     pub across_mm_rms_200ms: Option<f64>,
-    /// The same along the flight, ms.
+    /// Root mean square error along the flight, in ms.
     pub along_ms_rms_200ms: Option<f64>,
-    /// The least that an unbiased prediction of the same flights could have across, mm: the bound of Cramer and Rao for a head that stands
-    /// still and a ball without spin.
+    /// Cramer-Rao bound of the error perpendicular to the flight in mm, for the same flights with a head at rest and
+    /// balls without spin.
     pub across_mm_bound: Option<f64>,
-    /// The same along the flight, ms.
+    /// Cramer-Rao bound of the error along the flight, in ms.
     pub along_ms_bound: Option<f64>,
-    /// Mean of the normalised squared error of the position predicted then; 3 if the filter's covariance is right.
+    /// Mean normalised squared error of these predictions; 3 if the filter's covariance is correct.
     pub nees_200ms: Option<f64>,
-    /// 95 % band of that mean, if it were.
+    /// 95 % band of that mean for a correct covariance.
     pub nees_band: Option<[f64; 2]>,
-    /// True if it lies in the band.
+    /// True if the mean is within the band.
     pub nees_in_band: Option<bool>,
-    /// Balls that those four figures are of.
+    /// Number of balls behind these statistics.
     pub predictions: usize,
-    /// Plans that found nothing, a throw.
+    /// Number of plan requests without a solution, per throw.
     pub no_plans: f64,
-    /// Throws in which the monitor of self-collisions would have braked; `None` if it did not watch.
+    /// Number of throws in which the self-collision monitor would have braked; `None` without the monitor.
     pub braked: Option<usize>,
-    /// Of those, throws in which no bodies would have come near each other while it braked.
+    /// Number of those throws in which no bodies would have come near each other during braking.
     pub braked_in_vain: Option<usize>,
-    /// Of those that it would have braked, throws in which the robot, had it carried on, would have kept all bodies farther apart than the
-    /// monitor's margin.
+    /// Number of those throws in which all distances would have exceeded the margin without braking.
     pub false_brakes: Option<usize>,
-    /// Of obstacles, if the robot looked about.
+    /// Results among obstacles, if the robot looked around.
     #[serde(flatten)]
     pub obstacles: Option<ObstaclesReport>,
-    /// What the curve of errors is made of.
+    /// Individual throws.
     #[serde(skip)]
     pub outcomes: Vec<ThrowOutcome>,
 }
@@ -152,10 +152,11 @@ impl fmt::Display for SeriesReport {
 }
 
 impl Series {
-    /// Runs the first throw that was caught whole, or the first one, again: its number, and what happened tick by tick.
+    /// Simulates the first completely caught throw again, or the first throw. Returns its number and the trace of its
+    /// ticks.
     ///
     /// # Errors
-    /// As [`Series::run`].
+    /// Same as [`Series::run`].
     pub fn drawn(&self, report: &SeriesReport) -> Result<Option<(u64, Trace)>, TrialError> {
         let mut outcomes = report.outcomes.iter();
         let caught = outcomes.find(|outcome| outcome.balls.iter().all(|ball| ball.caught()));
@@ -165,10 +166,10 @@ impl Series {
         Ok(Some((outcome.number, self.again(outcome.number)?)))
     }
 
-    /// Runs a throw again: what happened tick by tick.
+    /// Simulates a throw again and returns the trace of its ticks.
     ///
     /// # Errors
-    /// As [`Series::run`].
+    /// Same as [`Series::run`].
     pub fn again(&self, number: u64) -> Result<Trace, TrialError> {
         let oracle = CatchSpace::new(&self.config.robot, self.config.moves_lower_body());
         let ready = self.config.ready();
@@ -176,10 +177,10 @@ impl Series {
         Ok(trace)
     }
 
-    /// Runs all throws on all cores; `done` is told after each. The result does not depend on how many there are.
+    /// Runs all throws on all cores; `done` is called after each. The result does not depend on the number of cores.
     ///
     /// # Errors
-    /// Where the world's settings make no sense.
+    /// Invalid settings of the world.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<SeriesReport, TrialError> {
         let ready = self.config.ready();
         let oracle = CatchSpace::new(&self.config.robot, self.config.moves_lower_body());
@@ -194,10 +195,11 @@ impl Series {
         Ok(self.report(outcomes?))
     }
 
-    /// Runs all throws among obstacles, and then again with a robot that does not look, for comparison; `done` is told after each.
+    /// Runs all throws among obstacles, and again with a robot that does not look around; `done` is called after
+    /// each.
     ///
     /// # Errors
-    /// Where the world's settings make no sense, or a depth picture does.
+    /// Invalid settings of the world or of the depth camera.
     pub fn run_with_and_without_map(
         &self,
         done: impl Fn() + Sync,
@@ -245,7 +247,7 @@ impl Series {
             .filter_map(|ball| ball.ahead)
             .collect();
         let errors = Errors::of(&ahead);
-        // The truth comes without a covariance.
+        // The true state has no covariance.
         let known = errors.filter(|_| !self.config.perfect_perception);
         let bounds: Vec<&Bound> = outcomes
             .iter()
@@ -311,7 +313,7 @@ impl Series {
     }
 }
 
-/// True if every ball can be caught by an arm of its own.
+/// Returns true if every ball can be caught by a separate arm.
 fn both_possible(balls: &[BallOutcome]) -> bool {
     let mut costs = [[None; ARMS]; MAX_BALLS];
     for (place, ball) in balls.iter().enumerate().take(MAX_BALLS) {

@@ -1,4 +1,4 @@
-//! What all pages have in common: head, style, tables, shares with their intervals.
+//! Common parts of the pages: style, tables, shares with their intervals.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -13,12 +13,12 @@ body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--ground
 .headline{font-size:1.25rem}figure{margin:1rem 0}figcaption{color:var(--muted);font-size:.9rem}
 .scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.9rem}td,th{padding:.15rem .8rem .15rem 0;text-align:left;border-bottom:1px solid var(--rule)}";
 
-/// Width of figures, user units.
+/// Width of figures, in user units.
 pub(crate) const WIDTH: f64 = 640.0;
-/// Room for labels to the left of axes.
+/// Space for labels left of the axes, in user units.
 pub(crate) const LEFT: f64 = 56.0;
 
-/// Returns a page that needs no network.
+/// Returns a self-contained page.
 ///
 /// - `body`: HTML
 pub(crate) fn sheet(title: &str, body: &str) -> String {
@@ -30,7 +30,7 @@ pub(crate) fn sheet(title: &str, body: &str) -> String {
     )
 }
 
-/// Returns a table of how often each thing was; nothing where there is none.
+/// Returns a table of counts, or nothing if there are none.
 pub(crate) fn counts_table(head: [&str; 2], counts: &BTreeMap<String, usize>) -> String {
     let rows: Vec<[String; 2]> = counts
         .iter()
@@ -42,7 +42,7 @@ pub(crate) fn counts_table(head: [&str; 2], counts: &BTreeMap<String, usize>) ->
     table(head, &rows)
 }
 
-/// Returns a table that scrolls on narrow screens; cells are not yet escaped.
+/// Returns a table that scrolls on narrow screens; the cells are escaped here.
 pub(crate) fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> String {
     let mut html = String::from("<div class=\"scroll\" tabindex=\"0\"><table><thead><tr>");
     for cell in head {
@@ -64,7 +64,7 @@ pub(crate) fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> St
     html
 }
 
-/// Returns a figure with its caption, which is not yet escaped, and what stands below: a legend, or nothing.
+/// Returns a figure with its caption, which is escaped here, and the content below it, such as a legend.
 pub(crate) fn captioned(figure: &str, caption: &str, below: &str) -> String {
     format!(
         "<figure>{figure}<figcaption>{}</figcaption></figure>{below}",
@@ -72,7 +72,7 @@ pub(crate) fn captioned(figure: &str, caption: &str, below: &str) -> String {
     )
 }
 
-/// Returns a share with its interval in percent.
+/// Returns a share with its interval, in percent.
 pub(crate) fn percent(share: f64, [low, high]: [f64; 2]) -> String {
     format!(
         "{:.1} % [{:.1}, {:.1}]",
@@ -82,9 +82,10 @@ pub(crate) fn percent(share: f64, [low, high]: [f64; 2]) -> String {
     )
 }
 
-/// Returns curves that say which share of values is at most so great, on a logarithmic axis; `None` without a value above 0.
+/// Returns empirical distribution functions on a logarithmic axis; `None` without a value above 0.
 ///
-/// - `title`: what readers hear; `label`: name and unit of the values
+/// - `title`: description for screen readers
+/// - `label`: name and unit of the values
 pub(crate) fn at_most(title: &str, label: &str, curves: &[Vec<f64>]) -> Option<String> {
     let axes = Axes {
         left: LEFT,
@@ -104,15 +105,16 @@ pub(crate) fn at_most(title: &str, label: &str, curves: &[Vec<f64>]) -> Option<S
 
 /// A share with its interval and its name.
 pub(crate) struct Share {
-    /// Stands below it; about 15 letters have room.
+    /// Label below the bar, about 15 letters.
     pub name: String,
-    /// Number of its look.
+    /// Index of the style.
     pub look: usize,
     pub share: f64,
     pub ci95: [f64; 2],
 }
 
-/// Returns shares side by side, each with its interval and its name below; their names and figures are in the text for those who do not see it.
+/// Returns a chart of shares, each with its interval and its name below. The alternative text has all names and
+/// numbers.
 pub(crate) fn shares(what: &str, label: &str, all: &[Share]) -> String {
     let places = || (1..).map(f64::from).zip(all);
     let axes = Axes {
@@ -143,10 +145,10 @@ pub(crate) fn shares(what: &str, label: &str, all: &[Share]) -> String {
     figure(WIDTH, 206.0, &title, &svg)
 }
 
-/// Most points of a curve.
+/// Maximum number of points of a curve.
 const POINTS: usize = 400;
 
-/// Returns `(value, share of values that are at most so great)` in rising order, at most [`POINTS`].
+/// Returns points `(value, share of values at most as large)` in rising order, at most [`POINTS`].
 fn steps(values: &[f64]) -> Vec<(f64, f64)> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -162,7 +164,7 @@ fn steps(values: &[f64]) -> Vec<(f64, f64)> {
 pub(crate) mod tests {
     use super::*;
 
-    /// Panics unless elements are closed in their order, entities are known, and nothing is loaded from elsewhere.
+    /// Panics unless elements are closed in order, entities are known, and nothing is loaded from elsewhere.
     pub(crate) fn assert_page(page: &str) {
         let mut rest = page.strip_prefix("<!doctype html>").expect("a page");
         let mut open: Vec<&str> = Vec::new();
@@ -193,7 +195,7 @@ pub(crate) mod tests {
         for nothing in ["NaN", ">inf", " inf", "None"] {
             assert!(!page.contains(nothing), "{nothing}");
         }
-        // A picture says in words what it shows.
+        // Each figure has an alternative text.
         let figures = page.matches("<svg class=\"figure\"").count();
         assert_eq!(figures, page.matches("role=\"img\"").count());
         assert_eq!(page.matches("<h1>").count(), 1);

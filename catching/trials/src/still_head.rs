@@ -1,4 +1,4 @@
-//! Throws as cameras see them from a head that stands still and whose pose is known exactly: what the tracker alone is measured on.
+//! Throws seen from a head at rest with an exactly known pose, for measurements of the tracker alone.
 
 use std::time::Instant;
 
@@ -18,20 +18,20 @@ use crate::perception::{isometry, known_pose};
 use crate::series::AHEAD;
 use crate::throw::{nanoseconds, ticks, world_seed};
 
-/// Pictures are taken this long before the throw, s: clutter comes first.
+/// Time with pictures before the throw in s, in which there is only clutter.
 const WAIT: f64 = 0.2;
 
-/// What detectors make of pictures.
+/// Quality of the circle detector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Detectors {
-    /// Every ball is found, and nothing else.
+    /// Every ball is found, without false detections.
     Perfect,
-    /// As the world has it: a ball is missed now and then, and there is clutter.
+    /// The world's default: some balls are missed, and there is clutter.
     Usual,
 }
 
 impl Detectors {
-    /// Returns them as settings of the world.
+    /// Returns the settings of the world.
     pub fn cameras(self) -> CamerasConfig {
         let usual = CamerasConfig::default();
         match self {
@@ -45,7 +45,7 @@ impl Detectors {
     }
 }
 
-/// The circles of both pictures, with the head's pose when they were taken.
+/// Circles of both pictures and the head pose at their exposure.
 #[derive(Debug, Clone)]
 pub(crate) struct Pair {
     pub circles: [Circles; 2],
@@ -53,39 +53,39 @@ pub(crate) struct Pair {
 }
 
 impl Pair {
-    /// When they were taken, ns.
+    /// Returns the time of the exposure, in ns.
     pub fn t_ns(&self) -> u64 {
         self.head.t_ns
     }
 }
 
-/// One ball, thrown and seen.
+/// One thrown ball and its pictures.
 #[derive(Debug, Clone)]
 pub(crate) struct StillThrow {
-    /// All pairs of pictures up to the catch.
+    /// All pairs of pictures until the catch.
     pub pairs: Vec<Pair>,
     flight: Vec<FlightSample>,
-    /// When the ball passes through the middle of the thrower's box, which stands for the catch, ns.
+    /// Time at which the ball passes the centre of the target box, which represents the catch, in ns.
     pub catch_ns: u64,
-    /// The ball then.
+    /// True ball at that time.
     pub catch: Flight,
 }
 
-/// What the tracker made of it.
+/// Results of the tracker for a throw.
 #[derive(Debug, Clone)]
 pub(crate) struct Tracked {
-    /// What was said of the ball, in the order of the pictures.
+    /// Predictions of the ball, in the order of the pictures.
     pub said: Vec<Said>,
-    /// How long each pair of [`StillThrow::pairs`] took, microseconds.
+    /// Computation time of each pair of [`StillThrow::pairs`], in µs.
     pub micros: Vec<f64>,
 }
 
 impl StillThrow {
-    /// Throws ball `number` of a series. Robot and torso are rigid and nothing moves but the ball; the same number is the same flight,
-    /// whatever the detectors.
+    /// Throws ball `number` of a series. Robot and torso are rigid, and only the ball moves. The same number gives
+    /// the same flight for all detectors.
     ///
     /// # Errors
-    /// Where the robot's description makes no sense.
+    /// An invalid description of the robot.
     pub fn new(
         robot: &Robot,
         detectors: Detectors,
@@ -129,10 +129,10 @@ impl StillThrow {
             .is_some_and(|release| release.t_ns <= pair.t_ns())
     }
 
-    /// Gives all pairs to a new tracker, and keeps what it says of the ball.
+    /// Runs a new tracker on all pairs and returns its predictions of the ball.
     ///
     /// # Errors
-    /// Where the tracker refuses a pair.
+    /// A pair that the tracker refuses.
     pub fn track(&self, robot: &Robot, config: TrackConfig) -> Result<Tracked, TrialError> {
         let mut tracker = BallTracker::new(robot.description(), config)?;
         let (mut said, mut micros) = (Vec::new(), Vec::with_capacity(self.pairs.len()));
@@ -153,7 +153,8 @@ impl StillThrow {
         Ok(Tracked { said, micros })
     }
 
-    /// Returns when the last pair at least [`AHEAD`] before the catch was taken, ns; `None` if the ball was in no picture by then.
+    /// Returns the time of the last pair at least [`AHEAD`] before the catch in ns; `None` if no picture showed the
+    /// ball by then.
     pub fn judged_ns(&self) -> Option<u64> {
         let latest = self.catch_ns.checked_sub(nanoseconds(AHEAD))?;
         self.pairs
@@ -163,7 +164,7 @@ impl StillThrow {
             .rfind(|t_ns| *t_ns <= latest)
     }
 
-    /// Returns what follows from that pair, if it says anything of the ball.
+    /// Returns the prediction after that pair and its error, if there is one.
     pub fn ahead<'a>(&self, tracked: &'a Tracked) -> Option<(&'a Said, LookAhead)> {
         let judged_ns = self.judged_ns()?;
         let said = tracked
@@ -176,7 +177,7 @@ impl StillThrow {
     }
 }
 
-/// Lets a millisecond pass in which the robot stays as it is; returns the pair of pictures taken in it.
+/// Advances by 1 ms with a robot at rest. Returns the pair of pictures in it, if there is one.
 fn tick(world: &mut World, q: &[f64; JOINTS]) -> Option<Pair> {
     let command = JointCommand {
         number: 0,
@@ -192,7 +193,7 @@ fn tick(world: &mut World, q: &[f64; JOINTS]) -> Option<Pair> {
     })
 }
 
-/// Returns when and where a ball passes through the plane across the middle of the thrower's box.
+/// Returns time and state of a ball at the plane through the centre of the target box.
 fn catch(flight: &[FlightSample], thrower: &ThrowerConfig) -> Option<(u64, Flight)> {
     let plane = (thrower.box_least[0] + thrower.box_greatest[0]) / 2.0;
     let before = flight

@@ -1,4 +1,4 @@
-//! One throw in stepped time: world and stack tick by tick, every delay as configured.
+//! One throw in stepped time: world and stack tick by tick, with all delays.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -29,78 +29,79 @@ use crate::watch::{Braked, Watch};
 use tactnet_catching::CatchSpace;
 use tactnet_catching::ChainDelays;
 
-/// The robot stands this long before the throw, s: its inertial unit finds its bias.
+/// Standstill before the throw in s, in which the pose estimator determines the bias of the inertial unit.
 const REST: f64 = 1.0;
-/// The same after the robot has looked about and moved its arms, s: its torso comes to rest.
+/// Standstill after the robot has looked around in s, until the torso is at rest.
 const REST_AFTER_LOOK: f64 = 2.5;
-/// A throw is over this long after it, at the latest, s.
+/// Maximum time after a throw until its verdict, in s.
 const LONGEST: f64 = 2.5;
 
-/// What is the same for all throws of a series.
+/// Settings of all throws of a series.
 #[derive(Debug, Clone)]
 pub struct ThrowConfig {
-    /// The robot as described.
+    /// Robot as described.
     pub robot: Robot,
-    /// What the stack knows of the robot besides.
+    /// Calibration that the stack uses.
     pub calibration: Option<Calibration>,
-    /// The world.
+    /// Settings of the world.
     pub world: WorldConfig,
     /// Delays.
     pub timing: ChainDelays,
-    /// What is left out.
+    /// Disabled parts.
     pub without: Vec<Ablation>,
-    /// Balls at once.
+    /// Number of simultaneous balls.
     pub balls: usize,
-    /// Where head and balls are is taken from the truth, not from the sensors.
+    /// Takes the poses of head and balls from the true state instead of the sensors.
     pub perfect_perception: bool,
-    /// Pictures are drawn and searched for circles; otherwise circles come straight from the truth, with noise, misses and clutter.
+    /// Detects circles in rendered pictures; otherwise circles come straight from the true state, with noise, misses
+    /// and clutter.
     pub pixels: bool,
-    /// A monitor judges whether the robot would touch itself if it braked; it watches and does not brake.
+    /// Runs the self-collision monitor, which reports, but does not brake.
     pub watch: bool,
-    /// What the robot makes of what stands about.
+    /// Use of a map of the obstacles.
     pub mapping: Mapping,
-    /// The hands close this much later than the stack says, s: to see that the judge judges.
+    /// Additional delay of the closing of the hands in s, to test the judge.
     pub closing_error: f64,
 }
 
-/// What became of a ball, and what was said of it before.
+/// Result of one ball, and its predictions.
 #[derive(Debug, Clone)]
 pub struct BallOutcome {
-    /// The judge's word; `None` if the throw ended before it came.
+    /// Verdict of the judge; `None` if the throw ended before.
     pub verdict: Option<Verdict>,
-    /// Arms with which the oracle can catch it.
+    /// Arms that could have caught the ball.
     pub arms: [bool; ARMS],
-    /// True if it was predicted.
+    /// True if the tracker predicted the ball.
     pub tracked: bool,
-    /// True if an arm was on its way to it.
+    /// True if an arm moved towards the ball.
     pub planned: bool,
-    /// All predictions of it, if it crossed a hand's plane.
+    /// All predictions of the ball, if it crossed a hand's plane.
     pub predictions: Vec<LookAhead>,
-    /// The last one 200 ms before that or more.
+    /// Last prediction at least 200 ms before the crossing.
     pub ahead: Option<LookAhead>,
-    /// What of that no filter could do without, of this very flight, had the head stood still and the ball no spin.
+    /// Cramer-Rao bound for this flight with a head at rest and without spin.
     pub bound: Option<Bound>,
 }
 
 impl BallOutcome {
-    /// Returns true if it was caught.
+    /// Returns true if the ball was caught.
     pub fn caught(&self) -> bool {
         self.verdict.is_some_and(|verdict| verdict.caught())
     }
 }
 
-/// What happened in a throw.
+/// Result of a throw.
 #[derive(Debug, Clone)]
 pub struct ThrowOutcome {
-    /// Its number.
+    /// Number of the throw.
     pub number: u64,
-    /// Its balls, in the order in which they were thrown.
+    /// Balls, in the order of their release.
     pub balls: Vec<BallOutcome>,
-    /// Plans that found nothing.
+    /// Number of plan requests without a solution.
     pub no_plans: u64,
-    /// What the robot touched and how it saw it, if it looked about.
+    /// Contacts and mapping, if the robot looked around.
     pub obstacles: Option<AmongObstacles>,
-    /// The first command at which the monitor would have braked, if it watched and there was one.
+    /// First command at which the monitor would have braked.
     pub braked: Option<Braked>,
 }
 
@@ -109,7 +110,7 @@ pub(crate) struct Answers {
     pub answers: Vec<Planned>,
 }
 
-/// A throw when it is over.
+/// A finished throw.
 struct Finished<'a> {
     world: &'a World,
     perception: &'a Perception,
@@ -118,25 +119,25 @@ struct Finished<'a> {
 }
 
 impl ThrowConfig {
-    /// Returns true if that is left out.
+    /// Returns true if the part is disabled.
     pub fn is_without(&self, ablation: Ablation) -> bool {
         self.without.contains(&ablation)
     }
 
-    /// Returns true if platform and torso move; with two balls only the arms do, as in the thesis.
+    /// Returns true if platform and torso move. With two balls only the arms move, as in the thesis.
     pub fn moves_lower_body(&self) -> bool {
         self.balls == 1 && !self.is_without(Ablation::LowerBody)
     }
 
-    /// Returns the joints in which the robot waits.
+    /// Returns the joint positions of the waiting pose.
     pub fn ready(&self) -> [f64; JOINTS] {
         self.robot.waiting()
     }
 
-    /// Runs throw `number` of a series.
+    /// Simulates throw `number` of a series.
     ///
     /// # Errors
-    /// Where settings of the world or the stack make no sense.
+    /// Invalid settings of the world or the stack.
     pub fn run(
         &self,
         seed: u64,
@@ -147,10 +148,10 @@ impl ThrowConfig {
         self.simulate(seed, number, ready, oracle, None)
     }
 
-    /// The same, with what happened tick by tick.
+    /// Simulates a throw and returns the trace of its ticks.
     ///
     /// # Errors
-    /// As [`ThrowConfig::run`].
+    /// Same as [`ThrowConfig::run`].
     pub fn trace(
         &self,
         seed: u64,
@@ -244,7 +245,7 @@ impl ThrowConfig {
                     });
                 }
             }
-            // For the moment at which it takes effect.
+            // For the time at which the command takes effect.
             let (q, dq) = coordinator.tick(now_ns + ahead_ns);
             let command = JointCommand {
                 number: tick,
@@ -307,7 +308,7 @@ impl ThrowConfig {
         })
     }
 
-    /// Returns what the calibration does to measurements and commands.
+    /// Returns the corrections of measurements and commands by the calibration.
     pub(crate) fn corrections(&self) -> Corrections {
         Corrections::new(&self.robot, self.calibration.as_ref())
     }
@@ -406,7 +407,7 @@ impl ThrowConfig {
     }
 }
 
-/// True if of all balls this one is the nearest to what was said, when it was said.
+/// Returns true if this ball is the nearest of all balls to the prediction, at its exposure.
 fn is_of(said: &Said, ball: u64, flight: &[FlightSample], world: &World) -> bool {
     let Some(own) = said.distance(flight) else {
         return false;
@@ -455,7 +456,7 @@ pub(crate) fn answer(
     }
 }
 
-/// Returns the seed of the world in which throw `number` of a series is thrown.
+/// Returns the seed of the world of throw `number` of a series.
 pub(crate) fn world_seed(seed: u64, number: u64) -> u64 {
     seed.wrapping_mul(1_000_003).wrapping_add(number)
 }
@@ -468,7 +469,7 @@ pub(crate) fn ticks(seconds: f64) -> u64 {
     nanoseconds(seconds) / TICK_NS
 }
 
-/// Returns the difference between a frame as it is thought to be and as it is.
+/// Returns the transformation from an estimated to a true frame.
 pub(crate) fn between(thought: &Isometry3<f64>, is: &Isometry3<f64>) -> Isometry3<f64> {
     is * thought.inverse()
 }

@@ -1,6 +1,6 @@
-//! Throws at a place, and practice: what comes down beside it on average is taken from the aim of the next round.
+//! Throws at a target with practice: the mean error of a round corrects the aim of the next.
 //!
-//! Planner, path in absolute time and controller are those of live runs; only time is stepped.
+//! Planner, path in absolute time and controller are those of live runs; only the time is stepped.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -19,67 +19,67 @@ use crate::throw::{nanoseconds, world_seed};
 use tactnet_catching::ChainDelays;
 use tactnet_catching_world::down_to;
 
-/// A hand is told so long before when it is to let go, s.
+/// Time before the release at which the hand receives its command, in s.
 const TOLD: f64 = 0.05;
-/// A throw begins so long after its path is there, ns.
+/// Time between the planning of a throw and its start, in ns.
 const AHEAD_NS: u64 = 50_000_000;
 
-/// What is measured.
+/// Settings of the measurement.
 #[derive(Debug, Clone)]
 pub struct ThrowAim {
-    /// The robot.
+    /// Robot.
     pub robot: Robot,
-    /// Its world.
+    /// Settings of the world.
     pub world: WorldConfig,
     /// Delays.
     pub timing: ChainDelays,
-    /// As in [`ThrowBenchConfig`](crate::ThrowBenchConfig).
+    /// Same as [`ThrowBenchConfig::wheels`](crate::ThrowBenchConfig::wheels).
     pub wheels: Option<f64>,
-    /// Where balls are to come down, m, inertial frame.
+    /// Landing point in the inertial frame, in m.
     pub target: [f64; 3],
-    /// Throws of the left and of the right hand are aimed so far beside it at first, m.
+    /// Initial offsets of the aim for the left and the right hand, in m.
     pub beside: [[f64; 3]; ARMS],
-    /// Rounds of practice.
+    /// Number of rounds of practice.
     pub practice: usize,
-    /// Throws of each round, of both hands in turn.
+    /// Number of throws of each round, alternating between both hands.
     pub throws: usize,
-    /// Of everything that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// What was measured; repeats to the bit.
+/// Results, reproducible bit by bit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ThrowAimReport {
-    /// Throws of a round.
+    /// Number of throws per round.
     pub throws: usize,
-    /// Of everything that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Where balls were to come down, m.
+    /// Landing point, in m.
     pub target_m: [f64; 3],
-    /// The rounds: the first as it was asked for, the last with what was learnt.
+    /// Rounds: the first with the initial offsets, the last with the learnt ones.
     pub rounds: Vec<AimRound>,
 }
 
-/// Throws with one aim.
+/// Throws with the same aim.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AimRound {
-    /// How far beside the target the left and the right hand aimed, m: for `--aim-beside`.
+    /// Offset of the aim from the target for the left and the right hand, in m.
     pub aim_beside_m: [[f64; 3]; ARMS],
-    /// How far beside the target balls came down, mm: median.
+    /// Median distance of the landing points from the target, in mm.
     pub miss_p50_mm: f64,
-    /// 95th percentile.
+    /// 95th percentile of the distance, in mm.
     pub miss_p95_mm: f64,
-    /// The greatest.
+    /// Maximum distance, in mm.
     pub miss_max_mm: f64,
-    /// By how much balls of the left and of the right hand came down beside it on average, along x and y, mm.
+    /// Mean offset of the landing points along x and y for the left and the right hand, in mm.
     pub beside_mm: [[f64; 2]; ARMS],
 }
 
 impl ThrowAim {
-    /// Measures.
+    /// Runs the measurement.
     ///
     /// # Errors
-    /// Where settings make no sense, and where no throw comes down there.
+    /// Invalid settings, or a target that no throw reaches.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<ThrowAimReport, TrialError> {
         let description = with_turn(self.robot.description(), self.wheels)?;
         let robot = Robot::new(description.clone());
@@ -90,7 +90,7 @@ impl ThrowAim {
             let mut paths = Vec::new();
             for (arm, beside) in aim.iter().enumerate() {
                 match self.plan(&thrower, arm, beside) {
-                    // Nothing is thrown so far beside the target: what was learnt before will do.
+                    // No throw is possible with this offset, so the previous aim stays.
                     Err(TrialError::Throw(_)) if round > 0 => {
                         return Ok(self.report(rounds));
                     }
@@ -160,7 +160,8 @@ impl ThrowAim {
         Ok(path.expect("a way from where the robot waits is straight"))
     }
 
-    /// Throws once, and returns how far beside the target the ball comes down; one that does not rise so high: from where it left the hand.
+    /// Throws once and returns the offset of the landing point from the target. If the ball stays below the target's
+    /// height, the point of the release counts.
     fn miss(
         &self,
         description: &RobotDescription,
@@ -177,7 +178,8 @@ impl ThrowAim {
     }
 }
 
-/// Lets the controller carry out a throw in a world, from where the robot waits, with a ball in the hand; returns the ball as it leaves.
+/// Runs the controller with a throw in a world, from the waiting pose with a ball in the hand. Returns the released
+/// ball.
 fn throw(
     world: &mut World,
     robot: &Robot,
@@ -242,7 +244,7 @@ mod tests {
         }
     }
 
-    /// Without jitter the ball leaves at the planned moment, with the planned speed but for drives that lag.
+    /// Without jitter, the ball leaves at the planned time with the planned speed, except for the lag of the drives.
     #[test]
     fn a_ball_leaves_at_the_planned_moment_and_comes_down_where_it_was_planned() {
         let mut aim = aim();
@@ -273,7 +275,7 @@ mod tests {
         };
         assert!(last.miss_p50_mm < 0.7 * first.miss_p50_mm, "{report:?}");
         assert_eq!(aim.run(|| ()).unwrap(), report);
-        // What was learnt is of use from the start.
+        // The learnt offsets help from the start.
         let again = ThrowAim {
             beside: last.aim_beside_m,
             practice: 0,

@@ -1,4 +1,5 @@
-//! How far the robot throws: as planned, in its world, with fingers that open early or late, and with faster joints.
+//! Benchmark of throws of maximum distance: as planned, in the simulated world, with an early or late release, and
+//! with faster joints.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -17,29 +18,30 @@ use crate::rally::{Player, lost, with_turn};
 use crate::throw::{ThrowConfig, world_seed};
 use tactnet_catching::ChainDelays;
 
-/// Fingers open so much early and late, s.
+/// Delay or advance of the release, in s.
 const LATE: f64 = 2e-3;
-/// The least speeds of arm joints and the speeds of the turn in the table, deg/s.
+/// Minimum speeds of the arm joints in the table, in deg/s.
 const ARM_SPEEDS: [f64; 3] = [0.0, 125.0, 150.0];
 const TURN_SPEEDS: [f64; 4] = [0.0, 120.0, 160.0, 200.0];
-/// Where speeds for the goal are sought: up to so many times the robot's own.
+/// Maximum factor in the search for speeds that reach the goal.
 const FASTEST: f64 = 3.0;
-/// A joint this near to its greatest speed is at it.
+/// Share of the maximum speed from which a joint counts as being at its limit.
 const AT_LIMIT: f64 = 0.999;
-/// A joint that gives less than this gives nothing, m/s.
+/// Contribution below which a joint is ignored, in m/s.
 const GIVES: f64 = 0.05;
 
-/// Throws as far as possible.
+/// Settings of throws of maximum distance.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ThrowBenchConfig {
-    /// Flights end at this height, m.
+    /// Height at which flights end, in m.
     pub height: f64,
-    /// The platform turns on wheels so far from its middle, m, and keeps its speed there. `None`: the torso's vertical axis turns, with its own limits.
+    /// Distance of the wheels from the centre of the platform in m, which turns with its own speed. `None`: the
+    /// vertical axis of the torso turns with its own limits.
     pub wheels: Option<f64>,
-    /// Planner of throws.
+    /// Settings of the planner of throws.
     pub throws: ThrowPlanConfig,
-    /// Length that is asked for, m.
+    /// Goal for the length, in m.
     pub goal: f64,
 }
 
@@ -54,91 +56,92 @@ impl Default for ThrowBenchConfig {
     }
 }
 
-/// What is measured.
+/// Settings of the benchmark.
 #[derive(Debug, Clone)]
 pub struct ThrowBench {
-    /// How.
+    /// Settings of the throws.
     pub config: ThrowBenchConfig,
-    /// The robot.
+    /// Robot.
     pub robot: Robot,
-    /// Its world.
+    /// Settings of the world.
     pub world: WorldConfig,
     /// Delays.
     pub timing: ChainDelays,
-    /// Throws in the world, of both arms in turn.
+    /// Number of throws in the world, alternating between both arms.
     pub throws: usize,
-    /// Of everything that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// What was measured. All but the times repeats to the bit.
+/// Results. Everything except the times is reproducible bit by bit.
 #[derive(Debug, Clone, Serialize)]
 pub struct ThrowReport {
-    /// Throws in the world.
+    /// Number of throws in the world.
     pub throws: usize,
-    /// Of everything that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Flights end at this height, m.
+    /// Height at which flights end, in m.
     pub height_m: f64,
-    /// Length of the planned flight, m.
+    /// Length of the planned flight, in m.
     pub planned_m: f64,
-    /// Planned speed of the ball at the release, m/s.
+    /// Planned speed of the ball at the release, in m/s.
     pub planned_speed_m_s: f64,
-    /// Planned height of the release, m.
+    /// Planned height of the release, in m.
     pub release_height_m: f64,
-    /// What turn and arm joints give of that speed, m/s.
+    /// Contributions of turn and arm joints to that speed, in m/s.
     pub speed_by_joint_m_s: ThrowJoints,
-    /// Joints that give speed and are at their greatest at the release: 0 the turn, 1 to 7 the arm's.
+    /// Joints that contribute to the speed and are at their limit at the release: 0 for the turn, 1 to 7 for the arm.
     pub at_limit: Vec<usize>,
-    /// Length of the true flights, m, mean, least, greatest.
+    /// Mean, minimum and maximum length of the true flights, in m.
     pub distance_m: [f64; 3],
-    /// True speed of the balls at the release, m/s, mean.
+    /// Mean true speed of the balls at the release, in m/s.
     pub speed_m_s: f64,
-    /// Greatest torques of turn and arm until the robot stands again, Nm, over all throws. The world's drives have no torque limits.
+    /// Maximum torques of turn and arm over all throws until the robot stands still, in Nm. The world's drives have
+    /// no torque limits.
     pub torques_nm: ThrowJoints,
-    /// By how much nearer the planned flight comes down if fingers open 2 ms early or late, whichever is worse, mm.
+    /// Loss of distance of the planned flight if the fingers open 2 ms early or late, whichever is larger, in mm.
     pub planned_lost_mm_at_2ms: f64,
-    /// The same in the world, by hands told so and without jitter.
+    /// Loss of distance in the world in that case, without jitter, in mm.
     pub distance_lost_mm_at_2ms: f64,
-    /// By how far balls come down elsewhere then, mm.
+    /// Displacement of the landing point in that case, in mm.
     pub displaced_mm_at_2ms: f64,
-    /// Planning, ms, one core.
+    /// Planning time on one core, in ms.
     pub plan_ms: Option<Quantiles>,
-    /// Planned lengths with other speeds.
+    /// Planned lengths for other speeds.
     pub speeds: Vec<SpeedRow>,
-    /// What it would take to get as far as the goal.
+    /// Speeds that reach the goal.
     pub goal: Goal,
 }
 
-/// A planned throw with other speeds; accelerations are in proportion.
+/// A planned throw with other speeds and proportional accelerations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SpeedRow {
-    /// No joint of the arm is slower, deg/s; 0: as described.
+    /// Minimum speed of the arm joints in deg/s; 0 for the description's speeds.
     pub arm_deg_s: f64,
-    /// The turn's, deg/s; 0: it does not turn.
+    /// Speed of the turn in deg/s; 0 disables it.
     pub turn_deg_s: f64,
-    /// Length of the flight, m.
+    /// Length of the flight, in m.
     pub planned_m: f64,
-    /// Speed of the ball, m/s.
+    /// Speed of the ball, in m/s.
     pub speed_m_s: f64,
 }
 
-/// Speeds with which planned throws are as long as the goal.
+/// Speeds for which planned throws reach the goal.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Goal {
-    /// m.
+    /// Goal for the length, in m.
     pub goal_m: f64,
-    /// The arm's speeds times this, the turn as described; `None`: more than three times.
+    /// Factor for the arm's speeds with the turn as described; `None` if it exceeds 3.
     pub arm_times: Option<f64>,
-    /// The turn's speed, the arm as described, deg/s; `None`: more than three times as fast.
+    /// Speed of the turn in deg/s with the arm as described; `None` if it exceeds three times the description's.
     pub turn_deg_s: Option<f64>,
 }
 
 impl ThrowBench {
-    /// Measures.
+    /// Runs the benchmark.
     ///
     /// # Errors
-    /// Where settings make no sense, and where nothing can be thrown.
+    /// Invalid settings, or an impossible throw.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<ThrowReport, TrialError> {
         let ThrowBenchConfig { height, goal, .. } = self.config;
         for (setting, value) in [("height", height), ("goal", goal)] {
@@ -154,7 +157,7 @@ impl ThrowBench {
         let robot = Robot::new(description.clone());
         let plan = self.plan(&description, ARMS - 1)?;
         let (shares, given) = (plan.shares_of_speed(&robot), by_joint(&plan, &robot));
-        // The last is told early and the one before late, both without jitter.
+        // The last three throws have no jitter: on time, late and early.
         let flown: Result<Vec<Flown>, TrialError> = (0..self.throws + 3)
             .into_par_iter()
             .map(|number| {
@@ -227,7 +230,7 @@ impl ThrowBench {
         }
     }
 
-    /// Throws once in the world. The last three are without jitter, the first of them told right, then late, then early.
+    /// Throws once in the world. The last three throws have no jitter: the release is on time, late and early.
     fn fly(&self, description: &RobotDescription, number: usize) -> Result<Flown, TrialError> {
         let mut world = self.world.clone();
         let late = match number.checked_sub(self.throws) {
@@ -237,7 +240,7 @@ impl ThrowBench {
                 [0.0, LATE, -LATE][which]
             }
         };
-        // Those three are the same throw.
+        // The last three are the same throw.
         let (draw, arm) = (number.min(self.throws), number.min(self.throws) % ARMS);
         let config = ThrowConfig {
             mapping: Mapping::Off,
@@ -283,7 +286,7 @@ impl ThrowBench {
                     joint.acceleration *= times;
                 }
                 let turn = &mut description.torso.joints[0];
-                // A joint has a speed: a thousandth of it is none.
+                // A joint needs a speed above 0, so a thousandth stands for none.
                 let times = (turn_deg_s.to_radians() / turn.speed).max(1e-3);
                 turn.speed *= times;
                 turn.acceleration *= times;
@@ -298,7 +301,7 @@ impl ThrowBench {
             .collect()
     }
 
-    /// Returns how many times the speeds have to be what they are for the goal, to a hundredth, by bisection.
+    /// Returns the factor of the speeds that reaches the goal, with an accuracy of 0.01, by bisection.
     fn times_for_goal(&self, with: impl Fn(f64) -> RobotDescription) -> Option<f64> {
         let reaches = |times: f64| {
             self.plan(&with(times), ARMS - 1)
@@ -330,7 +333,7 @@ struct Flown {
     torques: ThrowJoints,
 }
 
-/// Returns what every joint's turning gives of the planned speed.
+/// Returns the contribution of every joint to the planned speed.
 fn by_joint(plan: &ThrowPlan, robot: &Robot) -> ThrowJoints {
     let swing = Swing::new(robot, plan.arm, &robot.waiting());
     std::array::from_fn(|i| {
@@ -373,7 +376,7 @@ mod tests {
         }
     }
 
-    /// Drives that lag, drag and spin that the planner does not know, and a jitter of half a millisecond cost less than a tenth.
+    /// The lag of the drives, unknown drag and spin, and a jitter of half a millisecond cost less than a tenth.
     #[test]
     fn with_a_rigid_torso_balls_fly_as_far_as_planned() {
         let mut bench = bench();
@@ -400,7 +403,7 @@ mod tests {
             bench.plan(&description, 1).unwrap().distance()
         };
         assert!(reach(times) >= 7.0 && reach(times - 0.03) < 7.0);
-        // Faster joints never throw less far.
+        // Faster joints never shorten a throw.
         let rows = &report.speeds;
         for pair in rows
             .windows(2)

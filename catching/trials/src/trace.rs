@@ -1,4 +1,4 @@
-//! One throw, tick by tick, to be drawn.
+//! Trace of one throw, tick by tick, for drawings.
 
 use std::sync::Arc;
 
@@ -9,54 +9,55 @@ use tactnet_catching_packets::packets::{JointCommand, MAX_BALLS};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{Sensed, StandingBox, Truth};
 
-/// A tick.
+/// State at a tick.
 #[derive(Debug, Clone)]
 pub struct TraceTick {
-    /// Since the throw, s.
+    /// Time since the throw, in s.
     pub t: f64,
-    /// Balls in the air.
+    /// Positions of balls in the air, in m.
     pub balls: [Option<Vector3<f64>>; MAX_BALLS],
-    /// Middles of the catch frames.
+    /// Origins of the catch frames, in m.
     pub hands: [Vector3<f64>; ARMS],
-    /// Shoulder, elbow, wrist and catch frame of each arm as it truly stands, inertial frame, m; without errors of calibration.
+    /// True shoulder, elbow, wrist and catch frame of each arm in the inertial frame, without calibration errors, in
+    /// m.
     pub arms: [[Vector3<f64>; 4]; ARMS],
-    /// Hip, knee and chest, m.
+    /// Hip, knee and chest, in m.
     pub torso: [Vector3<f64>; 3],
-    /// The head, m.
+    /// Head, in m.
     pub head: Vector3<f64>,
-    /// The chest's place, m, and from its frame to the inertial one, as they truly are.
+    /// True position of the chest in m, and rotation from its frame to the inertial frame.
     pub chest: (Vector3<f64>, Matrix3<f64>),
-    /// Joint angles, measured, rad.
+    /// Measured joint angles, in rad.
     pub angles: [f64; JOINTS],
-    /// Joint rates, commanded.
+    /// Commanded joint rates, in rad/s or m/s.
     pub commanded: [f64; JOINTS],
-    /// Joint rates, measured.
+    /// Measured joint rates, in rad/s or m/s.
     pub measured: [f64; JOINTS],
 }
 
-/// A plan that was carried out.
+/// An executed plan.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TracePlan {
-    /// When it began, since the throw, s.
+    /// Start since the throw, in s.
     pub t: f64,
-    /// 0 left, 1 right.
+    /// Arm, 0 for left and 1 for right.
     pub arm: usize,
-    /// What it cost.
+    /// Cost.
     pub cost: f64,
-    /// The time of its catch, since the throw, s.
+    /// Time of its catch since the throw, in s.
     pub catch: f64,
 }
 
-/// What happened in a throw.
+/// Trace of a throw.
 #[derive(Debug, Clone, Default)]
 pub struct Trace {
-    /// From the throw on.
+    /// Ticks from the throw on.
     pub ticks: Vec<TraceTick>,
-    /// In their order.
+    /// Executed plans in temporal order.
     pub plans: Vec<TracePlan>,
-    /// What the robot has seen before the throw, inertial frame, if it looked about.
+    /// Map from before the throw in the inertial frame, if the robot looked around.
     pub field: Option<Arc<DistanceField>>,
-    /// What truly stands about.
+    /// True obstacles.
     pub boxes: Vec<StandingBox>,
 }
 

@@ -1,4 +1,4 @@
-//! How exactly the tracker predicts balls, and how long it takes, with a head that stands still and is known.
+//! Benchmark of the tracker: accuracy and computation time, with an exactly known head at rest.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -10,59 +10,60 @@ use crate::look_ahead::{Errors, LookAhead};
 use crate::quantiles::Quantiles;
 use crate::still_head::{Detectors, StillThrow};
 
-/// Throws that are simulated together, on all cores, before the tracker gets them, alone.
+/// Number of throws that are simulated in parallel before the tracker runs on them sequentially.
 const TOGETHER: usize = 200;
 
-/// What is measured.
+/// Settings of the benchmark.
 #[derive(Debug, Clone, Copy)]
 pub struct TrackBench {
-    /// Throws of one ball each.
+    /// Number of throws of one ball each.
     pub throws: usize,
-    /// Of throws, noise and clutter.
+    /// Seed of throws, noise and clutter.
     pub seed: u64,
-    /// Of the tracker.
+    /// Settings of the tracker.
     pub config: TrackConfig,
 }
 
-/// What was measured. All but the times repeats to the bit.
+/// Results. Everything except the times is reproducible bit by bit.
 #[derive(Debug, Clone, Serialize)]
 pub struct TrackReport {
-    /// Throws.
+    /// Number of throws.
     pub throws: usize,
-    /// Of throws, noise and clutter.
+    /// Seed of throws, noise and clutter.
     pub seed: u64,
-    /// Every ball is found in every picture, and nothing else.
+    /// Results with perfect detection.
     pub without_clutter: TrackFigures,
-    /// The same throws with the clutter and the misses that are usual.
+    /// Results for the same throws with the default clutter and misses.
     pub with_clutter: TrackFigures,
 }
 
-/// The tracker's figures for one kind of detectors.
+/// Statistics of the tracker for one quality of detection.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TrackFigures {
-    /// Circles that are no balls, mean number a picture.
+    /// Mean number of false detections per picture.
     pub clutter: f64,
-    /// Probability that a ball in a picture is found.
+    /// Detection probability of a ball in a picture.
     pub detection: f64,
-    /// Error of the prediction from the last pictures at least 200 ms before the catch, across the flight, mm, root mean square over balls.
+    /// Root mean square error of the last predictions at least 200 ms before the catch, perpendicular to the flight,
+    /// in mm.
     pub across_mm_rms_200ms: Option<f64>,
-    /// The same along the flight, ms.
+    /// Root mean square error along the flight, in ms.
     pub along_ms_rms_200ms: Option<f64>,
-    /// Mean of the normalised squared error of the position predicted then; 3 if the filter's covariance is right.
+    /// Mean normalised squared error of these predictions; 3 if the filter's covariance is correct.
     pub nees_200ms: Option<f64>,
-    /// 95 % band of that mean, if it were.
+    /// 95 % band of that mean for a correct covariance.
     pub nees_band: Option<[f64; 2]>,
-    /// True if it lies in the band.
+    /// True if the mean is within the band.
     pub nees_in_band: Option<bool>,
-    /// Balls that those figures are of.
+    /// Number of balls behind these statistics.
     pub predictions: usize,
-    /// Balls of which nothing was said 200 ms before the catch, or something else than where they were.
+    /// Number of balls without a correct prediction 200 ms before the catch.
     pub lost: usize,
-    /// From the circles of a pair of pictures with a ball in flight to the prediction, microseconds, one core.
+    /// Time from the circles of a pair of pictures with a flying ball to the prediction on one core, in µs.
     pub pair_us: Option<Quantiles>,
 }
 
-/// What is kept of the throws seen by one kind of detectors.
+/// Collected results for one quality of detection.
 #[derive(Default)]
 struct Kept {
     ahead: Vec<LookAhead>,
@@ -71,10 +72,10 @@ struct Kept {
 }
 
 impl TrackBench {
-    /// Measures. `progress` is told how many throws are done.
+    /// Runs the benchmark. `progress` receives the number of finished throws.
     ///
     /// # Errors
-    /// Where the robot's description or a setting of the tracker makes no sense.
+    /// An invalid description of the robot or an invalid setting of the tracker.
     pub fn run(
         &self,
         robot: &Robot,
@@ -92,7 +93,7 @@ impl TrackBench {
                     Ok([of(KINDS[0])?, of(KINDS[1])?])
                 })
                 .collect();
-            // Alone, since it is timed.
+            // Sequential, because it is timed.
             for throws in &thrown? {
                 for (throw, kept) in throws.iter().zip(&mut kept) {
                     kept.add(throw, robot, self.config)?;
@@ -170,7 +171,7 @@ mod tests {
         pool.install(|| bench.run(&robot, |_| ())).unwrap()
     }
 
-    /// The limits are the goals for a head that stands still, 1.5 times the bound of Cramer and Rao.
+    /// The limits are the goals for a head at rest, 1.5 times the Cramer-Rao bound.
     #[test]
     fn predictions_keep_their_limits_and_repeat_to_the_bit_but_for_times() {
         let report = run(30, 2);
@@ -186,7 +187,7 @@ mod tests {
                     pair_us: None,
                     ..figures
                 };
-                // The shortest text that reads back as the same number.
+                // The shortest text that parses to the same number.
                 serde_json::to_string(&timeless).unwrap()
             })
         };

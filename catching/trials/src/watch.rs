@@ -1,4 +1,4 @@
-//! The monitor of self-collisions beside a throw: it watches, on the way to the catch and on the way back, and does not brake.
+//! Self-collision monitor during a throw. It observes the motion to the catch and back, and does not brake.
 
 use serde::Serialize;
 use tactnet_catching::Robot;
@@ -9,37 +9,37 @@ use tactnet_catching_packets::JOINTS;
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_world::TICK_NS;
 
-/// Arms end their motion within so many ticks after a throw.
+/// Maximum number of ticks after a throw until the arms stand still.
 const MOST_AFTER: u64 = 1000;
 
-/// Which part of a throw's motion.
+/// Phase of a throw's motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Motion {
-    /// Towards the balls, until the arms stand.
+    /// Towards the balls, until the arms stand still.
     Out,
-    /// Back to where the robot waits.
+    /// Return to the waiting pose.
     Back,
 }
 
 /// A command at which the monitor would have braked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Braked {
-    /// On which way.
+    /// Phase of the motion.
     pub motion: Motion,
-    /// When, s after the throw; on the way back, s after its begin.
+    /// Time after the throw in s; on the way back, time after its start.
     pub since: f64,
-    /// Bodies that it holds for too near.
+    /// Bodies that the monitor considers too close.
     pub bodies: [&'static str; 2],
-    /// Least distance of all pairs of bodies, had it braked, m.
+    /// Minimum distance of all pairs of bodies if the robot had braked, in m.
     pub braked_apart: f64,
-    /// True if braking would have kept all bodies farther apart than the margin.
+    /// True for a false stop: braking would have kept all distances above the margin.
     pub in_vain: bool,
-    /// Least distance of all pairs of bodies from there on, had the robot carried on on this way, looked at every millisecond, m.
+    /// Minimum distance of all pairs of bodies if the robot had continued, checked every millisecond, in m.
     pub carried_on: f64,
 }
 
-/// A monitor with what it has seen.
+/// A monitor and its findings.
 pub(crate) struct Watch {
     monitor: Monitor,
     trail: Trail,
@@ -47,14 +47,14 @@ pub(crate) struct Watch {
 }
 
 impl Braked {
-    /// Returns true if nobody would have missed the brake: the robot, had it carried on, would have stayed farther apart than the margin.
+    /// Returns true if the brake was unnecessary: without it, all distances would have exceeded the margin.
     pub fn is_false(&self) -> bool {
         self.carried_on >= MonitorConfig::default().margin
     }
 }
 
 impl Watch {
-    /// Begins with a robot that stands in `ready`.
+    /// Starts with a robot at rest in `ready`.
     pub fn new(robot: &Robot, ready: &[f64; JOINTS]) -> Self {
         let bodies = Bodies::new(robot.description());
         Self {
@@ -64,13 +64,14 @@ impl Watch {
         }
     }
 
-    /// Judges a command on the way out, `since` seconds after the throw.
+    /// Checks a command on the way out, `since` seconds after the throw.
     pub fn look(&mut self, command: &JointCommand, since: f64) {
         self.trail.push(&command.q);
         self.judge(command, since, Motion::Out);
     }
 
-    /// Goes on until the arms stand, then back the same way, and returns the first command at which the monitor would have braked.
+    /// Continues until the arms stand still, then back on the same path. Returns the first command at which the
+    /// monitor would have braked.
     pub fn end(mut self, coordinator: &mut Coordinator, from_ns: u64) -> Option<Braked> {
         for tick in 0..MOST_AFTER {
             let (q, dq) = coordinator.tick(from_ns + tick * TICK_NS);

@@ -1,4 +1,4 @@
-//! The judge is not fooled, and the stack's parts do what they are for: each test breaks one thing and wants balls missed.
+//! Checks that judge and stack depend on each part: each test breaks one part and expects missed balls.
 #![allow(clippy::unwrap_used)]
 
 use tactnet_catching::ChainDelays;
@@ -46,13 +46,13 @@ fn closing_late_or_beside_the_ball_catches_nothing() {
     assert_eq!(late.over_all_throws, 0.0);
     let early = run(15, |config| config.closing_error = -0.03);
     assert_eq!(early.over_all_throws, 0.0);
-    // Hands are 4 cm from where the robot's description puts them, in a direction drawn for each throw.
+    // Hands are displaced by 4 cm from their described place, in a random direction for each throw.
     let beside = run(30, |config| config.world.errors.arm_mount = 0.04);
     assert!(beside.over_all_throws < 0.25, "{beside:?}");
 }
 
-/// A ball that flies without air is missed by a tracker that is sure of drag, and caught by one that is sure of none; in air it is the other
-/// way round.
+/// A ball that flies without air is missed by a tracker that assumes drag, and caught by one that assumes none; in
+/// air it is the opposite.
 #[test]
 fn the_model_of_the_flight_matters() {
     let rate = |air: bool, drag: bool| {
@@ -111,7 +111,7 @@ fn settings_of_the_world_that_make_no_sense_are_an_error() {
     assert!(error.contains("ball.mass"), "{error}");
 }
 
-/// From what cameras photograph, drawn with room, people, blur and noise, not from circles.
+/// Uses rendered pictures with room, people, blur and noise instead of circles.
 #[test]
 fn balls_are_caught_from_pictures() {
     let report = run(2, |config| config.pixels = true);
@@ -121,7 +121,7 @@ fn balls_are_caught_from_pictures() {
     assert!(across < 12.0, "{across}");
 }
 
-/// A table and a box beside the robot: with the map nothing is touched, without it often something is.
+/// A table and a box next to the robot: with the map the robot touches nothing, without it it often does.
 #[test]
 fn without_the_map_the_robot_touches_what_stands_about() {
     let among = |change: &mut ThrowConfig| {
@@ -136,7 +136,7 @@ fn without_the_map_the_robot_touches_what_stands_about() {
     assert!(without.contacts_without_map > 0);
     assert!(obstacles.untouched_catches >= without.untouched_catches_without_map);
     assert!(obstacles.look_to_plan_ms.is_some());
-    // Nobody looks where nothing stands about.
+    // Without obstacles the robot does not look around.
     let plain = run(1, |_| ());
     assert!(plain.obstacles.is_none());
 }

@@ -1,4 +1,5 @@
-//! How long does a simulated second take? A thousand ticks of a moving robot with one ball in the air, 20 times.
+//! Measures the computation time of a simulated second: a thousand ticks of a moving robot with one ball in the air,
+//! 20 times.
 //!
 //!     cargo run --release -p tactnet-catching-world --example pace
 

@@ -1,10 +1,11 @@
-//! How a ball flies and bounces.
+//! Flight and bounce of a ball.
 //!
 //! `(m + m_a) dv/dt = -(m - m_b) g e_z - 1/2 rho C_d A |v| v + 1/2 rho A C_L |v|^2 (w/|w| x v/|v|)`
 //!
-//! with `m_b` the mass of the displaced air, `m_a = m_b / 2` the air that a sphere takes along (potential flow), and `C_L` the Magnus
-//! effect's: `min(slope R |w| / |v|, limit)`. Lift proportional to the spin parameter `R |w| / |v|` is the usual fit for sports balls (Goff
-//! and Carre 2009 measure it for soccer balls); smooth spheres lift less and may even turn round, so our slope is small, and assumed.
+//! with `m_b` the mass of the displaced air, `m_a = m_b / 2` the added mass of a sphere (potential flow), and `C_L`
+//! the lift coefficient of the Magnus effect, `min(slope R |w| / |v|, limit)`. Lift proportional to the spin
+//! parameter `R |w| / |v|` is the usual fit for sports balls (Goff and Carre 2009 for soccer balls). Smooth spheres
+//! have less or even negative lift, so the default slope is small; it is an assumption.
 
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -15,28 +16,28 @@ use serde::{Deserialize, Serialize};
 use crate::GRAVITY;
 use crate::error::{WorldError, not_negative, positive, probability, range};
 
-/// Longest step in flight, s.
+/// Maximum integration step in flight, in s.
 pub(crate) const BALL_STEP: f64 = 1e-4;
 
-/// The balls and the air.
+/// Properties of balls and air.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BallConfig {
-    /// m.
+    /// Radius, in m.
     pub radius: f64,
-    /// kg.
+    /// Mass, in kg.
     pub mass: f64,
-    /// Density of the air, kg/m^3; 0 for none.
+    /// Density of the air, in kg/m^3; 0 disables drag, lift and buoyancy.
     pub air: f64,
-    /// Drag coefficient: least and greatest; each ball's is drawn evenly between.
+    /// Minimum and maximum drag coefficient; drawn uniformly for each ball.
     pub drag: [f64; 2],
-    /// Rotations a second: least and greatest; about an axis of any direction.
+    /// Minimum and maximum spin, in rotations per second; the axis has a random direction.
     pub spin: [f64; 2],
-    /// Lift coefficient per `R |w| / |v|`.
+    /// Lift coefficient divided by `R |w| / |v|`.
     pub lift_slope: f64,
-    /// Greatest lift coefficient.
+    /// Maximum lift coefficient.
     pub lift_limit: f64,
-    /// Part of the vertical speed that a bounce on the floor leaves.
+    /// Ratio of the vertical speeds after and before a bounce on the floor.
     pub restitution: f64,
 }
 
@@ -69,34 +70,34 @@ impl BallConfig {
     }
 }
 
-/// Where a ball is and where it goes.
+/// Position and velocity of a ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BallState {
     /// Position of the centre, m.
     pub position: Vector3<f64>,
-    /// m/s.
+    /// Velocity of the centre, in m/s.
     pub velocity: Vector3<f64>,
 }
 
-/// What acts on one ball.
+/// Coefficients of the equation of motion of one ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Aerodynamics {
-    /// Gravity less buoyancy, over the mass with the air taken along, m/s^2.
+    /// Gravity minus buoyancy per effective mass, in m/s^2.
     gravity: f64,
     /// Drag coefficient.
     pub(crate) coefficient: f64,
-    /// 1/m.
+    /// Drag per effective mass, in 1/m.
     drag: f64,
-    /// Turns the velocity into an acceleration where lift is not at its limit, 1/s.
+    /// Maps the velocity to the acceleration by lift below the limit, in 1/s.
     lift: Vector3<f64>,
-    /// Greatest lift, 1/m.
+    /// Maximum lift per effective mass, in 1/m.
     lift_limit: f64,
     pub(crate) radius: f64,
     restitution: f64,
 }
 
 impl Aerodynamics {
-    /// Draws a ball's drag and spin.
+    /// Draws drag and spin of a ball.
     pub(crate) fn draw(config: &BallConfig, rng: &mut ChaCha8Rng) -> Self {
         let drag = config.drag[0] + (config.drag[1] - config.drag[0]) * rng.random::<f64>();
         let rotations = config.spin[0] + (config.spin[1] - config.spin[0]) * rng.random::<f64>();
@@ -105,7 +106,7 @@ impl Aerodynamics {
         Self::new(config, drag, spin)
     }
 
-    /// Returns a ball with a drag coefficient and a spin, rad/s.
+    /// Returns a ball with a given drag coefficient and spin in rad/s.
     pub(crate) fn new(config: &BallConfig, drag: f64, spin: Vector3<f64>) -> Self {
         let area = std::f64::consts::PI * config.radius.powi(2);
         let displaced = config.air * 4.0 / 3.0 * area * config.radius;
@@ -134,7 +135,7 @@ impl Aerodynamics {
         self.lift.cross(v) * limited - v * (self.drag * speed) - Vector3::z() * self.gravity
     }
 
-    /// Returns a flying ball `h` seconds later: one step of Runge-Kutta of fourth order, no floor.
+    /// Returns the ball `h` seconds later, by one Runge-Kutta step of fourth order without floor.
     pub(crate) fn fly(&self, ball: &BallState, h: f64) -> BallState {
         let v1 = ball.velocity;
         let a1 = self.acceleration(&v1);
@@ -150,7 +151,7 @@ impl Aerodynamics {
         }
     }
 
-    /// Returns the ball [`BALL_STEP`] later, and whether it touched the floor (height 0), from which it bounces.
+    /// Returns the ball after [`BALL_STEP`], and true if it bounced on the floor at height 0.
     pub(crate) fn step(&self, ball: &BallState) -> (BallState, bool) {
         let mut next = self.fly(ball, BALL_STEP);
         let below = self.radius - next.position.z;
@@ -186,11 +187,11 @@ mod tests {
         let ball = fly(&config, 0.47, Vector3::new(0.0, 30.0, 0.0), 0.8, BALL_STEP);
         let expected = THROWN.position + THROWN.velocity * 0.8
             - Vector3::new(0.0, 0.0, GRAVITY * 0.8 * 0.8 / 2.0);
-        // Rounding of 8000 steps.
+        // Rounding errors of 8000 steps.
         assert!((ball.position - expected).norm() < 1e-11);
     }
 
-    /// The digest's numbers: k = 0.0320 /m less 0.39 % for the air taken along, effective gravity 9.70 m/s^2.
+    /// Values of the digest: k = 0.0320 /m minus 0.39 % for the added mass, effective gravity 9.70 m/s^2.
     #[test]
     fn drag_and_effective_gravity_are_those_of_the_digest() {
         let air = Aerodynamics::new(&BallConfig::default(), 0.47, Vector3::zeros());
@@ -210,11 +211,11 @@ mod tests {
     #[test]
     fn topspin_pulls_a_ball_down_and_never_beyond_the_lifts_limit() {
         let config = BallConfig::default();
-        // Flying to -x, the top moves forward about -y.
+        // For a flight along -x, topspin is a rotation about -y.
         let spin = |size: f64| Vector3::new(0.0, -size, 0.0);
         let height = |size: f64| fly(&config, 0.47, spin(size), 0.8, BALL_STEP).position.z;
         let drop = height(0.0) - height(10.0 * std::f64::consts::PI);
-        // At five rotations a second; half of 0.16 m/s^2 times 0.64 s^2.
+        // At five rotations per second: half of 0.16 m/s^2 times 0.64 s^2.
         assert!((0.02..0.08).contains(&drop), "{drop}");
         assert!((height(1e4) - height(1e5)).abs() < 1e-12);
     }
@@ -225,7 +226,7 @@ mod tests {
         let spin = Vector3::new(10.0, -20.0, 5.0);
         let fine = fly(&config, 0.5, spin, 0.8, BALL_STEP / 4.0);
         let used = fly(&config, 0.5, spin, 0.8, BALL_STEP);
-        // Fourth order at 1e-4 s leaves nothing but rounding.
+        // A method of fourth order with a step of 1e-4 s leaves only rounding errors.
         assert!((fine.position - used.position).norm() < 1e-11);
     }
 

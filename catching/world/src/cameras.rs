@@ -1,8 +1,9 @@
-//! The stereo pair, without pictures: circles straight from the truth, with noise, misses and clutter.
+//! Stereo cameras without pictures: circles computed from the true state, with noise, misses and clutter.
 //!
-//! A sphere of radius `R` at distance `d`, `theta` off the optical axis, `beta = asin(R / d)`, has as outline an ellipse with its centre
-//! at `f sin 2theta / (cos 2theta + cos 2beta)` from the middle of the picture, radial semi-axis `f sin 2beta / (cos 2theta + cos 2beta)`
-//! and tangential semi-axis `f R / sqrt(z^2 - R^2)`. The radius of a circle is the mean of both.
+//! The outline of a sphere of radius `R` at distance `d`, `theta` off the optical axis, with `beta = asin(R / d)`, is
+//! an ellipse. Its centre is at `f sin 2theta / (cos 2theta + cos 2beta)` from the principal point, its radial
+//! semi-axis is `f sin 2beta / (cos 2theta + cos 2beta)`, and its tangential semi-axis is `f R / sqrt(z^2 - R^2)`.
+//! The radius of a circle is the mean of both semi-axes.
 
 use nalgebra::{Matrix3, Vector3};
 use rand::RngExt;
@@ -17,26 +18,26 @@ use crate::planted::{CameraErrors, PlantedErrors};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 
-/// Cameras.
+/// Number of cameras.
 pub(crate) const CAMERAS: usize = 2;
-/// Detectors' answers to balls, least and greatest.
+/// Minimum and maximum detector response to a ball.
 const BALL_RESPONSE: [f64; 2] = [0.75, 0.98];
-/// Detectors' answers to clutter.
+/// Minimum and maximum detector response to clutter.
 const CLUTTER_RESPONSE: [f64; 2] = [0.7, 0.85];
 
-/// What detectors make of pictures.
+/// Settings of the circle detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CamerasConfig {
-    /// Standard deviation of a centre, each way, pixels.
+    /// Standard deviation of the centre along each axis, in pixels.
     pub centre_noise: f64,
-    /// Standard deviation of a radius, pixels.
+    /// Standard deviation of the radius, in pixels.
     pub radius_noise: f64,
-    /// Probability that a ball in a picture is found, each camera on its own.
+    /// Detection probability of a ball in a picture, independent for each camera.
     pub detection: f64,
-    /// Circles that are no balls: mean number a picture, Poisson.
+    /// Mean number of false detections per picture (Poisson).
     pub clutter: f64,
-    /// Their radii, pixels: least and greatest.
+    /// Minimum and maximum radius of false detections, in pixels.
     pub clutter_radius: [f64; 2],
 }
 
@@ -61,7 +62,7 @@ impl CamerasConfig {
             "cameras.clutter",
             self.clutter,
             [0.0, MAX_CIRCLES as f64],
-            "0 to 32 circles a picture",
+            "0 to 32 circles per picture",
         )?;
         range(
             "cameras.clutter_radius",
@@ -72,12 +73,12 @@ impl CamerasConfig {
     }
 }
 
-/// Where a camera is.
+/// Mounting of a camera.
 #[derive(Debug, Clone, Copy)]
 struct Mount {
-    /// m, head's frame.
+    /// Position in the head frame, in m.
     eye: Vector3<f64>,
-    /// From its directions to the head's.
+    /// Rotation from the camera frame to the head frame.
     turn: Matrix3<f64>,
 }
 
@@ -89,12 +90,12 @@ pub(crate) struct Cameras {
     optics: Optics,
     mounts: [Mount; CAMERAS],
     errors: [CameraErrors; CAMERAS],
-    /// By how much stamps are late, ns.
+    /// Delay of the timestamps, in ns.
     late_ns: u64,
     seed: u64,
-    /// Of the first picture, s.
+    /// Time of the first picture, in s.
     phase: f64,
-    /// Pictures so far.
+    /// Number of pictures so far.
     frame: u64,
 }
 
@@ -132,12 +133,13 @@ impl Cameras {
         }
     }
 
-    /// Returns true, once for each picture, at the first moment that is not before its exposure's middle.
+    /// Returns true once for each picture, at the first tick at or after the middle of its exposure.
     pub(crate) fn due(&self, now_ns: u64) -> bool {
         now_ns as f64 * 1e-9 >= self.phase + self.frame as f64 / self.optics.rate
     }
 
-    /// Returns the circles of both pictures taken now, of balls given by number and position, m, inertial frame.
+    /// Returns the circles of both pictures at the current time. Balls are given by number and position in the
+    /// inertial frame, in m.
     pub(crate) fn take(
         &mut self,
         now_ns: u64,
@@ -181,18 +183,20 @@ impl Cameras {
         pictures
     }
 
-    /// Returns where a camera is, m, and from its directions (x along the optical axis) to the head's, both in the head's frame.
+    /// Returns the position of a camera in m and the rotation from its frame (x along the optical axis), both in the
+    /// head frame.
     pub(crate) fn mount(&self, camera: usize) -> (Vector3<f64>, Matrix3<f64>) {
         let Mount { eye, turn } = self.mounts[camera];
         (eye, turn)
     }
 
-    /// Returns the number of the last pictures.
+    /// Returns the number of the latest pictures.
     pub(crate) fn last_frame(&self) -> u64 {
         self.frame.saturating_sub(1)
     }
 
-    /// Returns where a point falls, pixels, as detectors say that take out the described lens's distortion; `None` outside of the picture.
+    /// Returns the projection of a point in pixels after undistortion with the described lens, or `None` outside the
+    /// picture.
     pub(crate) fn project(
         &self,
         camera: usize,
@@ -211,7 +215,8 @@ impl Cameras {
         self.contains(&pixel).then_some(pixel)
     }
 
-    /// Returns the pixel `away` pixels from the optical axis in a direction (right, down) of length 1, but for the lens's distortion.
+    /// Returns the pixel at a distance `away` (pixels) from the principal point, in a direction (right, down) of
+    /// length 1, with the planted lens distortion.
     fn on_sensor(&self, camera: usize, away: f64, [right, down]: [f64; 2]) -> [f64; 2] {
         let errors = &self.errors[camera];
         let [k1, k2] = errors.distortion;
@@ -229,7 +234,7 @@ impl Cameras {
             && (0.0..f64::from(self.optics.height)).contains(v)
     }
 
-    /// Returns the outline of a ball, `None` if its centre is not in the picture.
+    /// Returns the outline of a ball, or `None` if its centre is outside the picture.
     pub(crate) fn outline(
         &self,
         camera: usize,
@@ -239,7 +244,7 @@ impl Cameras {
     ) -> Option<Circle> {
         let (eye, turn) = self.mount(camera);
         let seen = turn.tr_mul(&(head.rotation.tr_mul(&(ball - head.position)) - eye));
-        // Right, down, ahead.
+        // Axes: right, down, ahead.
         let (x, y, z) = (-seen.y, -seen.z, seen.x);
         let aside = x.hypot(y);
         if z <= radius {
@@ -278,11 +283,11 @@ impl Cameras {
         let seen = Circle {
             u: circle.u + u * self.config.centre_noise,
             v: circle.v + v * self.config.centre_noise,
-            // A detector has a least radius.
+            // Detectors have a minimum radius.
             r: (circle.r + r * self.config.radius_noise).max(1.0),
             response: evenly(BALL_RESPONSE, rng),
         };
-        // Nobody finds a ball that is wider than the picture.
+        // Balls wider than the picture are not detected.
         (found && seen.r <= f64::from(self.optics.width)).then_some(seen)
     }
 
@@ -307,7 +312,7 @@ fn push(circles: &mut Circles, circle: Circle) {
     }
 }
 
-/// Fisher and Yates; rand's own may draw other numbers after a minor release.
+/// Shuffle of Fisher and Yates. The one of `rand` may change its sequence in a minor release.
 fn shuffle(circles: &mut Circles, rng: &mut ChaCha8Rng) {
     for last in (1..circles.count as usize).rev() {
         let other = (rng.random::<f64>() * (last + 1) as f64) as usize;
@@ -348,7 +353,7 @@ mod tests {
     }
 
     proptest! {
-        /// The outline as the picture of 5000 points of the circle in which rays touch the sphere.
+        /// Compares the outline with the projection of 5000 tangent rays of the sphere.
         #[test]
         fn an_outline_is_the_picture_of_the_tangent_rays(
             ahead in 0.4..6.0f64, aside in -0.4..0.4f64, up in -0.4..0.4f64, camera in 0..2usize,
@@ -373,11 +378,12 @@ mod tests {
                     high[k] = high[k].max(at[k]);
                 }
             }
-            // An ellipse's extremes are symmetric about its centre; 5000 points miss them by 2e-7 of the radius, at most 150 pixels.
+            // The extremes of an ellipse are symmetric about its centre. With 5000 points they are off by 2e-7 of the
+            // radius, which is at most 150 pixels.
             prop_assert!((found.u - (low[0] + high[0]) / 2.0).abs() < 1e-3);
             prop_assert!((found.v - (low[1] + high[1]) / 2.0).abs() < 1e-3);
-            // For an ellipse half the width squared plus half the height squared is the sum of the squared semi-axes, whatever its
-            // rotation; the squared mean differs by the squared half difference.
+            // For an ellipse, half the squared width plus half the squared height is the sum of the squared
+            // semi-axes, for any rotation. The squared mean differs by the squared half difference.
             let squares = ((high[0] - low[0]).powi(2) + (high[1] - low[1]).powi(2)) / 8.0;
             prop_assert!(found.r <= squares.sqrt() + 1e-3);
             prop_assert!(found.r > squares.sqrt() * 0.99);
@@ -390,7 +396,7 @@ mod tests {
         let ball = Vector3::new(3.0, 0.8, 1.5);
         let [left, right] =
             [0, 1].map(|camera| cameras.outline(camera, &head(), &ball, RADIUS).unwrap());
-        // f b / z at about 3 m.
+        // Disparity `f b / z` at about 3 m.
         assert!(
             (left.u - right.u - 1386.0 * 0.2 / 2.9).abs() < 5.0,
             "{}",
@@ -426,7 +432,7 @@ mod tests {
         for _ in 0..pictures {
             let [left, _] = cameras.take(0, &head(), RADIUS, [(7, ball)].into_iter());
             for circle in left.valid() {
-                // Six standard deviations; clutter falls there once in 1e5.
+                // Six standard deviations; clutter falls there with probability 1e-5.
                 if (circle.u - truth.u).abs() < 1.8 && (circle.v - truth.v).abs() < 1.8 {
                     found += 1;
                     squares[0] += (circle.u - truth.u).powi(2);
@@ -438,7 +444,7 @@ mod tests {
             }
         }
         let rate = |count: i32| f64::from(count) / f64::from(pictures);
-        // 4000 pictures: each within five standard deviations.
+        // Each within five standard deviations for 4000 pictures.
         assert!((rate(found) - 0.95).abs() < 0.018, "{}", rate(found));
         assert!((rate(clutter) - 1.0).abs() < 0.08, "{}", rate(clutter));
         let spread = |i: usize| (squares[i] / f64::from(found)).sqrt();

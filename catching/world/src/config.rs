@@ -16,42 +16,44 @@ use crate::release::ReleaseConfig;
 use crate::thrower::ThrowerConfig;
 use crate::torso::TorsoConfig;
 
-/// Settings of a world; what is not given is as in its part's `Default`. Checked by [`crate::World::new`].
+/// Settings of a world, checked by [`crate::World::new`]. Missing fields have the values of `Default`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct WorldConfig {
     /// Balls and air.
     pub ball: BallConfig,
-    /// Who throws.
+    /// Thrower of the balls.
     pub thrower: ThrowerConfig,
-    /// Joints' drives.
+    /// Drives of the joints.
     pub drives: DrivesConfig,
     /// Springs of the torso.
     pub torso: TorsoConfig,
     /// Inertial unit.
     pub imu: ImuConfig,
-    /// Detectors.
+    /// Circle detector.
     pub cameras: CamerasConfig,
-    /// Markers at the wrists.
+    /// Markers on the wrists.
     pub markers: MarkersConfig,
-    /// Pictures, where they are drawn.
+    /// Rendered pictures.
     pub pictures: PicturesConfig,
-    /// What stands about; nothing by default.
+    /// Obstacles; none by default.
     pub obstacles: ObstaclesConfig,
-    /// The depth camera.
+    /// Depth camera.
     pub depth: DepthConfig,
-    /// What the robot's description does not say.
+    /// Deviations of the robot from its description.
     pub errors: PlantedErrors,
-    /// How hands let go.
+    /// Release of balls by the hands.
     pub release: ReleaseConfig,
 }
 
 impl WorldConfig {
+    /// Checks all settings.
+    ///
     /// # Errors
-    /// Names the first setting that is out of range.
+    /// The first setting that is out of range.
     pub(crate) fn check(&self) -> Result<(), WorldError> {
         self.ball.check()?;
-        // The ball that falls shortest.
+        // The ball with the highest drag has the shortest range.
         self.thrower.check(&Aerodynamics::new(
             &self.ball,
             self.ball.drag[1],

@@ -1,4 +1,4 @@
-//! Does the robot touch what stands about? Judged from the truth at the end of every tick.
+//! Contacts of the robot with obstacles, computed from the true state at the end of every tick.
 
 use nalgebra::Vector3;
 
@@ -6,27 +6,27 @@ use crate::kinematics::{BODIES, Place};
 use crate::obstacles::StandingBox;
 use crate::shape::{CAPSULES, Capsule};
 
-/// A part of the robot in a box.
+/// A contact of a part of the robot with a box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// When, ns.
+    /// Time, in ns.
     pub at_ns: u64,
-    /// Of the robot.
+    /// Name of the robot's part.
     pub part: &'static str,
-    /// Number of the box, as in the settings.
+    /// Index of the box in the settings.
     pub obstacle: usize,
-    /// How deep, m.
+    /// Penetration depth, in m.
     pub depth_m: f64,
 }
 
-/// All contacts so far.
+/// Summary of all contacts so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contacts {
-    /// Ticks in which anything was touched.
+    /// Number of ticks with a contact.
     pub ticks: u64,
-    /// The first one.
+    /// First contact.
     pub first: Option<Contact>,
-    /// The deepest one.
+    /// Deepest contact.
     pub deepest: Option<Contact>,
 }
 
@@ -72,7 +72,7 @@ pub(crate) fn deepest(
     deepest
 }
 
-/// Returns true if a box is so far from the robot, m.
+/// Returns true if the distance between a box and the robot is at least the given one, in m.
 pub(crate) fn is_clear_of(
     standing: &StandingBox,
     capsules: &[Capsule; CAPSULES],
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_ball_that_meets_a_box_is_missed() {
-        // A wall before the robot.
+        // A wall in front of the robot.
         let mut world = with_box([1.5, 0.0, 1.5], [0.1, 6.0, 3.0]);
         world.throw(1);
         stand(&mut world, 2000);

@@ -1,7 +1,7 @@
-//! A depth camera in the head: what it measures of boxes, floor and the robot itself.
+//! Depth camera in the head, which sees boxes, the floor and the robot itself.
 //!
-//! Depth is along the camera's axis. Its noise grows with the square of it, as a triangulating camera's does; nothing (0) is measured beyond
-//! the range, at edges, and here and there.
+//! Depth is measured along the optical axis. Its noise grows with the square of the depth, as for stereo
+//! triangulation. The depth is 0 (invalid) out of range, at edges and at random pixels.
 
 use nalgebra::{Matrix3, Vector3};
 use rand::RngExt;
@@ -14,32 +14,33 @@ use crate::robot::FrameMotion;
 use crate::shape::PlacedCapsule;
 use crate::stream::Stream;
 
-/// Neighbours that are so much farther off or nearer, as a share of the depth, make an edge.
+/// Relative depth difference between neighbouring pixels that counts as an edge.
 const EDGE: f32 = 0.05;
 
-/// Settings of the depth camera. Its axes are the head's: x ahead, y left, z up.
+/// Settings of the depth camera. Its axes are those of the head: x ahead, y left, z up.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DepthConfig {
-    /// m, head's frame.
+    /// Position in the head frame, in m.
     pub position: [f64; 3],
-    /// Pixels.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height in pixels.
     pub height: u32,
-    /// Focal length, pixels.
+    /// Focal length, in pixels.
     pub focal: f64,
-    /// Standard deviation at a depth of 1 m, m.
+    /// Standard deviation at a depth of 1 m, in m.
     pub noise: f64,
-    /// Least and greatest depth that is measured, m.
+    /// Minimum and maximum measured depth, in m.
     pub range: [f64; 2],
-    /// Probability that a pixel measures nothing.
+    /// Probability of an invalid pixel.
     pub holes: f64,
-    /// The same at an edge.
+    /// Probability of an invalid pixel at an edge.
     pub edge_holes: f64,
 }
 
-/// 0.5 megapixels, 70 degrees across; noise as published of the first Kinect (Khoshelham and Elberink 2012: 1.4 mm at 1 m).
+/// 0.5 megapixels, horizontal field of view 70 degrees; noise of the first Kinect (Khoshelham and Elberink 2012: 1.4
+/// mm at 1 m).
 impl Default for DepthConfig {
     fn default() -> Self {
         Self {
@@ -80,9 +81,9 @@ impl DepthConfig {
         probability("depth.edge_holes", self.edge_holes)
     }
 
-    /// Takes a picture.
+    /// Renders a depth picture.
     ///
-    /// - `number`: of the picture; each has noise of its own
+    /// - `number`: number of the picture, which selects its noise
     pub(crate) fn take(
         &self,
         seed: u64,
@@ -134,7 +135,7 @@ impl DepthConfig {
         }
     }
 
-    /// Adds noise and holes.
+    /// Adds noise and invalid pixels.
     fn spoil(&self, seed: u64, number: u64, depth: &mut [f32]) {
         let width = self.width as usize;
         let mut rng = Stream::Depth.rng(seed, number);
@@ -167,11 +168,11 @@ impl DepthConfig {
 /// A depth picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthPicture {
-    /// Pixels.
+    /// Width in pixels.
     pub width: usize,
-    /// Pixels.
+    /// Height in pixels.
     pub height: usize,
-    /// Along the camera's axis, m, row by row from the top left; 0: nothing was measured.
+    /// Depth along the optical axis in m, row by row from the top left; 0 is invalid.
     pub depth: Vec<f32>,
 }
 
@@ -184,14 +185,14 @@ struct View {
 }
 
 impl View {
-    /// Returns the direction of a pixel's ray, a metre along the axis, inertial frame.
+    /// Returns the direction of a pixel's ray in the inertial frame, with length 1 m along the optical axis.
     fn direction(&self, column: usize, row: usize) -> Vector3<f64> {
         let left = (self.middle[0] - (column as f64 + 0.5)) / self.focal;
         let up = (self.middle[1] - (row as f64 + 0.5)) / self.focal;
         self.rotation * Vector3::new(1.0, left, up)
     }
 
-    /// Returns columns and rows that a capsule can be seen in.
+    /// Returns the ranges of columns and rows that may show a capsule.
     fn around(&self, capsule: &PlacedCapsule) -> [std::ops::Range<usize>; 2] {
         let middle = self.rotation.tr_mul(&(capsule.middle() - self.origin));
         let reach = capsule.reach();
@@ -244,12 +245,12 @@ mod tests {
         let picture = exact().take(1, 0, &head(0.6), &[], &[]);
         assert_eq!(picture.depth.len(), picture.width * picture.height);
         let middle = picture.depth[306 * 816 + 408];
-        // Along the axis: the height over the sine of the tilt, half a pixel beside it.
+        // Depth along the axis: height divided by the sine of the tilt, with an error of half a pixel.
         assert!(
             (f64::from(middle) - 1.5 / 0.6f64.sin()).abs() < 5e-3,
             "{middle}"
         );
-        // Beyond 4 m nothing is measured.
+        // Beyond 4 m the depth is invalid.
         assert!(
             exact().take(1, 0, &head(0.0), &[], &[]).depth[..816]
                 .iter()
@@ -312,7 +313,7 @@ mod tests {
             let row = (306.0 - 582.7 * up) as usize;
             picture.depth[row * 816 + column]
         };
-        // The front of the box, at a pixel just below its top.
+        // Front of the box, at a pixel just below its top edge.
         assert!((at(-0.1, 0.0) - 0.8).abs() < 1e-5);
         let arm = at(-0.1 / 0.5, 0.3 / 0.5);
         assert!((0.4..0.6).contains(&arm), "{arm}");

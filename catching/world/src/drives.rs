@@ -1,7 +1,8 @@
-//! The joints' drives: each follows its command as a stiff servo, after a delay and within its limits.
+//! Drives of the joints: stiff servos with delay and limits.
 //!
-//! `ddq = a_c + w^2 (q_c - q) + 2 w (dq_c - dq)`, critically damped, constant over a substep; `a_c` is the change of the commanded velocity
-//! since the tick before. It is clipped so that acceleration, speed and range hold. A joint never gets faster than it can stop before the end of its range.
+//! `ddq = a_c + w^2 (q_c - q) + 2 w (dq_c - dq)`, critically damped and constant over a substep. `a_c` is the change
+//! of the commanded velocity since the last tick. The acceleration is clipped so that the limits of acceleration,
+//! speed and range hold: a joint always can stop before the end of its range.
 
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::packets::JointCommand;
@@ -9,18 +10,18 @@ use tactnet_catching_packets::{JOINTS, Joint};
 
 use crate::error::{WorldError, positive, within};
 
-/// Accelerations may exceed the description's by this factor, so that a motion at the limit can be followed.
+/// Factor by which accelerations may exceed the description, so that a motion at the limit can be tracked.
 pub const ACCELERATION_HEADROOM: f64 = 1.05;
-/// Time between two commands, s.
+/// Time between two commands, in s.
 pub(crate) const TICK: f64 = 1e-3;
 
-/// How drives follow.
+/// Settings of the drives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DrivesConfig {
-    /// From a command to its effect, s; rounded to milliseconds.
+    /// Delay from a command to its effect, in s; rounded to ms.
     pub latency: f64,
-    /// The servo's frequency, Hz.
+    /// Natural frequency of the servo, in Hz.
     pub bandwidth: f64,
 }
 
@@ -51,37 +52,37 @@ impl DrivesConfig {
     }
 }
 
-/// What a joint is to do from a moment on.
+/// Target of the joints from some time on.
 #[derive(Debug, Clone, Copy)]
 struct Target {
     q: [f64; JOINTS],
     dq: [f64; JOINTS],
 }
 
-/// All joints' motors.
+/// Drives of all joints.
 #[derive(Debug, Clone)]
 pub(crate) struct Drives {
     limits: [Joint; JOINTS],
-    /// rad/s.
+    /// Natural frequency, in rad/s.
     bandwidth: f64,
-    /// Commands on their way; a ring, the oldest at `next`. `None`: nothing usable was sent.
+    /// Ring of delayed commands, oldest at `next`. `None` stands for a missing or invalid command.
     waiting: Vec<Option<Target>>,
     next: usize,
     target: Target,
-    /// By which the commanded velocity changes, rad/s^2.
+    /// Commanded acceleration, in rad/s^2.
     feed: [f64; JOINTS],
-    /// Since the target took effect, s.
+    /// Time since the target took effect, in s.
     since: f64,
-    /// Commands that were no numbers.
+    /// Number of commands with values that are not finite.
     pub(crate) ignored: u64,
-    /// Positions, rad or m.
+    /// Positions, in rad or m.
     pub(crate) q: [f64; JOINTS],
-    /// Velocities.
+    /// Velocities, in rad/s or m/s.
     pub(crate) dq: [f64; JOINTS],
 }
 
 impl Drives {
-    /// Drives that stand at `start`, which lies within all ranges.
+    /// Creates drives at rest at `start`, which must be within all ranges.
     pub(crate) fn new(
         limits: [Joint; JOINTS],
         config: &DrivesConfig,
@@ -104,7 +105,7 @@ impl Drives {
         }
     }
 
-    /// Takes the next millisecond's command; one that is not all numbers changes nothing and counts as ignored.
+    /// Takes the command of the next millisecond. A command with a value that is not finite is ignored and counted.
     pub(crate) fn receive(&mut self, command: &JointCommand) {
         let usable = command.q.iter().chain(&command.dq).all(|x| x.is_finite());
         let mut target = usable.then(|| Target {
@@ -121,7 +122,7 @@ impl Drives {
             self.next = (self.next + 1) % self.waiting.len();
         }
         if let Some(target) = target {
-            // Once nothing came for a tick, the joint was told to stand.
+            // After a tick without a command, the joint holds its position.
             let steady = self.since < 1.5 * TICK;
             self.feed = std::array::from_fn(|i| {
                 if steady {
@@ -135,9 +136,9 @@ impl Drives {
         }
     }
 
-    /// Moves on by `h` seconds; returns the constant accelerations with which it did.
+    /// Advances by `h` seconds and returns the accelerations, which are constant over the step.
     pub(crate) fn advance(&mut self, h: f64) -> [f64; JOINTS] {
-        // A command says where to be now and how fast to go; without a next one, the joint stops a tick farther.
+        // A command gives the position and velocity for now. Without a further one, the joint stops after a tick.
         let ahead = self.since.min(TICK);
         let going = f64::from(self.since < TICK - 0.5 * h);
         self.since += h;
@@ -155,7 +156,7 @@ impl Drives {
     }
 }
 
-/// Returns the acceleration nearest to `wanted` that keeps the limits, now and later.
+/// Returns the acceleration closest to `wanted` that respects all limits now and later.
 fn allowed(joint: &Joint, q: f64, dq: f64, wanted: f64, h: f64) -> f64 {
     let most = joint.acceleration * ACCELERATION_HEADROOM;
     let next = dq + wanted.clamp(-most, most) * h;
@@ -166,9 +167,10 @@ fn allowed(joint: &Joint, q: f64, dq: f64, wanted: f64, h: f64) -> f64 {
     ((next - dq) / h).clamp(-most, most)
 }
 
-/// Returns the greatest speed towards an end of a range, after a step of length `h`, from which a joint still stops before it.
+/// Returns the maximum speed towards the end of a range, after a step of length `h`, from which a joint can still
+/// stop.
 ///
-/// From `(v + w) h / 2 + w^2 / (2 a) <= room`; less what a joint that stops within a step goes too far, `a h^2 / 8`.
+/// From `(v + w) h / 2 + w^2 / (2 a) <= room`, minus the overshoot `a h^2 / 8` of a joint that stops within a step.
 fn fastest(room: f64, speed: f64, most: f64, h: f64) -> f64 {
     let room = room - most * h * h / 8.0 - speed * h / 2.0;
     if room <= 0.0 {
@@ -218,7 +220,7 @@ mod tests {
                         let a = drives.advance(H);
                         for (i, joint) in limits.iter().enumerate() {
                             let most = joint.acceleration * ACCELERATION_HEADROOM;
-                            // Rounding.
+                            // Rounding errors.
                             prop_assert!(a[i].abs() <= most * (1.0 + 1e-12));
                             prop_assert!(drives.dq[i].abs() <= joint.speed * (1.0 + 1e-12));
                             prop_assert!(drives.q[i] >= joint.range[0] - 1e-12, "{i} {}", drives.q[i]);
@@ -254,7 +256,7 @@ mod tests {
         let mut drives = Drives::new(limits, &config, [0.0; JOINTS]);
         let mut worst = 0.0f64;
         for tick in 0..500 {
-            // Speeds up to 1.4 rad/s with at most 17.4 rad/s^2: the first arm joint's limits.
+            // Speeds up to 1.4 rad/s with at most 17.4 rad/s^2, the limits of the first arm joint.
             let (w, t) = (12.0, f64::from(tick) * TICK);
             let at = |t: f64| (0.115 * (1.0 - (w * t).cos()), 0.115 * w * (w * t).sin());
             let (q, dq) = at(t);
@@ -288,7 +290,7 @@ mod tests {
                     .clamp(0.0, joint.speed);
                 (q, dq)
             };
-            // Arms; the others take longer to their speed.
+            // Arms only; the other joints take longer to reach their speed.
             let arm = 6..20;
             let mut now = command([0.0; JOINTS], [0.0; JOINTS]);
             for i in arm.clone() {
@@ -299,7 +301,7 @@ mod tests {
             drives.advance(H);
             for i in arm {
                 let off = drives.q[i] - ramp(&limits[i], t + TICK).0;
-                // Accelerations are known a tick late, and there are 5 % to make up for it.
+                // Accelerations are known a tick late, and the headroom of 5 % makes up for it.
                 assert!(off.abs() < 5e-4, "{i} at {t}: {off}");
             }
         }

@@ -1,37 +1,38 @@
-//! Torques for a motion: recursive Newton-Euler, in the inertial frame.
+//! Inverse dynamics by recursive Newton-Euler in the inertial frame.
 //!
-//! Outwards: every body's rotation rate, rotation acceleration and acceleration. Inwards: the force and moment that each joint carries
-//! (Luh, Walker and Paul 1980). Gravity enters as an acceleration of the ground upwards, so accelerations here are specific forces.
+//! The outward pass computes rate, angular acceleration and acceleration of every body. The inward pass computes the
+//! force and moment at each joint (Luh, Walker and Paul 1980). Gravity enters as an upward acceleration of the
+//! ground, so accelerations here are specific forces.
 
 use nalgebra::Vector3;
 
 use crate::kinematics::{Axis, BODIES, Coordinates, Place, Tree};
 
-/// How a body's motion changes.
+/// Acceleration state of a body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Acceleration {
-    /// Of its origin, less gravity, m/s^2.
+    /// Acceleration of the origin minus gravity, in m/s^2.
     pub(crate) specific_force: Vector3<f64>,
-    /// rad/s^2.
+    /// Angular acceleration, in rad/s^2.
     pub(crate) angular: Vector3<f64>,
-    /// rad/s.
+    /// Angular velocity, in rad/s.
     pub(crate) rate: Vector3<f64>,
 }
 
-/// What a motion asks for.
+/// Result of the inverse dynamics.
 #[derive(Debug, Clone)]
 pub(crate) struct Inverse {
-    /// Nm, or N for a sliding joint.
+    /// Joint torques in Nm, or forces in N for sliding joints.
     pub(crate) torques: Coordinates,
-    /// Of every body.
+    /// Acceleration state of every body.
     pub(crate) accelerations: [Acceleration; BODIES],
 }
 
 impl Tree {
-    /// Returns the torques with which the robot at `places` moves at rates `dq` with accelerations `ddq`.
+    /// Returns the torques for a motion with rates `dq` and accelerations `ddq` of the robot at `places`.
     ///
-    /// `gravity`, m/s^2, pulls down. With rates and gravity 0 and one acceleration 1, the torques are that joint's column of the inertia
-    /// matrix.
+    /// `gravity` points down, in m/s^2. With rates and gravity 0 and one acceleration 1, the torques are that joint's
+    /// column of the inertia matrix.
     pub(crate) fn inverse_dynamics(
         &self,
         places: &[Place; BODIES],
@@ -102,7 +103,7 @@ impl Tree {
         }
     }
 
-    /// Returns kinetic and potential energy, J.
+    /// Returns kinetic and potential energy, in J.
     #[cfg(test)]
     pub(crate) fn energy(
         &self,
@@ -169,7 +170,8 @@ mod tests {
                 tree.energy(&tree.places(&q), &dq, GRAVITY).iter().sum()
             };
             let change = (energy(h) - energy(-h)) / (2.0 * h);
-            // Central differences of about 1 kJ: rounding 1e3 x 1e-16 / h, and h^2 of the third derivative.
+            // Central differences of about 1 kJ: rounding errors of 1e3 x 1e-16 / h, and h^2 times the third
+            // derivative.
             prop_assert!((power - change).abs() < 1e-4 * (1.0 + power.abs()), "{power} {change}");
         }
 
@@ -196,12 +198,12 @@ mod tests {
                     .sum()
             };
             let change = (momentum(h) - momentum(-h)) / (2.0 * h);
-            // As above; momenta of about 100 kg m/s.
+            // As above, for momenta of about 100 kg m/s.
             prop_assert!((found.torques[0] - change).abs() < 1e-4 * (1.0 + change.abs()));
         }
     }
 
-    /// `tests/golden/catching_dynamics_with_pinocchio.py`; Pinocchio and MuJoCo agree there to 1e-9.
+    /// Values of `tests/golden/catching_dynamics_with_pinocchio.py`, where Pinocchio and MuJoCo agree to 1e-9.
     #[test]
     fn torques_and_places_are_those_of_pinocchio() {
         let golden: serde_json::Value = serde_json::from_str(include_str!(
@@ -225,7 +227,7 @@ mod tests {
             let places = tree.places(&q);
             let found = tree.inverse_dynamics(&places, &dq, &ddq, GRAVITY);
             for (i, expected) in numbers(&case["tau"]).iter().enumerate() {
-                // Torques reach 1e3 to 1e4 here: 1e-8 is a hundred times their rounding.
+                // Torques reach 1e3 to 1e4, so 1e-8 is a hundred times their rounding error.
                 assert!(
                     (found.torques[i] - expected).abs() < 1e-8,
                     "{i}: {} {expected}",
@@ -238,7 +240,7 @@ mod tests {
                 ("right", HAND[1], tree.catch_position(&places, 1)),
             ] {
                 let expected = numbers(&case[name]["position"]);
-                // Lengths of a metre through ten rotations: rounding of some 1e-16 each.
+                // Lengths of a metre through ten rotations: rounding errors of some 1e-16 each.
                 assert!((position - Vector3::from_row_slice(&expected)).norm() < 1e-13);
                 let expected = numbers(&case[name]["rotation"]);
                 let expected = nalgebra::Matrix3::from_row_slice(&expected);

@@ -1,62 +1,62 @@
-//! What can be wrong with a world that is asked for.
+//! Errors of the world.
 
-/// Why there is no such world.
+/// Error of the settings or the use of a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WorldError {
-    /// A setting out of range.
+    /// A setting is out of range.
     #[error("`{setting}`: expected {expected}, found {found}")]
     Setting {
-        /// Its name, with the table that it is in.
+        /// Name of the setting, including its table.
         setting: &'static str,
-        /// What it must be.
+        /// Expected values.
         expected: &'static str,
-        /// What it is.
+        /// Value found.
         found: String,
     },
-    /// A joint that does not start within its range.
+    /// A joint starts out of range.
     #[error("joint {joint} starts at {found}, expected {low} to {high}")]
     Start {
-        /// Its number.
+        /// Number of the joint.
         joint: usize,
-        /// Where it would start, rad or m.
+        /// Start position, in rad or m.
         found: f64,
-        /// Least position.
+        /// Minimum position, in rad or m.
         low: f64,
-        /// Greatest position.
+        /// Maximum position, in rad or m.
         high: f64,
     },
-    /// A corner of the box that no throw gets to, not even the fastest from the least distance.
+    /// No throw reaches a corner of the target box, not even the fastest from the minimum distance.
     #[error(
         "`thrower.box`: its corner {corner:?} is out of reach, even at {speed} m/s from {distance} m"
     )]
     OutOfThrow {
-        /// The corner, m.
+        /// Corner, in m.
         corner: [f64; 3],
-        /// `thrower.speed`'s greatest, m/s.
+        /// Maximum of `thrower.speed`, in m/s.
         speed: f64,
-        /// `thrower.distance`'s least, m.
+        /// Minimum of `thrower.distance`, in m.
         distance: f64,
     },
-    /// A hand that is to let go of a ball, or to be given one.
+    /// A hand cannot release or take a ball.
     #[error("hand {arm} holds {found}, expected {expected}")]
     Hand {
-        /// 0 left, 1 right.
+        /// Arm, 0 for left and 1 for right.
         arm: usize,
-        /// What must be in it.
+        /// Expected content of the hand.
         expected: &'static str,
-        /// What is.
+        /// Content found.
         found: &'static str,
     },
-    /// An arm that there is not.
+    /// Unknown arm.
     #[error("there is no arm {arm}, expected 0 (left) or 1 (right)")]
     Arm {
-        /// Its number.
+        /// Number of the arm.
         arm: usize,
     },
-    /// Torso springs that give way under the robot's own weight.
+    /// The torso springs are too weak for the weight of the robot.
     #[error("`torso.frequencies`: springs of {frequencies:?} Hz do not carry the robot")]
     Collapses {
-        /// The setting, Hz.
+        /// Frequencies in the settings, in Hz.
         frequencies: [f64; 3],
     },
 }
@@ -81,7 +81,7 @@ pub(crate) fn probability(setting: &'static str, value: f64) -> Result<(), World
     within(setting, value, [0.0, 1.0], "a number from 0 to 1")
 }
 
-/// Returns an error unless `value` lies within `limits`, ends included.
+/// Returns an error unless `value` is within `limits`, including both ends.
 pub(crate) fn within(
     setting: &'static str,
     value: f64,
@@ -98,7 +98,7 @@ pub(crate) fn within(
     })
 }
 
-/// Returns an error unless `range` is `[least, greatest]`, both at least `least`; they may be equal.
+/// Returns an error unless `range` is `[minimum, maximum]` with both values at least `least`; they may be equal.
 pub(crate) fn range(
     setting: &'static str,
     range: [f64; 2],

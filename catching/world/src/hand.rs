@@ -1,22 +1,22 @@
-//! When hands close.
+//! Closing of the hands.
 //!
-//! A hand begins to close [`CLOSING_NS`] before its fingers enclose the ball. From then on it is committed: later commands change
-//! nothing until it has opened again. A command that comes too late for its time closes the hand as soon as it can.
+//! A hand starts to close [`CLOSING_NS`] before its fingers enclose the ball. From then on, later commands are
+//! ignored until it opens again. A late command closes the hand as soon as possible.
 
 use tactnet_catching_packets::packets::HandCommand;
 
-/// From the begin of closing to enclosing the ball, ns.
+/// Time from the start of closing until the fingers enclose the ball, in ns.
 pub const CLOSING_NS: u64 = 10_000_000;
-/// How long a hand stays closed, ns.
+/// Time for which a hand stays closed, in ns.
 pub const CLOSED_NS: u64 = 200_000_000;
 
-/// A hand of one arm.
+/// Hand of one arm.
 #[derive(Debug, Clone)]
 pub(crate) struct Hand {
     arm: u64,
-    /// When it encloses the ball.
+    /// Time at which the hand encloses the ball, in ns.
     closes_ns: Option<u64>,
-    /// Commands for another arm or for a time that is over.
+    /// Number of commands for another arm or for a time in the past.
     pub(crate) ignored: u64,
 }
 
@@ -29,7 +29,7 @@ impl Hand {
         }
     }
 
-    /// Takes what is commanded at `now_ns`; `None` changes nothing.
+    /// Takes a command at `now_ns`; `None` changes nothing.
     pub(crate) fn receive(&mut self, now_ns: u64, command: Option<&HandCommand>) {
         if self
             .closes_ns
@@ -50,7 +50,7 @@ impl Hand {
         }
     }
 
-    /// Returns when the hand encloses the ball, as it was last commanded, ns; stays until it opens again.
+    /// Returns the commanded time at which the hand encloses the ball, in ns; valid until the hand opens again.
     pub(crate) fn closes_ns(&self) -> Option<u64> {
         self.closes_ns
     }
@@ -89,7 +89,7 @@ mod tests {
         assert_eq!(hand.closes_ns(), Some(506 * MS), "committed");
     }
 
-    /// Whoever always says "in ten milliseconds" closes once, at the first word.
+    /// Commands that always ask for a closing in 10 ms close the hand once, by the first command.
     #[test]
     fn closing_cannot_be_put_off_while_it_goes_on() {
         let mut hand = Hand::new(0);

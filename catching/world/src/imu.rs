@@ -1,4 +1,4 @@
-//! The head's inertial unit: samples with noise, biases and errors of scale.
+//! Inertial unit in the head: samples with noise, bias and scale errors.
 
 use nalgebra::{Matrix3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -12,19 +12,19 @@ use crate::planted::PlantedErrors;
 use crate::robot::{Felt, SUBSTEPS};
 use crate::stream::Stream;
 
-/// Errors of the inertial unit, each the standard deviation along one axis.
+/// Errors of the inertial unit, each a standard deviation per axis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImuConfig {
-    /// White noise of a sample, m/s^2.
+    /// White noise of the accelerometer per sample, in m/s^2.
     pub accelerometer_noise: f64,
-    /// White noise of a sample, rad/s.
+    /// White noise of the gyroscope per sample, in rad/s.
     pub gyroscope_noise: f64,
-    /// Constant for a run, m/s^2.
+    /// Bias of the accelerometer, constant for a run, in m/s^2.
     pub accelerometer_bias: f64,
-    /// Constant for a run, rad/s.
+    /// Bias of the gyroscope, constant for a run, in rad/s.
     pub gyroscope_bias: f64,
-    /// Part of the value, constant for a run.
+    /// Relative scale error, constant for a run.
     pub scale: f64,
 }
 
@@ -50,7 +50,7 @@ impl ImuConfig {
     }
 }
 
-/// A triple of one kind with its errors.
+/// Three axes of one sensor with their errors.
 #[derive(Debug, Clone)]
 struct Axes {
     noise: f64,
@@ -76,21 +76,21 @@ fn normal(rng: &mut ChaCha8Rng) -> Vector3<f64> {
     Vector3::from_fn(|_, _| StandardNormal.sample(rng))
 }
 
-/// The inertial unit.
+/// Inertial unit.
 #[derive(Debug, Clone)]
 pub(crate) struct Imu {
     accelerometer: Axes,
     gyroscope: Axes,
     noise: ChaCha8Rng,
-    /// From its directions to those it is described with.
+    /// Rotation from its frame to the frame in the description.
     turn: Matrix3<f64>,
-    /// By how much its stamps are late, ns.
+    /// Delay of the timestamps, in ns.
     late_ns: u64,
-    /// Samples a second.
+    /// Samples per second.
     rate: f64,
-    /// Samples so far.
+    /// Number of samples so far.
     count: u64,
-    /// What was felt in the middle of the substep before.
+    /// Measured quantities in the middle of the previous substep.
     before: Felt,
 }
 
@@ -126,15 +126,16 @@ impl Imu {
         }
     }
 
-    /// Returns the sample that falls into the tick that ends at `end_ns`, if one does; `felt` in the middle of the tick's substeps.
+    /// Returns the sample within the tick that ends at `end_ns`, if there is one. `felt` has the measured quantities
+    /// in the middle of each substep.
     ///
-    /// Samples stand between ticks: number `n` at `(n + 1) / rate`. Between middles of substeps, values are taken as straight lines. Of
-    /// several in a tick only the first is given; at 512 Hz there is at most one.
+    /// Sample `n` is at `(n + 1) / rate`. Values between the middles of substeps are interpolated linearly. A tick
+    /// returns at most its first sample; at 512 Hz there is never a second one.
     pub(crate) fn sample(&mut self, end_ns: u64, felt: &[Felt; SUBSTEPS]) -> Option<ImuSample> {
         let sensor_ns = ((self.count + 1) as f64 / self.rate * 1e9).round() as u64;
         let sample = (sensor_ns <= end_ns).then(|| {
             let h = TICK / SUBSTEPS as f64;
-            // In substeps from the middle of the last one of the tick before.
+            // Time in substeps from the middle of the last substep of the previous tick.
             let since = (TICK - (end_ns - sensor_ns) as f64 * 1e-9) / h + 0.5;
             let after = (since as usize).min(SUBSTEPS - 1);
             let first = if after == 0 {
@@ -180,7 +181,7 @@ mod tests {
             gyroscope_bias: 0.0,
             scale: 0.0,
         };
-        // Felt grows with time, 1 a second.
+        // The measured quantity grows by 1 per second.
         let middle = |tick: i32, substep: i32| {
             felt(f64::from(tick) * 1e-3 + (f64::from(substep) + 0.5) * 5e-4)
         };
@@ -197,9 +198,9 @@ mod tests {
         for (number, sample) in samples.iter().enumerate() {
             assert_eq!(sample.number, number as u64);
             let t = sample.sensor_ns as f64 * 1e-9;
-            // Stamps are whole nanoseconds.
+            // Timestamps are whole nanoseconds.
             assert!((t - (number + 1) as f64 / 512.0).abs() < 1e-9);
-            // A straight line is met exactly, to rounding.
+            // Linear interpolation is exact for a straight line, except for rounding.
             assert!((sample.acceleration[0] - t).abs() < 1e-12);
             assert!((sample.rate[1] - t).abs() < 1e-12);
         }
@@ -219,12 +220,12 @@ mod tests {
             let mean = samples.iter().sum::<f64>() / samples.len() as f64;
             let spread = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
             let spread = (spread / samples.len() as f64).sqrt();
-            // 400 samples: 3.5 %; five times that.
+            // The estimate from 400 samples has a standard error of 3.5 %; the limit is five times that.
             assert!((spread / config.accelerometer_noise - 1.0).abs() < 0.18);
             biases += mean * mean;
         }
         let bias = (biases / runs as f64).sqrt();
-        // 300 runs: 4 %; four times that.
+        // The estimate from 300 runs has a standard error of 4 %; the limit is four times that.
         assert!(
             (bias / config.accelerometer_bias - 1.0).abs() < 0.16,
             "{bias}"

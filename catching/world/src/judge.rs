@@ -1,8 +1,9 @@
-//! Who says whether a ball was caught, from the truth alone.
+//! Judge: decides from the true state if a ball was caught.
 //!
-//! A ball is caught when its centre crosses the plane through the catch frame's middle, across the hand's axis, at most
-//! [`MAX_ACROSS`] from the axis, with the axis within [`MAX_ANGLE`] of the ball's reversed velocity, and the hand closes within
-//! [`MAX_ALONG_NS`] of the crossing. Whether the robot touches itself is not looked at yet.
+//! A ball is caught if its centre crosses the plane through the centre of the catch frame, perpendicular to the
+//! hand's axis, at most [`MAX_ACROSS`] from the axis. The angle between the axis and the reversed velocity of the
+//! ball must be at most [`MAX_ANGLE`], and the hand must close within [`MAX_ALONG_NS`] of the crossing.
+//! Self-collisions are not checked.
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::ARMS;
@@ -10,40 +11,41 @@ use tactnet_catching_packets::ARMS;
 use crate::ball::BallState;
 use crate::robot::FrameMotion;
 
-/// Greatest distance from the hand's axis, m.
+/// Maximum distance from the hand's axis, in m.
 pub const MAX_ACROSS: f64 = 0.02;
-/// Greatest angle between the hand's axis and the ball's reversed velocity, rad: 25 degrees.
+/// Maximum angle between the hand's axis and the reversed velocity of the ball, in rad: 25 degrees.
 pub const MAX_ANGLE: f64 = 25.0 * std::f64::consts::PI / 180.0;
-/// Greatest time between closing and crossing, ns.
+/// Maximum time between closing and crossing, in ns.
 pub const MAX_ALONG_NS: u64 = 5_000_000;
-/// A ball that crosses farther from the axis than this did not come near, m.
+/// Distance from the axis beyond which a ball counts as not near, in m.
 pub const NEAR: f64 = 0.15;
 
-/// A ball's way through the plane of a hand.
+/// Crossing of a ball through the plane of a hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
-    /// 0 left, 1 right.
+    /// Arm, 0 for left and 1 for right.
     pub arm: usize,
-    /// When, ns.
+    /// Time, in ns.
     pub at_ns: u64,
-    /// From the hand's axis, m.
+    /// Distance from the hand's axis, in m.
     pub across_m: f64,
-    /// From the crossing to the hand's closing, s; greater than 0: too late. `None`: no closing was commanded.
+    /// Time from the crossing to the closing of the hand, in s; positive if too late, `None` without a closing
+    /// command.
     pub along_s: Option<f64>,
-    /// Between the hand's axis and the ball's reversed velocity, rad.
+    /// Angle between the hand's axis and the reversed velocity of the ball, in rad.
     pub angle: f64,
 }
 
-/// Why a ball was not caught; of several reasons the first in this order.
+/// Cause of a miss. If several apply, the first in this order counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Miss {
-    /// It crossed no hand's plane within [`NEAR`].
+    /// The ball did not cross a hand's plane within [`NEAR`].
     NeverCameNear,
     /// No closing was commanded.
     NoCommand,
-    /// Too far from the hand's axis.
+    /// The crossing was too far from the hand's axis.
     Across,
-    /// Too much at an angle.
+    /// The angle was too large.
     Angle,
     /// The hand closed too early.
     Early,
@@ -51,14 +53,14 @@ pub enum Miss {
     Late,
 }
 
-/// What became of a ball.
+/// Result of a throw of one ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verdict {
-    /// Number of the ball, counted through a world's life.
+    /// Number of the ball, counted over the lifetime of a world.
     pub ball: u64,
-    /// `None`: caught.
+    /// Cause of the miss, or `None` if the ball was caught.
     pub miss: Option<Miss>,
-    /// The crossing that caught it, else the one nearest to a hand's axis; `None` if there was none.
+    /// Crossing at which the ball was caught, or the one closest to a hand's axis; `None` without a crossing.
     pub crossing: Option<Crossing>,
 }
 
@@ -69,23 +71,24 @@ impl Verdict {
     }
 }
 
-/// A hand during a tick.
+/// State of a hand during a tick.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct HandDuring {
-    /// The catch frame at the tick's begin and end.
+    /// Catch frames at the start and the end of the tick.
     pub(crate) frames: [FrameMotion; 2],
-    /// When the hand closes.
+    /// Time at which the hand closes, in ns.
     pub(crate) closes_ns: Option<u64>,
 }
 
-/// The crossings of one ball so far.
+/// Crossings of one ball so far.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Crossings {
     nearest: Option<Crossing>,
 }
 
 impl Crossings {
-    /// Looks at a tick: `flight` has the ball at evenly spaced times from `start_ns` to `end_ns`. Returns true once it is caught.
+    /// Checks a tick. `flight` has the ball at evenly spaced times from `start_ns` to `end_ns`. Returns true once the
+    /// ball is caught.
     pub(crate) fn observe(
         &mut self,
         [start_ns, end_ns]: [u64; 2],
@@ -109,7 +112,7 @@ impl Crossings {
                 if (before > 0.0) == (after > 0.0) {
                     continue;
                 }
-                // A straight line for a tenth of a millisecond: off by a g h^2 / 8, a nanometre.
+                // Linear interpolation over 0.1 ms has an error of g h^2 / 8, about a nanometre.
                 let part = before / (before - after);
                 let at = (i as f64 - 1.0 + part) / intervals;
                 let (axis, middle) = axis_and_middle(at);
@@ -142,7 +145,7 @@ impl Crossings {
         false
     }
 
-    /// Returns the verdict on the ball of that number.
+    /// Returns the verdict on the ball with the given number.
     pub(crate) fn verdict(&self, ball: u64) -> Verdict {
         Verdict {
             ball,
@@ -156,7 +159,7 @@ impl Crossings {
 
 fn miss(crossing: &Crossing) -> Option<Miss> {
     let limit = MAX_ALONG_NS as f64 * 1e-9;
-    // Stamps are whole nanoseconds.
+    // Timestamps are whole nanoseconds.
     let rounding = 1e-9;
     match crossing.along_s {
         _ if crossing.across_m > NEAR => Some(Miss::NeverCameNear),
@@ -176,10 +179,10 @@ mod tests {
     use proptest::prelude::*;
 
     const MS: u64 = 1_000_000;
-    /// When the ball crosses.
+    /// Time at which the ball crosses the plane, in ns.
     const CROSSING_NS: u64 = 100_600_000;
 
-    /// A hand at the origin whose axis points along `axis`.
+    /// Returns a hand at the origin whose axis points along `axis`.
     fn hand(axis: Vector3<f64>, closes_ns: Option<u64>) -> HandDuring {
         let rotation = Rotation3::rotation_between(&Vector3::z(), &axis)
             .expect("not opposite")
@@ -204,7 +207,8 @@ mod tests {
         hand
     }
 
-    /// A ball to -x at 6 m/s that is at (0, y, z) at [`CROSSING_NS`], from 10.6 ms before, and the times of begin and end.
+    /// Returns a flight along -x at 6 m/s that is at (0, y, z) at [`CROSSING_NS`] and starts 10.6 ms earlier, with
+    /// its start and end time.
     fn flight(y: f64, z: f64) -> ([u64; 2], Vec<BallState>) {
         let velocity = Vector3::new(-6.0, 0.0, 0.0);
         let flight = (0..=200)
@@ -280,7 +284,7 @@ mod tests {
     }
 
     proptest! {
-        /// Turning hand and ball together, or renaming the arms, is no difference.
+        /// The verdict does not depend on a common rotation of hand and ball, nor on the order of the arms.
         #[test]
         fn the_judge_does_not_care_about_directions_or_arms(
             turn in proptest::array::uniform3(-2.0..2.0f64),

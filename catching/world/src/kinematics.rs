@@ -1,21 +1,22 @@
-//! The true robot as a tree of bodies: where they are and how fast they move, in the inertial frame.
+//! Kinematics of the true robot as a tree of bodies: poses and velocities in the inertial frame.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Link, RobotDescription};
 
-/// Bodies, each moved by one joint: platform; column, lower and upper part, chest; neck, head; seven of the left arm, seven of the right.
+/// Number of bodies, each moved by one joint: platform; column, lower part, upper part, chest; neck, head; seven per
+/// arm, left then right.
 pub(crate) const BODIES: usize = 21;
-/// The chest, which the passive joint keeps upright.
+/// Index of the chest, which the passive joint keeps upright.
 pub(crate) const CHEST: usize = 4;
-/// The head.
+/// Index of the head.
 pub(crate) const HEAD: usize = 6;
-/// The last body of each arm.
+/// Index of the last body of each arm.
 pub(crate) const HAND: [usize; ARMS] = [13, 20];
 
-/// A value for the joint of each body, rad or m.
+/// A value for the joint of each body, in rad or m.
 pub(crate) type Coordinates = [f64; BODIES];
 
-/// Which way a joint moves its body.
+/// Type and axis of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Axis {
     SlideY,
@@ -27,51 +28,52 @@ pub(crate) enum Axis {
 /// A body and the joint that moves it.
 #[derive(Debug, Clone)]
 pub(crate) struct Body {
-    /// The body that carries the joint; none for the first.
+    /// Index of the body that carries the joint; `None` for the first.
     pub(crate) parent: Option<usize>,
-    /// From the joint's frame, before it moves, to the parent's.
+    /// Rotation from the joint's frame at 0 to the parent's frame.
     rotation: Matrix3<f64>,
-    /// The joint's origin in the parent's frame, m.
+    /// Origin of the joint in the parent's frame, in m.
     translation: Vector3<f64>,
     pub(crate) axis: Axis,
-    /// kg.
+    /// Mass, in kg.
     pub(crate) mass: f64,
-    /// Centre of mass in the body's frame, m.
+    /// Centre of mass in the body's frame, in m.
     pub(crate) centre: Vector3<f64>,
-    /// Principal moments about it, axes parallel to the body's, kg m^2.
+    /// Principal moments of inertia about the centre of mass, with axes parallel to the body's, in kg m^2.
     pub(crate) inertia: Vector3<f64>,
 }
 
-/// Where a body is.
+/// Pose of a body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
-    /// Of its origin, m.
+    /// Position of its origin, in m.
     pub(crate) position: Vector3<f64>,
-    /// From its frame to the inertial one.
+    /// Rotation from its frame to the inertial frame.
     pub(crate) rotation: Matrix3<f64>,
-    /// Its joint's axis.
+    /// Axis of its joint in the inertial frame.
     pub(crate) axis: Vector3<f64>,
 }
 
-/// How fast a body moves.
+/// Velocity of a body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Velocity {
-    /// Of its origin, m/s.
+    /// Velocity of its origin, in m/s.
     pub(crate) linear: Vector3<f64>,
-    /// rad/s.
+    /// Angular velocity, in rad/s.
     pub(crate) angular: Vector3<f64>,
 }
 
-/// The bodies, each after the one that carries it.
+/// All bodies, parents before children.
 #[derive(Debug, Clone)]
 pub(crate) struct Tree {
     pub(crate) bodies: [Body; BODIES],
-    /// From the last body of each arm to the catch frame, m along its z axis.
+    /// Distance from the last body of each arm to the catch frame along its z axis, in m.
     to_catch: [f64; ARMS],
 }
 
 impl Tree {
-    /// Builds the tree; each arm stands `mount_errors` (m, chest's frame) away from where the description says.
+    /// Builds the tree. Each arm is displaced by `mount_errors` (chest frame, in m) from its place in the
+    /// description.
     pub(crate) fn new(robot: &RobotDescription, mount_errors: &[Vector3<f64>; ARMS]) -> Self {
         let up = |height: f64| Vector3::new(0.0, 0.0, height);
         let straight = Matrix3::identity();
@@ -164,7 +166,7 @@ impl Tree {
         }
     }
 
-    /// Returns where the bodies are.
+    /// Returns the poses of all bodies.
     pub(crate) fn places(&self, q: &Coordinates) -> [Place; BODIES] {
         let mut places = [Place {
             position: Vector3::zeros(),
@@ -178,7 +180,7 @@ impl Tree {
             };
             let place = &mut places[i];
             place.position = origin + parent * body.translation;
-            // Only the arms' mounts are turned.
+            // Only the mounts of the arms are rotated.
             place.rotation = if body.parent == Some(CHEST) {
                 parent * body.rotation
             } else {
@@ -207,7 +209,7 @@ impl Tree {
         places
     }
 
-    /// Returns how fast the bodies move.
+    /// Returns the velocities of all bodies.
     pub(crate) fn velocities(
         &self,
         places: &[Place; BODIES],
@@ -235,19 +237,20 @@ impl Tree {
         velocities
     }
 
-    /// Returns from an arm's wrist to its catch frame, m.
+    /// Returns the distance from an arm's wrist to its catch frame, in m.
     pub(crate) fn wrist_to_catch(&self, arm: usize) -> f64 {
         self.to_catch[arm]
     }
 
-    /// Returns the middle of an arm's catch frame, m; its rotation is that of the arm's last body.
+    /// Returns the origin of an arm's catch frame, in m. The rotation is that of the arm's last body.
     pub(crate) fn catch_position(&self, places: &[Place; BODIES], arm: usize) -> Vector3<f64> {
         let hand = &places[HAND[arm]];
         hand.position + hand.rotation.column(2) * self.to_catch[arm]
     }
 }
 
-/// Returns the value of every body's joint: the passive one undoes both pitches. For positions, rates and accelerations alike.
+/// Returns the values of all joints, including the passive one, which compensates both pitches. Valid for positions,
+/// rates and accelerations.
 pub(crate) fn with_passive(joints: &[f64; JOINTS]) -> Coordinates {
     std::array::from_fn(|i| match i {
         0..CHEST => joints[i],
@@ -256,7 +259,8 @@ pub(crate) fn with_passive(joints: &[f64; JOINTS]) -> Coordinates {
     })
 }
 
-/// Returns the torques of the driven joints: what the passive joint carries, the pitches carry (its tendon does no work).
+/// Returns the torques of the driven joints. The pitches carry the load of the passive joint, whose tendon does no
+/// work.
 pub(crate) fn without_passive(torques: &Coordinates) -> [f64; JOINTS] {
     std::array::from_fn(|i| match i {
         2 | 3 => torques[i] - torques[CHEST],
@@ -314,14 +318,15 @@ mod tests {
                 let linear = (after[i].position - before[i].position) / (2.0 * h);
                 let turned = (after[i].rotation - before[i].rotation) / (2.0 * h);
                 let expected = velocities[i].angular.cross_matrix() * now[i].rotation;
-                // Central differences: rounding 1e-16 / h.
+                // Rounding error of central differences: 1e-16 / h.
                 prop_assert!((linear - velocities[i].linear).norm() < 1e-7);
                 prop_assert!((turned - expected).norm() < 1e-7);
             }
         }
     }
 
-    /// With all joints at zero the arms stretch out along their leaning axes; by hand from the description's lengths.
+    /// With all joints at 0, the arms are straight along their inclined axes; expected values computed by hand from
+    /// the lengths in the description.
     #[test]
     fn at_zero_the_robot_stands_as_described() {
         let robot = RobotDescription::nominal();

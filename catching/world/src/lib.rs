@@ -1,32 +1,37 @@
-//! A simulated robot, ball and sensors, and the judge of catches. Depends on nothing of the stack that it judges, and is worse than the
-//! robot's description says: its torso gives way, its wheels slip, its arms may be mounted elsewhere.
+//! Simulated robot, ball and sensors, and the judge of catches. The crate does not depend on the stack that it
+//! judges. It deviates from the robot's description: the torso is elastic, the wheels slip, and the arms may be
+//! mounted with errors.
 //!
-//! A [`World`] goes in ticks of a millisecond and repeats to the bit from its seed. It reads no clock, starts no threads, and its step
-//! does not allocate.
+//! A [`World`] advances in ticks of 1 ms and is reproducible from its seed, bit by bit. It reads no clock and starts
+//! no threads, and its step does not allocate.
 //!
 //! | part | model | step |
 //! |---|---|---|
 //! | ball | `(m + m_a) dv/dt = -(m - m_b) g - 1/2 rho C_d A \|v\| v + lift`, Runge-Kutta | 0.1 ms |
 //! | drives | `ddq = a_c + w^2 (q_c - q) + 2 w (dq_c - dq)`, limits kept | 0.5 ms |
 //! | torso | `M_ee dde = -K e - D de - b(q, dq, ddq)`, Newton-Euler over 21 bodies (Luh, Walker and Paul 1980), drift-kick-drift | 0.5 ms |
-//! | platform | true place = drive + slip, `s tanh(way / 0.15 m)` | 0.5 ms |
-//! | inertial unit | specific force and rate of its place in the true head, with bias, scale, noise | 512 Hz |
-//! | cameras | outline of a sphere, with noise, misses, clutter; both exposed together | 25 Hz |
-//! | hands | close once, 10 ms after they begin to; let go 10 ms after they begin to open | 1 ms |
-//! | obstacles | boxes: which parts of the robot are in one, whether a ball flies into one | 1 ms |
-//! | depth camera | rays to boxes, floor and the robot itself, with noise and holes | when asked for |
-//! | markers | [`MarkersConfig`]: features of a calibration session, with noise, misses, outlying ones | when asked for |
-//! | pictures | [`Pictures`]: a room, people, balls, blur, distortion, noise, from the truth of a moment | when asked for |
+//! | platform | true position = drive + slip, `s tanh(distance / 0.15 m)` | 0.5 ms |
+//! | inertial unit | specific force and angular rate at its place in the true head, with bias, scale and noise | 512
+//! Hz |
+//! | cameras | outline of a sphere, with noise, misses and clutter; simultaneous exposures | 25 Hz |
+//! | hands | enclose the ball 10 ms after they start to close; release it 10 ms after they start to open | 1 ms |
+//! | obstacles | boxes; contacts with the robot, collisions with balls | 1 ms |
+//! | depth camera | rays to boxes, floor and the robot itself, with noise and invalid pixels | on request |
+//! | markers | [`MarkersConfig`]: features of a calibration session, with noise, misses and outliers | on request |
+//! | pictures | [`Pictures`]: room, people, balls, blur, distortion and noise, rendered from the true state | on
+//! request |
 //!
-//! The drives prescribe the motion of their joints, whatever torque it takes; the reaction of arms, neck and platform goes into the
-//! torso's springs, and so shakes chest and head. The neck is stiff; arms are, or sag under their
-//! weight ([`PlantedErrors::arm_compliance`]).
+//! The drives prescribe the motion of their joints, regardless of the torque. The reaction of arms, neck and platform
+//! acts on the springs of the torso and shakes chest and head. The neck is stiff. The arms are stiff, or bend under
+//! their weight ([`PlantedErrors::arm_compliance`]).
 //!
-//! Frames and joint numbers are those of [`tactnet_catching_packets`]. The numbers that the thesis does not give (springs, damping, noise,
-//! latency, spin) are settings; the defaults are ours, most from the digest of its chapter 3.
+//! Frames and joint numbers are those of [`tactnet_catching_packets`]. Values that the thesis does not give (springs,
+//! damping, noise, latency, spin) are settings. Their defaults are estimates, most of them from the digest of its
+//! chapter 3.
 //!
-//! Left out: self-collision, forces of contact, contact of ball with robot and fingers, boxes and arms hiding the ball, the delay from
-//! exposure to circles (the runner's), elasticity of the neck, what motion adds to the sag of the arms, torque limits.
+//! Not modelled: self-collisions, contact forces, contact of the ball with robot and fingers, occlusion of the ball
+//! by boxes and arms, the delay from exposure to circles (the caller adds it), elasticity of the neck, bending of the
+//! arms by their motion, torque limits.
 
 mod ball;
 mod cameras;
@@ -76,5 +81,5 @@ pub use thrower::ThrowerConfig;
 pub use torso::{Stiffness, TorsoConfig};
 pub use world::{BallTruth, FlightSample, Ignored, Sensed, TICK_NS, Truth, World, down_to};
 
-/// Gravity, m/s^2.
+/// Gravity, in m/s^2.
 pub const GRAVITY: f64 = 9.81;

@@ -1,6 +1,6 @@
-//! Markers at the wrists, which calibration looks at: where detectors find them in both pictures.
+//! Markers on the wrists for the calibration, as detected in both pictures.
 //!
-//! A marker is a small ball on a stalk, so that it is seen from every side; what hides it is not simulated.
+//! A marker is a small ball on a stalk, visible from all sides; occlusion is not simulated.
 
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -13,19 +13,20 @@ use crate::error::{WorldError, not_negative, probability};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 
-/// Where markers were to be glued, and what detectors make of them.
+/// Nominal places of the markers, and settings of their detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MarkersConfig {
-    /// Left and right, m, in the frame of the arm's last link, whose origin is the wrist; `errors.marker` moves them.
+    /// Left and right place in the frame of the arm's last link (origin at the wrist), in m; `errors.marker`
+    /// displaces them.
     pub places: [[f64; 3]; ARMS],
-    /// Standard deviation of a feature, each way, pixels.
+    /// Standard deviation of a feature along each axis, in pixels.
     pub noise: f64,
-    /// Probability that a marker in a picture is found, each camera on its own.
+    /// Detection probability of a marker in a picture, independent for each camera.
     pub detection: f64,
-    /// Probability that what is found is something else.
+    /// Probability that a detection is an outlier.
     pub outlying: f64,
-    /// How far that may be away, each way, pixels.
+    /// Maximum displacement of an outlier along each axis, in pixels.
     pub away: f64,
 }
 
@@ -52,10 +53,11 @@ impl MarkersConfig {
         not_negative("markers.away", self.away)
     }
 
-    /// Returns what is found in the last pictures, pixels: of the left and the right marker, in the left and the right picture.
+    /// Returns the detections in the latest pictures, in pixels: of the left and the right marker, each in the left
+    /// and the right picture.
     ///
     /// - `wrists`: frames of the arms' last links
-    /// - `moved`: from where markers were to be to where they are, m
+    /// - `moved`: displacement of the markers from their nominal places, in m
     pub(crate) fn find(
         &self,
         cameras: &Cameras,
@@ -108,7 +110,7 @@ mod tests {
         }
     }
 
-    /// 2000 markers straight ahead, 0.8 m before the middle between the cameras.
+    /// 2000 markers straight ahead, 0.8 m in front of the centre between the cameras.
     #[test]
     fn features_have_the_given_noise_and_shares() {
         let config = MarkersConfig {
@@ -134,7 +136,7 @@ mod tests {
                 &[Vector3::zeros(); ARMS],
                 seed,
             );
-            // Half the baseline at 0.8 m, to the right in the left picture.
+            // Half the baseline at 0.8 m; to the right in the left picture.
             let expected = [800.0 + 1386.0 * 0.1 / 0.8, 800.0 - 1386.0 * 0.1 / 0.8];
             for (pixel, expected) in left.iter().zip(expected) {
                 let Some([u, v]) = pixel else { continue };
@@ -147,7 +149,7 @@ mod tests {
             }
         }
         let of = 2.0 * runs as f64;
-        // Five standard deviations each; outlying ones fall next to the marker once in 1600.
+        // Five standard deviations each. An outlier falls next to the marker with probability 1/1600.
         assert!((found / of - 0.97f64).abs() < 0.02, "{}", found / of);
         assert!((outlying / found - 0.03f64).abs() < 0.02, "{outlying}");
         let noise = f64::sqrt(squares / (found - outlying));

@@ -1,4 +1,4 @@
-//! What stands about: boxes, upright, turned about the vertical.
+//! Obstacles: upright boxes, rotated about the vertical.
 
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -7,12 +7,12 @@ use serde::{Deserialize, Serialize};
 use crate::error::{WorldError, within};
 use crate::stream::Stream;
 
-/// Boxes at most.
+/// Maximum number of boxes.
 pub(crate) const MOST_BOXES: usize = 16;
-/// Times that a place is drawn again where the robot stands in it.
+/// Maximum number of draws for a place without collision with the robot.
 const DRAWS: u64 = 64;
 
-/// What stands about. By default nothing does.
+/// Settings of the obstacles; none by default.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObstaclesConfig {
@@ -20,27 +20,28 @@ pub struct ObstaclesConfig {
     pub boxes: Vec<BoxConfig>,
 }
 
-/// A box, inertial frame.
+/// A box in the inertial frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxConfig {
-    /// Its middle, m.
+    /// Centre, in m.
     pub middle: [f64; 3],
-    /// Its edges, m.
+    /// Edge lengths, in m.
     pub size: [f64; 3],
-    /// About the vertical, rad.
+    /// Rotation about the vertical, in rad.
     #[serde(default)]
     pub turn: f64,
-    /// Wherever it is put, it is put up to so far from its middle along x, y and z, m: drawn evenly, anew at each rearrangement.
+    /// Maximum displacement of the centre along x, y and z, in m; drawn uniformly at each rearrangement.
     #[serde(default)]
     pub drawn: [f64; 3],
-    /// And turned by up to this, rad.
+    /// Maximum additional rotation, in rad; drawn in the same way.
     #[serde(default)]
     pub drawn_turn: f64,
 }
 
 impl ObstaclesConfig {
-    /// A table beside the robot's left arm, and a box that is put up on it or beside it, anew at each rearrangement.
+    /// Returns a table next to the robot's left arm, and a box on or next to it with a new place at each
+    /// rearrangement.
     pub fn table_and_box() -> Self {
         Self {
             boxes: vec![
@@ -97,7 +98,8 @@ impl ObstaclesConfig {
         Ok(())
     }
 
-    /// Draws where all boxes stand after so many rearrangements; `is_free` says whether one may stand there.
+    /// Draws the places of all boxes for a given number of rearrangements. `is_free` returns true for an allowed
+    /// place.
     pub(crate) fn place(
         &self,
         seed: u64,
@@ -130,14 +132,14 @@ impl ObstaclesConfig {
     }
 }
 
-/// A box where it stands.
+/// A box at its current place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StandingBox {
-    /// m.
+    /// Centre, in m.
     pub middle: [f64; 3],
-    /// Edges, m.
+    /// Edge lengths, in m.
     pub size: [f64; 3],
-    /// About the vertical, rad.
+    /// Rotation about the vertical, in rad.
     pub turn: f64,
     sin_cos: [f64; 2],
 }
@@ -152,13 +154,13 @@ impl StandingBox {
         }
     }
 
-    /// Returns a direction in the box's own axes.
+    /// Returns a direction in the frame of the box.
     fn turned(&self, d: &Vector3<f64>) -> Vector3<f64> {
         let [sin, cos] = self.sin_cos;
         Vector3::new(cos * d.x + sin * d.y, cos * d.y - sin * d.x, d.z)
     }
 
-    /// Returns the distance of a point from the surface, m, negative inside.
+    /// Returns the distance of a point from the surface, in m; negative inside.
     pub fn distance(&self, p: &Vector3<f64>) -> f64 {
         let from_middle = self.turned(&(p - Vector3::from(self.middle)));
         let beyond: [f64; 3] = std::array::from_fn(|i| from_middle[i].abs() - 0.5 * self.size[i]);
@@ -166,11 +168,12 @@ impl StandingBox {
         outside + beyond[0].max(beyond[1]).max(beyond[2]).min(0.0)
     }
 
-    /// Returns the least distance of the points between two, m. It is convex along a line, so thirds that cannot hold the least are left out.
+    /// Returns the minimum distance of the points of a segment, in m. The distance is convex along a line, so a
+    /// ternary search finds it.
     pub(crate) fn distance_of_segment(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
         let at = |share: f64| self.distance(&(from + (to - from) * share));
         let (mut low, mut high) = (0.0, 1.0);
-        // To a hundred thousandth of the segment.
+        // Accuracy: 1e-5 of the segment.
         for _ in 0..30 {
             let third = (high - low) / 3.0;
             if at(low + third) < at(high - third) {
@@ -182,7 +185,8 @@ impl StandingBox {
         at(0.5 * (low + high))
     }
 
-    /// Returns how many `direction`s it is from `origin` to the surface; `None`: the ray passes by.
+    /// Returns the distance from `origin` to the surface in units of `direction`, or `None` if the ray misses the
+    /// box.
     pub(crate) fn on_ray(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<f64> {
         let from = self.turned(&(origin - Vector3::from(self.middle)));
         let along = self.turned(direction);
@@ -264,7 +268,7 @@ mod tests {
             let off = (second[1].middle[i] - config.boxes[1].middle[i]).abs();
             assert!(off <= config.boxes[1].drawn[i]);
         }
-        // Drawn again where it may not stand.
+        // Drawn again if the place is not allowed.
         let left = config.place(3, 1, |place| place.middle[0] < 0.5);
         assert!(left[1].middle[0] < 0.5);
     }

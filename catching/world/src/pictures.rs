@@ -1,11 +1,12 @@
-//! What both cameras photograph: surroundings that turn with the head, people, balls, blur, noise.
+//! Camera pictures: background, people, balls, blur and noise.
 //!
-//! The eyes' pictures are drawn from the truth alone. Surroundings are far away, so that they turn and do not move; people and balls are
-//! ellipsoids, lit from one side, that hide what is behind them. A picture is a mean over the time that the shutter is open, with noise.
-//! The lens distorts as the robot's description says: a ray through `(a, b)`, in focal lengths right and down of the optical axis, falls on
-//! `(a, b) (1 + k1 s + k2 s^2)`, `s = a^2 + b^2`.
+//! Pictures are rendered from the true state only. The background is infinitely far away: it rotates, but has no
+//! parallax. People and balls are ellipsoids, lit from one side, which hide everything behind them. A picture
+//! averages over the exposure time and has noise. The lens distortion is that of the robot's description: a ray
+//! through `(a, b)`, in focal lengths to the right and below the optical axis, is imaged at `(a, b) (1 + k1 s + k2 s^2)`
+//! with `s = a^2 + b^2`.
 //!
-//! Left out: parallax of the surroundings, reflections, shadows, arms in the picture, focus.
+//! Not modelled: parallax of the background, reflections, shadows, arms in the picture, focus.
 
 mod noise;
 mod optics;
@@ -29,24 +30,24 @@ use optics::Rays;
 use solid::Solid;
 use surroundings::Surroundings;
 
-/// Where light comes from, inertial frame: above, behind the robot's left shoulder.
+/// Direction of the light in the inertial frame: above and behind the robot's left shoulder.
 const LIGHT: [f64; 3] = [-0.45, 0.4, 0.8];
-/// Distances of people from the robot, m: behind the thrower, so that they hide no ball.
+/// Distances of people from the robot, in m: behind the thrower, so that they hide no ball.
 const PEOPLE: [f64; 2] = [6.3, 8.5];
 
-/// How pictures look.
+/// Settings of the pictures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PicturesConfig {
-    /// Standard deviation of a pixel's noise, digits of 255.
+    /// Standard deviation of the pixel noise, in grey levels of 0 to 255.
     pub noise: f64,
-    /// Discs on the walls before the robot.
+    /// Number of discs on the walls in front of the robot.
     pub discs: usize,
-    /// People before the robot; their heads are round, too.
+    /// Number of people in front of the robot; their round heads resemble balls.
     pub people: usize,
-    /// Brightness of a ball in full light, least and greatest share of 255; drawn for each ball.
+    /// Minimum and maximum brightness of a fully lit ball, as a share of 255; drawn for each ball.
     pub ball: [f64; 2],
-    /// Pictures are exposed this much later than they say, s.
+    /// Delay of the exposure relative to its timestamp, in s.
     pub clock_offset: f64,
 }
 
@@ -88,15 +89,15 @@ impl PicturesConfig {
             "pictures.clock_offset",
             self.clock_offset,
             [-0.02, 0.02],
-            "at most 20 ms either way",
+            "a magnitude of at most 20 ms",
         )
     }
 }
 
-/// A circle in a picture as it would be without noise and distortion.
+/// A circle in a picture without noise and distortion.
 pub type Outline = Circle;
 
-/// Draws pictures.
+/// Renderer of pictures.
 #[derive(Debug, Clone)]
 pub struct Pictures {
     config: PicturesConfig,
@@ -108,11 +109,11 @@ pub struct Pictures {
     people: Vec<Person>,
     noise: Noise,
     seed: u64,
-    /// A row of brightness.
+    /// Brightness of one row.
     row: Vec<f32>,
 }
 
-/// Somebody who sways a little.
+/// A person who sways a little.
 #[derive(Debug, Clone, Copy)]
 struct Person {
     feet: Vector3<f64>,
@@ -124,9 +125,9 @@ struct Person {
 }
 
 impl Pictures {
-    /// Draws the surroundings.
+    /// Draws the background.
     ///
-    /// - `seed`: the world's: of surroundings, people, brightness, noise
+    /// - `seed`: seed of the world, for background, people, brightness and noise
     ///
     /// # Errors
     /// A setting that is out of range.
@@ -173,25 +174,25 @@ impl Pictures {
         })
     }
 
-    /// Returns width and height, pixels.
+    /// Returns width and height, in pixels.
     pub fn size(&self) -> [usize; 2] {
         [self.optics.width as usize, self.optics.height as usize]
     }
 
-    /// Draws the picture of a camera (0 left, 1 right), exposed around the moment of `truth`.
+    /// Renders the picture of a camera (0 left, 1 right), exposed around the time of `truth`.
     ///
-    /// - `frame`: its number, for noise
-    /// - `pixels`: `[height][width]`, brightness
+    /// - `frame`: number of the picture, for the noise
+    /// - `pixels`: brightness, shape `[height][width]`
     ///
     /// # Panics
-    /// If there is no such camera, or `pixels` has another size.
+    /// Unknown camera, or wrong size of `pixels`.
     pub fn draw(&mut self, truth: &Truth, frame: u64, camera: usize, pixels: &mut [u8]) {
         assert!(camera < CAMERAS, "cameras are 0 and 1");
         let [width, height] = self.size();
         assert_eq!(pixels.len(), width * height, "pixels of a picture");
         let exposure = self.optics.exposure;
         let offset = self.config.clock_offset;
-        // Long enough to smear the surroundings over more than a pixel?
+        // Two samples if the background is blurred over more than a pixel.
         let smear = truth.head.rate.norm() * exposure * self.optics.focal;
         let moments: &[f64] = if smear > 1.5 { &[-0.25, 0.25] } else { &[0.0] };
         let views: Vec<Matrix3<f64>> = moments
@@ -216,14 +217,14 @@ impl Pictures {
         }
     }
 
-    /// Returns the outline of a ball without noise and distortion, `None` if its centre is not in the picture.
+    /// Returns the outline of a ball without noise and distortion, or `None` if its centre is outside the picture.
     pub fn outline(&self, truth: &Truth, camera: usize, ball: usize) -> Option<Outline> {
         let ball = truth.balls.get(ball).copied().flatten()?;
         self.cameras
             .outline(camera, &truth.head, &ball.state.position, self.radius)
     }
 
-    /// Everything before the surroundings, the farthest first.
+    /// Returns all objects in front of the background, the farthest first.
     fn solids(&self, truth: &Truth, camera: usize) -> Vec<Solid> {
         let exposure = self.optics.exposure;
         let offset = self.config.clock_offset;
@@ -271,7 +272,7 @@ impl Pictures {
         solids
     }
 
-    /// Where a camera is so many seconds after the head was as `head` says, and from its directions to the inertial frame's.
+    /// Returns the pose of a camera in the inertial frame, `dt` seconds after the head was at `head`.
     fn eye(&self, camera: usize, head: &FrameMotion, dt: f64) -> Eye {
         let turned = Rotation3::new(head.rate * dt).into_inner() * head.rotation;
         let (offset, turn) = self.cameras.mount(camera);
@@ -295,7 +296,7 @@ mod tests {
     use tactnet_catching_packets::JOINTS;
     use tactnet_catching_packets::packets::JointCommand;
 
-    /// A quarter of the resolution, to be quick.
+    /// A quarter of the resolution, for speed.
     fn description() -> RobotDescription {
         let mut description = RobotDescription::nominal();
         let cameras = &mut description.cameras;
@@ -303,7 +304,7 @@ mod tests {
         description
     }
 
-    /// What is while a ball flies.
+    /// Returns true states during the flight of a ball.
     fn in_flight(description: &RobotDescription, config: &WorldConfig, seed: u64) -> Vec<Truth> {
         let mut world = World::new(description, config, seed, &ready()).unwrap();
         world.throw(1);
@@ -342,12 +343,12 @@ mod tests {
         assert!(first == picture(7, 0));
         assert!(first != picture(8, 0));
         assert!(first != picture(7, 1));
-        // Digits of a whole picture are spread over the range, not black or burnt out.
+        // The grey levels are spread over the range, neither black nor saturated.
         let mean = first.iter().map(|&digit| f64::from(digit)).sum::<f64>() / first.len() as f64;
         assert!((40.0..220.0).contains(&mean), "{mean}");
     }
 
-    /// With and without the ball, pictures differ within its outline and nowhere else.
+    /// Pictures with and without the ball differ only within its outline.
     #[test]
     fn a_ball_is_drawn_where_its_outline_says() {
         let mut description = description();

@@ -1,4 +1,4 @@
-//! What the true robot has that its description lacks.
+//! Planted errors: deviations of the true robot from its description.
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use rand::RngExt;
@@ -12,52 +12,53 @@ use crate::cameras::CAMERAS;
 use crate::error::{WorldError, not_negative};
 use crate::stream::Stream;
 
-/// Way of the platform after which its slip comes near its greatest, m; assumed.
+/// Distance of the platform after which its slip approaches the maximum, in m; an assumption.
 const SLIP_WAY: f64 = 0.15;
 
-/// Planted errors. Those of geometry have the given size and a direction drawn for the run, or for the robot of [`PlantedErrors::robot`].
-/// "Up to" means drawn evenly, either way.
+/// Planted errors. Geometric errors have the given size and a random direction, drawn for the run or for the robot of
+/// [`PlantedErrors::robot`]. Maximum errors are drawn uniformly with either sign.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantedErrors {
-    /// Greatest slip of the platform's wheels, m; each run's is drawn evenly up to it, either way.
+    /// Maximum slip of the platform's wheels, in m; drawn for each run.
     pub platform_slip: f64,
-    /// Arms mounted this far from where the description says, m.
+    /// Displacement of the arm mounts, in m.
     pub arm_mount: f64,
-    /// Cameras mounted this far off, m.
+    /// Common displacement of the cameras, in m.
     pub camera_mount: f64,
-    /// Cameras turned by this, rad.
+    /// Common rotation of the cameras, in rad.
     pub camera_turn: f64,
-    /// Each camera moved by this on its own, m.
+    /// Additional displacement of each camera, in m.
     pub each_camera_mount: f64,
-    /// Each camera turned by this on its own, rad.
+    /// Additional rotation of each camera, in rad.
     pub each_camera_turn: f64,
-    /// Focal length of each camera off by up to this, pixels.
+    /// Maximum error of the focal length of each camera, in pixels.
     pub focal: f64,
-    /// Middle of each picture off by up to this, each way, pixels.
+    /// Maximum error of the principal point along each axis, in pixels.
     pub centre: f64,
-    /// What is left of each lens's distortion, k1 up to this and k2 up to half of it, in the form of the description's `distortion`.
-    /// Circles and markers have it; drawn pictures have the description's lens.
+    /// Maximum residual distortion k1 of each lens, and twice the maximum of k2, in the form of the description's
+    /// `distortion`. It affects circles and markers; rendered pictures have the lens of the description.
     pub distortion: f64,
-    /// Lengths of the arms' links off by up to this, m; of the last one, from the wrist to the catch frame, no marker tells.
+    /// Maximum error of the lengths of the arms' links, in m. Markers do not reveal the last one, from the wrist to
+    /// the catch frame.
     pub arm_length: f64,
-    /// Zeros of the arms' joints off by up to this, rad.
+    /// Maximum zero offset of the arms' joints, in rad.
     pub arm_offset: f64,
-    /// Compliance of the arms' joints, rad/Nm; each is drawn from half to one and a half times of it. Arms sag under their weight alone:
-    /// what motion adds to the torque bends nothing.
+    /// Compliance of the arms' joints, in rad/Nm; the factor for each joint is drawn from 0.5 to 1.5. Arms bend under
+    /// their weight only, not under dynamic torques.
     pub arm_compliance: f64,
-    /// Zeros of the neck's joints off by up to this, rad.
+    /// Maximum zero offset of the neck's joints, in rad.
     pub neck_offset: f64,
-    /// Markers this far from where they were to be glued, m.
+    /// Displacement of the markers, in m.
     pub marker: f64,
-    /// Inertial unit turned by this, rad.
+    /// Rotation of the inertial unit, in rad.
     pub imu_turn: f64,
-    /// Stamps of pictures late by up to this, s, never early.
+    /// Maximum delay of picture timestamps, in s; never negative.
     pub camera_clock: f64,
-    /// Stamps of the inertial unit late by up to this, s, never early.
+    /// Maximum delay of timestamps of the inertial unit, in s; never negative.
     pub imu_clock: f64,
-    /// The robot whose errors these are: all runs with the same number have the same ones, whatever their seed. Slip of the wheels is
-    /// drawn for each run all the same.
+    /// Number of the robot. Runs with the same number share the same errors, whatever their seed. The slip of the
+    /// wheels is still drawn for each run.
     pub robot: Option<u64>,
 }
 
@@ -86,27 +87,27 @@ impl Default for PlantedErrors {
     }
 }
 
-/// A camera that is not as described.
+/// Errors of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CameraErrors {
-    /// m, head's frame.
+    /// Displacement in the head frame, in m.
     pub(crate) shift: Vector3<f64>,
-    /// From its directions to those of a camera mounted as described.
+    /// Rotation from its frame to the frame of a camera mounted as described.
     pub(crate) turn: Matrix3<f64>,
-    /// Pixels.
+    /// Error of the focal length, in pixels.
     pub(crate) focal: f64,
-    /// Pixels.
+    /// Error of the principal point, in pixels.
     pub(crate) centre: [f64; 2],
-    /// k1, k2.
+    /// Distortion coefficients k1 and k2.
     pub(crate) distortion: [f64; 2],
 }
 
-/// Joints that are not where their sensors say: `q_link = q + offset + compliance * load`.
+/// Errors of the joint sensors: `q_link = q + offset + compliance * load`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct JointErrors {
-    /// rad.
+    /// Zero offsets, in rad.
     pub(crate) offsets: [f64; JOINTS],
-    /// rad/Nm.
+    /// Compliances, in rad/Nm.
     pub(crate) compliances: [f64; JOINTS],
 }
 
@@ -136,10 +137,10 @@ impl PlantedErrors {
         Ok(())
     }
 
-    /// Returns the errors of a robot that was put together and never calibrated: its hands are up to about 60 mm from where they are
-    /// thought to be, seen from a camera (Agile Justin: 61 mm, arXiv 2311.08338).
+    /// Returns the errors of an assembled robot without calibration. Seen from a camera, its hands are up to about 60
+    /// mm from their expected places (Agile Justin: 61 mm, arXiv 2311.08338).
     ///
-    /// - `robot`: which one
+    /// - `robot`: number of the robot
     pub fn uncalibrated(robot: u64) -> Self {
         Self {
             arm_mount: 0.008,
@@ -163,7 +164,7 @@ impl PlantedErrors {
         }
     }
 
-    /// Draws where the arms are mounted wrongly, m, chest's frame.
+    /// Draws the displacements of the arm mounts in the chest frame, in m.
     pub(crate) fn arm_mounts(&self, seed: u64) -> [Vector3<f64>; ARMS] {
         std::array::from_fn(|arm| {
             let direction: [f64; 3] =
@@ -172,7 +173,7 @@ impl PlantedErrors {
         })
     }
 
-    /// Draws how the cameras are mounted wrongly: moved, m, and turned, in the head's frame.
+    /// Draws the common displacement (in m) and rotation of the cameras in the head frame.
     pub(crate) fn camera_mount(&self, seed: u64) -> (Vector3<f64>, Matrix3<f64>) {
         let mut rng = Stream::CameraMount.rng(self.of(seed), 0);
         let direction: [f64; 3] = UnitSphere.sample(&mut rng);
@@ -184,7 +185,7 @@ impl PlantedErrors {
         )
     }
 
-    /// Draws how each camera is wrong, beyond what both share.
+    /// Draws the additional errors of each camera.
     pub(crate) fn each_camera(&self, seed: u64) -> [CameraErrors; CAMERAS] {
         std::array::from_fn(|camera| {
             let mut rng = Stream::EachCamera.rng(self.of(seed), camera as u64);
@@ -200,7 +201,7 @@ impl PlantedErrors {
         })
     }
 
-    /// Draws how long the arms' links are: returns the description with them.
+    /// Draws the lengths of the arms' links and returns the changed description.
     pub(crate) fn lengths(&self, description: &RobotDescription, seed: u64) -> RobotDescription {
         let mut drawn = description.clone();
         for (number, arm) in drawn.arms.iter_mut().enumerate() {
@@ -217,7 +218,7 @@ impl PlantedErrors {
         drawn
     }
 
-    /// Draws how joints are wrong; `None` if none is.
+    /// Draws the errors of the joints; `None` if there are none.
     pub(crate) fn joints(&self, seed: u64) -> Option<JointErrors> {
         if [self.arm_offset, self.arm_compliance, self.neck_offset] == [0.0; 3] {
             return None;
@@ -241,31 +242,31 @@ impl PlantedErrors {
         Some(errors)
     }
 
-    /// Draws by how much markers are away from their places, m, frame of the arm's last link.
+    /// Draws the displacements of the markers in the frame of the arm's last link, in m.
     pub(crate) fn markers(&self, seed: u64) -> [Vector3<f64>; ARMS] {
         std::array::from_fn(|arm| {
             direction(&mut Stream::MarkerPlace.rng(self.of(seed), arm as u64)) * self.marker
         })
     }
 
-    /// Draws how the inertial unit is turned: from its directions to the head's.
+    /// Draws the rotation from the frame of the inertial unit to the head frame.
     pub(crate) fn imu_turn(&self, seed: u64) -> Matrix3<f64> {
         turned(self.imu_turn, &mut Stream::ImuTurn.rng(self.of(seed), 0))
     }
 
-    /// Draws by how much stamps are late, ns: of pictures, of the inertial unit.
+    /// Draws the delays of the timestamps of pictures and of the inertial unit, in ns.
     pub(crate) fn clocks(&self, seed: u64) -> [u64; 2] {
         let mut rng = Stream::Clocks.rng(self.of(seed), 0);
         [self.camera_clock, self.imu_clock]
             .map(|most| (rng.random::<f64>() * most * 1e9).round() as u64)
     }
 
-    /// The seed that geometry is drawn from.
+    /// Returns the seed of the geometric errors.
     fn of(&self, seed: u64) -> u64 {
         self.robot.unwrap_or(seed)
     }
 
-    /// Draws the platform's slip; it starts at `start`, m.
+    /// Draws the slip of the platform, which starts at `start`, in m.
     pub(crate) fn slip(&self, seed: u64, start: f64) -> Slip {
         let part = Stream::Slip.rng(seed, 0).random::<f64>() * 2.0 - 1.0;
         Slip {
@@ -297,7 +298,7 @@ pub(crate) struct Moving {
     pub(crate) ddq: f64,
 }
 
-/// Wheels that slip: `s = most tanh(way / SLIP_WAY)`, so slip grows with the way and is smooth.
+/// Slip of the wheels: `s = most tanh(distance / SLIP_WAY)`, which grows smoothly with the distance.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Slip {
     start: f64,
@@ -305,12 +306,12 @@ pub(crate) struct Slip {
 }
 
 impl Slip {
-    /// Returns the slip, m.
+    /// Returns the slip, in m.
     pub(crate) fn at(&self, q: f64) -> f64 {
         self.most * ((q - self.start) / SLIP_WAY).tanh()
     }
 
-    /// Returns how the platform really moves when its drive moves like `drive`.
+    /// Returns the true motion of the platform for a motion of its drive.
     pub(crate) fn apply(&self, drive: Moving) -> Moving {
         let tanh = ((drive.q - self.start) / SLIP_WAY).tanh();
         let slope = self.most / SLIP_WAY * (1.0 - tanh * tanh);
@@ -395,7 +396,7 @@ mod tests {
         };
         let h = 1e-5;
         let (before, now, after) = (at(0.1 - h), at(0.1), at(0.1 + h));
-        // Central differences: h^2 and rounding 1e-16 / h.
+        // Central differences: h^2 and rounding errors of 1e-16 / h.
         assert!(((after.q - before.q) / (2.0 * h) - now.dq).abs() < 1e-8);
         assert!(((after.dq - before.dq) / (2.0 * h) - now.ddq).abs() < 1e-6);
     }

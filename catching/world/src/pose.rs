@@ -1,8 +1,9 @@
-//! Test poses.
+//! Poses for tests.
 
 use tactnet_catching_packets::{JOINTS, joint};
 
-/// Both hands half a metre ahead of their shoulders, open towards the thrower and a little up.
+/// Returns a pose with both hands half a metre in front of their shoulders, open towards the thrower and slightly
+/// upwards.
 pub(crate) fn ready() -> [f64; JOINTS] {
     let mut q = [0.0; JOINTS];
     q[joint::LEFT_ARM].copy_from_slice(&[-1.155, 1.929, 1.8544, 2.0674, 2.495, 0.2335, 2.1568]);

@@ -1,8 +1,8 @@
-//! A ball in a hand, and how it leaves.
+//! Release of a ball by a hand.
 //!
-//! Fingers begin to open [`OPENING_NS`] before they let go, so a command that comes later than that lets go late. The true moment is off by
-//! a jitter that is drawn for each release. The ball leaves with the place and the velocity that the true hand has then, and turns as the
-//! hand does; fingers do not touch it any more.
+//! Fingers start to open [`OPENING_NS`] before the release, so a later command releases late. The true time has a
+//! random jitter. The ball leaves with the position and velocity of the true hand at that time, and rotates like the
+//! hand; the fingers do not touch it any more.
 
 use nalgebra::Vector3;
 use rand_distr::{Distribution, Normal};
@@ -13,14 +13,14 @@ use crate::error::{WorldError, not_negative};
 use crate::robot::FrameMotion;
 use crate::stream::Stream;
 
-/// From the begin of opening to letting go, ns.
+/// Time from the start of opening to the release, in ns.
 pub const OPENING_NS: u64 = 10_000_000;
 
-/// How hands let go.
+/// Settings of releases.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReleaseConfig {
-    /// Standard deviation of the moment, s.
+    /// Standard deviation of the release time, in s.
     pub jitter: f64,
 }
 
@@ -36,27 +36,27 @@ impl ReleaseConfig {
     }
 }
 
-/// When a hand is to let go.
+/// Command to open a hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OpenCommand {
-    /// 0 left, 1 right.
+    /// Arm, 0 for left and 1 for right.
     pub arm: usize,
-    /// When the ball is to leave, ns.
+    /// Time of the release, in ns.
     pub open_ns: u64,
 }
 
-/// A ball that has left a hand.
+/// A released ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Released {
-    /// 0 left, 1 right.
+    /// Arm, 0 for left and 1 for right.
     pub arm: usize,
-    /// When, ns.
+    /// Time of the release, in ns.
     pub at_ns: u64,
-    /// Place and velocity, inertial frame.
+    /// Position and velocity in the inertial frame.
     pub state: BallState,
-    /// Its rotation, rad/s.
+    /// Angular velocity, in rad/s.
     pub spin: Vector3<f64>,
-    /// Its drag coefficient.
+    /// Drag coefficient.
     pub drag: f64,
 }
 
@@ -64,7 +64,7 @@ pub struct Released {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Held {
     pub(crate) drag: f64,
-    /// When it leaves.
+    /// Time of the release, in ns.
     opens_ns: Option<u64>,
 }
 
@@ -76,9 +76,9 @@ impl Held {
         }
     }
 
-    /// Takes a command at `now_ns`; the first counts.
+    /// Takes a command at `now_ns`; only the first one counts.
     ///
-    /// - `number`: of the release, for its jitter
+    /// - `number`: number of the release, for its jitter
     pub(crate) fn open(
         &mut self,
         now_ns: u64,
@@ -97,9 +97,9 @@ impl Held {
         self.opens_ns = Some((meant as f64 + off).max(now_ns as f64) as u64);
     }
 
-    /// Returns the ball as it leaves, if it does in this tick.
+    /// Returns the ball at its release if it happens in this tick.
     ///
-    /// - `frames`: the hand at the tick's begin and end
+    /// - `frames`: the hand at the start and the end of the tick
     pub(crate) fn leaves(
         &self,
         arm: usize,
@@ -110,7 +110,7 @@ impl Held {
         let tick = (end_ns - start_ns) as f64 * 1e-9;
         let part = (at_ns - start_ns) as f64 / (end_ns - start_ns) as f64;
         let [from, to] = frames;
-        // Hermite's cubic through places and velocities.
+        // Cubic Hermite interpolation of positions and velocities.
         let (s, r) = (part, 1.0 - part);
         let position = from.position * (r * r * (1.0 + 2.0 * s))
             + to.position * (s * s * (1.0 + 2.0 * r))
@@ -135,7 +135,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// A hand that flies a parabola: 3 m/s up, slowing down with 20 m/s^2.
+    /// Returns a hand on a parabola: 3 m/s up, with a deceleration of 20 m/s^2.
     fn frame(t: f64) -> FrameMotion {
         FrameMotion {
             position: Vector3::new(0.0, 1.0, 3.0 * t - 10.0 * t * t),
@@ -183,7 +183,7 @@ mod tests {
             })
             .collect();
         let rms = (off.iter().map(|x| x * x).sum::<f64>() / 1000.0).sqrt();
-        // The standard error of it is 2 %.
+        // The standard error of the estimate is 2 %.
         assert!((rms - 1.0).abs() < 0.1, "{rms}");
     }
 }

@@ -1,4 +1,4 @@
-//! The true robot: drives that follow, links that give way, wheels that slip.
+//! The true robot: drives with dynamics, elastic links, slipping wheels.
 
 use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::packets::JointCommand;
@@ -13,30 +13,31 @@ use crate::kinematics::{BODIES, CHEST, HAND, HEAD, Place, Tree, with_passive, wi
 use crate::planted::{JointErrors, Moving, Slip};
 use crate::torso::{Prescribed, Torso, deflected};
 
-/// Steps in which arms find their sag at the start; each is a thousandth of the one before.
+/// Number of iterations for the initial sag of the arms; each reduces the error about a thousandfold.
 const SETTLING: usize = 8;
-/// Substeps of a tick.
+/// Number of substeps per tick.
 pub(crate) const SUBSTEPS: usize = 2;
 
-/// Where a frame is and how it moves, inertial frame.
+/// Pose and motion of a frame in the inertial frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameMotion {
-    /// Of its origin, m.
+    /// Position of its origin, in m.
     pub position: Vector3<f64>,
-    /// From it to the inertial frame; a catch frame's third column is the hand's axis, which points away from the wrist.
+    /// Rotation to the inertial frame. The third column of a catch frame is the hand's axis, which points away from
+    /// the wrist.
     pub rotation: Matrix3<f64>,
-    /// Of its origin, m/s.
+    /// Velocity of its origin, in m/s.
     pub velocity: Vector3<f64>,
-    /// Rotation, inertial frame, rad/s.
+    /// Angular velocity in the inertial frame, in rad/s.
     pub rate: Vector3<f64>,
 }
 
-/// What an inertial unit without errors would feel at one moment, in the head's frame.
+/// Measured quantities of an ideal inertial unit in the head frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Felt {
-    /// m/s^2.
+    /// Specific force, in m/s^2.
     pub(crate) specific_force: Vector3<f64>,
-    /// rad/s.
+    /// Angular velocity, in rad/s.
     pub(crate) rate: Vector3<f64>,
 }
 
@@ -48,12 +49,12 @@ pub(crate) struct Frames {
     pub(crate) hands: [FrameMotion; ARMS],
 }
 
-/// Joints with offsets and elasticity: `q_link = q + offset + sag`, `sag = compliance * load`. Arms sag under their weight, as if they moved
-/// slowly; the sag is of the tick before.
+/// Joints with offsets and elasticity: `q_link = q + offset + sag`, `sag = compliance * load`. Arms sag
+/// quasi-statically under their weight, with a delay of one tick.
 #[derive(Debug, Clone)]
 struct Links {
     errors: JointErrors,
-    /// rad.
+    /// Sag of each joint, in rad.
     sag: [f64; JOINTS],
 }
 
@@ -62,12 +63,12 @@ impl Links {
         std::array::from_fn(|i| q[i] + self.errors.offsets[i] + self.sag[i])
     }
 
-    /// Lets arms sag under their weight with sensors at `q`.
+    /// Updates the sag of the arms for sensor values `q`.
     fn sag(&mut self, tree: &Tree, q: &[f64; JOINTS]) {
         if self.errors.compliances == [0.0; JOINTS] {
             return;
         }
-        // The chest stays upright, so that the torso's springs do not matter.
+        // The chest stays upright, so the springs of the torso do not matter.
         let places = tree.places(&with_passive(&self.of(q)));
         let weight = tree.inverse_dynamics(&places, &[0.0; BODIES], &[0.0; BODIES], GRAVITY);
         let carried = without_passive(&weight.torques);
@@ -75,28 +76,28 @@ impl Links {
     }
 }
 
-/// All of the robot but its hands.
+/// The robot without its hands.
 #[derive(Debug, Clone)]
 pub(crate) struct Robot {
     tree: Tree,
     pub(crate) drives: Drives,
     torso: Torso,
     slip: Slip,
-    /// Where links stand off their sensors.
+    /// Deviations between links and sensors.
     links: Option<Links>,
-    /// Of the inertial unit, m, head's frame.
+    /// Position of the inertial unit in the head frame, in m.
     imu: Vector3<f64>,
-    /// Torques and forces that the links carry.
+    /// Torques and forces at the joints.
     pub(crate) torques: [f64; JOINTS],
-    /// In the middle of each substep of the last tick.
+    /// Measured quantities of the inertial unit in the middle of each substep of the last tick.
     pub(crate) felt: [Felt; SUBSTEPS],
     pub(crate) frames: Frames,
-    /// All bodies at the end of the last tick.
+    /// Poses of all bodies at the end of the last tick.
     pub(crate) places: [Place; BODIES],
 }
 
 impl Robot {
-    /// A robot that stands still at `start`.
+    /// Creates a robot at rest at `start`.
     pub(crate) fn new(
         description: &RobotDescription,
         config: &WorldConfig,
@@ -152,7 +153,7 @@ impl Robot {
         })
     }
 
-    /// Moves on by a tick.
+    /// Advances by a tick.
     pub(crate) fn advance(&mut self, command: &JointCommand) {
         self.drives.receive(command);
         if let Some(links) = &mut self.links {
@@ -182,7 +183,7 @@ impl Robot {
         self.places = places;
     }
 
-    /// Lets the link of a joint stand `angle` rad farther than before, while its sensor says the same.
+    /// Rotates the link of a joint by `angle` rad without a change of its sensor.
     pub(crate) fn slip_joint(&mut self, joint: usize, angle: f64) {
         let links = self.links.get_or_insert(Links {
             errors: JointErrors {
@@ -194,12 +195,12 @@ impl Robot {
         links.errors.offsets[joint] += angle;
     }
 
-    /// Returns by how much the torso's links stand off their drives, rad: yaw, lower pitch, upper pitch.
+    /// Returns the deflections of the torso's links from their drives, in rad: yaw, lower pitch, upper pitch.
     pub(crate) fn deflection(&self) -> [f64; 3] {
         self.torso.e.into()
     }
 
-    /// Returns the platform's slip, m.
+    /// Returns the slip of the platform, in m.
     pub(crate) fn slip(&self) -> f64 {
         self.slip.at(self.drives.q[joint::PLATFORM])
     }
@@ -280,7 +281,8 @@ mod tests {
         Robot::new(&RobotDescription::nominal(), config, 1, &ready()).unwrap()
     }
 
-    /// A reach of 0.6 s with the left arm: speeds up in 0.1 s, runs, slows down in 0.1 s.
+    /// Returns joints and rates of a reach of 0.6 s with the left arm: 0.1 s acceleration, constant speed, 0.1 s
+    /// deceleration.
     fn reach(t: f64) -> ([f64; JOINTS], [f64; JOINTS]) {
         let (mut q, mut dq) = (ready(), [0.0; JOINTS]);
         let sped_up = t.clamp(0.0, 0.1).powi(2) / 0.2;
@@ -288,7 +290,7 @@ mod tests {
         let slowed = (t - 0.5).clamp(0.0, 0.1);
         let way = sped_up + run + slowed - slowed * slowed / 0.2;
         let rate = (t / 0.1).min((0.6 - t) / 0.1).clamp(0.0, 1.0);
-        // Near the description's speeds.
+        // Close to the speed limits of the description.
         for (joint, speed) in [(6, 1.6), (7, -1.2), (8, 1.0), (9, -1.5), (11, 1.5)] {
             q[joint] += speed * way;
             dq[joint] = speed * rate;
@@ -304,14 +306,14 @@ mod tests {
             robot.advance(&command(ready(), [0.0; JOINTS]));
         }
         let moved = (robot.frames.head.position - before.head.position).norm();
-        // The balance is found to 1e-14 rad; rounding shakes it.
+        // The equilibrium is accurate to 1e-14 rad; rounding excites small oscillations.
         assert!(moved < 1e-10, "{moved}");
         assert!((robot.felt[0].specific_force.norm() - GRAVITY).abs() < 1e-8);
-        // It sags under its weight, a little.
+        // The torso sags a little under the weight.
         assert!(robot.deflection()[1].abs() < 0.02);
     }
 
-    /// Thesis, figure 3.12: the torso's vertical joint is off by 1.5 degrees in a catch.
+    /// Thesis, figure 3.12: the vertical joint of the torso deviates by 1.5 degrees during a catch.
     #[test]
     fn a_reaching_arm_shakes_the_torso_by_about_a_degree() {
         let mut robot = robot(&WorldConfig::default());
@@ -345,7 +347,7 @@ mod tests {
         assert!((5e-4..0.05).contains(&head), "{head}");
     }
 
-    /// Commands say where sensors are to be, and sensors say that they are there.
+    /// Commands refer to sensor values, and the sensors follow them.
     #[test]
     fn links_stand_off_their_sensors_by_offset_and_sag() {
         let config = WorldConfig {
@@ -367,12 +369,12 @@ mod tests {
         assert!((robot.frames.hands[0].position - before.hands[0].position).norm() < 1e-9);
         for own in joint::ARM {
             for i in own {
-                // What the joint carries pulls it down.
+                // The joint sags under its load.
                 let expected = -links.errors.compliances[i] * robot.torques[i];
                 assert!((robot.links.as_ref().unwrap().sag[i] - expected).abs() < 1e-9);
             }
         }
-        // The shoulders carry some 30 Nm.
+        // The shoulders carry about 30 Nm.
         let most = links
             .sag
             .iter()
@@ -396,8 +398,8 @@ mod tests {
         assert_eq!(robot.frames.head, before);
     }
 
-    /// What is felt, integrated, is how the head moves: half-tick steps of the very accelerations, so only the rotation's second order is
-    /// lost.
+    /// Integrating the measured quantities reproduces the motion of the head. The steps are the same half ticks, so
+    /// only the second order of the rotation is lost.
     #[test]
     fn what_the_imu_feels_is_the_motion_of_the_head() {
         let mut robot = robot(&WorldConfig::default());
@@ -411,7 +413,7 @@ mod tests {
         let h = TICK / SUBSTEPS as f64;
         for tick in 0..800 {
             let (mut q, mut dq) = reach(f64::from(tick) * TICK);
-            // The head turns and the platform moves, too.
+            // The head and the platform move, too.
             q[0] += 0.1 * (1.0 - (f64::from(tick) * 0.004).cos());
             dq[0] += 0.4 * (f64::from(tick) * 0.004).sin();
             q[4] += 0.3 * (1.0 - (f64::from(tick) * 0.005).cos());

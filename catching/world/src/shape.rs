@@ -1,27 +1,27 @@
-//! What the true robot is made of, for contact and for depth pictures: capsules on its links.
+//! Shape of the true robot, for contacts and depth pictures: capsules on its links.
 //!
-//! The sizes are this world's own, not those that a stack believes in.
+//! The sizes belong to this world and differ from those of the stack.
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::{ARMS, RobotDescription};
 
 use crate::kinematics::{BODIES, CHEST, HAND, HEAD, Place};
 
-/// Capsules of the robot.
+/// Number of capsules of the robot.
 pub(crate) const CAPSULES: usize = 9 + ARMS * (4 + FINGERS);
 const FINGERS: usize = 4;
 
-/// All points within `radius` of a segment.
+/// Set of all points within `radius` of a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Capsule {
     pub(crate) part: &'static str,
-    /// Of the tree.
+    /// Index of the body in the tree.
     body: usize,
     ends: [Vector3<f64>; 2],
     pub(crate) radius: f64,
 }
 
-/// A capsule where it is, inertial frame.
+/// A capsule at its current place in the inertial frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PlacedCapsule {
     pub(crate) ends: [Vector3<f64>; 2],
@@ -37,13 +37,13 @@ impl Capsule {
         }
     }
 
-    /// Returns true for what a camera in the head does not see of itself.
+    /// Returns true for parts that the camera in the head cannot see.
     pub(crate) fn is_head(&self) -> bool {
         self.body == HEAD
     }
 }
 
-/// Returns the robot's capsules.
+/// Returns the capsules of the robot.
 pub(crate) fn capsules(robot: &RobotDescription) -> [Capsule; CAPSULES] {
     let mut capsules = Vec::with_capacity(CAPSULES);
     let mut add = |part, body, from: [f64; 3], to: [f64; 3], radius| {
@@ -67,7 +67,7 @@ pub(crate) fn capsules(robot: &RobotDescription) -> [Capsule; CAPSULES] {
     add("neck", 5, [0.0, 0.0, -0.1], [0.0; 3], 0.07);
     for (arm, hand) in robot.arms.iter().zip(HAND) {
         let shoulder = hand - 6;
-        // The mount does not turn with the first joint, but it lies along its axis.
+        // The mount does not rotate with the first joint, but lies along its axis.
         let mount = [0.0, 0.0, -arm.base_to_shoulder];
         add("mount", shoulder, mount, [0.0; 3], 0.075);
         let along = |length: f64| [0.0, 0.0, length];
@@ -109,12 +109,13 @@ impl PlacedCapsule {
         (self.ends[0] + self.ends[1]) * 0.5
     }
 
-    /// Returns the radius of a ball about the middle that holds it, m.
+    /// Returns the radius of the bounding sphere around the centre, in m.
     pub(crate) fn reach(&self) -> f64 {
         0.5 * (self.ends[1] - self.ends[0]).norm() + self.radius
     }
 
-    /// Returns how many `direction`s it is from `origin`, which is outside, to the surface; `None`: the ray passes by.
+    /// Returns the distance from `origin`, which is outside, to the surface in units of `direction`, or `None` if the
+    /// ray misses the capsule.
     pub(crate) fn on_ray(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<f64> {
         let [a, b] = self.ends;
         let axis = b - a;
@@ -127,7 +128,7 @@ impl PlacedCapsule {
                 nearest = Some(t);
             }
         };
-        // Of the tube, where it is beside the segment.
+        // Intersection with the cylinder between the ends of the segment.
         if length > 0.0 {
             let across = |v: &Vector3<f64>| v - axis * (v.dot(&axis) / length);
             let (d, m) = (across(direction), across(&from));
@@ -151,7 +152,7 @@ impl PlacedCapsule {
     }
 }
 
-/// Returns the lesser root of `a t^2 + 2 b t + c`.
+/// Returns the smaller root of `a t^2 + 2 b t + c`.
 fn first_root(a: f64, b: f64, c: f64) -> Option<f64> {
     let inside = b * b - a * c;
     (inside >= 0.0 && a > 0.0).then(|| (-b - inside.sqrt()) / a)

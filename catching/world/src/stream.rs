@@ -3,65 +3,66 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// What numbers are drawn for. Each name and index has a stream of its own, so one part that draws more, or nothing, shifts no other.
+/// Purpose of random numbers. Each purpose and index has a separate stream, so a change of one part does not affect
+/// the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Stream {
-    /// Where a ball comes from and goes to; index: the ball.
+    /// Origin and target of a ball; index: the ball.
     Thrower = 1,
     /// Drag and spin; index: the ball.
     Ball = 2,
-    /// How far the platform slips.
+    /// Slip of the platform.
     Slip = 3,
-    /// Where arms are mounted; index: the arm.
+    /// Mounting errors of the arms; index: the arm.
     ArmMount = 4,
-    /// Where cameras are mounted.
+    /// Common mounting errors of the cameras.
     CameraMount = 5,
-    /// Biases and scales of the inertial unit.
+    /// Bias and scale errors of the inertial unit.
     ImuErrors = 6,
     /// Noise of the inertial unit.
     ImuNoise = 7,
-    /// When the first picture is taken.
+    /// Time of the first picture.
     CameraPhase = 8,
-    /// Noise and chance of a ball in a picture; index: [`picture`] with the ball.
+    /// Noise and detection of a ball in a picture; index: [`picture`] with the ball.
     Outline = 9,
-    /// Circles that are no balls; index: [`picture`].
+    /// False detections; index: [`picture`].
     Clutter = 10,
-    /// Order of a picture's circles; index: [`picture`].
+    /// Order of the circles of a picture; index: [`picture`].
     Order = 11,
-    /// Walls, furniture and stains; index: the side of the room.
+    /// Walls, furniture and stains; index: the face of the room.
     Surroundings = 12,
-    /// Who stands about.
+    /// People.
     People = 13,
     /// Brightness of a ball; index: the ball.
     BallBrightness = 14,
     /// Noise of a picture; index: [`picture`].
     PictureNoise = 15,
-    /// Where obstacles stand; index: the rearrangement with the box.
+    /// Places of obstacles; index: the rearrangement with the box.
     Obstacles = 16,
-    /// Noise and holes of depth; index: the picture.
+    /// Noise and invalid pixels of depth pictures; index: the picture.
     Depth = 17,
-    /// When a hand lets go; index: the release.
+    /// Jitter of a release; index: the release.
     Release = 18,
-    /// What is wrong with a camera on its own; index: the camera.
+    /// Individual errors of a camera; index: the camera.
     EachCamera = 19,
     /// Offsets and compliances of an arm's joints; index: the arm.
     ArmJoints = 20,
     /// Offsets of the neck's joints.
     NeckJoints = 21,
-    /// Where markers are glued; index: the arm.
+    /// Displacement of a marker; index: the arm.
     MarkerPlace = 22,
-    /// How the inertial unit is turned.
+    /// Rotation of the inertial unit.
     ImuTurn = 23,
-    /// By how much stamps are late.
+    /// Delays of timestamps.
     Clocks = 24,
-    /// Noise and chance of a marker in a picture; index: [`picture`] with the arm.
+    /// Noise and detection of a marker in a picture; index: [`picture`] with the arm.
     Marker = 25,
     /// Lengths of an arm's links; index: the arm.
     ArmLengths = 26,
 }
 
 impl Stream {
-    /// Returns the stream of that name and index (below 2^56).
+    /// Returns the stream of this purpose and an index below 2^56.
     pub(crate) fn rng(self, seed: u64, index: u64) -> ChaCha8Rng {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(((self as u64) << 56) | (index & ((1 << 56) - 1)));
@@ -69,7 +70,7 @@ impl Stream {
     }
 }
 
-/// Returns the index of a ball (0 where none is meant) in a picture of a camera.
+/// Returns the stream index of a ball (0 for none) in a picture of a camera.
 pub(crate) fn picture(frame: u64, camera: usize, ball: u64) -> u64 {
     ((ball & 0xff_ffff) << 32) | ((frame & 0x7fff_ffff) << 1) | camera as u64
 }

@@ -1,4 +1,4 @@
-//! Tendons that slip (thesis, section 3.3.2): a joint's link jumps while its sensor says the same.
+//! Tendon slip (thesis, section 3.3.2): the link of a joint jumps while its sensor does not change.
 
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS};
@@ -9,17 +9,19 @@ use crate::error::{WorldError, within};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TendonSlip {
-    /// 0 left, 1 right.
+    /// Arm, 0 for left and 1 for right.
     pub arm: usize,
-    /// Counted from the shoulder, from 0.
+    /// Joint, counted from the shoulder, from 0.
     pub joint: usize,
-    /// By how much the link stands farther than before, rad, at most 0.2 either way.
+    /// Rotation of the link relative to its former position, in rad; magnitude at most 0.2.
     pub angle: f64,
 }
 
 impl TendonSlip {
+    /// Checks the slip.
+    ///
     /// # Errors
-    /// Where there is no such joint, and where it slips too far.
+    /// Unknown joint or arm, or an angle that is too large.
     pub fn check(&self) -> Result<(), WorldError> {
         if self.arm >= ARMS {
             return Err(WorldError::Arm { arm: self.arm });
@@ -35,7 +37,7 @@ impl TendonSlip {
             "slip.angle",
             self.angle,
             [-0.2, 0.2],
-            "at most 0.2 rad either way",
+            "a magnitude of at most 0.2 rad",
         )
     }
 }

@@ -1,4 +1,4 @@
-//! Who throws balls: from where, how fast, and aimed at what.
+//! Thrower: origin, speed and target of balls.
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 use rand::RngExt;
@@ -9,35 +9,36 @@ use crate::GRAVITY;
 use crate::ball::{Aerodynamics, BallState};
 use crate::error::{WorldError, range};
 
-/// Longest flight that is aimed, s.
+/// Maximum duration of a flight in the aiming computation, in s.
 const LONGEST: f64 = 3.0;
-/// Step of the integration while aiming, s; its error over a throw is below a nanometre.
+/// Integration step of the aiming computation, in s; its error over a throw is below a nanometre.
 const STEP: f64 = 2e-3;
-/// How near the centre gets to its target, m.
+/// Maximum distance of the ball's centre from its target, in m.
 const NEAR: f64 = 1e-7;
 
-/// Where throws come from and go to; inertial frame.
+/// Ranges of origins and targets of throws, in the inertial frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ThrowerConfig {
-    /// Before the robot, along x, m: least and greatest.
+    /// Minimum and maximum distance in front of the robot along x, in m.
     pub distance: [f64; 2],
-    /// Aside, along y, m: least and greatest.
+    /// Minimum and maximum lateral position along y, in m.
     pub aside: [f64; 2],
-    /// Height of the release, m: least and greatest.
+    /// Minimum and maximum height of the release, in m.
     pub height: [f64; 2],
-    /// Speed of the release, m/s: least and greatest. What does not get there is drawn again, so slow throws come from near.
+    /// Minimum and maximum speed at the release, in m/s. A throw that falls short is drawn again, so slow throws come
+    /// from near.
     pub speed: [f64; 2],
-    /// Corner of the box that throws go through, m: least x, y, z.
+    /// Corner of the target box with minimum x, y and z, in m.
     pub box_least: [f64; 3],
-    /// Opposite corner, m; targets are drawn evenly from the box.
+    /// Opposite corner, in m; targets are uniform in the box.
     pub box_greatest: [f64; 3],
-    /// From one of several balls to the next, s: least and greatest.
+    /// Minimum and maximum time between two balls of a throw, in s.
     pub gap: [f64; 2],
 }
 
-/// The box is such that two nominal arms alone, hands half a metre ahead, can catch most of the throws: 76 % of 200 if they move 0.15 s
-/// after the release, 61 % if 0.25 s after it.
+/// With this box, two nominal arms with the hands half a metre ahead can catch most throws: 76 % of 200 if they start
+/// 0.15 s after the release, 61 % for 0.25 s.
 impl Default for ThrowerConfig {
     fn default() -> Self {
         Self {
@@ -53,7 +54,7 @@ impl Default for ThrowerConfig {
 }
 
 impl ThrowerConfig {
-    /// Checks the ranges, and that the box can be thrown at in this air.
+    /// Checks the ranges, and that throws reach the box in this air.
     pub(crate) fn check(&self, air: &Aerodynamics) -> Result<(), WorldError> {
         let anywhere = f64::MIN;
         let (limits, positive) = ("[least, greatest]", "[least, greatest], greater than 0");
@@ -97,14 +98,14 @@ impl ThrowerConfig {
         Ok(())
     }
 
-    /// Draws the time from the throw before to this one, s, and the ball as it leaves the hand.
+    /// Draws the time since the previous throw in s, and the ball at its release.
     pub(crate) fn draw(&self, air: &Aerodynamics, rng: &mut ChaCha8Rng) -> (f64, BallState) {
         let mut between = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();
         let gap = between(self.gap);
         loop {
             let target =
                 Vector3::from_fn(|i, _| between([self.box_least[i], self.box_greatest[i]]));
-            // So often that a target which is given up is out of reach from nearly everywhere.
+            // After 1000 failures, the target is out of reach from nearly all origins.
             for _ in 0..1000 {
                 let from = Vector3::new(
                     between(self.distance),
@@ -124,7 +125,8 @@ impl ThrowerConfig {
     }
 }
 
-/// Returns the velocity with which a ball from `from` passes through `target`, on the flatter of two ways; `None` if it falls short.
+/// Returns the velocity with which a ball from `from` passes through `target` on the flatter of two trajectories, or
+/// `None` if it falls short.
 fn aim(
     air: &Aerodynamics,
     from: &Vector3<f64>,
@@ -133,7 +135,7 @@ fn aim(
 ) -> Option<Vector3<f64>> {
     let way = target - from;
     let distance = way.xy().norm();
-    // Flat solution in vacuum; where there is none, the farthest throw.
+    // Flat solution in vacuum, or the farthest throw if there is none.
     let square = speed * speed;
     let root = square * square - GRAVITY * (GRAVITY * distance * distance + 2.0 * way.z * square);
     let mut angles = Vector2::new(
@@ -151,7 +153,7 @@ fn aim(
         let higher = miss(&(angles + Vector2::new(d, 0.0)))?;
         let aside = miss(&(angles + Vector2::new(0.0, d)))?;
         let slope = Matrix2::from_columns(&[(higher - missed) / d, (aside - missed) / d]);
-        // Beyond the farthest throw, higher is shorter.
+        // Beyond the farthest throw, a higher one is shorter.
         if slope[(0, 0)] <= 0.0 {
             return None;
         }
@@ -159,15 +161,15 @@ fn aim(
             return Some(velocity(&angles));
         }
         let mut change = slope.try_inverse()? * missed;
-        // Near the farthest throw the slope is small and the step too long.
+        // Near the farthest throw the slope is small and the Newton step too long.
         change.x = change.x.clamp(-0.1, 0.1);
         angles -= change;
     }
     None
 }
 
-/// Returns by how much a ball passes above and left of `target`, m, in the vertical plane through it across the way; `None` if it does not
-/// get there.
+/// Returns the distance by which a ball passes above and left of `target` in m, in the vertical plane through it
+/// across the throw, or `None` if the ball does not get there.
 fn pass(
     air: &Aerodynamics,
     from: &Vector3<f64>,
@@ -186,7 +188,7 @@ fn pass(
             ball = next;
             continue;
         }
-        // Newton's steps onto the plane from the last point before it.
+        // Newton steps from the last point before the plane onto it.
         let mut h = 0.0;
         for _ in 0..4 {
             let there = air.fly(&ball, h);
@@ -214,7 +216,7 @@ mod tests {
             assert!((0.0..=0.3).contains(&gap));
             assert!((4.0..=6.0).contains(&thrown.position.x));
             assert!((6.0..=8.0 + 1e-12).contains(&thrown.velocity.norm()));
-            // The flat one.
+            // The flatter trajectory.
             assert!(thrown.velocity.z < thrown.velocity.xy().norm());
             let mut ball = thrown;
             let mut inside = false;
@@ -222,7 +224,7 @@ mod tests {
             while ball.position.z > 0.0 && ball.position.x > 0.0 {
                 ball = air.fly(&ball, 1e-3);
                 time += 1e-3;
-                // Two steps' way.
+                // Distance covered in two steps.
                 let margin = 0.02;
                 inside |= (0..3).all(|i| {
                     (thrower.box_least[i] - margin..=thrower.box_greatest[i] + margin)

@@ -1,10 +1,12 @@
-//! The elastic torso: a spring with a damper between each torso drive and its link.
+//! The elastic torso: a spring and a damper between each torso drive and its link.
 //!
-//! `M_ee dde = -K e - D de - b`: `e` are the deflections of yaw and both pitches, `b` the torques that the prescribed motion asks for
-//! with `dde = 0` (one pass of Newton-Euler), `M_ee` the inertia the springs see (three passes). A pitch's deflection moves the passive
-//! joint the other way, so the chest stays upright and is shifted.
+//! `M_ee dde = -K e - D de - b`. `e` are the deflections of yaw and both pitches, `b` the torques of the prescribed
+//! motion for `dde = 0` (one pass of Newton-Euler), and `M_ee` the inertia at the springs (three passes). The
+//! deflection of a pitch moves the passive joint in the opposite direction, so the chest is displaced, but stays
+//! upright.
 //!
-//! A step drifts half, kicks, drifts half: of second order and, without damping, symplectic. Damping is taken implicitly.
+//! A step drifts half, kicks, and drifts half. It is of second order and symplectic without damping. Damping is
+//! implicit.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -14,29 +16,29 @@ use crate::dynamics::Inverse;
 use crate::error::{WorldError, not_negative, positive, within};
 use crate::kinematics::{BODIES, Coordinates, Place, Tree, with_passive, without_passive};
 
-/// Deflecting joints: those of the torso.
+/// Number of elastic joints: those of the torso.
 pub(crate) const SPRINGS: usize = 3;
 
-/// Whether the torso gives way.
+/// Stiffness of the torso.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stiffness {
     /// Springs and dampers.
     Elastic,
-    /// None: links stand where drives do.
+    /// No springs: the links follow the drives exactly.
     Rigid,
 }
 
-/// The torso's springs.
+/// Settings of the springs of the torso.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TorsoConfig {
-    /// Whether they are there.
+    /// Elastic or rigid.
     pub stiffness: Stiffness,
-    /// Of yaw, lower and upper pitch, Hz: each with the inertia that it alone would swing in the starting pose. Together the pitches
-    /// swing slower and faster than apart.
+    /// Natural frequencies of yaw, lower and upper pitch in Hz, each with the inertia of that joint alone in the
+    /// starting pose. The coupled pitches have one lower and one higher frequency.
     pub frequencies: [f64; 3],
-    /// Part of the critical damping.
+    /// Damping ratio.
     pub damping: f64,
 }
 
@@ -65,29 +67,29 @@ impl TorsoConfig {
     }
 }
 
-/// How the robot's joints move as their drives prescribe it, without deflections.
+/// Motion of the joints as prescribed by the drives, without deflections.
 pub(crate) struct Prescribed {
     pub(crate) q: [f64; JOINTS],
     pub(crate) dq: [f64; JOINTS],
     pub(crate) ddq: [f64; JOINTS],
 }
 
-/// The deflections.
+/// Deflections of the torso.
 #[derive(Debug, Clone)]
 pub(crate) struct Torso {
-    /// `None` where the torso is rigid: Nm/rad, Nm s/rad.
+    /// Stiffness in Nm/rad and damping in Nm s/rad; `None` for a rigid torso.
     springs: Option<(Vector3<f64>, Vector3<f64>)>,
     gravity: f64,
-    /// From drives to links, rad.
+    /// Deflections of the links from the drives, in rad.
     pub(crate) e: Vector3<f64>,
-    /// rad/s.
+    /// Rates of the deflections, in rad/s.
     pub(crate) de: Vector3<f64>,
-    /// rad/s^2, of the step before.
+    /// Accelerations of the deflections in the previous step, in rad/s^2.
     dde: Vector3<f64>,
 }
 
 impl Torso {
-    /// Springs in balance with the weight of a robot that stands at `start`.
+    /// Creates springs in equilibrium with the weight of a robot at rest at `start`.
     pub(crate) fn new(
         tree: &Tree,
         config: &TorsoConfig,
@@ -131,8 +133,8 @@ impl Torso {
         })
     }
 
-    /// Moves on by `h`, while the drives are at `middle` half way; returns the torques and accelerations of that moment, and where the
-    /// bodies were.
+    /// Advances by `h`, with the drives at `middle` in the middle of the step. Returns torques, accelerations and
+    /// poses of that time.
     pub(crate) fn advance(
         &mut self,
         tree: &Tree,
@@ -140,7 +142,7 @@ impl Torso {
         h: f64,
     ) -> (Inverse, [Place; BODIES]) {
         self.e += self.de * (h / 2.0);
-        // At the middle; the change of rate is not yet known.
+        // In the middle of the step, before the new acceleration is known.
         let rate = self.de + self.dde * (h / 2.0);
         let places = tree.places(&deflected(&middle.q, &self.e));
         let mut inverse = tree.inverse_dynamics(
@@ -174,7 +176,8 @@ impl Torso {
         (inverse, places)
     }
 
-    /// Returns the inertia that the springs see, kg m^2, and what each deflection's acceleration alone asks for.
+    /// Returns the inertia at the springs in kg m^2, and the inverse dynamics for a unit acceleration of each
+    /// deflection.
     fn inertia(&self, tree: &Tree, places: &[Place; BODIES]) -> (Matrix3<f64>, [Inverse; SPRINGS]) {
         let columns = std::array::from_fn(|spring| {
             let mut unit = Vector3::zeros();
@@ -191,7 +194,7 @@ impl Torso {
     }
 }
 
-/// Returns the joints of all bodies, the torso's with what the springs add.
+/// Returns the joints of all bodies, including the deflections of the torso.
 pub(crate) fn deflected(joints: &[f64; JOINTS], e: &Vector3<f64>) -> Coordinates {
     let mut joints = *joints;
     for (joint, e) in joints[1..=SPRINGS].iter_mut().zip(e.iter()) {
@@ -214,7 +217,7 @@ mod tests {
         Tree::new(&RobotDescription::nominal(), &[Vector3::zeros(); ARMS])
     }
 
-    /// Arms bent, torso leaning: nothing is symmetric.
+    /// Bent arms and inclined torso: no symmetry.
     fn pose() -> [f64; JOINTS] {
         let mut q = [0.0; JOINTS];
         q[1..4].copy_from_slice(&[0.3, 0.2, -0.1]);
@@ -254,7 +257,7 @@ mod tests {
             for _ in 0..10_000 {
                 torso.advance(&tree, &still(pose()), 5e-4);
                 let now = energy(&torso) - bottom;
-                // Second order: (w h)^2 / 8 of the faster of both pitches together, some 100 rad/s.
+                // Second order: (w h)^2 / 8 for the faster mode of both pitches, about 100 rad/s.
                 assert!((now / start - 1.0).abs() < 2e-3, "{now} {start}");
             }
             assert!((torso.e - rest).norm() < 0.2);
@@ -274,7 +277,7 @@ mod tests {
         for _ in 0..20_000 {
             torso.advance(&tree, &still(pose()), 5e-4);
         }
-        // The slower swing of both pitches dies with about 0.8 /s: e^-8 of 0.02 rad.
+        // The slower mode of both pitches decays with about 0.8 /s: e^-8 of 0.02 rad.
         assert!(
             (torso.e - rest).norm() < 2e-5,
             "{}",
@@ -289,7 +292,7 @@ mod tests {
             damping: 0.0,
             ..TorsoConfig::default()
         };
-        // Upright and symmetric: yaw swings apart from the pitches.
+        // In an upright and symmetric pose, yaw is decoupled from the pitches.
         let mut torso = Torso::new(&tree, &config, GRAVITY, &[0.0; JOINTS]).unwrap();
         torso.e.x = 0.01;
         let mut crossings = Vec::new();
@@ -301,7 +304,7 @@ mod tests {
             }
         }
         let period = (crossings[5] - crossings[0]) / 5.0;
-        // Crossings are read to a substep: 5e-4 s in five periods.
+        // Zero crossings are accurate to a substep: 5e-4 s in five periods.
         assert!((period - 1.0 / 3.5).abs() < 3e-4, "{period}");
     }
 
@@ -318,7 +321,7 @@ mod tests {
             let e = torso.e - torso.de * 2.5e-4;
             let de = (before + torso.de) / 2.0;
             let spring = -(stiffness.component_mul(&e) + damping.component_mul(&de));
-            // Torques of 100 Nm, rounding.
+            // Rounding errors of torques of 100 Nm.
             assert!((spring_torques(&inverse.torques) - spring).norm() < 1e-9);
         }
     }

@@ -1,4 +1,4 @@
-//! The world: everything put together, tick by tick.
+//! The world: all parts together, tick by tick.
 
 mod held_balls;
 mod surroundings;
@@ -27,45 +27,47 @@ use crate::tendon::TendonSlip;
 use held_balls::Away;
 use surroundings::PUT_APART;
 
-/// A tick, ns.
+/// Duration of a tick, in ns.
 pub const TICK_NS: u64 = 1_000_000;
-/// Steps of a ball in a tick.
+/// Number of integration steps of a ball per tick.
 const BALL_STEPS: usize = 10;
-/// A ball is gone this long after it was thrown, ns, or farther behind the robot than [`BEHIND`].
+/// Time after the throw at which a ball is removed, in ns. Balls behind [`BEHIND`] are removed earlier.
 const LONGEST_NS: u64 = 3_000_000_000;
-/// m.
+/// Position along x at which a ball is removed, in m.
 const BEHIND: f64 = -1.5;
 
-/// What the robot senses in a tick; all at its end but the inertial sample, which carries its own time.
+/// Sensor values of a tick. They belong to its end, except the inertial sample, which has its own timestamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensed {
-    /// Every tick.
+    /// Joint states, in every tick.
     pub joints: JointState,
-    /// 512 times a second.
+    /// Inertial sample, 512 per second.
     pub imu: Option<ImuSample>,
-    /// 25 times a second, left and right, at the moment of exposure: what cameras and detectors take to deliver is added by the caller.
+    /// Left and right circles at the time of exposure, 25 per second. The caller adds the delay of cameras and
+    /// detectors.
     pub circles: Option<[Circles; CAMERAS]>,
 }
 
-/// A ball as it is.
+/// True state of a ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BallTruth {
-    /// Its number, counted through the world's life.
+    /// Number, counted over the lifetime of the world.
     pub number: u64,
-    /// Where it is.
+    /// Position and velocity.
     pub state: BallState,
 }
 
-/// A ball of a flight.
+/// Sample of a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlightSample {
-    /// When, ns.
+    /// Time, in ns.
     pub t_ns: u64,
-    /// Where.
+    /// Position and velocity.
     pub state: BallState,
 }
 
-/// Returns the point, m, at which a flight falls to a height, interpolated between its samples; `None` if it never does.
+/// Returns the point in m at which a flight descends to a height, interpolated between samples, or `None` if it never
+/// does.
 pub fn down_to(flight: &[FlightSample], height: f64) -> Option<nalgebra::Vector2<f64>> {
     flight.windows(2).find_map(|pair| {
         let [a, b] = [pair[0].state.position, pair[1].state.position];
@@ -76,31 +78,31 @@ pub fn down_to(flight: &[FlightSample], height: f64) -> Option<nalgebra::Vector2
     })
 }
 
-/// What is, for judges, oracles and reports; never for the stack.
+/// True state, for judges, oracles and reports, never for the stack.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
-    /// ns.
+    /// Time, in ns.
     pub time_ns: u64,
-    /// Balls in the air, or bouncing; the earliest thrown first.
+    /// Balls that fly or bounce, the earliest first.
     pub balls: [Option<BallTruth>; MAX_BALLS],
-    /// The head's frame.
+    /// Head frame.
     pub head: FrameMotion,
-    /// The chest's frame.
+    /// Chest frame.
     pub chest: FrameMotion,
-    /// The catch frames: left, right.
+    /// Catch frames of the left and the right hand.
     pub hands: [FrameMotion; ARMS],
-    /// By how much the torso's links stand off their drives, rad: yaw, lower pitch, upper pitch.
+    /// Deflections of the torso's links from their drives, in rad: yaw, lower pitch, upper pitch.
     pub deflection: [f64; 3],
-    /// By how much the platform stands off its drive, m.
+    /// Displacement of the platform from its drive, in m.
     pub slip: f64,
 }
 
-/// Commands that changed nothing.
+/// Numbers of ignored commands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ignored {
-    /// Joint commands that were not all numbers.
+    /// Joint commands with values that are not finite.
     pub joints: u64,
-    /// Hand commands for the past or another arm.
+    /// Hand commands for the past or for another arm.
     pub hands: [u64; ARMS],
 }
 
@@ -110,7 +112,7 @@ struct Thrown {
     air: Aerodynamics,
     release_ns: u64,
     release: BallState,
-    /// Now; as released, before that.
+    /// Current state; the release state before the release.
     state: BallState,
     crossings: Crossings,
     phase: Phase,
@@ -120,15 +122,15 @@ struct Thrown {
 enum Phase {
     /// In the thrower's hand.
     Held,
-    /// Not judged yet.
+    /// In the air, without a verdict.
     Flying,
-    /// Missed, still to be seen.
+    /// Missed, but still visible.
     Missed,
-    /// Caught, or away.
+    /// Caught or out of sight.
     Gone,
 }
 
-/// A robot, balls, and time.
+/// A robot, balls and time.
 #[derive(Debug, Clone)]
 pub struct World {
     config: WorldConfig,
@@ -142,7 +144,7 @@ pub struct World {
     boxes: Vec<StandingBox>,
     rearrangements: u64,
     contacts: Contacts,
-    /// From where markers were to be to where they are, m, frames of the arms' last links.
+    /// Displacements of the markers from their nominal places in the frames of the arms' last links, in m.
     markers: [Vector3<f64>; ARMS],
     thrown: Vec<Thrown>,
     verdicts: Vec<Verdict>,
@@ -155,11 +157,11 @@ pub struct World {
 }
 
 impl World {
-    /// A robot that stands still at `start` (rad, m; all in their ranges), at time 0, without balls.
+    /// Creates a robot at rest at `start` (rad or m, within the ranges), at time 0, without balls.
     ///
     /// # Errors
-    /// Where a setting or a joint's start is out of range, where no throw gets to the thrower's box, and where the torso's springs do not
-    /// carry the robot.
+    /// A setting or a joint that is out of range, a target box that no throw reaches, or torso springs that are too
+    /// weak for the robot.
     pub fn new(
         description: &RobotDescription,
         config: &WorldConfig,
@@ -226,11 +228,11 @@ impl World {
         })
     }
 
-    /// Throws the first of `balls` balls now, each other one after the gap that is drawn for it; numbers go on from the last throw's.
-    /// Missed balls that still roll about are taken away.
+    /// Throws the first of `balls` balls now, and each further one after a random gap. Numbers continue from the last
+    /// throw. Missed balls that are still visible are removed.
     ///
     /// # Panics
-    /// If with these there would be more than [`MAX_BALLS`] that have no verdict yet.
+    /// More than [`MAX_BALLS`] balls without a verdict.
     pub fn throw(&mut self, balls: usize) {
         self.take_away_missed(balls);
         let mut release_ns = self.time_ns;
@@ -271,10 +273,11 @@ impl World {
         );
     }
 
-    /// Goes on by a tick: joints and hands are told `command` and `hands` at its begin. Returns what is sensed in it.
+    /// Advances by a tick. Joints and hands receive `command` and `hands` at its start. Returns the sensor values of
+    /// the tick.
     ///
-    /// A command that is not all numbers is ignored and counted, see [`World::ignored`]. `None` for a hand leaves it as it was told
-    /// before.
+    /// A command with a value that is not finite is ignored and counted, see [`World::ignored`]. `None` keeps the
+    /// previous command of a hand.
     pub fn step(&mut self, command: &JointCommand, hands: &[Option<HandCommand>; ARMS]) -> &Sensed {
         let before = self.robot.frames.hands;
         let end_ns = self.time_ns + TICK_NS;
@@ -338,10 +341,10 @@ impl World {
         });
     }
 
-    /// Lets a tendon slip now.
+    /// Applies a tendon slip now.
     ///
     /// # Errors
-    /// As [`TendonSlip::check`].
+    /// Same as [`TendonSlip::check`].
     pub fn slip(&mut self, slip: &TendonSlip) -> Result<(), WorldError> {
         slip.check()?;
         let joint = joint::ARM[slip.arm].start + slip.joint;
@@ -349,12 +352,12 @@ impl World {
         Ok(())
     }
 
-    /// Returns the time, ns.
+    /// Returns the time, in ns.
     pub fn time_ns(&self) -> u64 {
         self.time_ns
     }
 
-    /// Returns what is.
+    /// Returns the true state.
     pub fn truth(&self) -> Truth {
         let mut balls = [None; MAX_BALLS];
         let truth = |number: u64, state: BallState| BallTruth { number, state };
@@ -376,13 +379,14 @@ impl World {
         }
     }
 
-    /// Returns what became of the balls, in the order in which it was settled: when caught, at the first bounce, or when away.
+    /// Returns the verdicts in the order of their decision: at the catch, at the first bounce, or when the ball is
+    /// out of sight.
     pub fn verdicts(&self) -> &[Verdict] {
         &self.verdicts
     }
 
-    /// Returns the whole flight of a thrown ball as if nobody caught it, from its release, every millisecond until it would touch the
-    /// floor or a box. `None`: there is no ball of that number yet.
+    /// Returns the whole flight of a thrown ball as if it were not caught: every millisecond from the release until
+    /// it touches the floor or a box. `None` if no ball has that number yet.
     pub fn true_flight(&self, ball: u64) -> Option<Vec<FlightSample>> {
         let ball = self.thrown.get(usize::try_from(ball).ok()?)?;
         Some(self.flight(ball.release_ns, &ball.release, &ball.air))
@@ -406,7 +410,7 @@ impl World {
         flight
     }
 
-    /// Returns how many commands were ignored so far.
+    /// Returns the numbers of ignored commands so far.
     pub fn ignored(&self) -> Ignored {
         Ignored {
             joints: self.robot.drives.ignored,
@@ -420,7 +424,7 @@ impl Thrown {
         matches!(self.phase, Phase::Flying | Phase::Missed)
     }
 
-    /// Moves the ball through a tick; returns a verdict when there is one.
+    /// Moves the ball through a tick. Returns a verdict if it is decided in this tick.
     fn advance(
         &mut self,
         [start_ns, end_ns]: [u64; 2],
@@ -441,7 +445,7 @@ impl Thrown {
             bounced |= touched;
         }
         self.state = flight[BALL_STEPS];
-        // A ball that meets a box is not followed any more.
+        // A ball that hits a box is removed.
         let stopped = touches(boxes, &self.state, self.air.radius);
         bounced |= stopped;
         let away =

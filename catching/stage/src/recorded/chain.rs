@@ -1,4 +1,4 @@
-//! From an exposure to the path that follows from it, packet by packet.
+//! Chain of packets from an exposure to its path.
 
 use std::collections::HashMap;
 
@@ -10,30 +10,31 @@ use tactnet_recording::Recording;
 use super::RecordedError;
 use super::packets_of::packets_of;
 
-/// When each packet was put, ns of the channels' clock.
+/// Publication time of each packet, in ns of the channels' clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Chain {
     pub exposure: u64,
-    /// Circles of the second of both pictures.
+    /// Time of the circles of the later picture of the pair.
     pub circles: u64,
     pub prediction: u64,
     pub request: u64,
     pub result: u64,
     pub path: u64,
-    /// When the path's motion begins.
+    /// Start of the motion of the path.
     pub start: u64,
 }
 
-/// What a question is known by.
+/// Identity of a plan request.
 type Question = (u64, u64, u64, u64);
 
 fn question(arm: u64, ball: u64, exposure_ns: u64, head_ns: u64) -> Question {
     (arm, ball, exposure_ns, head_ns)
 }
 
-/// Returns the chain of the first path of every arm and exposure, and how many paths lack a packet before them.
+/// Returns the chain of the first path of every arm and exposure, and the number of paths with a missing packet in
+/// their chain.
 ///
-/// - `corrected`: a picture's stamp as the stack that was recorded has it from the tracker on
+/// - `corrected`: maps a camera timestamp to the calibrated one that the stack uses after the tracker
 pub(crate) fn chains(
     recording: &Recording,
     corrected: impl Fn(u64) -> u64,
@@ -65,7 +66,7 @@ pub(crate) fn chains(
     let mut last = HashMap::new();
     for put in packets_of::<ArmPath>(recording, Some("arm/path"))? {
         let path = put.packet;
-        // A last correction follows from a newer pose of the head, not from a picture.
+        // A last correction uses a newer head pose, but the same picture.
         if path.exposure_ns == 0
             || last.insert(path.arm, path.exposure_ns) == Some(path.exposure_ns)
         {

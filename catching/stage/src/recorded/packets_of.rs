@@ -5,14 +5,14 @@ use tactnet_recording::{RecordedPacket, Recording};
 
 use super::RecordedError;
 
-/// A packet with the time at which it was put, by the channels' clock, ns.
+/// A packet and its publication time, in ns of the channels' clock.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Put<T> {
     pub ns: u64,
     pub packet: T,
 }
 
-/// Returns the packets of a type on all channels, or on one, in the order in which they were put.
+/// Returns the packets of a type on all channels, or on one, in the order of publication.
 pub(crate) fn packets_of<T: Packet>(
     recording: &Recording,
     channel: Option<&str>,

@@ -1,4 +1,4 @@
-//! A recording's timing as a picture, after figure 3.2 of the thesis.
+//! Figure of the timing of a recording, after figure 3.2 of the thesis.
 
 use std::fmt::Write;
 
@@ -7,18 +7,20 @@ use tactnet_plot::{escape, stand_alone};
 use super::Timing;
 
 const WIDTH: f64 = 760.0;
-/// Where the time axis begins and ends, pixels.
+/// Left end of the time axis, in pixels.
 const LEFT: f64 = 190.0;
 const RIGHT: f64 = 744.0;
 const TOP: f64 = 44.0;
 const ROW: f64 = 34.0;
-/// Thesis, figure 3.2: 40 ms camera, 35 ms eyes and tracker, 17 ms transfers, 60 ms planning.
+/// Time from exposure to path in the thesis (figure 3.2), in ms: 40 camera, 35 detector and tracker, 17 transfers, 60
+/// planning.
 const THESIS_MS: f64 = 152.0;
-/// Between two ticks, ms.
+/// Distance between two axis ticks, in ms.
 const TICK: f64 = 20.0;
 
 impl Timing {
-    /// Returns the steps from an exposure to its path as an SVG file: bars end at medians, whiskers at the 99th percentiles.
+    /// Returns the steps from an exposure to its path as an SVG file. Bars end at the medians, whiskers at the 99th
+    /// percentiles.
     pub fn picture(&self) -> String {
         let slowest = self.steps.iter().map(|step| step.ends_ms.p99);
         let most = slowest.fold(THESIS_MS, f64::max) / TICK;

@@ -1,4 +1,4 @@
-//! The same packets through the same parts again.
+//! Replay of recorded packets through tracker and planners.
 
 use std::collections::VecDeque;
 
@@ -13,37 +13,39 @@ use tactnet_recording::{RecordedPacket, Recording};
 
 use super::RecordedError;
 
-/// Questions by which the clocks of recorder and robot are compared.
+/// Number of requests that the comparison of the recorder's and the robot's clock uses.
 const QUESTIONS: usize = 64;
 
-/// Answers of a part, in the recording and again.
+/// Comparison of recorded and recomputed results of one part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Compared {
-    /// Answers in the recording that were asked for again.
+    /// Number of recorded results that were recomputed.
     pub answers: usize,
-    /// Of them, the same bit by bit.
+    /// Number of results that are equal bit by bit.
     pub same: usize,
-    /// Plans that ran out of time in the recording, or differ and were there only when it had run out: how far they come depends on the machine.
+    /// Number of plans that ran out of time, or that differ and were published only at the time limit. Their results
+    /// depend on the speed of the machine.
     pub out_of_time: usize,
-    /// Answers without a question in the recording, or the other way round: packets that it lacks.
+    /// Number of results without a request, or requests without a result, because the recording lacks a packet.
     pub alone: usize,
 }
 
-/// A recording's answers, and those of now.
+/// Comparison of all recorded results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Replayed {
-    /// Of the planners: questions answered again, without a limit of time.
+    /// Comparison of the planners, which run without a time limit in the replay.
     pub plans: Compared,
-    /// Of the tracker: circles and poses taken again, in the order in which they were put.
+    /// Comparison of the tracker, which takes circles and poses in the order of publication.
     pub predictions: Compared,
 }
 
-/// Asks tracker and planners again what a recording holds.
+/// Recomputes the results of tracker and planners in a recording.
 ///
-/// The tracker's answers are the same only if the recording began before it; what follows a tracker that was killed differs.
+/// The tracker's results are equal only if the recording began before the tracker; they differ after a restart of the
+/// tracker.
 ///
 /// # Errors
-/// No packets of a catching stack; settings of the recording's table that cannot be used.
+/// No packets of a catching stack, or invalid settings in the table of the recording.
 pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
     let settings = RoleSettings::of(&recording.table)?;
     let corrections = settings.corrections()?;
@@ -82,11 +84,11 @@ pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
     Ok(replayed)
 }
 
-/// By how much the recorder's clock, which says when packets were put, is ahead of the robot's, which packets have in them.
+/// Offset between the recorder's clock, which stamps publications, and the robot's clock, which stamps packets.
 struct Clocks {
-    /// From a question to the motion that it is for, ns.
+    /// Time from a request to the start of its motion, in ns.
     ahead_ns: u64,
-    /// What the newest questions tell, each with the time that it took to its channel, ns.
+    /// Offsets according to the latest requests, each including the delay until publication, in ns.
     differ_ns: VecDeque<i128>,
 }
 
@@ -99,7 +101,7 @@ impl Clocks {
         self.differ_ns.push_back(i128::from(put_ns) - asked_ns);
     }
 
-    /// Returns true if an answer that was put at `put_ns` came when time was up.
+    /// Returns true if a result that was published at `put_ns` arrived at the time limit.
     fn was_late(&self, question: &PlanRequest, put_ns: u64) -> bool {
         let ends_ns = i128::from(planning_ends_ns(question));
         let least = self.differ_ns.iter().min();
@@ -108,7 +110,9 @@ impl Clocks {
 }
 
 impl Compared {
-    /// - `late`: the answer was there when time was up
+    /// Compares a plan.
+    ///
+    /// - `late`: the result was published at the time limit
     fn plan(&mut self, planners: &[Planner; ARMS], recorded: &PlanResult, late: bool) {
         if recorded.failure() == Some(PlanFailure::OutOfTime) {
             self.out_of_time += 1;
@@ -121,7 +125,7 @@ impl Compared {
             self.alone += 1;
             return;
         };
-        // What it took is another matter.
+        // Computation times may differ.
         let again = PlanResult {
             computing_ns: recorded.computing_ns,
             ..again

@@ -1,13 +1,13 @@
-//! Calibration sessions as MCAP files, so that a calibration can be repeated from what was recorded.
+//! Calibration sessions as MCAP files, from which a calibration can be repeated.
 //!
 //! | topic | message, JSON |
 //! |---|---|
-//! | `calibration/session` | version, time that the robot needed; the first |
+//! | `calibration/session` | version and duration of the session on the robot; first message |
 //! | `calibration/picture` | [`Picture`](tactnet_catching::calibrate::Picture) |
 //! | `calibration/rest` | [`Rest`](tactnet_catching::calibrate::Rest) |
 //! | `calibration/turn` | [`Turn`](tactnet_catching::calibrate::Turn) |
 //!
-//! Messages are numbered by their times: a session has no clock of its own.
+//! Message times are sequence numbers, because a session has no clock.
 
 use std::path::Path;
 
@@ -28,14 +28,14 @@ const TURN: &str = "calibration/turn";
 #[serde(deny_unknown_fields)]
 struct Head {
     version: u32,
-    /// s.
+    /// Duration of the session on the robot, in s.
     robot_seconds: f64,
 }
 
-/// Writes a session into a new file.
+/// Writes a session to a new file.
 ///
 /// # Errors
-/// A file that is there already or cannot be written.
+/// A file that exists or cannot be written.
 pub fn write_session(path: &Path, session: &Session) -> Result<(), RecordingError> {
     let head = Head {
         version: VERSION,
@@ -62,7 +62,7 @@ pub fn write_session(path: &Path, session: &Session) -> Result<(), RecordingErro
 /// Reads a session.
 ///
 /// # Errors
-/// No file of a session, one that is damaged, or a message that is not what it should be.
+/// A file that is damaged or not a session, or an invalid message.
 pub fn read_session(path: &Path) -> Result<Session, RecordingError> {
     let unreadable = |reason: String| RecordingError::Unreadable {
         path: path.into(),
@@ -72,7 +72,7 @@ pub fn read_session(path: &Path) -> Result<Session, RecordingError> {
     let head = messages.next().filter(|(_, first)| first.topic == HEAD);
     let Some((_, head)) = head else {
         return Err(unreadable(
-            "no calibration session; `tactnet catch calibrate --simulate --record FILE.mcap` makes one".into(),
+            "expected a calibration session, found none".into(),
         ));
     };
     let head: Head = parse(0, &head).map_err(unreadable)?;
@@ -91,7 +91,7 @@ pub fn read_session(path: &Path) -> Result<Session, RecordingError> {
             PICTURE => parse(number, &message).map(|it| session.pictures.push(it)),
             REST => parse(number, &message).map(|it| session.rests.push(it)),
             TURN => parse(number, &message).map(|it| session.turns.push(it)),
-            // Of later versions, and other programs'.
+            // Messages of later versions or of other programs are ignored.
             _ => Ok(()),
         };
         taken.map_err(unreadable)?;
@@ -149,7 +149,7 @@ mod tests {
         assert_eq!(found.robot_seconds, recorded.robot_seconds);
         let (found, recorded) = (&found.pictures[0], &recorded.pictures[0]);
         assert_eq!(found.configuration, recorded.configuration);
-        // JSON's reader may miss the last bit.
+        // The JSON parser may be wrong in the last bit.
         let error = found.loads[0] - recorded.loads[0];
         assert!(error.abs() <= f64::EPSILON, "{error}");
     }
@@ -169,8 +169,11 @@ mod tests {
         };
         let head = (HEAD, r#"{"version":1,"robot_seconds":1.0}"#);
         let cases = [
-            (refused("a", &[]), "no calibration session"),
-            (refused("b", &[("other", "{}")]), "no calibration session"),
+            (refused("a", &[]), "expected a calibration session"),
+            (
+                refused("b", &[("other", "{}")]),
+                "expected a calibration session",
+            ),
             (
                 refused("c", &[(HEAD, r#"{"version":7,"robot_seconds":1.0}"#)]),
                 "expected version 1 of a calibration session, found 7",

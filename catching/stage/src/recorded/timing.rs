@@ -1,4 +1,4 @@
-//! How long every step takes, from the stamps in packets.
+//! Durations of all steps, from the timestamps in packets.
 
 use std::collections::HashMap;
 
@@ -16,51 +16,52 @@ use super::packets_of::packets_of;
 /// One step from an exposure to its path.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Step {
-    /// What happens.
+    /// Name of the step.
     pub name: &'static str,
-    /// Who does it.
+    /// Processes that perform the step.
     pub process: &'static str,
-    /// When it has ended, ms after the middle of the exposure.
+    /// End of the step, in ms after the middle of the exposure.
     pub ends_ms: Milliseconds,
-    /// How long it takes, ms.
+    /// Duration of the step, in ms.
     pub takes_ms: Milliseconds,
 }
 
-/// Times of a recording.
+/// Durations in a recording.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Timing {
-    /// From the first packet to the last, s.
+    /// Time from the first to the last packet, in s.
     pub seconds: f64,
-    /// Paths that are the first of an exposure and an arm, with every packet before them.
+    /// Number of complete chains: first paths of an exposure and an arm, with all packets before them.
     pub paths: usize,
-    /// Such paths of which a packet before them is missing.
+    /// Number of such paths with a missing packet in their chain.
     pub incomplete: usize,
-    /// The steps, in their order.
+    /// Steps in temporal order.
     pub steps: Vec<Step>,
-    /// From the middle of an exposure to the path that follows from it.
+    /// Time from the middle of an exposure to the path that follows from it.
     pub exposure_to_path_ms: Option<Milliseconds>,
-    /// How old the last picture was that a caught ball's path follows from, when it was caught.
+    /// Age of the last picture behind the path of a caught ball, at the catch.
     pub last_picture_age_ms: Option<Milliseconds>,
-    /// How old the head's last pose was, as used by that path: the thesis's last measurement with an inertial unit.
+    /// Age of the last head pose behind the path of a caught ball, at the catch: the last measurement with an
+    /// inertial unit of the thesis.
     pub last_measurement_age_ms: Option<Milliseconds>,
-    /// From the controller's beat, 1000 a second, to its command.
+    /// Time from the start of a controller cycle (1 kHz) to its command.
     pub beat_to_command_ms: Option<Milliseconds>,
-    /// From one joint state to the next.
+    /// Time between two joint states.
     pub joint_period_ms: Option<Milliseconds>,
-    /// From a sample of the inertial unit to the head's pose of that moment.
+    /// Time from an inertial sample to its head pose.
     pub imu_to_pose_ms: Option<Milliseconds>,
-    /// From a command to the word of the monitor of self-collisions on it.
+    /// Time from a joint command to the verdict of the safety monitor.
     pub command_to_monitor_ms: Option<Milliseconds>,
 }
 
-/// Returns the times in a recording.
+/// Computes the durations in a recording.
 ///
 /// # Errors
-/// No packets of a catching stack; settings of the recording's table that cannot be used; a recording that does not tell when the channels'
-/// clock began.
+/// No packets of a catching stack, invalid settings in the table of the recording, or an unknown start of the
+/// channels' clock.
 pub fn timing(recording: &Recording) -> Result<Timing, RecordedError> {
     let settings = RoleSettings::of(&recording.table)?;
-    // Only a calibrated stack has other stamps than its sensors.
+    // Only a calibrated stack changes the timestamps of its sensors.
     let calibrated = settings.calibration.is_some();
     let corrections = calibrated.then(|| settings.corrections()).transpose()?;
     let corrections = corrections.as_ref();
@@ -124,7 +125,7 @@ pub fn timing(recording: &Recording) -> Result<Timing, RecordedError> {
     })
 }
 
-/// The steps of a chain: name, process, begin, end.
+/// Name, process, start and end of a step.
 type Part = (
     &'static str,
     &'static str,

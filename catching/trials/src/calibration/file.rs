@@ -1,24 +1,24 @@
-//! Calibrations as files.
+//! Calibration files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use tactnet_catching::calibrate::KeptCalibration;
 
-/// A file that cannot be written.
+/// A calibration file cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {source}")]
 pub struct CalibrationFileError {
-    /// The file.
+    /// Path of the file.
     path: PathBuf,
-    /// What the system says.
+    /// Error of the operating system.
     source: std::io::Error,
 }
 
-/// Puts a calibration in the place of the last good one: whole, or not at all.
+/// Replaces a calibration file atomically.
 ///
 /// # Errors
-/// Where the system says no.
+/// A file that cannot be written.
 pub fn keep_calibration(
     path: &Path,
     calibration: &KeptCalibration,

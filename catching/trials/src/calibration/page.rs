@@ -1,4 +1,5 @@
-//! A calibration as a page: hands before and after, what is left in pictures, what configurations are worth, balls caught.
+//! HTML page of a calibration: hands before and after, residuals in pictures, value of the configurations, caught
+//! balls.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -8,18 +9,18 @@ use tactnet_plot::legend;
 use super::CalibrationReport;
 use crate::sheet::{Share, at_most, captioned, percent, shares, sheet, table};
 
-/// Goals, and what Agile Justin's calibration leaves (arXiv 2311.08338), mm.
+/// Goals for mean and maximum distance, in mm: the results of Agile Justin's calibration (arXiv 2311.08338).
 const GOAL_MM: [f64; 2] = [3.9, 9.1];
-/// Goal for the solver, s.
+/// Goal for the time of the solver, in s.
 const GOAL_SOLVE: f64 = 10.0;
-/// What nominal geometry is off by at the worst there, mm.
+/// Maximum error of the nominal geometry of Agile Justin, in mm.
 const THEIRS_RAW_MM: f64 = 61.0;
-/// The thesis's time of the robot, min.
+/// Duration of a session in the thesis, in min.
 const THESIS_MINUTES: f64 = 5.0;
-/// Directions that are named.
+/// Number of listed parameter directions.
 const DIRECTIONS: usize = 8;
 
-/// Returns a page that needs no network.
+/// Returns a self-contained page.
 pub fn calibration_page(report: &CalibrationReport) -> String {
     let mut html = String::new();
     headline(&mut html, report);
@@ -174,7 +175,7 @@ fn features(html: &mut String, report: &CalibrationReport) {
     }
 }
 
-/// Lengths of two-dimensional noise: the middles of 100 equally likely parts.
+/// Returns lengths of two-dimensional noise: the medians of 100 equally likely parts.
 fn rayleigh(sigma: f64) -> Vec<f64> {
     (0..100)
         .map(|part| sigma * (-2.0 * (1.0 - (f64::from(part) + 0.5) / 100.0).ln()).sqrt())
@@ -313,7 +314,7 @@ mod tests {
     use crate::calibration::{CalibrationSamples, Distances, RandomFigures, SolveReport};
     use crate::sheet::tests::assert_page;
 
-    /// Of a session without anything.
+    /// Returns the report of an empty session.
     fn nothing() -> CalibrationReport {
         let unknowns = Unknowns::zeros(UNKNOWNS);
         let sigmas = Priors::default().sigmas().unwrap();
@@ -404,7 +405,7 @@ mod tests {
         ] {
             assert!(page.contains(expected), "{expected}: {page}");
         }
-        // Hands, markers, catches.
+        // Hands, markers and catches.
         assert_eq!(page.matches("<svg class=\"figure\"").count(), 3);
         report.worst_mm = 9.2;
         assert!(calibration_page(&report).contains("is missed"));

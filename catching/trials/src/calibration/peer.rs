@@ -1,4 +1,4 @@
-//! A session's problem written out for other solvers, with our answer.
+//! Least-squares problem of a session for other solvers, with the solution of this project.
 
 use serde::Serialize;
 use tactnet_catching::Robot;
@@ -8,41 +8,42 @@ use tactnet_catching::calibrate::{
 
 use super::SolveReport;
 
-/// The problem of a session, and what we made of it.
+/// Least-squares problem of a session and its solution.
 #[derive(Debug, Clone, Serialize)]
 pub struct PeerSession {
     /// Names of the unknowns.
     pub names: Vec<String>,
-    /// Where the unknowns stand: first of the left camera, marker, offsets, compliances, mount; neck; turn of the inertial unit, biases; clocks.
+    /// Indices of the unknowns: left camera, marker, offsets, compliances, mount; neck; rotation of the inertial
+    /// unit, biases; clocks.
     pub places: Vec<usize>,
-    /// Middles of the priors, where solvers begin.
+    /// Means of the priors, the starting point of solvers.
     pub guess: Vec<f64>,
-    /// Their standard deviations.
+    /// Standard deviations of the priors.
     pub sigmas: Vec<f64>,
-    /// Standard deviations of measurements.
+    /// Standard deviations of the measurements.
     pub noise: Noise,
-    /// Edge of Huber's loss, standard deviations.
+    /// Threshold of the Huber loss, in standard deviations.
     pub huber: f64,
-    /// What was recorded.
+    /// Recorded session.
     pub session: Session,
-    /// Our minimum.
+    /// Solution of this project.
     pub ours: Vec<f64>,
-    /// Its cost.
+    /// Cost of the solution.
     pub cost: f64,
-    /// Time of our solver, s.
+    /// Time of this project's solver, in s.
     pub solve_seconds: f64,
-    /// Height of the neck over the chest, m.
+    /// Height of the neck above the chest, in m.
     pub neck_height: f64,
-    /// Middle between the cameras, m; baseline, m; focal length, width, height, pixels.
+    /// Centre between the cameras and baseline in m; focal length, width and height in pixels.
     pub cameras: ([f64; 3], f64, [f64; 3]),
-    /// Position, m, lean, rad, and lengths from base to shoulder, elbow, wrist, m, of each arm.
+    /// Position in m, inclination in rad, and lengths from base to shoulder, elbow and wrist in m, for each arm.
     pub arms: Vec<([f64; 3], f64, [f64; 3])>,
 }
 
-/// Puts a problem together.
+/// Returns the problem of a session.
 ///
 /// # Errors
-/// Where a setting makes no sense.
+/// An invalid setting.
 pub fn peer_session(
     robot: &Robot,
     config: &CalibrationConfig,

@@ -1,4 +1,4 @@
-//! A session before the simulated world.
+//! Calibration session in the simulated world.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,13 +12,13 @@ use tactnet_catching_world::{TICK_NS, World, WorldConfig};
 
 use crate::error::TrialError;
 
-/// Draws after which a robot is said to have no configurations in which its markers are seen.
+/// Maximum number of draws of a configuration with visible markers.
 const DRAWS: usize = 2_000_000;
 
-/// Draws `count` configurations, of both arms in turn, in which the marker is before the cameras and the way is free.
+/// Draws `count` configurations, alternating between both arms, with a visible marker and a collision-free path.
 ///
 /// # Errors
-/// Where there are none to be found.
+/// Too few such configurations.
 pub(crate) fn candidates(
     model: &Model,
     config: &CalibrationConfig,
@@ -47,10 +47,10 @@ pub(crate) fn candidates(
     Ok(found)
 }
 
-/// Runs a session: the robot goes through its configurations and back, a tick a millisecond.
+/// Runs a session: the robot moves through its configurations and back, with a tick of 1 ms.
 ///
 /// # Errors
-/// Where settings of the world make no sense.
+/// Invalid settings of the world.
 pub(crate) fn rehearse(
     model: &Model,
     world: &WorldConfig,
@@ -73,7 +73,7 @@ pub(crate) fn rehearse(
             dq,
         };
         let sensed = *world.step(&command, &[None; ARMS]);
-        // The joints are a little behind; at the edges of a phase the arm stands.
+        // The joints lag slightly behind; at the ends of a phase the arm stands still.
         recorder.joints(&sensed.joints);
         if let Some(sample) = &sensed.imu {
             recorder.sample(sample, phase);

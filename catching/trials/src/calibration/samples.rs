@@ -1,37 +1,37 @@
-//! The values that a calibration's means, medians and worst values are of.
+//! Individual values behind the statistics of a calibration.
 
 use tactnet_catching::calibrate::{CalibrationConfig, Model, Problem, Session, Unknowns};
 
 use crate::error::TrialError;
 
-/// All values that a calibration's figures are of.
+/// All values behind the statistics of a calibration.
 #[derive(Debug, Clone, Default)]
 pub struct CalibrationSamples {
-    /// Distances at unseen poses before, mm, two cameras a pose.
+    /// Distances in held-out poses before the calibration in mm, two cameras per pose.
     pub raw_mm: Vec<f64>,
-    /// The same after.
+    /// Distances after the calibration, in mm.
     pub found_mm: Vec<f64>,
-    /// The same after a calibration from configurations that were not chosen.
+    /// Distances after a calibration from random configurations, in mm.
     pub random_mm: Vec<f64>,
-    /// From features to where the description puts them, pixels; 1000 where it sees none.
+    /// Residuals of features with the description, in pixels; 1000 if the model does not see the marker.
     pub before_px: Vec<f64>,
-    /// From features to where the calibration puts them, pixels.
+    /// Residuals of features with the calibration, in pixels.
     pub residuals_px: Vec<f64>,
-    /// Standard deviation of a feature's noise each way, pixels.
+    /// Standard deviation of the noise of a feature along each axis, in pixels.
     pub noise_px: f64,
 }
 
 /// Returns lengths in mm.
 ///
-/// - `metres`: the same in m
+/// - `metres`: the lengths in m
 pub(crate) fn millimetres(metres: &[f64]) -> Vec<f64> {
     metres.iter().map(|length| 1e3 * length).collect()
 }
 
-/// Returns how far features are from where the description puts them, and from where `found` does, pixels.
+/// Returns the residuals of the features with the description and with `found`, in pixels.
 ///
 /// # Errors
-/// Where a setting makes no sense.
+/// An invalid setting.
 pub(crate) fn residuals(
     model: &Model,
     config: &CalibrationConfig,

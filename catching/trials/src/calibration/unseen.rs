@@ -1,4 +1,4 @@
-//! Where the calibrated stack and the world put hands, at poses that the calibration has not seen.
+//! Held-out poses: distances between the estimated and the true hands.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -9,29 +9,29 @@ use tactnet_catching_world::{World, WorldConfig};
 
 use crate::error::TrialError;
 
-/// A robot that stands: what it senses, and where its hands are in the frames of its cameras.
+/// A robot at rest: its sensor values, and the true positions of its hands in the frames of its cameras.
 #[derive(Debug, Clone)]
 pub(crate) struct Standing {
     arm: usize,
     joints: JointState,
-    /// The middle of the arm's catch frame in the left and the right camera's frame (ahead, left, up), m.
+    /// Origin of the arm's catch frame in the left and the right camera's frame (ahead, left, up), in m.
     seen: [Vector3<f64>; 2],
 }
 
-/// Distances between where hands are and where they are thought to be, seen from the cameras.
+/// Statistics of the distances between estimated and true hands in the frames of the cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Distances {
-    /// Mean over poses and cameras, mm.
+    /// Mean over poses and cameras, in mm.
     pub mean_mm: f64,
-    /// Worst, mm.
+    /// Maximum, in mm.
     pub worst_mm: f64,
 }
 
 impl Standing {
-    /// Lets the world's robot stand in a pose.
+    /// Moves the robot of the world to a pose.
     ///
     /// # Errors
-    /// Where settings of the world make no sense.
+    /// Invalid settings of the world.
     pub(crate) fn new(
         model: &Model,
         world: &WorldConfig,
@@ -77,7 +77,7 @@ impl Standing {
 }
 
 impl Distances {
-    /// Judges distances, m.
+    /// Computes the statistics of distances in m.
     pub(crate) fn of(all: &[f64]) -> Self {
         Self {
             mean_mm: 1e3 * all.iter().sum::<f64>() / all.len().max(1) as f64,
@@ -86,7 +86,7 @@ impl Distances {
     }
 }
 
-/// Returns the distances at poses with these unknowns, m, two cameras a pose.
+/// Returns the distances in the poses with the given unknowns in m, two cameras per pose.
 pub(crate) fn distances(poses: &[Standing], model: &Model, x: &Unknowns) -> Vec<f64> {
     poses
         .iter()

@@ -1,4 +1,4 @@
-//! Throws among obstacles as a page: with and without the map, one catch in it, times.
+//! HTML page of throws among obstacles: with and without the map, one catch in the map, times.
 
 use std::fmt::Write;
 
@@ -13,15 +13,16 @@ use crate::sheet::{Share, at_most, captioned, counts_table, percent, shares, she
 use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
 
 const TITLE: &str = "Catching among obstacles";
-/// Goal from depth pictures to plans, ms.
+/// Goal for the time from depth pictures to plans, in ms.
 const GOAL_MS: f64 = 1000.0;
 
-/// Returns a page that needs no network.
+/// Returns a self-contained page.
 ///
-/// - `report`: of [`Series::run_with_and_without_map`]; where the robot did not look about, the page says so
+/// - `report`: result of [`Series::run_with_and_without_map`]; if the robot did not look around, the page reports
+///   that
 ///
 /// # Errors
-/// As the series: the drawn throw is run again.
+/// Same as the series, because the drawn throw is simulated again.
 pub fn obstacles_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
     let Some(obstacles) = &report.obstacles else {
         let body = format!(
@@ -163,8 +164,8 @@ fn side_by_side(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesR
     *html += &captioned(&figure, caption, &legend(&["with the map", "without"]));
 }
 
-/// The throw that says most: caught with the map and nothing touched, touched without, both arms lowered. Where there is none, as much of that
-/// as there is; otherwise the first.
+/// Returns the most instructive throw: caught without contact with the map, contact without it, both arms lowered.
+/// Otherwise the throw with most of these properties, or the first.
 fn telling(report: &SeriesReport, obstacles: &ObstaclesReport) -> Option<u64> {
     let without = obstacles.without_map.as_ref();
     let worth = |outcome: &&ThrowOutcome| {
@@ -175,7 +176,7 @@ fn telling(report: &SeriesReport, obstacles: &ObstaclesReport) -> Option<u64> {
             .is_some_and(|among| among.arms_held_up == 0);
         (good, good && blind, good && lowered)
     };
-    // Of equals the first.
+    // The first of several equal throws.
     let best = report.outcomes.iter().rev().max_by_key(worth)?;
     Some(best.number)
 }
@@ -321,7 +322,7 @@ mod tests {
         }
         // Two arms from above and from the side.
         assert!(page.matches("<circle").count() >= 4 * 21);
-        // What goes over the wire stays small.
+        // The JSON output stays small.
         let json = serde_json::to_string(&report).unwrap();
         assert!(json.len() < 4000 && !json.contains("\"touched\""), "{json}");
         assert!(page.len() < 1_500_000, "{}", page.len());
@@ -346,7 +347,7 @@ mod tests {
             .map(|number| {
                 let mut outcome = template.clone();
                 outcome.number = number;
-                // Without balls, all that were thrown are caught.
+                // Without balls, all thrown balls are caught.
                 outcome.balls.clear();
                 if let Some(among) = &mut outcome.obstacles {
                     among.contacts.ticks = u64::from(number == 0);
@@ -362,7 +363,7 @@ mod tests {
         assert_eq!(telling(&report, &obstacles), Some(2));
         touched(&mut obstacles, &[0, 1]);
         assert_eq!(telling(&report, &obstacles), Some(1));
-        // Both arms are lowered, and of equals it is the first.
+        // Both arms are lowered; the first of equal throws wins.
         touched(&mut obstacles, &[]);
         assert_eq!(telling(&report, &obstacles), Some(2));
         touched(&mut obstacles, &[1, 3]);

@@ -1,4 +1,4 @@
-//! The moment of a catch among obstacles, drawn as two cuts through the map.
+//! Catch among obstacles, drawn as two sections through the map.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -14,35 +14,35 @@ use tactnet_plot::{Axes, Axis, HeatMap, Series as Curve, figure};
 use crate::sheet::LEFT;
 use crate::trace::{Trace, TraceTick};
 
-/// Edge of a cell that is drawn, m, and user units.
+/// Edge length of a drawn cell, in m.
 const CELL: f64 = 0.04;
 const PIXELS: f64 = 8.0;
-/// What is drawn of the map: ahead, to the left and up, m.
+/// Drawn range of the map ahead, in m.
 const AHEAD: [f64; 2] = [-0.48, 1.52];
 const ASIDE: [f64; 2] = [-1.28, 1.28];
 const UP: [f64; 2] = [0.4, 2.2];
-/// Cuts go through what is so deep below the nearest surface, m.
+/// Depth of the sections below the nearest surface, in m.
 const BELOW_SURFACE: f64 = 0.03;
-/// Shades end so far from obstacles, m.
+/// Distance from obstacles at which the shading ends, in m.
 const FAR: f64 = 0.3;
 
-/// The moment at which a ball is nearest to a hand.
+/// State at the time at which a ball is nearest to a hand.
 pub(super) struct Scene {
     field: Arc<DistanceField>,
     boxes: Vec<StandingBox>,
-    /// Of both arms, inertial frame.
+    /// Spheres of both arms in the inertial frame.
     spheres: Vec<Sphere>,
     ball: Option<Vector3<f64>>,
-    /// Where cuts go through, m: just inside of what the map shows nearest to a sphere.
+    /// Point of the sections, just inside the obstacle of the map that is nearest to a sphere, in m.
     nearest: Vector3<f64>,
-    /// Of that sphere from there, m.
+    /// Distance of that sphere from the obstacle, in m.
     pub clearance: f64,
-    /// Of all spheres from what truly stands there, m; `None`: nothing does.
+    /// Minimum distance of all spheres from the true boxes in m; `None` without boxes.
     pub true_clearance: Option<f64>,
 }
 
 impl Scene {
-    /// Returns the scene of a throw; `None` where the robot did not look about.
+    /// Returns the scene of a throw; `None` if the robot did not look around.
     pub fn of(trace: &Trace, robot: &Robot) -> Option<Self> {
         let field = trace.field.clone()?;
         let tick = catch_tick(trace)?;
@@ -79,7 +79,7 @@ impl Scene {
         })
     }
 
-    /// Returns a cut from above.
+    /// Returns a horizontal section, seen from above.
     pub fn plan_view(&self) -> String {
         let height = self.nearest.z;
         let axes = axes(
@@ -105,7 +105,7 @@ impl Scene {
         drawn(&axes, &title, &cells, &over)
     }
 
-    /// Returns an upright cut, from the robot's right side.
+    /// Returns a vertical section, seen from the robot's right side.
     pub fn side_view(&self) -> String {
         let aside = self.nearest.y;
         let axes = axes(
@@ -139,9 +139,9 @@ impl Scene {
         drawn(&axes, &title, &cells, &over)
     }
 
-    /// Shades of a cut: darkest inside obstacles, none 30 cm away.
+    /// Draws the cells of a section: darkest inside obstacles, transparent from 30 cm on.
     ///
-    /// - `at`: the point of a horizontal and a vertical value
+    /// - `at`: point for a horizontal and a vertical coordinate
     fn cells(
         &self,
         axes: &Axes,
@@ -177,7 +177,7 @@ impl Scene {
         })
     }
 
-    /// Spheres and the ball; those that the cut goes through are darker.
+    /// Draws spheres and ball, darker if they intersect the section.
     fn round(
         &self,
         axes: &Axes,
@@ -208,7 +208,7 @@ impl Scene {
     }
 }
 
-/// Returns a point just inside of the obstacle that is nearest to a place; the place itself where the map shows none.
+/// Returns a point just inside the obstacle nearest to a place, or the place itself if the map has none.
 fn towards(field: &DistanceField, place: &Vector3<f64>) -> Vector3<f64> {
     let (distance, slope) = field.gradient(place);
     slope.try_normalize(1e-6).map_or(*place, |away| {
@@ -216,7 +216,7 @@ fn towards(field: &DistanceField, place: &Vector3<f64>) -> Vector3<f64> {
     })
 }
 
-/// When a ball is nearest to a hand.
+/// Returns the tick at which a ball is nearest to a hand.
 fn catch_tick(trace: &Trace) -> Option<&TraceTick> {
     let apart = |tick: &TraceTick| {
         let balls = tick.balls.iter().flatten();
@@ -230,13 +230,13 @@ fn catch_tick(trace: &Trace) -> Option<&TraceTick> {
         .min_by(|a, b| apart(a).total_cmp(&apart(b)))
 }
 
-/// What a heat map makes a shade of that fades evenly with the distance.
+/// Returns the heat map's value for an opacity that fades linearly with the distance.
 fn share(distance: f64) -> f64 {
     let opacity: f64 = match distance {
         inside if inside <= 0.0 => 1.0,
         outside => 0.7 * (1.0 - outside / FAR),
     };
-    // The inverse of the map's power.
+    // Inverse of the heat map's exponent.
     if opacity < 0.12 {
         0.0
     } else {
@@ -255,7 +255,7 @@ fn axes(horizontal: Axis, vertical: Axis, [across, up]: [[f64; 2]; 2]) -> Axes {
     }
 }
 
-/// The corners of a box from above, m.
+/// Returns the corners of a box from above, in m.
 fn corners(one: &StandingBox) -> [Vector3<f64>; 4] {
     let (sin, cos) = one.turn.sin_cos();
     [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(a, b)| {
@@ -264,12 +264,12 @@ fn corners(one: &StandingBox) -> [Vector3<f64>; 4] {
     })
 }
 
-/// From where to where ahead a box reaches at `aside` m to the left; `None` where it does not.
+/// Returns the range along x that a box covers at `aside` m to the left, or `None`.
 fn chord(one: &StandingBox, aside: f64) -> Option<[f64; 2]> {
     let (sin, cos) = one.turn.sin_cos();
     let y = aside - one.middle[1];
     let mut range = [f64::NEG_INFINITY, f64::INFINITY];
-    // In the box's axes the line is `offset + slope x`.
+    // In the axes of the box, the line is `offset + slope x`.
     for (offset, slope, half) in [
         (sin * y, cos, 0.5 * one.size[0]),
         (cos * y, -sin, 0.5 * one.size[1]),
@@ -286,7 +286,7 @@ fn chord(one: &StandingBox, aside: f64) -> Option<[f64; 2]> {
     (range[0] < range[1]).then(|| range.map(|x| one.middle[0] + x))
 }
 
-/// A closed line; faint where the cut passes by.
+/// Draws a closed line; faint if the section does not intersect it.
 fn outline(axes: &Axes, corners: &[(f64, f64)], cut: bool) -> String {
     let mut closed = corners.to_vec();
     closed.extend(corners.first());
@@ -298,7 +298,7 @@ fn outline(axes: &Axes, corners: &[(f64, f64)], cut: bool) -> String {
     }
 }
 
-/// What is over the cells ends at the edges of the axes.
+/// Draws the axes with cells; content above the cells is clipped to the axes.
 fn drawn(axes: &Axes, title: &str, cells: &str, over: &str) -> String {
     let Axes {
         left,

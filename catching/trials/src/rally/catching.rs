@@ -1,4 +1,4 @@
-//! Catching what the other robot throws, with the same parts as in series of throws.
+//! Catching of the other robot's throws, with the same parts as in series of throws.
 
 use std::collections::VecDeque;
 
@@ -17,32 +17,33 @@ use crate::series::cause;
 use crate::throw::{Answers, answer, nanoseconds, ticks};
 use tactnet_catching::CatchSpace;
 
-/// The robot stands this long before the throw, s: its inertial unit finds its bias.
+/// Standstill before the throw in s, in which the pose estimator determines the bias of the inertial unit.
 const REST: f64 = 1.0;
-/// A throw is over this long after it, at the latest, s.
+/// Maximum time after a throw until its verdict, in s.
 const LONGEST: f64 = 2.5;
-/// The robot comes to rest in this time after a catch, s.
+/// Time in which the robot comes to rest after a catch, in s.
 const STANDS: f64 = 0.3;
-/// A ball was seen well enough from so many pictures on to say where it came down.
+/// Minimum number of pictures for a reliable landing point.
 const SEEN: u32 = 6;
 
-/// What became of a ball.
+/// Result of a catch attempt.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Catch {
-    /// The arm that caught it.
+    /// Arm that caught the ball.
     pub arm: Option<usize>,
-    /// Why it was not caught; meaningless if it was.
+    /// Cause of a miss; meaningless for a catch.
     pub cause: &'static str,
-    /// True if the oracle can catch it.
+    /// True if the ball was in the catch space.
     pub in_catch_space: bool,
-    /// By how much the robot saw it come down beside its target, m, in its own frame.
+    /// Offset of the landing point from the target according to the tracker, in m, in the robot's frame.
     pub beside: Option<Vector2<f64>>,
 }
 
 impl Player {
-    /// Waits for a ball that left the other robot's hand, with `released` in this robot's frame, and tries to catch it.
+    /// Waits for a ball that left the other robot's hand, with `released` in this robot's frame, and tries to catch
+    /// it.
     ///
-    /// - `target`: where it was thrown to, m
+    /// - `target`: target of the throw, in m
     pub fn catch(
         &mut self,
         released: &Released,
@@ -64,7 +65,7 @@ impl Player {
             left -= 1;
             let now_ns = self.world.time_ns();
             if tick == ticks(REST) {
-                // The two worlds' ticks need not begin together.
+                // The ticks of both worlds may have an offset.
                 let ago = (TICK_NS - released.at_ns % TICK_NS) as f64 * 1e-9;
                 self.world.launch(released, ago);
             } else if tick < ticks(REST) {
@@ -100,7 +101,7 @@ impl Player {
             }
             tick += 1;
         }
-        // What was commanded last goes on until joints stand.
+        // The last commands continue until the joints stand still.
         let verdict = self.world.verdicts().get(before).copied();
         Ok(self.judge(verdict, &coordinator, &said, released, target, oracle))
     }
@@ -118,7 +119,7 @@ impl Player {
         let cameras = &self.config.robot.description().cameras;
         let reaction = self.config.timing.reaction(cameras.rate);
         let planned = (0..ARMS).any(|arm| coordinator.target(arm).is_some());
-        // The last ones are of a ball that is below that height already.
+        // The last predictions are of a ball that is already below that height.
         let beside = said.iter().rev().find_map(|said| {
             let ball = Some(&said.prediction).filter(|ball| ball.frames >= SEEN)?;
             let landing = Landing::of(&ball.p.into(), &ball.v.into(), ball.k, target[2])?;

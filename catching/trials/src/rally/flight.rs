@@ -1,13 +1,13 @@
-//! Flights of a game that are kept to be drawn.
+//! Flights of a game for drawings.
 
 use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::ThrowPlan;
 use tactnet_catching_world::FlightSample;
 
-/// Fingers open so much late or early at the most in what is drawn, ms.
+/// Maximum delay or advance of the release in the drawings, in ms.
 pub(super) const MOST_LATE: i32 = 4;
-/// Points of a flight that are kept.
+/// Number of points of a kept flight.
 const POINTS: usize = 60;
 
 /// A throw of a game.
@@ -15,20 +15,20 @@ const POINTS: usize = 60;
 pub struct RallyFlight {
     /// Number of the game.
     pub game: u64,
-    /// The arm that threw: 0 left, 1 right.
+    /// Throwing arm: 0 left, 1 right.
     pub arm: usize,
-    /// True if it was caught.
+    /// True if the ball was caught.
     pub caught: bool,
-    /// The true flight down to the target's height: distance from the release along the ground and height, m. A ball that was caught before
-    /// would have flown on like this.
+    /// True flight down to the height of the target: horizontal distance from the release and height, in m. For an
+    /// earlier catch, the flight continues as if the ball were missed.
     pub path: Vec<[f64; 2]>,
-    /// Of the planned throw, by how much fingers open late (early, if negative), ms, and how much nearer the ball then comes down, mm, less
-    /// than 0: farther.
+    /// Delay of the release in ms (negative if early) and the resulting loss of distance of the planned throw in mm
+    /// (negative if it is longer).
     pub timing: Vec<[f64; 2]>,
 }
 
 impl RallyFlight {
-    /// The look of its line.
+    /// Index of the line style.
     pub(super) fn look(&self) -> usize {
         usize::from(!self.caught)
     }
@@ -45,7 +45,7 @@ pub(super) fn profile(flight: &[FlightSample], height: f64) -> Vec<[f64; 2]> {
         .take_while(|sample| {
             let p = sample.state.position;
             highest = highest.max(p.z);
-            // It may begin below and has to come up first.
+            // The flight may start below the height and rise first.
             p.z >= height || highest < height
         })
         .map(|sample| {
@@ -60,7 +60,7 @@ pub(super) fn profile(flight: &[FlightSample], height: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Returns how much nearer a planned flight comes down, mm, for fingers that open early or late, ms.
+/// Returns the loss of distance of a planned flight in mm, for fingers that open early or late, in ms.
 pub(super) fn landings(plan: &ThrowPlan, robot: &Robot, height: f64) -> Vec<[f64; 2]> {
     let heading = (plan.landing.p - plan.p).xy().normalize();
     (-MOST_LATE..=MOST_LATE)
@@ -80,7 +80,7 @@ mod tests {
 
     use super::*;
 
-    /// Balls on a parabola, from below the height to below it again.
+    /// Balls on a parabola, from below the height until they are below it again.
     #[test]
     fn profiles_end_where_the_ball_comes_down_to_the_height() {
         let flight: Vec<FlightSample> = (0..1000)
@@ -97,7 +97,7 @@ mod tests {
             .collect();
         let path = profile(&flight, 1.2);
         assert!(path.len() <= POINTS + 1 && path[0] == [0.0, 1.0]);
-        // 1.2 again after 0.746 s, at 5 m/s.
+        // The height is 1.2 m again after 0.746 s, at 5 m/s.
         let [far, high] = *path.last().unwrap();
         assert!(
             (far - 3.73).abs() < 0.01 && (high - 1.2).abs() < 0.01,

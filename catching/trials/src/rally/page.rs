@@ -1,4 +1,4 @@
-//! Games of two robots as a page: how long they lasted, how balls flew, why they ended.
+//! HTML page of games of two robots: lengths, flights and causes of their ends.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -9,10 +9,10 @@ use super::RallyReport;
 use super::flight::MOST_LATE;
 use crate::sheet::{LEFT, WIDTH, captioned, counts_table, percent, sheet, table};
 
-/// How far the thesis's robot throws, at the most, m.
+/// Maximum throwing distance of the robot in the thesis, in m.
 const THESIS_M: f64 = 7.0;
 
-/// Returns a page that needs no network.
+/// Returns a self-contained page.
 pub fn rally_page(report: &RallyReport) -> String {
     let mut html = String::new();
     headline(&mut html, report);
@@ -173,7 +173,7 @@ fn games(html: &mut String, report: &RallyReport) {
         .collect();
     html.push_str("<h2>Games by length</h2>");
     if report.longest > 0 {
-        // Games that were still going on after so many catches.
+        // Games with at least the given number of catches.
         let lasted: Vec<(f64, f64)> = (0..=report.longest)
             .map(|catches| {
                 let on = report.lengths.iter().filter(|length| **length >= catches);

@@ -1,4 +1,4 @@
-//! A robot that catches and throws, in a world of its own.
+//! A robot that catches and throws in its own world.
 
 use std::time::Instant;
 
@@ -18,56 +18,56 @@ use tactnet_catching_world::{OpenCommand, Released, Sensed, TICK_NS, World};
 use crate::error::TrialError;
 use crate::throw::{ThrowConfig, nanoseconds, ticks};
 
-/// A hand is told so long before when it is to let go, s.
+/// Time before the release at which the hand receives its command, in s.
 const TOLD: f64 = 0.05;
-/// The robot stands so long after it has gone back, s: the torso swings on its springs.
+/// Standstill after the return in s, because the torso oscillates.
 const SETTLES: f64 = 3.0;
-/// Bodies keep this distance on the way back, m.
+/// Minimum distance of bodies on the way back, in m.
 const MARGIN: f64 = 0.015;
-/// Share of the greatest speeds with which it goes back.
+/// Share of the maximum speeds on the way back.
 const PACE: f64 = 0.4;
 
 /// A robot with its world.
 pub(crate) struct Player {
-    /// The stack's settings, with the robot as it catches.
+    /// Settings of the stack, with the robot's limits for catching.
     pub config: ThrowConfig,
     pub world: World,
     pub planners: [Planner; ARMS],
     thrower: Thrower,
     throwing: Robot,
     bodies: Bodies,
-    /// Commanded.
+    /// Commanded joint positions.
     pub q: [f64; JOINTS],
-    /// Where the last swing began.
+    /// Joint positions at the start of the last swing.
     begun: [f64; JOINTS],
-    /// What each arm has learnt.
+    /// Learnt corrections of each arm.
     pub learnt: [Learnt; ARMS],
 }
 
-/// What an arm has learnt of its throws.
+/// Learnt correction of an arm's throws.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Learnt {
-    /// How far beside the target they are aimed, m.
+    /// Offset of the aim from the target, in m.
     pub beside: Vector2<f64>,
-    /// The last one.
+    /// Solution of the last throw, the starting point of the next.
     last: Option<[f64; THROW_UNKNOWNS]>,
 }
 
-/// A ball that was thrown.
+/// An executed throw.
 #[derive(Debug, Clone)]
 pub(crate) struct Throw {
     pub plan: ThrowPlan,
     pub released: Released,
-    /// How long one core planned, ms.
+    /// Planning time on one core, in ms.
     pub plan_ms: f64,
-    /// Greatest torques of turn and arm until the robot stands again, Nm.
+    /// Maximum torques of turn and arm until the robot stands still, in Nm.
     pub torques: ThrowJoints,
 }
 
 impl Player {
-    /// Stands and waits.
+    /// Creates a robot in its waiting pose.
     ///
-    /// - `description`: with the limits of the turn in throws
+    /// - `description`: description with the limits of the turn in throws
     pub fn new(
         config: &ThrowConfig,
         description: &RobotDescription,
@@ -89,12 +89,12 @@ impl Player {
         })
     }
 
-    /// Throws the ball that hand `arm` holds to `target`, m, in this robot's frame.
+    /// Throws the ball in hand `arm`, with an aim in this robot's frame.
     ///
-    /// - `late`: by how much the hand is told to let go late, s
+    /// - `late`: delay of the release command, in s
     ///
     /// # Errors
-    /// Where no throw is found, and where the hand holds nothing.
+    /// An impossible throw or an empty hand.
     pub fn throw(&mut self, arm: usize, aim: Aim, late: f64) -> Result<Throw, TrialError> {
         let holds = self.world.holding().get(arm) == Some(&true);
         let aim = match aim {
@@ -152,7 +152,8 @@ impl Player {
         Ok(torques)
     }
 
-    /// Goes back to where the robot waits, and stands until its torso does. False: it would touch itself on the way.
+    /// Returns to the waiting pose and waits until the torso is at rest. Returns false if the robot would touch
+    /// itself on the way.
     pub fn go_home(&mut self) -> bool {
         let home = self.config.ready();
         let ends = [&self.q, &home];
@@ -172,7 +173,7 @@ impl Player {
         true
     }
 
-    /// Goes on by a tick.
+    /// Advances by a tick.
     pub fn step(
         &mut self,
         (q, dq): ([f64; JOINTS], [f64; JOINTS]),
@@ -189,7 +190,7 @@ impl Player {
         *self.world.step(&command, hands)
     }
 
-    /// Returns the robot with its limits in throws.
+    /// Returns the robot with its limits for throwing.
     pub fn throwing(&self) -> &Robot {
         &self.throwing
     }

@@ -38,12 +38,12 @@ fn robots_play_catch_and_games_repeat_to_the_bit_whatever_the_number_of_threads(
     for flight in flights {
         let [far, high] = *flight.path.last().unwrap();
         assert!((4.0..5.0).contains(&far) && (1.2..1.3).contains(&high));
-        // On time nothing is lost.
+        // A release on time loses no distance.
         assert_eq!(flight.timing.len(), 9);
         assert!(flight.timing[4][0] == 0.0 && flight.timing[4][1].abs() < 1e-3);
     }
     assert!(report["throws"].as_u64().unwrap() >= 2);
-    // Of four throws nearly always all.
+    // Usually all four throws are caught.
     assert!(report["catches"].as_u64().unwrap() >= 2, "{report}");
     let flown = report["distance_m"].as_f64().unwrap();
     assert!((4.0..5.0).contains(&flown), "{flown}");
@@ -54,13 +54,13 @@ fn robots_play_catch_and_games_repeat_to_the_bit_whatever_the_number_of_threads(
     }
 }
 
-/// Four times the drag that planner and tracker believe in.
+/// Four times the drag that planner and tracker assume.
 #[test]
 fn balls_that_fly_as_nobody_expects_are_missed() {
     let mut windy = rally(short(), 2);
     windy.config.practice = 0;
     windy.world.ball.drag = [2.0, 2.0];
-    // Nobody else throws; those that do are to be able to.
+    // The throws that happen must be possible.
     windy.world.thrower.distance = [1.5, 2.0];
     let report = windy.run(|| ()).unwrap();
     assert!(report.catches < report.throws, "{report:?}");

@@ -1,4 +1,4 @@
-//! Noise of pixels.
+//! Pixel noise.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -6,24 +6,24 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::stream::Stream;
 
-/// Numbers that are drawn once; each row of each picture begins elsewhere among them.
+/// Size of the noise table. Each row of each picture starts at a random index.
 const TABLE: usize = 1 << 18;
 
-/// Normal noise, from a table.
+/// Normally distributed noise from a table.
 #[derive(Debug, Clone)]
 pub(super) struct Noise {
-    /// Twice, so that no row wraps.
+    /// The table twice in a row, so that no row wraps around.
     table: std::sync::Arc<[f32]>,
 }
 
-/// The noise of a picture.
+/// Noise of one picture.
 pub(super) struct PictureNoise<'a> {
     table: &'a [f32],
     rng: ChaCha8Rng,
 }
 
 impl Noise {
-    /// - `deviation`: digits
+    /// - `deviation`: standard deviation in grey levels
     pub(super) fn new(deviation: f64, seed: u64) -> Self {
         let mut rng = Stream::PictureNoise.rng(seed, u64::MAX);
         let once: Vec<f32> = (0..TABLE)
@@ -47,14 +47,14 @@ impl Noise {
 }
 
 impl PictureNoise<'_> {
-    /// Writes a row of brightness, digits, with noise.
+    /// Writes a row of brightness with noise, in grey levels.
     pub(super) fn add(&mut self, row: &[f32], pixels: &mut [u8]) {
         let from = (self.rng.random::<f64>() * TABLE as f64) as usize % TABLE;
         for (start, (row, pixels)) in row.chunks(TABLE).zip(pixels.chunks_mut(TABLE)).enumerate() {
             let from = (from + start) % TABLE;
             let noise = &self.table[from..from + row.len()];
             for ((pixel, value), noise) in pixels.iter_mut().zip(row).zip(noise) {
-                // Saturates.
+                // The cast saturates.
                 *pixel = (value + noise + 0.5) as u8;
             }
         }

@@ -2,10 +2,10 @@
 
 use tactnet_catching_packets::Cameras;
 
-/// Steps of the fixed point that undoes the distortion; each is a tenth of the one before.
+/// Number of fixed-point iterations for the undistortion; each reduces the error about tenfold.
 const STEPS: usize = 12;
 
-/// Where the ray through each pixel's middle goes, focal lengths right and down of the optical axis.
+/// Rays through the pixel centres, in focal lengths to the right and below the optical axis.
 #[derive(Debug, Clone)]
 pub(super) struct Rays {
     width: usize,
@@ -15,7 +15,7 @@ pub(super) struct Rays {
     optics: Cameras,
 }
 
-/// A row of pixels' rays.
+/// Rays of one row of pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayRow<'a> {
     pub(super) right: &'a [f32],
@@ -51,7 +51,8 @@ impl Rays {
         }
     }
 
-    /// The pixels, `[left, right, top, bottom]` with ends excluded, that show rays within `reach` of `(a, b)`; `None` if there are none.
+    /// Returns the pixels `[left, right, top, bottom]` (ends excluded) whose rays are within `reach` of `(a, b)`, or
+    /// `None` if there are none.
     pub(super) fn window(&self, [a, b]: [f64; 2], reach: f64) -> Option<[usize; 4]> {
         let corners = [
             [-1.0, -1.0],
@@ -84,7 +85,7 @@ impl Rays {
     }
 }
 
-/// A place in the picture, pixels from its upper left corner, in focal lengths from its middle.
+/// Converts pixels from the upper left corner to focal lengths from the principal point.
 fn pixel(optics: &Cameras, [u, v]: [f64; 2]) -> [f64; 2] {
     [
         (u - f64::from(optics.width) / 2.0) / optics.focal,

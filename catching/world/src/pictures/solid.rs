@@ -1,46 +1,47 @@
-//! Lit ellipsoids, as they move while the shutter is open.
+//! Lit ellipsoids with motion blur.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::optics::{RayRow, Rays};
 
-/// Light from everywhere, share.
+/// Share of ambient light.
 const AMBIENT: f32 = 0.4;
-/// Most moments of an exposure that are drawn.
+/// Maximum number of samples of an exposure.
 const MOST_MOMENTS: usize = 12;
-/// A ray this deep inside, as the square of half its way through the unit sphere, is no pixel away from the outline of a person.
+/// Threshold for the squared half chord through the unit sphere, above which a pixel is not at the outline of a
+/// person.
 const INTERIOR: f32 = 0.3;
-/// Where rays go through a pixel, in pixels from its middle.
+/// Positions of the rays in a pixel, in pixels from its centre.
 const INSIDE: [[f32; 2]; 4] = [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]];
 
-/// An ellipsoid whose axes are those of the inertial frame.
+/// An ellipsoid with axes parallel to the inertial frame.
 #[derive(Debug, Clone)]
 pub(super) struct Solid {
-    /// Pixels that it may cover: left, right, top, bottom, ends excluded.
+    /// Bounding box in pixels: left, right, top, bottom, ends excluded.
     window: [usize; 4],
     depth: f64,
     moments: Vec<Moment>,
-    /// From the camera's directions to those in which it is a unit sphere.
+    /// Transformation from the camera frame to the frame in which the ellipsoid is a unit sphere.
     to_sphere: Matrix3<f32>,
     light: Vector3<f32>,
-    /// Brightness below and above its middle, digits.
+    /// Brightness below and above its centre, in grey levels.
     shades: [f32; 2],
 }
 
-/// Where it is at one moment, in the directions in which it is a unit sphere.
+/// Position at one time, in the frame in which the ellipsoid is a unit sphere.
 #[derive(Debug, Clone, Copy)]
 struct Moment {
     centre: Vector3<f32>,
-    /// Squared distance, less 1.
+    /// Squared distance minus 1.
     outside: f32,
 }
 
 impl Solid {
-    /// - `seen`: its centre when the shutter opens and when it closes, camera's directions (ahead, left, up), m
-    /// - `axes`: half lengths, inertial frame, m
-    /// - `turn`: from the camera's directions to the inertial frame's
-    /// - `light`: from where, inertial frame
-    /// - `shades`: share of 255 below and above its middle
+    /// - `seen`: centre at the start and the end of the exposure in the camera frame (ahead, left, up), in m
+    /// - `axes`: half lengths in the inertial frame, in m
+    /// - `turn`: rotation from the camera frame to the inertial frame
+    /// - `light`: direction of the light in the inertial frame
+    /// - `shades`: share of 255 below and above its centre
     pub(super) fn new(
         seen: [Vector3<f64>; 2],
         axes: Vector3<f64>,
@@ -51,7 +52,7 @@ impl Solid {
     ) -> Option<Self> {
         let largest = axes.max();
         let nearest = seen[0].x.min(seen[1].x) - largest;
-        // Beside or around the camera.
+        // Next to or around the camera.
         if nearest < 0.05 {
             return None;
         }
@@ -62,7 +63,7 @@ impl Solid {
             .hypot(place(&seen[0])[1] - place(&seen[1])[1]);
         let reach = 1.3 * largest / nearest * (1.0 + a.hypot(b)) + moved + 0.003;
         let window = rays.window([a, b], reach)?;
-        // A moment for every half pixel of motion.
+        // One sample per half pixel of motion.
         let pixels = moved * 1400.0;
         let count = ((2.0 * pixels).ceil() as usize).clamp(1, MOST_MOMENTS);
         let scale = Matrix3::from_diagonal(&axes.map(|axis| 1.0 / axis));
@@ -93,7 +94,7 @@ impl Solid {
 
     /// Draws over a row of brightness.
     ///
-    /// - `focal`: pixels
+    /// - `focal`: focal length in pixels
     pub(super) fn cover(&self, v: usize, rays: RayRow<'_>, focal: f64, row: &mut [f32]) {
         let [left, right, top, bottom] = self.window;
         if !(top..bottom).contains(&v) {
@@ -130,7 +131,7 @@ impl Solid {
         }
     }
 
-    /// Brightness of a pixel that all of it covers all the time, where nothing moves.
+    /// Returns the brightness of a pixel that an ellipsoid at rest covers completely.
     fn inside(&self, left: f32, up: f32) -> Option<f32> {
         let [moment] = self.moments[..] else {
             return None;
@@ -139,14 +140,14 @@ impl Solid {
         let length = ray.norm_squared();
         let along = ray.dot(&moment.centre);
         let under_root = along * along - length * moment.outside;
-        // Far from the outline: where the ray is long inside.
+        // Long chords are far from the outline.
         (under_root > INTERIOR * length).then(|| {
             let distance = (along - under_root.sqrt()) / length;
             self.shade(&(ray * distance - moment.centre))
         })
     }
 
-    /// - `point`: of the unit sphere
+    /// - `point`: point on the unit sphere
     fn shade(&self, point: &Vector3<f32>) -> f32 {
         let lit = point.dot(&self.light).max(0.0);
         let own = if point.z > 0.25 {

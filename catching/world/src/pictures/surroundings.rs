@@ -1,4 +1,4 @@
-//! A room far away: walls, floor and ceiling with furniture, discs and stains, on the faces of a cube.
+//! Background: a distant room with walls, floor, ceiling, furniture, discs and stains, on the faces of a cube.
 
 use nalgebra::Matrix3;
 use rand::RngExt;
@@ -7,23 +7,23 @@ use rand_chacha::ChaCha8Rng;
 use super::optics::RayRow;
 use crate::stream::Stream;
 
-/// Pixels along a face's side.
+/// Side length of a face, in pixels.
 const SIDE: usize = 2048;
-/// Faces: ahead, left, right, up, down; nobody looks behind.
+/// Number of faces: ahead, left, right, up, down. The cameras never look back.
 const FACES: usize = 5;
-/// Grids of the stains: cells along a face, digits.
+/// Grids of the stains: cells along a face, amplitude in grey levels.
 const STAINS: [(usize, f32); 4] = [(6, 26.0), (24, 18.0), (96, 12.0), (384, 8.0)];
-/// Boxes, posters and shelves on a face.
+/// Number of boxes, posters and shelves on a face.
 const BOXES: usize = 60;
 
-/// What is far away.
+/// Background at infinite distance.
 #[derive(Debug, Clone)]
 pub(super) struct Surroundings {
     faces: std::sync::Arc<[Vec<u8>; FACES]>,
 }
 
 impl Surroundings {
-    /// - `discs`: on the wall ahead
+    /// - `discs`: number of discs on the wall ahead
     pub(super) fn draw(discs: usize, seed: u64) -> Self {
         let faces = std::array::from_fn(|face| {
             let mut rng = Stream::Surroundings.rng(seed, face as u64);
@@ -35,9 +35,9 @@ impl Surroundings {
         }
     }
 
-    /// Adds `share` of what is seen along rays to a row of brightness.
+    /// Adds `share` of the background along rays to a row of brightness.
     ///
-    /// - `turn`: from the camera's directions to the inertial frame's
+    /// - `turn`: rotation from the camera frame to the inertial frame
     pub(super) fn add(&self, turn: &Matrix3<f64>, rays: RayRow<'_>, share: f32, row: &mut [f32]) {
         let m: Matrix3<f32> = turn.cast();
         for ((sum, right), down) in row.iter_mut().zip(rays.right).zip(rays.down) {
@@ -71,7 +71,7 @@ impl Surroundings {
 
 #[inline(always)]
 fn bilinear(face: &[u8], a: f32, b: f32) -> f32 {
-    // Rounding may lead a hair over a face's edge.
+    // Rounding may exceed the edge of a face slightly.
     let (column, line) = (
         (a as i32).clamp(0, SIDE as i32 - 2),
         (b as i32).clamp(0, SIDE as i32 - 2),
@@ -125,7 +125,7 @@ fn face_of(discs: usize, rng: &mut ChaCha8Rng) -> Vec<u8> {
         let centre = [between(0.2, 0.8) * side, between(0.2, 0.8) * side];
         let radius = between(6.0, 60.0);
         let shift = between(25.0, 90.0) as f32 * if between(0.0, 1.0) > 0.5 { 1.0 } else { -1.0 };
-        // Two pixels more for a soft rim.
+        // Two additional pixels for a soft edge.
         paint(&mut picture, centre, [radius + 2.0; 2], |a, b| {
             let distance = a.hypot(b) * (radius as f32 + 2.0);
             shift * (radius as f32 + 0.5 - distance).clamp(0.0, 1.0)

@@ -1,4 +1,4 @@
-//! Balls in hands, and how they leave them.
+//! Balls in hands, and their release.
 
 use tactnet_catching_packets::ARMS;
 
@@ -9,7 +9,7 @@ use crate::judge::Crossings;
 use crate::release::{Held, OpenCommand, Released};
 use crate::stream::Stream;
 
-/// A ball that has left a hand and flies in this world, where nobody judges it.
+/// A ball that has left a hand and flies in this world without being judged.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Away {
     pub number: u64,
@@ -18,10 +18,11 @@ pub(super) struct Away {
 }
 
 impl World {
-    /// Puts a ball into an empty hand, its drag as drawn for the next ball's number. A ball that a hand catches is in it without that.
+    /// Puts a ball into an empty hand, with the drag of the next ball's number. A caught ball is in the hand
+    /// automatically.
     ///
     /// # Errors
-    /// Where there is no such arm, and where the hand holds a ball.
+    /// Unknown arm, or a hand that already holds a ball.
     pub fn give(&mut self, arm: usize) -> Result<(), WorldError> {
         let number = self.thrown.len() as u64;
         let air = Aerodynamics::draw(&self.config.ball, &mut Stream::Ball.rng(self.seed, number));
@@ -37,22 +38,22 @@ impl World {
         Ok(())
     }
 
-    /// Takes the ball out of a hand, if there is one.
+    /// Removes the ball from a hand, if there is one.
     pub fn take(&mut self, arm: usize) {
         if let Some(held) = self.held.get_mut(arm) {
             *held = None;
         }
     }
 
-    /// Returns the arms whose hands hold a ball.
+    /// Returns true for each hand that holds a ball.
     pub fn holding(&self) -> [bool; ARMS] {
         self.held.map(|held| held.is_some())
     }
 
-    /// Tells a hand when to let go of its ball; the first word counts.
+    /// Sets the release time of a hand; only the first command counts.
     ///
     /// # Errors
-    /// Where there is no such arm, and where the hand holds no ball.
+    /// Unknown arm, or a hand without a ball.
     pub fn open(&mut self, command: &OpenCommand) -> Result<(), WorldError> {
         let OpenCommand { arm, open_ns } = *command;
         let held = self.held.get_mut(arm).ok_or(WorldError::Arm { arm })?;
@@ -72,25 +73,25 @@ impl World {
         Ok(())
     }
 
-    /// Returns the ball that left a hand last.
+    /// Returns the ball that was released last.
     pub fn released(&self) -> Option<&Released> {
         self.released.as_ref()
     }
 
-    /// Returns how a ball flies that has left a hand, as [`World::true_flight`] does.
+    /// Returns the flight of a released ball, as [`World::true_flight`] does.
     pub fn flight_of(&self, released: &Released) -> Vec<FlightSample> {
         let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
         self.flight(released.at_ns, &released.state, &air)
     }
 
-    /// Lets the ball that left a hand last fly on in this world. Cameras see it, and nobody judges it; where it touches floor or box, it is
-    /// gone. To be called in the tick in which it has left: it has flown since.
+    /// Lets the last released ball fly in this world. Cameras see it, but it is not judged; it disappears when it
+    /// touches the floor or a box. Call this in the tick of the release, because the ball has already flown since.
     pub fn let_fly(&mut self) {
         self.away = self.released.map(|released| {
             let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
             let ago = self.time_ns.saturating_sub(released.at_ns) as f64 * 1e-9;
             Away {
-                // Far from those of balls that are thrown.
+                // Far from the numbers of thrown balls.
                 number: u64::MAX - self.releases,
                 state: flown(&air, released.state, ago),
                 air,
@@ -98,7 +99,7 @@ impl World {
         });
     }
 
-    /// Returns the ball that [`World::let_fly`] lets fly, as long as it does.
+    /// Returns the ball of [`World::let_fly`] while it is in the air.
     pub fn flying(&self) -> Option<&BallState> {
         self.away.as_ref().map(|away| &away.state)
     }
@@ -114,10 +115,11 @@ impl World {
         });
     }
 
-    /// Lets a ball fly that has left a hand `ago` seconds before, in this world's inertial frame; its number goes on from the last one's.
+    /// Adds a ball that was released `ago` seconds earlier, given in this world's inertial frame. Its number follows
+    /// the last one.
     ///
     /// # Panics
-    /// As [`World::throw`].
+    /// Same as [`World::throw`].
     pub fn launch(&mut self, released: &Released, ago: f64) {
         self.take_away_missed(1);
         let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
@@ -135,7 +137,7 @@ impl World {
     }
 }
 
-/// Where a ball is after so many seconds.
+/// Returns a ball after the given number of seconds.
 fn flown(air: &Aerodynamics, from: BallState, seconds: f64) -> BallState {
     let steps = (seconds / BALL_STEP).ceil().max(1.0);
     (0..steps as usize).fold(from, |state, _| air.fly(&state, seconds / steps))

@@ -1,4 +1,4 @@
-//! What stands about, and what markers and depth camera show of robot and room.
+//! Obstacles, and their appearance to markers and depth camera.
 
 use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::ARMS;
@@ -10,11 +10,11 @@ use crate::depth::DepthPicture;
 use crate::obstacles::StandingBox;
 use crate::shape::PlacedCapsule;
 
-/// Who puts a box somewhere keeps it so far from the robot, m.
+/// Minimum distance between a rearranged box and the robot, in m.
 pub(super) const PUT_APART: f64 = 0.1;
 
 impl World {
-    /// Puts boxes elsewhere, as far as their settings say so, away from the robot.
+    /// Moves the boxes to new random places according to their settings, away from the robot.
     pub fn rearrange(&mut self) {
         self.rearrangements += 1;
         let (capsules, places) = (&self.capsules, &self.robot.places);
@@ -26,17 +26,17 @@ impl World {
             });
     }
 
-    /// Returns the boxes where they stand.
+    /// Returns the boxes at their current places.
     pub fn boxes(&self) -> &[StandingBox] {
         &self.boxes
     }
 
-    /// Returns what the robot has touched so far; a part that is in a box touches it in every tick.
+    /// Returns the contacts so far. A part inside a box counts in every tick.
     pub fn contacts(&self) -> &Contacts {
         &self.contacts
     }
 
-    /// Takes a depth picture now; each `number` has noise of its own.
+    /// Renders a depth picture now; `number` selects its noise.
     pub fn depth_picture(&self, number: u64) -> DepthPicture {
         let own: Vec<PlacedCapsule> = self
             .capsules
@@ -50,8 +50,8 @@ impl World {
             .take(self.seed, number, head, &self.boxes, &own)
     }
 
-    /// Returns where detectors find the markers in the last pictures, pixels: of the left and the right wrist, in the left and the right
-    /// picture. To be asked in the tick of the pictures, when [`Sensed::circles`](super::Sensed::circles) says that there are some.
+    /// Returns the detected markers in the latest pictures, in pixels: left and right wrist, each in the left and the
+    /// right picture. Call this in the tick in which [`Sensed::circles`](super::Sensed::circles) is present.
     pub fn marker_features(&self) -> [[Option<[f64; 2]>; CAMERAS]; ARMS] {
         self.config.markers.find(
             &self.cameras,
@@ -62,7 +62,8 @@ impl World {
         )
     }
 
-    /// Returns where the cameras are, inertial frame: middle of the lens, m, and from its directions (x along the optical axis).
+    /// Returns the poses of the cameras in the inertial frame: position of the lens in m, and rotation from the
+    /// camera frame (x along the optical axis).
     pub fn true_cameras(&self) -> [(Vector3<f64>, Matrix3<f64>); CAMERAS] {
         let head = &self.robot.frames.head;
         std::array::from_fn(|camera| {

@@ -22,7 +22,7 @@ fn command(q: [f64; JOINTS]) -> JointCommand {
     }
 }
 
-/// Everything moves a little.
+/// A small motion of all joints.
 fn waving(tick: u64) -> JointCommand {
     let t = tick as f64 * 1e-3;
     command(std::array::from_fn(|i| {
@@ -109,7 +109,8 @@ fn a_ball_flies_as_its_true_flight_says() {
     assert!(world.true_flight(1).is_none());
 }
 
-/// A straight, flat throw at the left hand, `off` (m) away from its middle; the hand closes `late_ns` after the ball's crossing.
+/// Throws a straight, flat ball at the left hand, `off` (in m) from its centre. The hand closes `late_ns` after the
+/// crossing.
 fn thrown_at_the_hand(seed: u64, off: Vector3<f64>, late_ns: i64) -> Verdict {
     let mut config = WorldConfig::default();
     let hand = world(&config, seed).truth().hands[0];
@@ -158,7 +159,8 @@ fn a_hand_at_the_crossing_catches_and_one_beside_or_late_does_not() {
         let verdict = thrown_at_the_hand(seed, centre, 0);
         assert!(verdict.caught(), "{verdict:?}");
         let crossing = verdict.crossing.unwrap();
-        // Aimed with longer steps, crossed on straight lines of 0.1 ms: micrometres and microseconds.
+        // Aiming uses longer steps and crossings are interpolated over 0.1 ms: errors of micrometres and
+        // microseconds.
         assert!(crossing.across_m < 1e-5, "{crossing:?}");
         assert!(crossing.along_s.unwrap().abs() < 1e-5, "{crossing:?}");
         for (off, late, miss) in [
@@ -180,7 +182,7 @@ fn every_ball_gets_one_verdict() {
     let mut causes = Vec::new();
     for _ in 0..8 {
         world.throw(2);
-        // Some still bounce when the next are thrown.
+        // Some balls still bounce when the next are thrown.
         for _ in 0..1600 {
             world.step(&stay(), &NOBODY);
         }
@@ -228,7 +230,7 @@ fn commands_that_are_no_numbers_never_break_the_state() {
     );
 }
 
-/// Steps between targets as far apart as ranges go: worse than any controller.
+/// Steps between targets at opposite ends of the ranges, worse than any controller.
 #[test]
 fn the_wildest_commands_leave_all_finite() {
     let mut world = world(&WorldConfig::default(), 3);
@@ -240,7 +242,7 @@ fn the_wildest_commands_leave_all_finite() {
     }
     let truth = world.truth();
     assert!(truth.head.position.iter().all(|x| x.is_finite()));
-    // No torque limits yet; a torso that keeps its shape all the same.
+    // Torques have no limits, but the torso keeps its shape.
     assert!(
         truth.deflection.iter().all(|e| e.abs() < 0.5),
         "{:?}",
@@ -344,7 +346,7 @@ fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
     assert_eq!((released.at_ns, first.holding()), (open_ns, [false; ARMS]));
     let hand = first.truth().hands[1].position;
     assert!((released.state.position - hand).norm() < 1e-9, "it stands");
-    // Let fall here.
+    // Dropped in this world.
     let mut third = first.clone();
     third.let_fly();
     let begun = third.time_ns();
@@ -361,7 +363,7 @@ fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
     }
     assert!((300..600).contains(&((third.time_ns() - begun) / TICK_NS)));
     assert!(third.verdicts().is_empty() && third.truth().balls == [None; MAX_BALLS]);
-    // Let fall elsewhere, 0.6 ms later.
+    // Dropped in another world, 0.6 ms later.
     let mut second = world(&config, 6);
     second.launch(&released, 0.0006);
     let flight = first.flight_of(&released);
@@ -370,11 +372,11 @@ fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
     }
     let ball = second.truth().balls[0].unwrap();
     let fallen = flight[100].state.position.z - ball.state.position.z;
-    // 100.6 ms against 100 ms, at 0.97 m/s.
+    // 100.6 ms compared with 100 ms, at 0.97 m/s.
     assert!((fallen - 0.0006 * 0.973).abs() < 1e-5, "{fallen}");
 }
 
-/// The hand is where a joint that is turned so much farther puts it; sensors, the other arm and the head know nothing.
+/// The hand moves as if the joint were rotated; sensors, the other arm and the head do not change.
 #[test]
 fn a_slipped_tendon_moves_the_hand_and_no_sensor() {
     let config = WorldConfig {
