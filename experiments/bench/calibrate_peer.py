@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Our calibration beside SciPy's least_squares: the same session, model, priors and loss, and so the same minimum.
+"""Compares our calibration with SciPy's least_squares on the same session, model, priors and loss, and therefore the same minimum.
 
     tactnet catch calibrate --simulate --seed 7 --throws 0 --peer problem.json
     python experiments/bench/calibrate_peer.py problem.json > experiments/results/catching_calibration_peer.json
 
-Needs numpy and scipy. The model is written anew on numpy arrays over all pictures at once, its derivatives are differences of two points
-("2-point"), as SciPy has none of ours; so the model and our derivatives are checked as well. Huber's loss is for measurements alone: priors
-are squares, which `loss` as a function of the residuals' squares allows. `cost_of_ours` is the peer's cost at our minimum, `cost_relative` how much
-lower or higher its own is, `farthest` the unknown that differs most, in standard deviations of its prior. Both begin at the priors' middles. Times are of
-one core, the peer's with its differences.
+Needs numpy and scipy. The model is implemented again in numpy over all pictures at once, with numerical derivatives ("2-point"), so the
+comparison also checks our model and derivatives. Huber's loss applies to measurements only; priors are squares, which SciPy supports by a
+`loss` function of the squared residuals. `cost_of_ours` is the peer's cost at our minimum, `cost_relative` the relative difference of the
+peer's own cost, and `farthest` the unknown with the largest difference, in standard deviations of its prior. Both start at the prior means.
+Times are for one core and include the peer's numerical derivatives.
 """
 
 import json
@@ -79,7 +79,7 @@ class Problem:
         return q, motion["dpt"] - late * motion["ddpt"]
 
     def hand(self, x, view):
-        """Returns markers in the chest's frame, m."""
+        """Returns the markers in the chest frame, in m."""
         arm = view["arm"]
         seven = lambda first: x[first + 7 * arm : first + 7 * arm + 7]
         q = view["q"] + seven(self.offset) + view["loads"] * seven(self.compliance)
@@ -132,7 +132,7 @@ class Problem:
         return np.concatenate(parts + [z])
 
     def loss(self, squares):
-        """Huber's for measurements, none for priors: rho and its derivatives by the square."""
+        """Returns rho and its derivatives by the square: Huber's loss for measurements, squares for priors."""
         rho = np.stack([squares, np.ones_like(squares), np.zeros_like(squares)])
         beyond = squares > self.huber**2
         beyond[-len(self.guess) :] = False

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""What is left of chapter 3 beside catching: calibration, throws, rallies, catches among obstacles.
+"""Runs the experiments of chapter 3 other than catching: calibration, throws, rallies, catches among obstacles.
 
     python experiments/bench/catching_chapter.py --tactnet target/release/tactnet --out experiments/results/catching_chapter.json
 
-Runs each command once and keeps its JSON. Begun again, it goes on where it stopped; rows of another build are run anew. About half an hour on
-two cores, most of it the obstacles.
+Runs each command once and keeps its JSON. A repeated call resumes; rows of another build run again. Takes about half an hour on two cores,
+mostly for the obstacles.
 """
 
 import argparse
@@ -21,7 +21,7 @@ ROWS = [
     "catch rally --rallies 8 --most 50 --seed 2",
     "catch rally --rallies 4 --most 6 --distance 7.5 --wheels 0.31 --seed 1",
     *[f"catch throw-series --obstacles --throws 125 --seed {seed}" for seed in range(1, 5)],
-    # For its times: with nothing beside it.
+    # Timed alone, without other load.
     "catch throw-series --obstacles --throws 60 --seed 5",
 ]
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Throw series of the catching stack: the whole, what each part is worth, and what should catch nothing.
+"""Runs throw series of the catching stack: the complete stack, ablations, and negative controls.
 
     python experiments/bench/catching_series.py --tactnet target/release/tactnet --out experiments/results/catching_series.json
 
-Runs `tactnet catch throw-series` once for each row and keeps its JSON beside its options. Begun again, it goes on where it stopped; rows of
-another build are run anew. About 25 minutes on two cores. `--throws N` for a shorter one. Prints the table of the results page.
+Runs `tactnet catch throw-series` once for each row and keeps its JSON with its options. A repeated call resumes; rows of another build run
+again. Takes about 25 minutes on two cores; `--throws N` shortens it. Prints the table of the results page.
 """
 
 import argparse

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Times this project's feature transforms and aeon's side by side: same sweeps, same cores, in turns, in one process tree.
+"""Times this project's feature transforms and aeon's: same sweeps, same cores, alternating, in one process tree.
 
     cargo build --release && cargo build --release --examples
     pip install aeon numba torch h5py
@@ -11,11 +11,11 @@ Work, on full-size sweeps of the synthetic twin (1000 steps x 16 taxels):
     multirocket-hydra  MultiRocket and Hydra, 56896 features, of 200 sweeps
     h                  the short-time spectrum, 494 features, of all 3600 sweeps; aeon has none
 
-For each work both sides are started anew, fit their kernels and transform a few sweeps untimed, so that numba has compiled;
-then they take turns, and the median counts. A ratio is aeon's time over ours, so above 1 this project is faster; that of
-processor seconds suffers less from whatever else the machine is doing. Memory is the
-peak of each process, with its interpreter and libraries, its copy of the sweeps (ours keeps bytes, aeon reads `f32`) and the
-features. Our times also hold what aeon is spared: widening bytes to `f32` and turning `[steps][taxels]` into `[taxels][steps]`.
+For each piece of work, both sides start anew, fit their kernels and transform a few sweeps untimed, so that numba has compiled. Then they
+alternate, and the median counts. A ratio is aeon's time divided by ours, so above 1 this project is faster. The ratio of processor seconds
+is less sensitive to other load. Memory is the peak of each process, including its interpreter and libraries, its copy of the sweeps (bytes
+here, `f32` in aeon) and the features. Our times also include converting bytes to `f32` and transposing `[steps][taxels]` to
+`[taxels][steps]`, which aeon does not need.
 """
 
 import argparse
@@ -37,7 +37,7 @@ PACKAGES = ["aeon", "numba", "torch", "numpy", "h5py"]
 
 
 def aeon_side(path, threads):
-    """Answers each line `work N` on standard input with milliseconds, as the example `feature_turns` does."""
+    """Answers each line `work N` on standard input with milliseconds, like the example `feature_turns`."""
     import h5py
     import numpy as np
     import torch
@@ -50,7 +50,7 @@ def aeon_side(path, threads):
     all_sweeps = samples.reshape(-1, samples.shape[2], samples.shape[3] * samples.shape[4])
 
     def spread(count):
-        """`[count][taxels][steps]`, spread evenly over the file."""
+        """Returns `[count][taxels][steps]`, spread evenly over the file."""
         chosen = all_sweeps[np.arange(count) * len(all_sweeps) // count]
         return np.ascontiguousarray(chosen.transpose(0, 2, 1), dtype=np.float32)
 
@@ -74,7 +74,7 @@ def aeon_side(path, threads):
 
 
 class Side:
-    """A process that answers each line with the milliseconds its work took."""
+    """A process that answers each line with the duration of its work in milliseconds."""
 
     def __init__(self, command, threads):
         limits = ["RAYON_NUM_THREADS", "NUMBA_NUM_THREADS", "OMP_NUM_THREADS"]
@@ -87,7 +87,7 @@ class Side:
         )
 
     def time(self, work, sweeps):
-        """Seconds on the clock, and of all processors together."""
+        """Returns elapsed seconds and processor seconds."""
         before = self.processor_seconds()
         self.process.stdin.write(f"{work} {sweeps}\n")
         self.process.stdin.flush()
@@ -102,7 +102,7 @@ class Side:
         return (user + system) / os.sysconf("SC_CLK_TCK")
 
     def end(self):
-        """Ends the process; its peak resident memory in MiB."""
+        """Ends the process and returns its peak resident memory in MiB."""
         status = pathlib.Path(f"/proc/{self.process.pid}/status").read_text()
         peak = next(line for line in status.splitlines() if line.startswith("VmHWM:"))
         self.process.stdin.close()
@@ -137,12 +137,12 @@ def ratio(sides, measure):
 
 
 def compare(work, sweeps, commands, options):
-    """Both sides in turns: medians of seconds and processor seconds, all rounds' seconds, peak memory."""
+    """Runs both sides alternately and returns medians of seconds and processor seconds, all rounds' seconds, and peak memory."""
     sides = {name: Side(command, options.threads) for name, command in commands.items()}
     times = {name: [] for name in sides}
     for side in sides.values():
         side.time(work, min(WARM_UP, sweeps))
-        # Once untimed, so that what is prepared for this number of sweeps counts for neither clock.
+        # Runs once untimed, so that preparation for this number of sweeps counts for neither side.
         side.time(work, sweeps)
     for turn in range(options.rounds):
         if sys.stderr.isatty():

@@ -1,21 +1,21 @@
 #!/usr/bin/env python3
-"""The detector of balls beside OpenCV's Hough transform: the same pictures.
+"""Compares the ball detector with OpenCV's Hough transform on the same pictures.
 
     pip install numpy opencv-python-headless
     python experiments/bench/compare_circles.py --tactnet target/release/tactnet --throws 6 --seed 1 \\
         --out experiments/results/catching_circles.json
 
-`tactnet bench catch-detect --peer-pictures` draws the pictures and says where the balls are and what our detector found in each picture on
-its own, without gates. OpenCV gets the same pictures with HoughCircles in both of its ways:
+`tactnet bench catch-detect --peer-pictures` renders the pictures and writes the true balls and our detections in each single picture,
+without gates. OpenCV runs HoughCircles on the same pictures with both of its methods:
 
-    gradient        HOUGH_GRADIENT (Yuen and others), blurred by 5x5 before as its documentation advises
-    gradient-alt    HOUGH_GRADIENT_ALT, its newer one
+    gradient        HOUGH_GRADIENT (Yuen and others), after a 5x5 blur as its documentation advises
+    gradient-alt    HOUGH_GRADIENT_ALT, the newer method
 
-each over a grid of its thresholds (param1, param2), radii from 9 to 140 pixels, at full resolution and halved (`resolution`). Circles are
-undistorted as ours are. A ball is found if a circle's centre is within 4 pixels or a fifth of the radius, and its radius, too.
+each over a grid of its thresholds (param1, param2), with radii from 9 to 140 pixels, at full and half resolution (`resolution`). Circles are
+undistorted as ours are. A ball is found if centre and radius of a circle are within 4 pixels or a fifth of the radius.
 
-`at_our_false_alarms` has the best recall of each way with no more false alarms a picture than ours, chosen on these very pictures, which
-favours OpenCV. Times are of one picture, milliseconds, one thread.
+`at_our_false_alarms` has the best recall of each method with at most our number of false detections in each picture. It is selected on these
+very pictures, which favours OpenCV. Times are for one picture and one thread, in milliseconds.
 """
 
 import argparse
@@ -35,7 +35,7 @@ ALT = [(p1, p2) for p1, p2 in product((100, 200, 300), (0.5, 0.65, 0.8, 0.9))]
 
 
 def undistorted(circles, document):
-    """Centres and radii through the four ends of a circle's axes, as ours."""
+    """Returns undistorted centres and radii from the four ends of each circle's axes, as ours does."""
     (width, height), focal, (k1, k2) = document["size"], document["focal"], document["distortion"]
     middle = np.array([width / 2, height / 2])
 
@@ -55,7 +55,7 @@ def undistorted(circles, document):
 
 
 def judge(circles, ball):
-    """Whether the ball is among the circles, how far off its centre is, and how many are none."""
+    """Returns if the ball is detected, the error of its centre, and the number of false detections."""
     if ball is None:
         return None, None, len(circles)
     u, v, r = ball

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Distances of convex hulls beside coal's (formerly hpp-fcl, which Pinocchio and others use): the same points.
+"""Compares distances of convex hulls with coal (formerly hpp-fcl, used by Pinocchio and others) on the same points.
 
     pip install numpy coal
     python experiments/bench/compare_hulls.py --tactnet target/release/tactnet --motions 2000 --seed 1 \\
         --out experiments/results/catching_hulls.json
 
-`tactnet bench catch-safety --peer-hulls` writes hulls of the robot's bodies in random postures, and swept by random braking motions, with
-our distances. coal gets capsules for two points and convex polyhedra for more; hulls without volume are left out and counted. Where hulls
-touch, distances are not compared: ours does not ask how deep they are. Times are of one pair, microseconds, one thread; coal's through
-its Python bindings, where a call of the kind takes `call_us` for two spheres.
+`tactnet bench catch-safety --peer-hulls` writes hulls of the robot's bodies in random postures and swept by random braking motions, with our
+distances. coal gets capsules for two points and convex polyhedra for more; hulls without volume are skipped and counted. Touching hulls are
+not compared, because we do not compute penetration depths. Times are for one pair and one thread, in microseconds. coal runs through its
+Python bindings, where such a call takes `call_us` for two spheres.
 """
 
 import argparse
@@ -24,7 +24,7 @@ import numpy as np
 
 
 def shape(points):
-    """coal's geometry without radius and its place; None without volume."""
+    """Returns coal's geometry without radius and its pose; None without volume."""
     points = np.unique(np.array(points), axis=0)
     if len(points) == 1:
         return coal.Sphere(1e-300), coal.Transform3s(np.eye(3), points[0])

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""The planner of catches beside SciPy's SLSQP and CasADi with IPOPT: same problems, starts and tolerances, soft objective.
+"""Compares the catch planner with SciPy's SLSQP and CasADi with IPOPT: same problems, starts and tolerances, soft objective.
 
     tactnet bench catch-plan --problems 200 --write-problems problems.json
     python experiments/bench/compare_planners.py problems.json > experiments/results/catching_planners.json
 
-Needs numpy, scipy, casadi, clarabel. The peers get the programme of 8 unknowns in the smooth form of `catching/src/plan/problem.rs`,
-its functions and exact first derivatives compiled by CasADi (IPOPT the second ones, too), and begin where ours begins. A start counts if
-its end is a catch within a hundredth of a millimetre, a ten thousandth of a radian and a millionth of the limits; `all` descends from every
-start, `first` from the best one. Times are of one core and leave the grid out, ours hold it. Then quadratic programmes of the size of ours
-beside Clarabel.
+Needs numpy, scipy, casadi, clarabel. The peers get the programme of 8 unknowns in the smooth form of `catching/src/plan/problem.rs`, with
+functions and exact first derivatives compiled by CasADi (second ones, too, for IPOPT), and our starts. A start counts if it ends in a catch
+within a hundredth of a millimetre, a ten thousandth of a radian and a millionth of the limits. `all` descends from every start, `first` from
+the best one. Times are for one core; ours include the grid, the peers' do not. Finally, quadratic programmes of our size are compared with
+Clarabel.
 """
 
 import json
@@ -26,7 +26,7 @@ import scipy.optimize
 ROOT = Path(__file__).resolve().parent.parent.parent
 ROBOT = tomllib.loads((ROOT / "catching/packets/src/robot.toml").read_text())
 GRAVITY = 9.697
-# Steps of the flight's Runge-Kutta integration: below 2 cm each.
+# Number of steps of the flight's Runge-Kutta integration, each below 2 cm.
 STEPS = 40
 
 
@@ -42,7 +42,7 @@ def rotation(axis, angle):
 
 
 def hand(arm, q):
-    """Returns position and rotation of the catch frame in the chest's frame."""
+    """Returns position and rotation of the catch frame in the chest frame."""
     at = ca.DM(arm["position"])
     r = rotation("x", arm["lean"])
     at = at + r @ ca.vertcat(0, 0, arm["base_to_shoulder"])
@@ -105,7 +105,7 @@ def programme(number, bodies):
         rows.append(q0[i] + farthest(t, w0[i], joint) - q[i])
         a = needed_acceleration(q[i] - q0[i], t, w0[i], joint["speed"])
         shares.append(a / joint["acceleration"])
-        # A joint that turns round stays in its range where it does.
+        # A joint that reverses must stay in its range at the reversal.
         turn = q0[i] - w0[i] ** 2 / (2 * a)
         rows.append(ca.if_else(ca.logic_and(w0[i] > 0, a < 0), joint["range"][1] - turn, 1))
         rows.append(ca.if_else(ca.logic_and(w0[i] < 0, a > 0), turn - joint["range"][0], 1))
@@ -144,7 +144,7 @@ class Arm:
         return np.array(low), np.array(high)
 
     def judge(self, x, parameters, bounds):
-        """Returns the cost, or None if x is no catch."""
+        """Returns the cost, or None if x is not a catch."""
         cost, equations, rows = (np.array(value).ravel() for value in self.values(x, parameters))
         low, high = bounds
         limits = max(np.max(-rows), np.max(low - x), np.max(x - high))
@@ -191,7 +191,7 @@ def quantiles(values):
 
 
 def quadratic_programmes():
-    """Convex programmes of 8 unknowns, 5 equations and 56 inequalities beside Clarabel; ours are timed by the tests' bench."""
+    """Solves convex programmes of 8 unknowns, 5 equations and 56 inequalities with Clarabel; the tests' bench times ours."""
     import clarabel
     from scipy import sparse
 

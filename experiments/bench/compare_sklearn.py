@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
-"""Checks this project's k nearest neighbours and support vector machines against scikit-learn's: same features, folds, settings.
+"""Compares this project's k nearest neighbours and support vector machines with scikit-learn: same features, folds, settings.
 
     cargo build --release
     pip install scikit-learn numpy scipy h5py
     python experiments/bench/compare_sklearn.py [--data twin FILE.h5 ...] [--folds 0 1 2] [--json]
 
-For each data set, model and fold `tactnet train` fits and judges; its split, and the settings that it chose, then go to
-scikit-learn: features by numpy as in tests/golden/features_with_aeon.py, standardised where the recipe says so,
-`KNeighborsClassifier` or `SVC` (LIBSVM). Ours predicts the most probable material. SVC does so in two ways: the same
-(`proba`: Platt's sigmoids on five inner folds, coupled; with random inner folds of its own) and by the most won pairs (`vote`).
+For each data set, model and fold, `tactnet train` fits and evaluates. Its split and its selected settings then go to scikit-learn, with
+features by numpy as in tests/golden/features_with_aeon.py, standardised if the recipe says so, and `KNeighborsClassifier` or `SVC` (LIBSVM).
+Ours predicts the most probable material. SVC predicts in two ways: the same (`proba`: Platt's sigmoids on five random inner folds, coupled)
+and by the most won pairs (`vote`).
 
-`same` is the share of test sweeps with the same prediction, ours beside scikit-learn's `proba` (k nearest neighbours: `vote`). A
-difference is ours minus scikit-learn's, in points of accuracy; the claim is that its mean over the folds stays within one
-point. Predicted alike it decides the exit status; beside SVC's votes it is printed as well, which also holds what coupled
-probabilities and votes of one and the same machine differ by.
+`same` is the share of test sweeps with the same prediction, ours compared with scikit-learn's `proba` (`vote` for k nearest neighbours). A
+difference is ours minus scikit-learn's, in points of accuracy; its mean over the folds must stay within one point. Differences between equal
+methods decide the exit status. Differences from SVC's votes are also printed; they include the difference between coupled probabilities and
+votes of the same machine.
 """
 
 import argparse
@@ -31,7 +31,7 @@ import warnings
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 MODELS = ["knn-l", "knn-h", "svm-l", "svm-h"]
 CLAIM = 1.0
-# Of a file that does not say, as in data/src/format/tactmat.rs.
+# Rate of a file that does not state one, as in data/src/format/tactmat.rs.
 DEFAULT_RATE = 750.0
 sys.path.insert(0, str(ROOT / "tests/golden"))
 
@@ -47,7 +47,7 @@ except ImportError as missing:
 
 
 class Sweeps:
-    """A data set's labels and, once asked for, its features."""
+    """A data set's labels and, on demand, its features."""
 
     def __init__(self, path):
         with h5py.File(path) as file:
@@ -62,7 +62,7 @@ class Sweeps:
     def features(self, kind):
         if kind not in self.known:
             compute = {"l": l_features, "h": h_features}[kind]
-            # Ours are kept in single precision, too.
+            # Ours are in single precision, too.
             rows = np.array([compute(sweep, self.rate) for sweep in self.values], dtype=np.float32)
             if not np.isfinite(rows).all():
                 sys.exit(f"{kind}-features of sweep {np.argwhere(~np.isfinite(rows))[0][0]} are not finite")
@@ -71,7 +71,7 @@ class Sweeps:
 
 
 def train(program, model, data, fold, out):
-    """Our run: result, split, and the prediction of every test sweep."""
+    """Trains ours and returns result, split, and the prediction of every test sweep."""
     command = [program, "train", "--model", model, "--data", data, "--split", "k-fold", "--fold", fold, "--out", out, "--json"]
     done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     if done.returncode != 0:
@@ -83,7 +83,7 @@ def train(program, model, data, fold, out):
 
 
 def scikit_learn(recipe, chosen, train_features, train_labels, test_features):
-    """Predictions by the way they are made; the first is made as ours."""
+    """Returns predictions by method; the first method equals ours."""
     if recipe.get("scaling", "raw") == "standard":
         scaler = StandardScaler().fit(train_features)
         train_features, test_features = scaler.transform(train_features), scaler.transform(test_features)
@@ -95,7 +95,7 @@ def scikit_learn(recipe, chosen, train_features, train_labels, test_features):
         C=chosen["c"], gamma=gamma, decision_function_shape="ovo", probability=True, random_state=1, cache_size=1000
     )
     with warnings.catch_warnings():
-        # Deprecated since 1.9; what is to replace it calibrates one against the rest, which is another classifier.
+        # Deprecated since 1.9; its replacement calibrates one against the rest, which is another classifier.
         warnings.simplefilter("ignore", FutureWarning)
         machine.fit(train_features, train_labels)
     return {
@@ -105,13 +105,13 @@ def scikit_learn(recipe, chosen, train_features, train_labels, test_features):
 
 
 def compare(options, model, data, path, sweeps, fold, folder):
-    """One row: accuracies in percent."""
+    """Returns one row: accuracies in percent."""
     recipe = tomllib.loads((ROOT / f"pipeline/recipes/{model}.toml").read_text())
     result, split, ours = train(options.program, model, path, fold, folder)
     features = sweeps.features(recipe["features"])
     fitted, tested = split["train"], split["test"]
     truth = sweeps.labels[tested]
-    # What the recipe leaves open was chosen on inner splits; the rest stands in the recipe.
+    # The settings that the recipe leaves open were selected on inner splits; the others are in the recipe.
     only = {name: values[0] for name, values in recipe["classifier"].items() if isinstance(values, list) and len(values) == 1}
     if "gamma" in only:
         only["gamma_times_features"] = only["gamma"]
@@ -135,7 +135,7 @@ def compare(options, model, data, path, sweeps, fold, folder):
 
 
 def means(rows):
-    """A row's numbers, averaged over folds."""
+    """Returns a row's numbers, averaged over folds."""
     over = lambda pick: statistics.mean(pick(row) for row in rows)
     ways = rows[0]["difference"]
     return {
@@ -191,7 +191,7 @@ def main():
     largest = {}
     for group in groups:
         difference = group["mean"]["difference"]
-        # Votes are how a nearest-neighbour classifier predicts here as there; for SVC they are the other way.
+        # Both nearest-neighbour classifiers predict by votes; for SVC votes are the other method.
         for way, value in difference.items():
             kind = "like_for_like" if way == next(iter(difference)) else "beside_votes"
             largest[kind] = max(largest.get(kind, 0.0), abs(value))

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""The planner of throws beside SciPy's SLSQP: same problems, same starts, farthest flight in a direction.
+"""Compares the throw planner with SciPy's SLSQP: same problems, same starts, farthest flight in a direction.
 
     tactnet catch throw --peer-throws throws.json --throws 20
     python experiments/bench/compare_throws.py throws.json > experiments/results/catching_throws.json
 
-Needs numpy and scipy. The peer gets the programme of 17 unknowns of `catching/src/throw/problem.rs` without the robot's bodies, with
-central differences of all functions, and begins where ours begins. A start counts if its end keeps the direction to 0.1 mm/s and all limits
-to a millionth. `all` descends from every start, `first` from the best
-one; times are of one core. SLSQP gets finite bounds of all unknowns: with open ones SciPy 1.17.1 does not get anywhere.
+Needs numpy and scipy. The peer gets the programme of 17 unknowns of `catching/src/throw/problem.rs` without the robot's bodies, with central
+differences of all functions, and our starts. A start counts if its end keeps the direction to 0.1 mm/s and all limits to a millionth. `all`
+descends from every start, `first` from the best one; times are for one core. SLSQP gets finite bounds on all unknowns, because SciPy 1.17.1
+does not converge with open ones.
 """
 
 import json
@@ -24,7 +24,7 @@ import scipy.optimize
 ROOT = Path(__file__).resolve().parent.parent.parent
 ROBOT = tomllib.loads((ROOT / "catching/packets/src/robot.toml").read_text())
 GRAVITY = 9.697
-# Of the flight's Runge-Kutta integration, s: its error over a throw is below a hundredth of a millimetre.
+# Step of the flight's Runge-Kutta integration in s: its error over a throw is below a hundredth of a millimetre.
 STEP = 0.03
 TIMES = (0.05, 0.8)
 
@@ -42,7 +42,7 @@ def turn(axis, angle):
 
 
 class Swing:
-    """The hand of an arm on the turn; all arguments are batches."""
+    """The motion of a hand on the swing of an arm; all arguments are batches."""
 
     def __init__(self, number):
         arm, torso = ROBOT["arms"][number], ROBOT["torso"]
@@ -56,7 +56,7 @@ class Swing:
         self.ranges = np.array([joint["range"] for joint in self.joints])
 
     def hand(self, q, rates):
-        """Returns place, velocity and axis of the hand."""
+        """Returns position, velocity and axis of the hand."""
         r = turn("z", q[..., 0])
         at = np.zeros(q.shape[:-1] + (3,))
         at[..., 2] = self.up
@@ -78,7 +78,7 @@ class Swing:
 
 
 def length(p, v, drag, height, heading):
-    """Returns how far flights go along the heading until they come down to the height; minus infinity if they do not."""
+    """Returns how far flights go along the heading until they reach the height; minus infinity if they do not."""
 
     def slope(v):
         return np.array([0, 0, -GRAVITY]) - drag * np.linalg.norm(v, axis=-1, keepdims=True) * v
@@ -120,7 +120,7 @@ class Peer:
         self.aside = np.array([-self.heading[1], self.heading[0], 0.0])
 
     def functions(self, x):
-        """Returns cost, equation and inequalities, one after the other, of a batch of points."""
+        """Returns cost, equation and inequalities, concatenated, of a batch of points."""
         swing, problem = self.swing, self.problem
         q, u, time_ = x[..., :8], x[..., 8:16], x[..., 16:]
         rates = u * swing.speeds
@@ -145,7 +145,7 @@ class Peer:
         return ((self.functions(x + steps) - self.functions(x - steps)) / (2 * h)).T
 
     def descend(self, start):
-        # Functions and slopes at a point are asked for one by one.
+        # SLSQP asks for functions and slopes at the same point separately.
         kept = {}
 
         def at(x, what):
@@ -154,7 +154,7 @@ class Peer:
                 if len(kept) > 8:
                     kept.clear()
                 kept[key] = self.functions(x) if what == "values" else self.slopes(x)
-            # SLSQP writes into what it gets.
+            # SLSQP overwrites its arguments.
             return kept[key].copy()
 
         answer = scipy.optimize.minimize(

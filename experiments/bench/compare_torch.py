@@ -49,7 +49,7 @@ SHAPES = {
 }
 FORMATS = ["channels_last", "contiguous"]
 
-# PyTorch reads these when it is loaded; `--isa=avx2` is the same to argparse.
+# PyTorch reads these variables on import; argparse also accepts `--isa=avx2`.
 if "avx2" in " ".join(sys.argv).replace("=", " ").split():
     os.environ.update(ATEN_CPU_CAPABILITY="avx2", ONEDNN_MAX_CPU_ISA="AVX2", MKL_ENABLE_INSTRUCTIONS="AVX2")
 
@@ -91,7 +91,7 @@ class TactNet(nn.Module):
 
 
 class Torch:
-    """One way to run the network: memory format, compiled or eager, f32 or bf16."""
+    """One configuration of the network: memory format, compiled or eager, f32 or bf16."""
 
     def __init__(self, memory_format, shape, batch, compiled=False, bf16=False):
         torch.manual_seed(1)
@@ -146,7 +146,7 @@ class Torch:
 
 
 class Ours:
-    """The `turns` example, one line in, one time out."""
+    """The `turns` example: one line in, one time out."""
 
     def __init__(self, program, threads, shape, batch, isa):
         env = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
@@ -230,7 +230,7 @@ def main():
 
 
 def has_bf16():
-    """Whether the processor multiplies bf16 itself; elsewhere autocast is slower than f32."""
+    """Returns True if the processor has bf16 instructions; elsewhere autocast is slower than f32."""
     try:
         flags = pathlib.Path("/proc/cpuinfo").read_text()
     except OSError:
@@ -239,7 +239,7 @@ def has_bf16():
 
 
 def compare(shape, batch, work, options):
-    """One shape: a row for each piece of work."""
+    """Returns a row for each piece of work of one shape."""
     sides = {name: Torch(name, shape, batch) for name in FORMATS}
     if not options.no_compile:
         sides |= {f"compiled {name}": Torch(name, shape, batch, compiled=True) for name in FORMATS}
@@ -263,7 +263,7 @@ def compare(shape, batch, work, options):
                             getattr(sides[side], name)()
                             turn_times.append((time.perf_counter() - begin) * 1e3)
                 except RuntimeError as error:
-                    # torch.compile of PyTorch 2.15 makes a backward pass that fails when it is held to AVX2.
+                    # torch.compile of PyTorch 2.15 generates a backward pass that fails under a limit of AVX2.
                     print(f"{shape}: {side} cannot do {name}, so it is left out: {str(error).splitlines()[0]}", file=sys.stderr)
                     del found[side]
                     continue

@@ -39,7 +39,7 @@ from datetime import datetime, timedelta
 from importlib.metadata import version
 from pathlib import Path
 
-# One core, as ours.
+# One core, like ours.
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 try:
@@ -65,15 +65,15 @@ except ImportError as error:
     sys.exit(f"compare_trackers.py: {error}; needs numpy, scipy, filterpy, stonesoup, ortools")
 
 STATES = 10
-# Longest step of the flight's integration, s.
+# Maximum step of the flight's integration, in s.
 STEP = 0.01
-# A prediction farther from the ball is not of it, m.
+# Distance from the ball above which a prediction belongs to another object, in m.
 SAME_BALL = 0.5
 SPREAD = {"alpha": 0.5, "beta": 2.0, "kappa": 0.0}
 
 
 class Models:
-    """Flight and pictures as the tracker has them, for numpy (states in columns) and for single states in plain Python."""
+    """The flight and camera models of the tracker, for numpy (states in columns) and for single states in plain Python."""
 
     def __init__(self, circles, throw):
         cameras, self.config = circles["cameras"], circles["config"]
@@ -84,7 +84,7 @@ class Models:
         self.plain_offsets, self.plain_head, self.plain_rotation = cameras["offsets"], throw["head"], throw["head_rotation"]
 
     def fly(self, x, dt):
-        """x: [10, n]; returns the same `dt` seconds later."""
+        """Returns the state `dt` seconds later; x: [10, n]."""
         p, v, k, lift = x[0:3], x[3:6], x[6], x[7:10]
 
         def acceleration(v):
@@ -110,7 +110,7 @@ class Models:
         return np.concatenate([p, v, x[6:10]])
 
     def see(self, p, camera):
-        """p: [3, n], inertial frame; returns circles [3, n], pixels."""
+        """Returns circles [3, n] in pixels of positions p: [3, n] in the inertial frame."""
         x, y, z = self.rotation.T @ (p - self.head[:, None]) - self.offsets[camera][:, None]
         depth = x * x - self.radius**2
         scale = self.focal * x / depth
@@ -119,7 +119,7 @@ class Models:
         return np.stack([self.size[0] / 2 - scale * y, self.size[1] / 2 - scale * z, (tangential + radial) / 2])
 
     def fly_plain(self, state, dt):
-        """The same for one state, a sequence of 10 floats."""
+        """Returns the next state of a single state, a sequence of 10 floats."""
         px, py, pz, vx, vy, vz, k, lx, ly, lz = (float(number) for number in state)
         gravity = self.gravity
 
@@ -147,7 +147,7 @@ class Models:
         return [px, py, pz, vx, vy, vz, k, lx, ly, lz]
 
     def see_plain(self, state, camera):
-        """The circle of one state."""
+        """Returns the circle of a single state."""
         off = [float(state[i]) - self.plain_head[i] for i in range(3)]
         turned = self.plain_rotation
         x, y, z = (sum(turned[i][j] * off[i] for i in range(3)) - self.plain_offsets[camera][j] for j in range(3))
@@ -158,7 +158,7 @@ class Models:
         return [self.size[0] / 2 - scale * y, self.size[1] / 2 - scale * z, (tangential + radial) / 2]
 
     def process_noise(self, dt):
-        """[10, 10]: white acceleration, random walks of drag and lift."""
+        """Returns the process noise [10, 10]: white acceleration, random walks of drag and lift."""
         q = self.config["acceleration_noise"]
         noise = np.zeros((STATES, STATES))
         for i in range(3):
@@ -171,7 +171,7 @@ class Models:
         return noise
 
     def circle_noise(self, x, camera):
-        """[3, 3] for a state [10]: noise of the detector and blur."""
+        """Returns the measurement noise [3, 3] for a state [10]: detector noise and blur."""
         half = x[3:6] * (self.exposure / 2)
         ends = self.see(np.stack([x[0:3] + half, x[0:3] - half], axis=1), camera)
         blur = (ends[:, 0] - ends[:, 1]) * (self.config["blur"] / math.sqrt(12))
@@ -186,7 +186,7 @@ def quantiles(values):
 
 
 def follow_with_filterpy(models, run):
-    """Returns the largest differences from ours, of states and of covariances, in sigmas, and the time of each pair, microseconds."""
+    """Returns the largest differences from ours, of states and of covariances, in sigmas, and the time of each pair in microseconds."""
     points = MerweScaledSigmaPoints(STATES, **SPREAD)
     ukf = UnscentedKalmanFilter(
         dim_x=STATES, dim_z=3, dt=0.04, hx=models.see_plain, fx=models.fly_plain, points=points
@@ -214,7 +214,7 @@ def follow_with_filterpy(models, run):
 
 
 class BallFlight(TransitionModel, GaussianModel):
-    """A ball's flight for Stone Soup."""
+    """Stone Soup's transition model of a ball's flight."""
 
     models: Models = Property(doc="Flight and pictures")
 
@@ -231,7 +231,7 @@ class BallFlight(TransitionModel, GaussianModel):
 
 
 class BallOutline(MeasurementModel, GaussianModel):
-    """A camera for Stone Soup. `covar` depends on the state that is to be seen, by the blur."""
+    """A camera for Stone Soup. `covar` depends on the state because of the blur."""
 
     models: Models = Property(doc="Flight and pictures")
     camera: int = Property(doc="0 left, 1 right")
@@ -249,19 +249,19 @@ class BallOutline(MeasurementModel, GaussianModel):
 
 
 class BlurredUpdater(UnscentedKalmanUpdater):
-    """Hands the predicted state on to the measurement's covariance."""
+    """An updater that passes the predicted state to the measurement's covariance."""
 
     def predict_measurement(self, predicted_state, measurement_model=None, measurement_noise=True, **kwargs):
         return super().predict_measurement(predicted_state, measurement_model, measurement_noise, seen=predicted_state)
 
 
 def track_with_stone_soup(models, run, window):
-    """Returns state and covariance of the most probable hypothesis after the last pair, and the time of each pair, microseconds."""
+    """Returns state and covariance of the most probable hypothesis after the last pair, and the time of each pair in microseconds."""
     config = models.config
     low, high = config["clutter_radius"]
     predictor = UnscentedKalmanPredictor(BallFlight(models=models), **SPREAD)
     updater = BlurredUpdater(measurement_model=None, **SPREAD)
-    # Its gate of 99.9 % is ours, chi square of 3 degrees of freedom.
+    # The gate of 99.9 % equals ours, chi square of 3 degrees of freedom.
     hypothesiser = PDAHypothesiser(
         predictor,
         updater,
@@ -272,7 +272,7 @@ def track_with_stone_soup(models, run, window):
     associator = MFADataAssociator(MFAHypothesiser(hypothesiser), slide_window=window)
     cameras = [BallOutline(ndim_state=STATES, mapping=(0, 1, 2), models=models, camera=camera) for camera in (0, 1)]
     epoch = datetime(2000, 1, 1)
-    # Pictures are taken at whole milliseconds, so microseconds lose nothing.
+    # Pictures are taken at whole milliseconds, so microseconds are exact.
     at = lambda t_ns: epoch + timedelta(microseconds=t_ns // 1000)
     start = run["start"]
     first = TaggedWeightedGaussianState(
@@ -302,7 +302,7 @@ def track_with_stone_soup(models, run, window):
 
 
 def judge(models, throw, t_ns, x, covariance):
-    """Returns errors at the catch: from the ball m, across mm, along ms, normalised square."""
+    """Returns errors at the catch: distance m, across mm, along ms, normalised square."""
     dt = (throw["catch_ns"] - t_ns) * 1e-9
     p, v = np.array(throw["p"]), np.array(throw["v"])
     error = models.fly(x[:, None], dt)[0:3, 0] - p
@@ -357,7 +357,7 @@ def compare_trackers(circles, window):
     ours, theirs, our_times, their_times = [], [], [], []
     our_lost, their_lost, alike, not_begun = 0, 0, 0.0, 0
     throws = circles["throws"]
-    # Loads what is loaded once.
+    # Warm up: load everything that is loaded once.
     warm = next(throw for throw in throws if throw["cluttered"])
     track_with_stone_soup(Models(circles, warm), warm["cluttered"], window)
     for done, throw in enumerate(throws, 1):
@@ -377,7 +377,7 @@ def compare_trackers(circles, window):
         x, covariance, times = track_with_stone_soup(models, run, window)
         their_times += times
         judged = judge(models, throw, run["pairs"][-1]["t_ns"], x, covariance)
-        # Ours is held to that at the pictures; at the catch it is harder to keep.
+        # Ours is checked at the pictures; the check at the catch is stricter.
         if judged["off_m"] < SAME_BALL:
             theirs.append(judged)
         else:
@@ -395,7 +395,7 @@ def compare_trackers(circles, window):
 
 
 def export(tactnet, throws, seed):
-    """Returns the circles that a program of ours writes."""
+    """Returns the circles that our program writes."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "circles.json"
         command = [tactnet, "bench", "catch-track", f"--throws={throws}", f"--seed={seed}", f"--peer-circles={path}"]

@@ -54,7 +54,7 @@ def net(torch):
 
 
 def torch_time(torch, numbers, channels_last, graph, adversarial):
-    """Median ms of a step; None where it cannot be captured."""
+    """Returns the median ms of a step; None if it cannot be captured."""
     tf32 = numbers == "tf32"
     torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = tf32
     torch.backends.cudnn.benchmark = True
@@ -137,7 +137,7 @@ def torch_rows():
 
 
 def ratios(rows):
-    """PyTorch's best 32-bit time over the median of ours, by work."""
+    """Returns PyTorch's best 32-bit time divided by the median of ours, by work."""
     found = {}
     for work in ["step", "adversarial step"]:
         of_work = [row for row in rows if row["work"] == work]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What the machine can do: large f32 matrix products and copies with PyTorch, on one thread and on all.
+"""Measures the machine's limits: large f32 matrix products and copies with PyTorch, on one thread and on all.
 
     pip install torch numpy
     python experiments/bench/machine_limits.py

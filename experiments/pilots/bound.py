@@ -29,7 +29,7 @@ GRID = 40
 
 
 class Model:
-    """Points of sweeps of each material as a sum of normal distributions: one for those that do not go astray, others along the ways."""
+    """Latent points of each material as a mixture of normal distributions: one for usual sweeps, others for excursions."""
 
     def __init__(self):
         points, _ = twin.materials()
@@ -53,7 +53,7 @@ class Model:
         self.own = self.variance * turned @ turned.transpose(0, 2, 1)
 
     def draw(self, random, label):
-        """A sweep's point, and whether it went astray."""
+        """Returns a sweep's point, and whether it is an excursion."""
         centre, astray = self.points[label], random.random() < self.share[label]
         if astray:
             other = random.choice(36, p=self.others[label])
@@ -61,7 +61,7 @@ class Model:
         return centre + self.variance**0.5 * random.standard_normal(6), astray
 
     def log_likelihoods(self, at, error=None):
-        """Of every material `[n][36]` at `[n][6]`: points of the latent space, or what is felt, with a covariance `error`."""
+        """Returns log likelihoods of all materials `[n][36]` at `[n][6]`: latent points, or felt coordinates, with a covariance `error`."""
         if error is None:
             factors = numpy.broadcast_to(numpy.eye(6) / self.variance**0.5, (len(self.centres), 6, 6))
             centres = self.centres
@@ -105,7 +105,7 @@ def summary(name, logs, labels, astray):
 
 
 def blocks(random, sweeps):
-    """How often levels alone name the material when the drift of all its blocks is known."""
+    """Returns the accuracy by levels alone if the drift of all blocks is known."""
     names = numpy.repeat(numpy.arange(36), 10)
     drifts = random.multivariate_normal(numpy.zeros(32), twin.level_covariance("block"), len(names))
     own = random.multivariate_normal(numpy.zeros(32), twin.level_covariance("sweep"), (len(names), sweeps // len(names)))
@@ -117,7 +117,7 @@ def blocks(random, sweeps):
         nearest = numpy.array([distances[:, names == other].min(1) for other in range(36)])
         right += list(nearest.argmin(0) == name)
     right = numpy.array(right)
-    # Sliding levels also follow the texture a little; that is left out.
+    # Sliding levels also depend on the texture slightly; this is neglected.
     return {"told": "blocks", "accuracy": right.mean(), "two_standard_errors": 2 * right.std() / len(right) ** 0.5, "sweeps": len(right)}
 
 

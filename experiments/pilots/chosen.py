@@ -1,4 +1,4 @@
-"""`spectra` as it ships, in PyTorch, for pilots that change how it is trained: twelve bands, windows of a sixth of a sweep."""
+"""The shipped `spectra` in PyTorch, for pilots that change its training: twelve bands, windows of a sixth of a sweep."""
 
 import math
 
@@ -12,7 +12,7 @@ BANDS = 12
 
 
 def log_energies(sweeps, training):
-    """`[sweeps, windows, taxels, bands + 1]` of sweeps `[sweeps, steps, taxels]`, each taxel scaled by the sweeps `training`."""
+    """Returns `[sweeps, windows, taxels, bands + 1]` of sweeps `[sweeps, steps, taxels]`, with each taxel scaled by the sweeps `training`."""
     sixth = min(max(sweeps.shape[1] // 6, 8), 128)
     window = 1 << sixth.bit_length() - 1
     mean, deviation = training.mean((0, 1)), training.std((0, 1)) + 1e-6
@@ -24,7 +24,7 @@ def log_energies(sweeps, training):
 
 
 class Encoder(nn.Module):
-    """What all taxels share: a layer for each number of units."""
+    """The layers that all taxels share: one for each number of units."""
 
     def __init__(self, units):
         super().__init__()
@@ -50,7 +50,7 @@ class Chosen(nn.Module):
 
 
 def fit(network, logs, labels, own, seed, soft=None, epochs=12, batch=36, rate=2e-3, least_steps=300):
-    """Trains as the recipe has it on the sweeps `own`; `soft(scores, chosen)` is a loss in place of the cross-entropy."""
+    """Trains as in the recipe on the sweeps `own`; `soft(scores, chosen)` replaces the cross-entropy."""
     torch.manual_seed(1000 + seed)
     network.train()
     batches = max(len(own) // batch, 1)

@@ -1,16 +1,16 @@
-"""Distillation: `spectra` learns what MultiRocket + Hydra says of training sweeps that it was not fitted to.
+"""Distillation: `spectra` learns the out-of-fold predictions of MultiRocket + Hydra on the training sweeps.
 
     tactnet data twin --seed 3 --out twin3.npz
     tactnet data twin --seed 3 --contact-force 0.7 --out weak.npz
     tactnet data twin --seed 3 --speed 0.5 --out slow.npz
     python experiments/pilots/distil.py twin3.npz --felt weak.npz slow.npz --seeds 2 --out experiments/pilots/distil.jsonl
 
-Needs torch, numpy, scikit-learn and aeon, and half an hour of a busy core. The split is that of spectra.py. The teacher's transforms are aeon's, fitted without labels to
-the training sweeps; its ridge classifier is fitted five times, each time to four fifths of them, and scores the fifth that it was not
-fitted to. The ridge's strength and the temperature that makes probabilities of its scores are those of the best log-likelihood on these
-scores. The student's loss is (1 - weight) x cross-entropy + weight x T^2 x cross-entropy with the teacher's probabilities at T.
+Needs torch, numpy, scikit-learn and aeon, and half an hour on one core. The split is that of spectra.py. The teacher uses aeon's transforms,
+fitted to the training sweeps without labels. Its ridge classifier is fitted five times, each time to four fifths of them, and scores the
+remaining fifth. The ridge strength and the temperature that turns scores into probabilities maximise the log-likelihood of these scores. The
+student's loss is (1 - weight) x cross-entropy + weight x T^2 x cross-entropy with the teacher's probabilities at T.
 
-Prediction, written before measuring: experiments/twin/PREDICTIONS.md.
+The prediction, written before the measurement, is in experiments/twin/PREDICTIONS.md.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from spectra import judged, load
 
 
 def transforms(sweeps, test, path):
-    """Features of MultiRocket and Hydra, scaled by the training sweeps, as aeon's MultiRocketHydraClassifier has them."""
+    """Returns features of MultiRocket and Hydra, scaled by the training sweeps, as in aeon's MultiRocketHydraClassifier."""
     if path and os.path.exists(path):
         return torch.tensor(numpy.load(path))
     from aeon.classification.convolution_based._hydra import _SparseScaler
@@ -50,7 +50,7 @@ def transforms(sweeps, test, path):
 
 
 def ridge(gram, labels, fitted, asked, strength):
-    """Scores of the sweeps `asked` by a ridge classifier that was fitted to the sweeps `fitted`."""
+    """Returns scores of the sweeps `asked` by a ridge classifier fitted to the sweeps `fitted`."""
     targets = 2 * functional.one_hot(labels[fitted]).double() - 1
     middle = targets.mean(0)
     penalty = strength * torch.eye(len(fitted), dtype=torch.double)
@@ -59,7 +59,7 @@ def ridge(gram, labels, fitted, asked, strength):
 
 
 def teacher(features, labels, test):
-    """Log probabilities of the training sweeps, out of fold; of the test sweeps; how good both are."""
+    """Returns out-of-fold log probabilities of the training sweeps, log probabilities of the test sweeps, and both accuracies."""
     gram = (features @ features.T).double()
     own, asked = torch.where(~test)[0], torch.where(test)[0]
     part = torch.tensor(numpy.random.default_rng(5).permutation(len(own)) % 5)

@@ -1,16 +1,15 @@
-"""From below: what a network reaches on the twin with many times the sweeps, and what remembering blocks is worth on random folds.
+"""Lower bound on the twin: the accuracy of a network with many times the sweeps, and the benefit of knowing recording blocks on random folds.
 
     for seed in 3 $(seq 11 26); do tactnet data twin --seed $seed --out twin$seed.npz; done
     python experiments/pilots/many_sweeps.py twin3.npz --more $(seq -f twin%g.npz 11 26) --out experiments/pilots/bound.jsonl
 
-Needs torch and numpy. Seeds of the twin have the same materials, and blocks and sweeps of their own. The network is `spectra` with a
-second layer of every taxel and twice the units of a window, and is
-judged by the test sweeps of spectra.py's split of the first file, of which no block is among the others. Beside it `spectra` as it ships,
-of the training sweeps of that split.
+Needs torch and numpy. All seeds of the twin have the same materials, but their own blocks and sweeps. The network is `spectra` with a second
+layer for each taxel and twice the units for each window. It is evaluated on the test sweeps of spectra.py's split of the first file, whose
+blocks do not occur in the other files. The shipped `spectra`, trained on the training sweeps of that split, is the reference.
 
-"with blocks" adds what a classifier of levels says that knows the blocks of the training sweeps of the first file: logarithms of every
-taxel's mean level at rest and at the end, normal about the mean of their block with one covariance. Random folds put sweeps of all
-blocks into training and test alike; who sweeps anew has none of this.
+"with blocks" adds a classifier of levels that knows the blocks of the training sweeps of the first file: logarithms of each taxel's mean
+level at rest and at the end, normal about the mean of their block with a common covariance. Random folds put sweeps of all blocks into
+training and test sets; new recordings have no such advantage.
 """
 
 import argparse
@@ -32,12 +31,12 @@ class Wide(Chosen):
 
 
 def levels(sweeps):
-    """Logarithms of the mean level of each taxel before it slips and in the last 400 steps `[sweeps][32]`."""
+    """Returns logarithms of the mean level of each taxel before it slips and in the last 400 steps, `[sweeps][32]`."""
     return torch.log(torch.cat([sweeps[:, :16].mean(1), sweeps[:, -400:].mean(1)], 1) + 0.5).double()
 
 
 def of_blocks(sweeps, labels, blocks, test):
-    """Log probabilities of the test sweeps by their levels alone."""
+    """Returns log probabilities of the test sweeps by their levels alone."""
     found, own = levels(sweeps), torch.where(~test)[0]
     found = found[:, found.std(0) > 0]  # one taxel never reads anything at rest
     names = labels * 10 + blocks
@@ -47,7 +46,8 @@ def of_blocks(sweeps, labels, blocks, test):
     within = rest.T @ rest / (len(own) - 360)
     centred = means - means.mean(0)
     between = centred.T @ centred / 360 - within / counts.double().mean()
-    # A block's mean is known as well as its sweeps tell; what is between blocks draws it to the middle.
+    # The uncertainty of a block's mean depends on its sweeps; the variance between blocks shrinks it towards the
+    # centre.
     scores = torch.zeros(int(test.sum()), 360, dtype=torch.double)
     for name in range(360):
         n = float(counts[name])
@@ -61,7 +61,7 @@ def of_blocks(sweeps, labels, blocks, test):
 
 
 class Given(nn.Module):
-    """Scores that are there already, for `judged`."""
+    """Precomputed scores, for `judged`."""
 
     def forward(self, scores):
         return scores
@@ -86,7 +86,7 @@ def main():
                 file.write(line + "\n")
 
     sweeps, labels, test = load(arguments.data)
-    # Sweeps lie as they were drawn: ten of a block after another.
+    # Sweeps are in the order of drawing: ten of each block in turn.
     blocks = torch.arange(len(labels)) % 100 // 10
     by_levels = of_blocks(sweeps, labels, blocks, test)
     tested = torch.ones(int(test.sum()), dtype=torch.bool)

@@ -34,7 +34,7 @@ def biotac(path, levels):
 
 
 def folds(labels, seed=12, parts=5):
-    """The fold of every sweep: random, of each material alike."""
+    """Returns the fold of each sweep: random, stratified by material."""
     random, found = numpy.random.default_rng(seed), torch.zeros(len(labels), dtype=torch.long)
     for label in range(int(labels.max()) + 1):
         own = numpy.where(labels == label)[0]
@@ -82,7 +82,7 @@ def main():
         run("twin", sweeps, labels, test, "as trained", arguments.felt)
         for count in arguments.counts:
             run("twin", sweeps, labels, test, f"{count} sweeps a material", count=count)
-        # Sweeps lie as they were drawn: ten of a block after another.
+        # Sweeps are in the order of drawing: ten of each block in turn.
         run("twin", sweeps, labels, torch.arange(len(labels)) % 100 // 20 == fold, "blocks left out")
         for levels in ("kept", "removed") if arguments.biotac else ():
             sweeps, labels = biotac(arguments.biotac, levels)

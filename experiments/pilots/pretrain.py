@@ -42,7 +42,7 @@ PARTS = [range(16), [0, 1, 2, 4, 5, 6, 8, 9, 10], range(8), range(15, -1, -1), r
 
 
 def skin(path, number):
-    """Log energies and labels of what one other skin gives."""
+    """Returns log energies and labels of another skin."""
     if path.endswith(".h5"):
         sweeps, labels = biotac(path, "kept")
     else:
@@ -56,7 +56,7 @@ def skin(path, number):
 
 
 def pretrained(skins, units, seed, steps=4000, batch=36, rate=2e-3):
-    """An encoder that has learnt on all skins in turn."""
+    """Returns an encoder trained on all skins in turn."""
     torch.manual_seed(seed)
     encoder = Encoder(units)
     networks = [Chosen(logs.shape[2], int(labels.max()) + 1, encoder) for logs, labels in skins]
@@ -75,7 +75,7 @@ def pretrained(skins, units, seed, steps=4000, batch=36, rate=2e-3):
 
 
 class Frozen(torch.nn.Module):
-    """An encoder that nothing changes, its statistics included."""
+    """An encoder whose weights and statistics are fixed."""
 
     def __init__(self, encoder):
         super().__init__()

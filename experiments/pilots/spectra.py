@@ -1,10 +1,10 @@
-"""What was tried before `spectra` was built: small networks on spectra and waveforms, in PyTorch, one split.
+"""Pilot for `spectra`: small networks on spectra and waveforms, in PyTorch, on one split.
 
     tactnet data twin --seed 3 --out twin3.npz
     python experiments/pilots/spectra.py twin3.npz --seeds 2 --out experiments/pilots/twin3.jsonl
 
-Needs torch and numpy. The split is of its own (a fifth of every material's sweeps, drawn by seed 11), the twin's seed one that no other
-result uses: what is chosen here is chosen without a sweep that anything is judged by. A line of the output is one training.
+Needs torch and numpy. No other result uses this split (a fifth of each material's sweeps, drawn by seed 11) or this seed of the twin, so the
+selection sees no sweep that any result is evaluated on. Each line of the output is one training.
 """
 
 import argparse
@@ -20,7 +20,8 @@ from torch.nn import functional
 FLOOR = 1e-3
 BANDS = 24
 
-# Changes to the first design: windows of 64 of 1000 steps, 24 bands. What ships was chosen from there (choice.toml).
+# Changes to the first design: windows of 64 of 1000 steps, 24 bands. The shipped network was selected from there
+# (choice.toml).
 VARIANTS = {
     "first design": {},
     "energies relative to the taxel's own": {"branches": ["relative"]},
@@ -62,7 +63,7 @@ def load(path):
 
 
 def powers(sweeps, window, hop):
-    """Squared Fourier coefficients of Hann windows [sweeps, windows, taxels, bins], and their means."""
+    """Returns squared Fourier coefficients of Hann windows [sweeps, windows, taxels, bins], and their means."""
     shape = torch.hann_window(window)
     shape = shape / shape.square().sum().sqrt()
     found, means = [], []
@@ -198,7 +199,7 @@ class Network(nn.Module):
 
 
 def train(inputs, labels, test, settings, seed, epochs=12, batch=36, rate=2e-3):
-    """One-cycle Adam with an L2 penalty of 1e-3, as the recipe has it; returns the network and seconds."""
+    """Trains with one-cycle Adam and an L2 penalty of 1e-3, as the recipe does; returns the network and seconds."""
     torch.manual_seed(seed)
     sweeps, found, _ = inputs
     network = Network(sweeps.shape[2], found.shape[-1], int(labels.max()) + 1, settings)
@@ -268,7 +269,7 @@ def main():
 
     sweeps, labels, test = load(arguments.data)
     window = 64 if sweeps.shape[1] >= 768 else 32
-    # Every taxel is scaled by the training sweeps, whatever is felt later.
+    # The training sweeps scale each taxel, also for sweeps under other conditions.
     mean, deviation = sweeps[~test].mean((0, 1)), sweeps[~test].std((0, 1)) + 1e-6
 
     def prepared(sweeps):

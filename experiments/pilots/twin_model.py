@@ -1,7 +1,7 @@
-"""The twin's version 2 as a probabilistic model: which points of the latent space its sweeps have, and what a sweep says of a point.
+"""Version 2 of the twin as a probabilistic model: the latent points of its sweeps, and the information of a sweep about its point.
 
-A second statement of data/src/twin/{embedding,excursions,materials,signal,envelope,construction}.rs, for `bound.py` alone: the program draws
-sweeps, this computes likelihoods. The materials' points are the program's own, from the same random streams.
+Reimplements data/src/twin/{embedding,excursions,materials,signal,envelope,construction}.rs for `bound.py`: the program draws sweeps, this
+module computes likelihoods. The materials' points use the same random streams as the program.
 """
 
 import hashlib
@@ -39,7 +39,7 @@ ROW, COLUMN = numpy.repeat(PLACES, 4), numpy.tile(PLACES, 4)
 
 
 class Stream:
-    """The program's named random stream: ChaCha8, keyed by SHA-256 of seed, word and indices (data/src/seed.rs)."""
+    """The program's named random stream: ChaCha8, keyed by SHA-256 of seed, name and indices (data/src/seed.rs)."""
 
     def __init__(self, seed, word, *indices):
         indices = [*indices, 0, 0][:2]
@@ -84,7 +84,7 @@ def confusions():
 
 
 def materials():
-    """Points of the 36 materials `[36][6]`, and the root mean square stress (embedding.rs)."""
+    """Returns the points of the 36 materials `[36][6]`, and the root mean square stress (embedding.rs)."""
     found = confusions()
     p = (found + found.T) / 2
     seen = p > 0.002
@@ -117,7 +117,7 @@ def materials():
 
 
 def excursions():
-    """Share of sweeps that go astray of each material, and where to `[36][36]` (excursions.rs)."""
+    """Returns the share of excursions of each material, and their targets `[36][36]` (excursions.rs)."""
     found = confusions()
     errors = 1 - numpy.diag(found) / found.sum(1)
     others = found - numpy.diag(numpy.diag(found))
@@ -126,19 +126,19 @@ def excursions():
 
 
 def mixture():
-    """The orthonormal matrix that mixes the coordinates of a point (materials.rs)."""
+    """Returns the orthonormal matrix that mixes the coordinates of a point (materials.rs)."""
     k, axis = numpy.arange(DIMENSIONS)[:, None], numpy.arange(DIMENSIONS)
     norm = numpy.where(k == 0, 1.0, 2.0) / DIMENSIONS
     return numpy.sqrt(norm) * numpy.cos(numpy.pi * (axis + 0.5) * k / DIMENSIONS)
 
 
 def felt(points):
-    """What the surfaces at points of the latent space `[..., 6]` feel like: the mixed, bounded coordinates."""
+    """Returns the felt coordinates of latent points `[..., 6]`: mixed and bounded."""
     return BOUND * numpy.tanh(points @ mixture().T / BOUND)
 
 
 def level_covariance(which):
-    """Covariance `[32][32]` of the logarithms of resting and sliding factors: 16 of both levels, 16 of the sliding levels alone."""
+    """Returns the covariance `[32][32]` of the logarithms of resting and sliding factors: 16 of both levels, 16 of the sliding levels alone."""
     force, tilt, taxel, slip, sliding = SPREADS[which]
     levels = force**2 + tilt**2 * (numpy.outer(ROW, ROW) + numpy.outer(COLUMN, COLUMN)) + taxel**2 * numpy.eye(16)
     own = slip**2 + sliding**2 * numpy.eye(16)
@@ -210,7 +210,8 @@ def information(y, draw, rounding, steps=1000):
         for a in range(8):
             for b in range(8):
                 basic[a, b] += 0.5 * float((products[a] * products[b].T).sum(dtype=float))
-        # What each parameter changes of the eight: the slip ratio follows the coarse band minus the undulation.
+        # Derivatives of the eight quantities by each parameter: the slip ratio follows the coarse band minus the
+        # undulation.
         to = numpy.zeros((39, 8))
         to[0, [0, 7]] = GAINS[0], -SLIP_RATIO * GAINS[0]
         to[1, [1, 7]] = GAINS[1], SLIP_RATIO * GAINS[1]
@@ -226,7 +227,7 @@ def information(y, draw, rounding, steps=1000):
 
 
 def draw_contact(random, steps=1000):
-    """What is not the material's in one sweep: levels, speed, onsets and the envelopes' processes."""
+    """Draws the properties of a sweep that do not depend on the material: levels, speed, onsets and the envelopes' processes."""
     both = level_covariance("block") + level_covariance("sweep")
     variances = numpy.repeat([sum(SPREADS[which][part] ** 2 for which in SPREADS) for part in (2, 4)], 16)
     keep = numpy.exp(-ENVELOPE_STRIDE / ENVELOPE_STEPS)

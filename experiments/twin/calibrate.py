@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Calibrates version 2 of the twin, and records what trained classifiers say of it.
+"""Calibrates version 2 of the twin, and records the results of trained classifiers on it.
 
     python experiments/twin/calibrate.py --program target/release/tactnet try FILE.json
     python experiments/twin/calibrate.py --program target/release/tactnet search --trials 20
     python experiments/twin/calibrate.py --program target/release/tactnet record
 
-`try` measures constructions (a JSON object of names, each with fields of `Construction`), `search` changes the best one at random; both
-append a line for each to calibration.jsonl beside this file and pass over what stands there already. `record` trains on the twin as it is
-built in, on several twin seeds and network seeds, and writes data/src/twin/trained_targets.json, which `tactnet data twin --stats` shows.
+`try` evaluates constructions (a JSON object of names, each with fields of `Construction`). `search` varies the best one at random. Both
+append a line for each construction to calibration.jsonl in this folder and skip known ones. `record` trains on the built-in twin with several
+twin seeds and network seeds, and writes data/src/twin/trained_targets.json, which `tactnet data twin --stats` shows.
 
-Tuned are the figures in TARGETS alone. The network is trained on fold 0 of twin seed 1, a fold that no recipe was chosen on; the linear
-classifier and the nearest mean on the same fold. Needs Python 3.9 and nothing else; a trial takes about four minutes of two cores.
+Only the numbers in TARGETS are tuned. The network is trained on fold 0 of twin seed 1, on which no recipe was selected; the linear classifier
+and the nearest mean use the same fold. Needs Python 3.9 and nothing else; a trial takes about four minutes on two cores.
 """
 
 import argparse
@@ -30,7 +30,7 @@ RECORD = HERE.parent.parent / "data/src/twin/trained_targets.json"
 TWIN_SEEDS = (1, 2, 3)
 NETWORK_SEEDS = (1, 2, 3)
 
-# Name, target, tolerance, least and largest value that is met where the two sides differ.
+# Name, target, tolerance, and the accepted minimum and maximum if the two sides differ.
 TARGETS = {
     "base, one sweep": (0.855, 0.015),
     "base, three sweeps": (0.943, 0.015),
@@ -41,7 +41,7 @@ TARGETS = {
     "linear discriminant on log spectra": (0.0, 0.75),
 }
 
-# Numbers that `search` changes, and by how much: standard deviation of the natural logarithm.
+# Numbers that `search` varies, and the standard deviation of their natural logarithm.
 STEPS = {
     "distance": 0.15,
     "block": 0.2,
@@ -56,7 +56,7 @@ STEPS = {
 
 
 def miss(value, target, tolerance):
-    """How far outside its tolerance a value is, in tolerances."""
+    """Returns how far a value is outside its tolerance, in tolerances."""
     return max(0.0, abs(value - target) / tolerance - 1.0)
 
 
@@ -75,7 +75,7 @@ class Bench:
         return done.stdout
 
     def signal(self, construction, seed=1, sweeps=30):
-        """Targets of the signal, by name: value, target, tolerance."""
+        """Returns targets of the signal by name: value, target, tolerance."""
         arguments = ["data", "twin", "--stats", "--json", "--seed", seed, "--sweeps", sweeps]
         targets = json.loads(self.tactnet(*arguments, *self.built(construction)))["targets"]
         return [t for t in targets if t["source"] == "measured"]
@@ -93,7 +93,7 @@ class Bench:
         return out
 
     def train(self, data, recipe, seed=1, fold=0):
-        """Result of a training, and its predictions: pairs of true and predicted material."""
+        """Returns the result of a training, and its predictions as pairs of true and predicted material."""
         with tempfile.TemporaryDirectory(dir=self.folder) as run:
             run = pathlib.Path(run) / "run"
             arguments = ["train", "--data", data, "--recipe", recipe, "--seed", seed, "--fold", fold]
@@ -105,7 +105,7 @@ class Bench:
         return result, pairs
 
     def recipe(self, method):
-        """The `fast` recipe, trained by `method`."""
+        """Returns the `fast` recipe, trained by `method`."""
         if method == "base":
             return "fast"
         text = (HERE.parent.parent / "pipeline/recipes/fast.toml").read_text()
@@ -131,7 +131,7 @@ def accuracy(pairs):
 
 
 def diagonal(pairs):
-    """Share of each material's sweeps that is recognised."""
+    """Returns the share of each material's sweeps that is recognised."""
     materials = sorted({a for a, _ in pairs})
     shares = []
     for material in materials:
@@ -185,7 +185,7 @@ def note(found):
 
 
 def changed(construction, rng):
-    """Every number times a random factor."""
+    """Returns every number multiplied by a random factor."""
     other = json.loads(json.dumps(construction))
     for name, step in STEPS.items():
         factor = lambda: math.exp(step * rng.gauss(0, 1))
@@ -208,7 +208,7 @@ def search(bench, trials, seed):
 
 
 def mean_and_interval(values):
-    """Mean, and half the width of its 95 % interval by Student's t over at most 9 values."""
+    """Returns the mean, and half the width of its 95 % interval by Student's t for at most 9 values."""
     t = {2: 12.706, 3: 4.303, 4: 3.182, 5: 2.776, 6: 2.571, 7: 2.447, 8: 2.365, 9: 2.306}
     mean = sum(values) / len(values)
     if len(values) < 2:
@@ -223,7 +223,7 @@ def means_of_equal_parts(values, parts):
 
 
 def record(bench):
-    """Trains on every twin seed with every network seed; what has been trained is kept beside the log and not trained again."""
+    """Trains on every twin seed with every network seed; finished trainings are kept and not repeated."""
     kept_file = HERE / "record.jsonl"
     kept = [json.loads(line) for line in kept_file.read_text().splitlines()] if kept_file.exists() else []
     shas = {}
@@ -268,7 +268,7 @@ def record(bench):
         "linear discriminant on log spectra": [first(line) for line in linear],
     }
     for name, (target, tolerance) in TARGETS.items():
-        # Networks of one twin are no independent draws of twins: the interval is over the twins' means.
+        # Networks of one twin are not independent draws of twins, so the interval is over the twins' means.
         mean, half = mean_and_interval(means_of_equal_parts(values[name], len(TWIN_SEEDS)) if len(values[name]) > 1 else values[name])
         shown = name if target else f"{name}, at most {tolerance:g}"
         line = {"name": shown, "value": round(mean, 4), "target": target, "tolerance": tolerance, "trainings": len(values[name])}
@@ -276,7 +276,7 @@ def record(bench):
             line["ci95_half_width"] = round(half, 4)
         lines.append(line)
         print(f"{shown:<60}{mean:8.3f} +-{half or float('nan'):.3f}   wanted {target} +-{tolerance}")
-    # What pages quote and no target speaks of.
+    # Values that pages quote and that have no target.
     for name, way in [("one sweep", "one"), ("three sweeps", "three"), ("three votes", "votes")]:
         plain = lambda line: line["ways"]["plain"][way]
         for what, per_pair in {

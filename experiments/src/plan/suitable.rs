@@ -1,0 +1,240 @@
+//! Checks before the first task that data sets fit an experiment.
+
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
+
+use tactnet_data::{DataError, DataSource, Dataset, Finding, Fold, Scheme, refuse_errors};
+use tactnet_pipeline::{ModelRecipe, PipelineError, TrainSpec};
+
+use super::{Job, Task};
+use crate::questions::Question;
+use crate::{ExperimentError, ExperimentRecipe, Probe, Setting};
+
+/// Minimum number of known materials: with a single one, every sweep would be classified correctly.
+const LEAST_KNOWN: usize = 2;
+
+impl ExperimentRecipe {
+    /// Reads the data sets and reports findings that are not errors; the twin is skipped.
+    ///
+    /// - `on_finding`: receives the data set and the finding; its error ends the review
+    ///
+    /// # Errors
+    /// Data that cannot be read or has errors.
+    pub fn review_data(
+        &self,
+        mut on_finding: impl FnMut(&Dataset, &Finding) -> Result<(), PipelineError>,
+    ) -> Result<(), ExperimentError> {
+        let files = self.data.iter().filter(|data| !DataSource::is_twin(data));
+        for file in files {
+            let spec = TrainSpec {
+                data: file.clone(),
+                rate_hz: self.rate_hz,
+                ..TrainSpec::default()
+            };
+            let dataset = spec.read_sweeps().map_err(PipelineError::from)?;
+            let findings = refuse_errors(&dataset, file).map_err(PipelineError::from)?;
+            for finding in &findings {
+                on_finding(&dataset, finding)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The reason why a data set is too small, and the settings with which the experiment is possible.
+pub(super) struct Unsuitable {
+    pub(super) reason: String,
+    pub(super) settings: Vec<Setting>,
+}
+
+impl From<String> for Unsuitable {
+    fn from(reason: String) -> Self {
+        Self {
+            reason,
+            settings: Vec::new(),
+        }
+    }
+}
+
+/// Returns an error if a task needs more sweeps or materials than its data set has. The twin always has enough.
+///
+/// - `recipe_of`: returns the recipe of a task's model
+pub(super) fn refuse_unsuitable(
+    tasks: &[Task],
+    recipe_of: impl Fn(&TrainSpec) -> Option<ModelRecipe>,
+) -> Result<(), Unsuitable> {
+    let mut known: BTreeMap<&str, Dataset> = BTreeMap::new();
+    let (mut starved, mut fed) = (BTreeMap::new(), BTreeSet::new());
+    for task in tasks {
+        let spec = match &task.job {
+            Job::Train(spec) => spec,
+            Job::Question(task) => &task.networks,
+        };
+        if DataSource::is_twin(&spec.data) {
+            continue;
+        }
+        let of_data = |mut error: Unsuitable| {
+            error.reason = format!("data `{}`: {}", spec.data, error.reason);
+            error
+        };
+        let dataset = match known.entry(&spec.data) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => {
+                let read = spec.read_sweeps();
+                entry.insert(read.map_err(|error| of_data(error.to_string().into()))?)
+            }
+        };
+        match &task.job {
+            Job::Train(spec) => {
+                has_fold(spec, dataset).map_err(of_data)?;
+                let model = (task.probe, task.model.as_str());
+                match recipe_of(spec).and_then(|recipe| lacking(&recipe, spec, dataset)) {
+                    Some(lacking) => {
+                        starved
+                            .entry(model)
+                            .or_insert_with(|| of_data(lacking.into()).reason);
+                    }
+                    None => {
+                        fed.insert(model);
+                    }
+                }
+            }
+            Job::Question(task) => suits(&task.question, dataset).map_err(of_data)?,
+        }
+    }
+    refuse_starved(&starved, fed)
+}
+
+/// Returns an error if some models have too few sweeps, with settings that keep only the others.
+///
+/// - `starved`: reason for each model with too few sweeps
+/// - `fed`: models that have enough sweeps in some fold
+fn refuse_starved(
+    starved: &BTreeMap<Asked<'_>, String>,
+    mut fed: BTreeSet<Asked<'_>>,
+) -> Result<(), Unsuitable> {
+    let Some(lacking) = starved.values().next() else {
+        return Ok(());
+    };
+    fed.retain(|model| !starved.contains_key(model));
+    let (probes, models): (Vec<Asked<'_>>, Vec<_>) =
+        fed.iter().partition(|(probe, _)| probe.is_some());
+    let reason = format!("{lacking} for {}", names(starved.keys()));
+    let mut settings = Vec::new();
+    if starved.keys().any(|(probe, _)| probe.is_none()) {
+        if models.is_empty() {
+            return Err(format!("{reason}; record more sweeps").into());
+        }
+        let value = format!("[{}]", names(&models));
+        settings.push(Setting {
+            field: "models",
+            value,
+        });
+    }
+    if starved.keys().any(|(probe, _)| probe.is_some()) {
+        let kinds = probes.iter().filter_map(|(probe, _)| *probe);
+        let kinds: Vec<String> = kinds.map(|probe| format!("\"{}\"", probe.name())).collect();
+        let value = format!("[{}]", kinds.join(", "));
+        settings.push(Setting {
+            field: "probes",
+            value,
+        });
+    }
+    Err(Unsuitable { reason, settings })
+}
+
+/// A model, or a probe and its model.
+type Asked<'a> = (Option<Probe>, &'a str);
+
+/// Returns the quoted names of models, separated by commas.
+fn names<'a>(asked: impl IntoIterator<Item = &'a Asked<'a>>) -> String {
+    let quoted: Vec<String> = asked
+        .into_iter()
+        .map(|(_, model)| format!("\"{model}\""))
+        .collect();
+    quoted.join(", ")
+}
+
+/// Returns the material that has too few training sweeps for a model, as part of a message; `None` if there is none.
+fn lacking(recipe: &ModelRecipe, spec: &TrainSpec, dataset: &Dataset) -> Option<String> {
+    let number = spec.fold.unwrap_or(0);
+    let fold = Fold::new(
+        dataset,
+        spec.scheme(dataset),
+        spec.seed,
+        spec.repeat,
+        number,
+    )
+    .ok()?;
+    let fold = match spec.inner {
+        None => fold,
+        Some(part) => fold.nested(part).ok()?,
+    };
+    let counts = fold.train.sweeps_per_label();
+    let (label, _) = recipe.starved(&counts)?;
+    Some(format!(
+        "`{}` has {} training sweep{} in fold {number}, which is too few",
+        dataset.labels().name(label),
+        counts[label],
+        if counts[label] == 1 { "" } else { "s" },
+    ))
+}
+
+/// Checks that a data set has as many folds as a training asks for.
+fn has_fold(spec: &TrainSpec, dataset: &Dataset) -> Result<(), Unsuitable> {
+    let text = |error: DataError| Unsuitable::from(error.to_string());
+    let scheme = spec.scheme(dataset);
+    let folds = scheme.folds(dataset).map_err(text)?;
+    let asked = spec.fold.unwrap_or(0) + 1;
+    if asked <= folds {
+        return Ok(());
+    }
+    let fewest = dataset.sweeps_per_label().into_iter().min();
+    let why = match scheme {
+        Scheme::StratifiedKFold { .. } if fewest == Some(folds) => {
+            format!("since a material has {folds} sweeps")
+        }
+        scheme => format!("to {scheme}"),
+    };
+    Err(Unsuitable {
+        reason: format!("expected `folds` of at most {folds}, {why}, found {asked} or more"),
+        settings: vec![Setting {
+            field: "folds",
+            value: folds.to_string(),
+        }],
+    })
+}
+
+/// Checks the numbers of materials and sweeps that a question needs. Questions draw new materials and split the sweeps
+/// of each material into five folds.
+fn suits(question: &Question, dataset: &Dataset) -> Result<(), Unsuitable> {
+    let materials = dataset.labels().len();
+    if let Some(new) = question.ask().new_materials() {
+        let most = materials.saturating_sub(LEAST_KNOWN);
+        if most < 2 {
+            return Err(format!(
+                "expected at least four materials, two known and two new, found {materials}"
+            )
+            .into());
+        }
+        if new > most {
+            return Err(Unsuitable {
+                reason: format!(
+                    "expected `new_materials` of at most {most}, so that {LEAST_KNOWN} of {materials} are known, found {new}"
+                ),
+                settings: vec![Setting {
+                    field: "new_materials",
+                    value: most.to_string(),
+                }],
+            });
+        }
+    }
+    let seed = tactnet_data::Seed(0);
+    match Fold::new(dataset, Scheme::default(), seed, 0, 0) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(format!(
+            "{error}; this experiment splits the sweeps of every material into five"
+        )
+        .into()),
+    }
+}

@@ -1,0 +1,261 @@
+//! A summary as a table of text.
+
+use std::fmt::{self, Write};
+
+use crate::comparison::name_beside;
+use crate::interval_note::interval_notes;
+use crate::measure::method_name;
+use crate::questions::{Scored, few_steps, scored};
+use crate::{Comparison, Measure, Question, Row, SampleEfficiency, Statistic, Summary};
+
+/// Returns a summary as lines of text: title, command, tables, comparisons.
+pub fn to_table(summary: &Summary) -> String {
+    let mut text = String::new();
+    // Writing into a string cannot fail.
+    let _ = write_all(&mut text, summary);
+    text
+}
+
+fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
+    writeln!(out, "{}\n{}", summary.title, summary.command)?;
+    if summary.tasks_done < summary.tasks {
+        writeln!(
+            out,
+            "only {} of {} tasks have ended",
+            summary.tasks_done, summary.tasks
+        )?;
+    }
+    for line in summary.assumed_rates() {
+        writeln!(out, "warning: {line}")?;
+    }
+    if let Question::Crossval(_) = summary.question {
+        contenders(out, summary)
+    } else {
+        measures(out, summary)
+    }
+}
+
+fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
+    let contenders = scored(summary);
+    let published = contenders.iter().any(|row| row.published.is_some());
+    let published_heading = if published {
+        format!(" {:>11}", "published")
+    } else {
+        String::new()
+    };
+    let mut setting = None;
+    for probe in [false, true] {
+        for row in contenders.iter().filter(|row| row.probe == probe) {
+            let own = (row.data, row.levels, row.split, row.steps);
+            if setting != Some(own) {
+                setting = Some(own);
+                writeln!(
+                    out,
+                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>16} {:>6} {:>7} {:>9}{published_heading}",
+                    row.data,
+                    row.split,
+                    row.levels.name(),
+                    row.steps,
+                    100.0 / row.materials.len() as f64,
+                    "model",
+                    "folds",
+                    "1 sweep [%], sd, 95 %",
+                    "3 sweeps [%], sd",
+                    "3, vote [%], sd",
+                    "NLL",
+                    "ECE [%]",
+                    "train [s]"
+                )?;
+            }
+            writeln!(out, "{}", contender(row, published))?;
+        }
+    }
+    let rows = contenders.iter().map(|row| (row.name(), row.one_sweep));
+    notes(out, &interval_notes(rows, "fold"))?;
+    for line in few_steps(&contenders) {
+        writeln!(out, "\nhint: {line}")?;
+    }
+    for audit in &summary.audits {
+        writeln!(out, "\n{}: {}", audit.data, audit.verdict)?;
+    }
+    Ok(())
+}
+
+/// Why intervals of the table above are missing or wide.
+fn notes(out: &mut String, lines: &[String]) -> fmt::Result {
+    if !lines.is_empty() {
+        writeln!(out)?;
+    }
+    lines
+        .iter()
+        .try_for_each(|line| writeln!(out, "note: {line}"))
+}
+
+/// - `published`: whether there is a column of published accuracies
+fn contender(row: &Scored<'_>, published: bool) -> String {
+    let percent = |statistic: &Statistic| {
+        let sd = statistic
+            .sd
+            .map_or(String::new(), |sd| format!(" ({:.1})", 100.0 * sd));
+        format!("{:.1}{sd}", 100.0 * statistic.mean)
+    };
+    let interval = row.one_sweep.ci95.map_or(String::new(), |[low, high]| {
+        format!(" {:.1} to {:.1}", 100.0 * low, 100.0 * high)
+    });
+    let beside = row.published.map_or(String::new(), |p| {
+        format!("{:.1} / {:.1}", p.one_sweep, p.three_sweeps)
+    });
+    let beside = if published {
+        format!(" {beside:>11}")
+    } else {
+        String::new()
+    };
+    format!(
+        "{:<44} {:>5} {:>24} {:>16} {:>16} {:>6.3} {:>7.1} {:>9.1}{beside}",
+        row.name(),
+        row.folds.len(),
+        format!("{}{interval}", percent(row.one_sweep)),
+        row.three_sweeps.map_or("-".into(), percent),
+        row.three_votes.map_or("-".into(), percent),
+        row.negative_log_likelihood.mean,
+        100.0 * row.expected_calibration_error.mean,
+        row.train_seconds.mean,
+    )
+}
+
+fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
+    let published = summary.rows.iter().any(|row| row.published.is_some());
+    let published_heading = if published {
+        format!(" {:>10}", "published")
+    } else {
+        String::new()
+    };
+    let widest = summary.rows.iter().map(|row| row.setting.chars().count());
+    let wide = widest.max().unwrap_or(0).max(14);
+    let mut block = None;
+    for row in &summary.rows {
+        let own = (&row.data, row.levels, row.steps, &row.model, row.measure);
+        if block != Some(own) {
+            block = Some(own);
+            writeln!(
+                out,
+                "\n{}, levels {}, networks by {}: {}\n{:<22} {:<wide$} {:>5} {:>6} {:>8} {:>18} {:>4}{published_heading}",
+                row.data,
+                row.levels.name(),
+                row.model,
+                row.measure,
+                "method",
+                "",
+                "shots",
+                "sweeps",
+                "mean",
+                "95 %",
+                "n"
+            )?;
+        }
+        writeln!(out, "{}", measure(row, wide, published))?;
+    }
+    let rows = summary.rows.iter();
+    let rows = rows.map(|row| {
+        (
+            format!("{} of {}", row.measure, method_name(&row.method)),
+            &row.statistic,
+        )
+    });
+    notes(out, &interval_notes(rows, "task"))?;
+    for comparison in &summary.comparisons {
+        if let Some(line) = compared(summary, comparison) {
+            writeln!(out, "{line}")?;
+        }
+    }
+    for found in summary.sample_efficiency.iter().flatten() {
+        writeln!(out, "{}", saved(found))?;
+    }
+    Ok(())
+}
+
+/// - `wide`: characters of the column of circumstances
+/// - `published`: whether there is a column of published numbers
+fn measure(row: &Row, wide: usize, published: bool) -> String {
+    let number = |value: f64| shown(row.measure, value);
+    let interval = row.statistic.ci95.map_or("-".into(), |[low, high]| {
+        format!("{} to {}", number(low), number(high))
+    });
+    let count = |value: Option<usize>| value.map_or("-".into(), |value| value.to_string());
+    let beside = if published {
+        format!(" {:>10}", row.published.map_or(String::new(), number))
+    } else {
+        String::new()
+    };
+    format!(
+        "{:<22} {:<wide$} {:>5} {:>6} {:>8} {:>18} {:>4}{beside}",
+        method_name(&row.method),
+        row.setting,
+        count(row.shots),
+        count(row.sweeps),
+        number(row.statistic.mean),
+        interval,
+        row.n
+    )
+}
+
+fn shown(measure: Measure, value: f64) -> String {
+    if measure.unit().in_percent() {
+        format!("{:.1}", 100.0 * value)
+    } else {
+        format!("{value:.2}")
+    }
+}
+
+fn compared(summary: &Summary, comparison: &Comparison) -> Option<String> {
+    let (first, second) = (
+        summary.row(&comparison.first)?,
+        summary.row(&comparison.second)?,
+    );
+    let interval = comparison.ci95.map_or(String::new(), |[low, high]| {
+        format!(" [{:+.1}, {:+.1}]", 100.0 * low, 100.0 * high)
+    });
+    let place: Vec<String> = [
+        (!first.setting.is_empty()).then(|| first.setting.clone()),
+        first.shots.map(|shots| format!("{shots} shots")),
+        first.sweeps.map(|sweeps| format!("{sweeps} sweeps")),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    Some(format!(
+        "{}, levels {}, {}, {}: {} - {} = {:+.1} points{interval}{}",
+        first.data,
+        first.levels.name(),
+        first.measure,
+        place.join(", "),
+        name_beside(first, second),
+        name_beside(second, first),
+        100.0 * comparison.difference,
+        comparison
+            .p
+            .map_or(String::new(), |p| format!(", p {p:.3}"))
+            + &comparison
+                .p_holm
+                .map_or(String::new(), |p| format!(" ({p:.3} by Holm)")),
+    ))
+}
+
+fn saved(found: &SampleEfficiency) -> String {
+    let shown =
+        |value: Option<f64>| value.map_or("more than tried".into(), |value| format!("{value:.1}"));
+    let interval = found.ci95.map_or(String::new(), |ends| {
+        format!(" [{}, {}]", shown(ends[0]), shown(ends[1]))
+    });
+    format!(
+        "{}, levels {}: without pre-knowledge {} sweeps{interval} for the {:.1} % of transfer with {}{}",
+        found.data,
+        found.levels.name(),
+        shown(found.shots),
+        100.0 * found.accuracy,
+        found.transfer_shots,
+        found
+            .published_ratio
+            .map_or(String::new(), |ratio| format!("; published ratio {ratio}"))
+    )
+}
