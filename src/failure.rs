@@ -48,6 +48,9 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
     if let Some(remedy) = error.chain().find_map(remedy::words_of_simulation) {
         message.push_str(&format!("; {remedy}"));
     }
+    if let Some(remedy) = error.chain().find_map(remedy::words_of_experiment) {
+        message.push_str(&format!("; {remedy}"));
+    }
     say!(
         "error: {}",
         shortened(&harmless(&without_codes(&message).replace('\n', " ")))

@@ -30,7 +30,7 @@ pub struct Comparison {
 }
 
 /// Returns the label of `row` in a comparison with `other`: the network if the networks differ, else the method.
-pub(crate) fn name_beside<'a>(row: &'a Row, other: &Row) -> &'a str {
+pub fn name_in_comparison<'a>(row: &'a Row, other: &Row) -> &'a str {
     if row.model == other.model {
         method_name(&row.method)
     } else {
@@ -168,7 +168,7 @@ fn compare(first: &RowOfTasks, second: &RowOfTasks) -> Option<Comparison> {
 mod tests {
     use super::*;
     use crate::Measure;
-    use crate::report::fake;
+    use crate::row::tests as rows;
 
     fn row(method: &str, of: &[(usize, f64)]) -> RowOfTasks {
         let values: Vec<f64> = of.iter().map(|(_, value)| *value).collect();
@@ -176,7 +176,7 @@ mod tests {
             row: Row {
                 key: method.into(),
                 statistic: Statistic::of(values, 0.25),
-                ..fake::row("twin", "net", method, Measure::Accuracy)
+                ..rows::row("twin", "net", method, Measure::Accuracy)
             },
             tasks: of
                 .iter()

@@ -23,7 +23,7 @@ pub enum ExperimentError {
     },
     /// The name is neither a built-in experiment nor a file.
     #[error(
-        "experiment `{name}`: no such file and no such experiment; experiments that ship with tactnet: {known}"
+        "experiment `{name}`: no such file and no such experiment; built-in experiments: {known}"
     )]
     Unknown {
         /// Requested name.
@@ -47,6 +47,30 @@ pub enum ExperimentError {
         /// Expected and found content.
         reason: String,
     },
+    /// The folder contains no experiment.
+    #[error("{}: no experiment here (no experiment.json)", path.display())]
+    NotPlanned {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The folder cannot hold a new experiment.
+    #[error("{}: {reason}", path.display())]
+    Occupied {
+        /// The folder, or the file in it.
+        path: PathBuf,
+        /// Expected and found content.
+        reason: String,
+    },
+    /// A data set is too small for the experiment.
+    #[error("experiment {origin}: {reason}")]
+    Unsuitable {
+        /// Name of the recipe.
+        origin: String,
+        /// Expected and found sweeps or materials.
+        reason: String,
+        /// Settings with which the experiment is possible; empty if there are none.
+        settings: Vec<Setting>,
+    },
     /// Error of a Slurm program.
     #[error("{program}: {reason}")]
     Slurm {
@@ -69,6 +93,26 @@ pub enum ExperimentError {
     },
 }
 
+/// A remedy that is specific to experiments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ExperimentRemedy<'a> {
+    /// Run an experiment first, and name its folder.
+    Run,
+    /// Name another folder.
+    OtherFolder,
+    /// Set these fields of the recipe.
+    Set(&'a [Setting]),
+}
+
+/// A field of a recipe with a value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Setting {
+    /// Path of the field.
+    pub field: &'static str,
+    /// Value in TOML.
+    pub value: String,
+}
+
 impl ExperimentError {
     /// Returns the cure that the caller can apply, if there is one; the message does not contain it.
     pub fn remedy(&self) -> Option<Remedy> {
@@ -83,9 +127,26 @@ impl ExperimentError {
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Pipeline(error) => error.is_usage(),
-            Self::Unknown { .. } | Self::Recipe { .. } | Self::Folder { .. } => true,
+            Self::Unknown { .. }
+            | Self::Recipe { .. }
+            | Self::Folder { .. }
+            | Self::NotPlanned { .. }
+            | Self::Occupied { .. }
+            | Self::Unsuitable { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
             Self::Slurm { .. } | Self::Tasks { .. } => false,
+        }
+    }
+
+    /// Returns the remedy that is specific to experiments; the front end names the options for it.
+    pub fn experiment_remedy(&self) -> Option<ExperimentRemedy<'_>> {
+        match self {
+            Self::NotPlanned { .. } => Some(ExperimentRemedy::Run),
+            Self::Occupied { .. } => Some(ExperimentRemedy::OtherFolder),
+            Self::Unsuitable { settings, .. } if !settings.is_empty() => {
+                Some(ExperimentRemedy::Set(settings))
+            }
+            _ => None,
         }
     }
 

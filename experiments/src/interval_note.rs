@@ -1,7 +1,7 @@
 //! Notes on missing and wide 95 % intervals.
 
-use crate::Statistic;
-use crate::questions::listed;
+use crate::phrases::listed;
+use crate::statistic::Statistic;
 
 /// Largest number of folds or tasks whose interval counts as wide: Student's factor is 12.7 with two and 4.3 with
 /// three.
@@ -24,7 +24,7 @@ pub(crate) fn interval_note(statistic: &Statistic, noun: &str) -> Option<String>
 /// holds for all rows.
 ///
 /// - `rows`: name and statistic
-pub(crate) fn interval_notes<'a>(
+pub fn interval_notes<'a>(
     rows: impl Iterator<Item = (String, &'a Statistic)>,
     noun: &str,
 ) -> Vec<String> {

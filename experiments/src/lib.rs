@@ -4,8 +4,11 @@
 //! ExperimentRecipe ─> Plan (tasks) ─> run_locally | run_on_slurm ─> run directories ─> Summary ─> HTML page
 //! ```
 
-mod assumed_rate;
+mod answer;
+mod audit;
 mod comparison;
+mod confidence;
+mod contender;
 mod context;
 mod error;
 mod event;
@@ -18,54 +21,58 @@ mod networks;
 mod one_or_many;
 mod pairs;
 mod part;
+mod phrases;
 mod plan;
+mod probe;
 mod published;
 mod published_confusion;
 mod questions;
 mod recipe;
 mod report;
 mod result;
-mod run_text;
+mod row;
+mod scored;
 mod settings;
 mod slurm;
 mod statistic;
 mod status;
-mod suitable;
 mod summarise;
 mod summary;
-mod table;
-mod task_process;
 mod tasks;
 mod time_left;
 
-pub use assumed_rate::assumed_rate_text;
-pub use comparison::Comparison;
-pub use error::ExperimentError;
+pub use answer::FeatureMap;
+pub use audit::Audit;
+pub use comparison::{Comparison, name_in_comparison};
+pub use confidence::{ReliabilityBin, RiskCoverage};
+pub use contender::{Contender, FoldRecord, PublishedContender};
+pub use error::{ExperimentError, ExperimentRemedy, Setting};
 pub use event::Event;
 pub use groups::{
     Grouping, adjusted_rand_index, best_consecutive_cut, consecutive, group_accuracy,
     grouping_of_counts, spectral_groups,
 };
+pub use interval_note::interval_notes;
 pub use local::{LocalPool, run_locally, run_task};
-pub use measure::{Measure, Measurement, Unit};
+pub use measure::{Measure, Measurement, Unit, method_name};
 pub use mlflow::export_mlflow;
 pub use part::Part;
 pub use plan::{Job, Plan, QuestionTask, Task};
+pub use probe::Probe;
 pub use published::{PUBLISHED, PublishedAccuracy, published_for};
 pub use questions::{
-    Audit, Contender, Crossval, Differentiate, Enrolment, FeatureMap, FeatureMaps, FoldRecord,
-    Nshot, Probe, PublishedContender, Question, ReliabilityBin, RiskCoverage, SampleEfficiency,
+    Crossval, Differentiate, Enrolment, FeatureMaps, Networks, Nshot, Question, SampleEfficiency,
     Sequential, TransferMethod, Unknown,
 };
 pub use recipe::{ExperimentRecipe, Range, Search, Variant};
 pub use report::to_html;
 pub use result::{QuestionResult, answer_question};
-pub use run_text::{advice, next_steps, run_text};
+pub use row::{NetworkCost, Row};
+pub use scored::{FewSteps, Scored};
 pub use slurm::{SlurmArray, run_on_slurm};
 pub use statistic::{Statistic, holm, resampled_t_test};
 pub use status::{Status, TaskStatus};
 pub use summarise::summarise;
-pub use summary::{DataRecord, Row, Summary, TaskRecord};
-pub use table::to_table;
+pub use summary::{AssumedRate, DataRecord, Summary, TaskRecord};
 pub use tasks::{ExperimentDir, STOPPING, Start, TaskState};
 pub use time_left::TimeLeft;

@@ -1,5 +1,7 @@
 //! Runs tasks on this machine in a bounded pool of processes that share its cores.
 
+mod task_process;
+
 use std::path::Path;
 use std::thread;
 use std::time::Duration;
@@ -8,9 +10,9 @@ use tactnet_data::Seed;
 use tactnet_models::Compute;
 use tactnet_pipeline::TrainSpec;
 
-use crate::task_process::TaskProcess;
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{Event, ExperimentError, Job, Task, TimeLeft};
+use task_process::TaskProcess;
 
 /// Interval between two checks of the running processes.
 const POLL: Duration = Duration::from_millis(50);

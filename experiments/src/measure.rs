@@ -207,7 +207,7 @@ impl Measurement {
 }
 
 /// Returns the display name of a method, such as the title of `plain`.
-pub(crate) fn method_name(method: &str) -> &str {
+pub fn method_name(method: &str) -> &str {
     let dropout = PredictionMethod::McDropout { mc_samples: 1 };
     let ways = [PredictionMethod::Plain, dropout];
     let way = ways.into_iter().find(|way| way.name() == method);

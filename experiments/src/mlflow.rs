@@ -17,7 +17,7 @@ use tactnet_pipeline::write_whole;
 
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{ExperimentError, Job, Probe, Task};
-use run::{question, training};
+use run::{Run, question, training};
 
 /// Files of a run directory that are exported as artefacts.
 const ARTEFACTS: [&str; 5] = [
@@ -108,24 +108,7 @@ fn export_task(
             yaml(&run.git)
         ),
     )?;
-    for folder in ["metrics", "params", "tags", "artifacts"] {
-        let path = target.join(folder);
-        fs::create_dir_all(&path).map_err(|error| ExperimentError::io(&path, "make", error))?;
-    }
-    for (name, value) in &run.parameters {
-        write(&target.join("params").join(name), value)?;
-    }
-    for (name, value) in &run.metrics {
-        let path = target.join("metrics").join(name);
-        write(&path, &format!("{end} {value} 0\n"))?;
-    }
-    for (name, course) in run.courses.iter().filter(|(_, course)| !course.is_empty()) {
-        let lines: String = course
-            .iter()
-            .map(|(epoch, value)| format!("{end} {value} {epoch}\n"))
-            .collect();
-        write(&target.join("metrics").join(name), &lines)?;
-    }
+    write_run(&target, &run, end)?;
     let probe = match task.probe {
         None => "no",
         Some(Probe::Means) => "taxel means",
@@ -149,6 +132,32 @@ fn export_task(
     Ok(())
 }
 
+/// Creates the folders of a run and writes its parameters and metrics.
+///
+/// - `end`: time of the end, in milliseconds since 1970
+fn write_run(target: &Path, run: &Run, end: u128) -> Result<(), ExperimentError> {
+    for folder in ["metrics", "params", "tags", "artifacts"] {
+        let path = target.join(folder);
+        fs::create_dir_all(&path).map_err(|error| ExperimentError::io(&path, "make", error))?;
+    }
+    for (name, value) in &run.parameters {
+        write(&target.join("params").join(name), value)?;
+    }
+    for (name, value) in &run.metrics {
+        let path = target.join("metrics").join(name);
+        write(&path, &format!("{end} {value} 0\n"))?;
+    }
+    for (name, course) in run.courses.iter().filter(|(_, course)| !course.is_empty()) {
+        let lines: String = course
+            .iter()
+            .map(|(epoch, value)| format!("{end} {value} {epoch}\n"))
+            .collect();
+        write(&target.join("metrics").join(name), &lines)?;
+    }
+    Ok(())
+}
+
+/// Writes a file and creates its folder.
 fn write(path: &Path, text: &str) -> Result<(), ExperimentError> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(|error| ExperimentError::io(path, "write", error))?;

@@ -2,6 +2,7 @@
 
 mod grid;
 mod models;
+mod suitable;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,9 +13,9 @@ use tactnet_data::format::is_folder_of_sweeps;
 use tactnet_pipeline::{ModelRecipe, TrainSpec};
 use toml::{Table, Value};
 
-use crate::suitable::refuse_unsuitable;
 use crate::{ExperimentError, ExperimentRecipe, Part, Probe, Question};
-pub(crate) use grid::Grid;
+use grid::Grid;
+use suitable::{Unsuitable, refuse_unsuitable};
 
 /// One unit of work, run by one process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -112,7 +113,7 @@ impl Plan {
             recipe,
             models: &models,
         };
-        let tasks = recipe.question.ask().tasks(&grid).map_err(refused)?;
+        let tasks = grid.tasks().map_err(refused)?;
         let mut names: Vec<&str> = tasks.iter().map(|task| task.id.as_str()).collect();
         names.sort_unstable();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -121,7 +122,14 @@ impl Plan {
                 twice[0]
             )));
         }
-        refuse_unsuitable(&tasks, |spec| recipe_of(&recipes, spec)).map_err(refused)?;
+        let suited = refuse_unsuitable(&tasks, |spec| recipe_of(&recipes, spec));
+        suited.map_err(
+            |Unsuitable { reason, settings }| ExperimentError::Unsuitable {
+                origin: recipe.name.clone(),
+                reason,
+                settings,
+            },
+        )?;
         Ok(Self {
             schema_version: Self::SCHEMA_VERSION,
             recipe: recipe.clone(),

@@ -17,21 +17,17 @@ mod unknown;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
+use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext};
-use crate::plan::Grid;
-use crate::result::Answer;
-use crate::summarise::FinishedTask;
-use crate::tasks::ExperimentDir;
-use crate::{ExperimentError, Measure, Part, Row, Summary, Task};
+use crate::measure::Measure;
+use crate::part::Part;
+use crate::row::Row;
 
-pub use crossval::{
-    Audit, Contender, FoldRecord, Probe, PublishedContender, ReliabilityBin, RiskCoverage,
-};
-pub use feature_maps::FeatureMap;
 pub use nshot::{SampleEfficiency, TransferMethod};
 
-pub(crate) use crossval::{LevelShare, Scored, few_steps, read_training, scored};
-pub(crate) use headline::{Headline, in_percent, interval, listed, rank};
+pub(crate) use headline::Headline;
+pub(crate) use networks::costs;
+pub(crate) use nshot::sample_efficiency;
 
 macro_rules! registry {
     ($($(#[$doc:meta])* $name:literal => $file:ident::$question:ident),+ $(,)?) => {
@@ -125,14 +121,6 @@ pub(crate) trait Ask: Named {
     /// A field out of range, with the expected and found values.
     fn validate(&self) -> Result<(), String>;
 
-    /// Plans the tasks. The default is one for each part of the data and each network of the recipe.
-    ///
-    /// # Errors
-    /// A model that is not a network.
-    fn tasks(&self, grid: &Grid<'_>) -> Result<Vec<Task>, String> {
-        grid.question_tasks(self.name(), &self.parts())
-    }
-
     /// Returns the parts of the data, one for each task.
     fn parts(&self) -> Vec<Part>;
 
@@ -157,19 +145,6 @@ pub(crate) trait Ask: Named {
     /// Returns the values published for TactMat, in the measure's unit.
     fn published(&self, _row: &Row) -> Published {
         Published::default()
-    }
-
-    /// Adds the results that are specific to this question to the summary.
-    ///
-    /// # Errors
-    /// Damaged files of a task.
-    fn complete(
-        &self,
-        _dir: &ExperimentDir,
-        _summary: &mut Summary,
-        _finished: &[FinishedTask<'_>],
-    ) -> Result<(), ExperimentError> {
-        Ok(())
     }
 
     /// Returns the headline for one data set and network. Returns `None` without measurements and for

@@ -1,4 +1,4 @@
-//! A summary as one self-contained HTML page: no network, readable on a phone, in the dark and without a mouse.
+//! A summary as a self-contained HTML page that loads nothing and works on phones, in dark mode and without a mouse.
 
 mod audit;
 mod beside_published;
@@ -8,7 +8,7 @@ mod confusion;
 mod contender;
 mod data_set;
 #[cfg(test)]
-pub(crate) mod fake;
+mod fake;
 mod header;
 mod headline;
 mod intervals;
@@ -18,102 +18,113 @@ mod provenance;
 mod ranks;
 mod results;
 mod study;
+mod table;
 mod terms;
 mod text;
 
-use tactnet_plot::{STYLE as FIGURE_STYLE, escape, theme};
+use maud::{Markup, PreEscaped, html};
+use tactnet_plot::Page;
 
-use crate::questions::scored;
 use crate::{Question, Summary};
 use data_set::data_sets;
 
 const STYLE: &str = include_str!("report/report.css");
 const SCRIPT: &str = include_str!("report/report.js");
 
-/// A section of the page: identifier, heading, content; one without content is left out.
-type Section = (&'static str, &'static str, Option<String>);
+/// Style of headings that cannot sort without JavaScript.
+const WITHOUT_SCRIPT: &str =
+    "th button { pointer-events: none; } th button::after { content: none; }";
 
-/// Identifier and heading of every section of a cross-validation, in the order of the page.
-const SECTIONS: [(&str, &str); 10] = [
-    ("results", "Results"),
-    ("accuracy", "Accuracy at a glance"),
-    ("comparisons", "Paired comparisons"),
-    ("audit", "What the data give away"),
-    ("contenders", "Best contenders"),
-    ("published", "Beside the published confusions"),
-    ("groups", "Groups of materials"),
-    ("ranks", "Mean ranks over data sets"),
-    ("provenance", PROVENANCE),
-    ("glossary", "How to read this"),
-];
-
-/// Heading over what repeats the numbers.
+/// Heading of the section on provenance.
 const PROVENANCE: &str = "Where the numbers come from";
 
-/// One HTML page with everything that `summary` holds; it loads nothing and works, as plain tables, without JavaScript.
+/// A section of the page; one without body is left out.
+struct Section {
+    id: &'static str,
+    heading: &'static str,
+    body: Option<Markup>,
+}
+
+impl Section {
+    fn new(id: &'static str, heading: &'static str, body: Option<Markup>) -> Self {
+        Self { id, heading, body }
+    }
+}
+
+/// Returns a summary as one HTML page. It loads nothing and works, as plain tables, without JavaScript.
 pub fn to_html(summary: &Summary) -> String {
     if !matches!(summary.question, Question::Crossval(_)) {
         let headline = headline::of_study(summary);
-        return page(summary, &headline, study::sections(summary));
+        return page(summary, &headline, &study::sections(summary));
     }
-    let contenders = scored(summary);
+    let contenders = summary.scored();
     let sets = data_sets(&contenders);
-    let bodies = [
-        results::section(&contenders, &sets),
-        intervals::section(&sets),
-        paired::section(summary, &sets),
-        audit::section(summary),
-        contender::section(summary, &sets),
-        beside_published::section(&sets),
-        material_groups::section(summary, &sets),
-        ranks::section(&contenders),
-        Some(provenance::section(summary, &contenders, &sets)),
-        Some(terms::terms(summary.question.ask().terms())),
+    let terms = terms::terms(summary.question.ask().terms());
+    let provenance = provenance::section(summary, &contenders, &sets);
+    let published = beside_published::section(&sets);
+    let sections = [
+        Section::new("results", "Results", results::section(&contenders, &sets)),
+        Section::new(
+            "accuracy",
+            "Accuracy at a glance",
+            intervals::section(&sets),
+        ),
+        Section::new(
+            "comparisons",
+            "Paired comparisons",
+            paired::section(summary, &sets),
+        ),
+        Section::new("audit", "What the data give away", audit::section(summary)),
+        Section::new(
+            "contenders",
+            "Best contenders",
+            contender::section(summary, &sets),
+        ),
+        Section::new("published", "Beside the published confusions", published),
+        Section::new(
+            "groups",
+            "Groups of materials",
+            material_groups::section(summary, &sets),
+        ),
+        Section::new(
+            "ranks",
+            "Mean ranks over data sets",
+            ranks::section(&contenders),
+        ),
+        Section::new("provenance", PROVENANCE, Some(provenance)),
+        Section::new("glossary", "How to read this", Some(terms)),
     ];
-    let sections: Vec<Section> = SECTIONS
-        .into_iter()
-        .zip(bodies)
-        .map(|((id, heading), body)| (id, heading, body))
-        .collect();
-    page(summary, &headline::of_contenders(summary, &sets), sections)
+    page(summary, &headline::of_contenders(summary, &sets), &sections)
 }
 
-/// The page around its sections.
-///
-/// - `headline`: HTML
-fn page(summary: &Summary, headline: &str, sections: Vec<Section>) -> String {
-    let sections: Vec<(&str, &str, String)> = sections
-        .into_iter()
-        .filter_map(|(id, heading, body)| Some((id, heading, body?)))
-        .collect();
-    let contents: String = sections
-        .iter()
-        .map(|(id, heading, _)| format!("<li><a href=\"#{id}\">{heading}</a></li>"))
-        .collect();
-    let sections: String = sections
-        .iter()
-        .map(|(id, heading, body)| {
-            format!(
-                "<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{heading}</h2>\n{body}</section>\n"
-            )
-        })
-        .collect();
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; \
-         style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>\n{theme}{FIGURE_STYLE}{STYLE}</style>\n\
-         <noscript><style>th button {{ pointer-events: none; }} th button::after {{ content: none; }}</style></noscript>\n\
-         </head>\n<body>\n<a class=\"skip\" href=\"#main\">Skip to the results</a>\n\
-         <header>\n{header}</header>\n\
-         <nav aria-label=\"Contents\"><ul class=\"contents\">{contents}</ul></nav>\n\
-         <main id=\"main\" tabindex=\"-1\">\n{sections}</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n",
-        title = escape(&summary.title),
-        theme = theme(),
-        header = header::header(summary, headline),
-    )
+/// Returns the page around its sections.
+fn page(summary: &Summary, headline: &Markup, sections: &[Section]) -> String {
+    let sections = || sections.iter().filter(|section| section.body.is_some());
+    let body = html! {
+        a.skip href="#main" { "Skip to the results" }
+        header { (header::header(summary, headline)) }
+        nav aria-label="Contents" {
+            ul.contents {
+                @for section in sections() { li { a href={ "#" (section.id) } { (section.heading) } } }
+            }
+        }
+        main #main tabindex="-1" {
+            @for section in sections() {
+                section aria-labelledby=(section.id) {
+                    h2 id=(section.id) { (section.heading) }
+                    @if let Some(body) = &section.body { (body) }
+                }
+            }
+        }
+    };
+    let page = Page {
+        title: &summary.title,
+        style: STYLE,
+        head: html! { noscript { style { (PreEscaped(WITHOUT_SCRIPT)) } } },
+        body,
+        script: SCRIPT,
+    };
+    page.to_html()
 }
 
 #[cfg(test)]
@@ -130,7 +141,18 @@ mod tests {
 
     #[test]
     fn sections_are_in_order_and_those_without_content_are_left_out() {
-        let all: Vec<&str> = SECTIONS.iter().map(|(id, _)| *id).collect();
+        let all = [
+            "results",
+            "accuracy",
+            "comparisons",
+            "audit",
+            "contenders",
+            "published",
+            "groups",
+            "ranks",
+            "provenance",
+            "glossary",
+        ];
         let without = |left_out: &[&str]| -> Vec<&str> {
             let kept = all.iter().filter(|id| !left_out.contains(id));
             kept.copied().collect()

@@ -9,19 +9,10 @@ use tactnet_data::{DataOrigin, Dataset, sha256_hex};
 use tactnet_models::Compute;
 use tactnet_pipeline::{MeanRemoval, Provenance, Recipe, write_whole};
 
+use crate::answer::FeatureMap;
 use crate::context::{Cancelled, GoOn, StudyContext};
 use crate::networks::FinishedNetworks;
-use crate::{ExperimentError, FeatureMap, Measurement, QuestionTask};
-
-/// The answer to a question about one part of a data set.
-pub(crate) struct Answer {
-    pub(crate) measurements: Vec<Measurement>,
-    pub(crate) split: String,
-    /// The text whose hash is `split_sha256`.
-    pub(crate) split_content: String,
-    pub(crate) chosen: BTreeMap<String, f64>,
-    pub(crate) maps: Vec<FeatureMap>,
-}
+use crate::{ExperimentError, Measurement, QuestionTask};
 
 /// Content of `result.json` of a question's task.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -15,6 +15,9 @@ use crate::{Event, ExperimentError, Task, TimeLeft};
 /// Maximum number of submissions for each task.
 const ATTEMPTS: usize = 3;
 
+/// Number of consecutive failed queries of the queue after which a run fails.
+const MAX_REFUSALS: usize = 30;
+
 /// Time that running tasks have for a clean stop.
 const GRACE: Duration = Duration::from_secs(60);
 
@@ -73,15 +76,7 @@ pub fn run_on_slurm(
         loop {
             thread::sleep(array.poll);
             let waiting = in_queue(&job);
-            for &index in &open {
-                if !known[index] && dir.state(&tasks[index]) == TaskState::Done {
-                    known[index] = true;
-                    tell(Event::Done {
-                        task: &tasks[index],
-                        seconds: dir.train_seconds(&tasks[index]),
-                    });
-                }
-            }
+            report_done(dir, &open, &mut known, &mut tell);
             if stop() {
                 return cancel(&job, array.poll);
             }
@@ -91,32 +86,41 @@ pub fn run_on_slurm(
                 // A busy controller may fail to respond for a while.
                 Err(error) => {
                     refused += 1;
-                    if refused > 30 {
+                    if refused > MAX_REFUSALS {
                         return Err(error);
                     }
                 }
             }
         }
-        for &index in &open {
-            if dir.state(&tasks[index]) == TaskState::Done {
-                if !known[index] {
-                    known[index] = true;
-                    tell(Event::Done {
-                        task: &tasks[index],
-                        seconds: dir.train_seconds(&tasks[index]),
-                    });
-                }
-            } else {
-                let reason = why(dir, &tasks[index], &logs, &job, index);
-                tell(Event::Failed {
-                    task: &tasks[index],
-                    attempt,
-                    reason,
-                });
-            }
+        report_done(dir, &open, &mut known, &mut tell);
+        for &index in open.iter().filter(|&&index| !known[index]) {
+            let task = &tasks[index];
+            let reason = why(dir, task, &logs, &job, index);
+            tell(Event::Failed {
+                task,
+                attempt,
+                reason,
+            });
         }
     }
     failures(dir)
+}
+
+/// Reports the tasks of `open` that have finished since the last call, and marks them as known.
+fn report_done(
+    dir: &ExperimentDir,
+    open: &[usize],
+    known: &mut [bool],
+    tell: &mut impl FnMut(Event<'_>),
+) {
+    for &index in open {
+        let task = &dir.plan.tasks[index];
+        if !known[index] && dir.state(task) == TaskState::Done {
+            known[index] = true;
+            let seconds = dir.train_seconds(task);
+            tell(Event::Done { task, seconds });
+        }
+    }
 }
 
 /// Cancels a job: pending tasks immediately, and running tasks after a clean stop.
@@ -219,10 +223,9 @@ fn call(program: &'static str, arguments: &[&str]) -> Result<String, ExperimentE
         .args(arguments)
         .output()
         .map_err(|error| match error.kind() {
-            std::io::ErrorKind::NotFound => refused(
-                "not found; Slurm's client programs must be installed to use `--engine slurm`"
-                    .into(),
-            ),
+            std::io::ErrorKind::NotFound => {
+                refused("not found; Slurm's client programs must be installed".into())
+            }
             _ => refused(error.to_string()),
         })?;
     if output.status.success() {

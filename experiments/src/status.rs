@@ -1,7 +1,5 @@
 //! States of an experiment's tasks.
 
-use std::fmt;
-
 use serde::Serialize;
 
 use crate::{ExperimentDir, TaskState};
@@ -49,37 +47,5 @@ impl Status {
             name: dir.plan.recipe.name.clone(),
             tasks: tasks.collect(),
         }
-    }
-}
-
-impl fmt::Display for Status {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let count = |state| self.tasks.iter().filter(|task| task.state == state).count();
-        write!(
-            f,
-            "{}: {} task{}, {} done, {} running, {} interrupted, {} open",
-            self.name,
-            self.tasks.len(),
-            if self.tasks.len() == 1 { "" } else { "s" },
-            count(TaskState::Done),
-            count(TaskState::Running),
-            count(TaskState::Interrupted),
-            count(TaskState::Open)
-        )?;
-        for task in &self.tasks {
-            let state = match task.state {
-                TaskState::Done | TaskState::Open => continue,
-                TaskState::Running => "running",
-                TaskState::Interrupted => "interrupted",
-            };
-            write!(f, "\n  {}: {state}", task.id)?;
-            if !task.last_words.is_empty() {
-                write!(f, ": {}", task.last_words)?;
-            }
-        }
-        if count(TaskState::Running) == 0 && count(TaskState::Done) < self.tasks.len() {
-            f.write_str("\n`tactnet experiment run` with this folder goes on with what is left")?;
-        }
-        Ok(())
     }
 }

@@ -1,82 +1,28 @@
 //! Aggregates the results of tasks into the summary of an experiment.
 
+mod audits;
+mod contenders;
+mod finished;
+mod training;
+
 use std::collections::{BTreeMap, BTreeSet};
 
-use tactnet_data::DataOrigin;
-use tactnet_pipeline::{LabelOrder, MeanRemoval};
+use tactnet_data::Seed;
+use tactnet_pipeline::LabelOrder;
 
 use crate::comparison::{RowOfTasks, comparisons};
 use crate::measure::Unit;
 use crate::published_confusion::TACTMAT_MATERIALS;
+use crate::questions::{Crossval, costs, sample_efficiency};
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{
-    DataRecord, ExperimentError, FeatureMap, Measure, Measurement, Part, Row, Statistic, Summary,
-    Task, TaskRecord,
+    DataRecord, ExperimentError, Job, Measure, Measurement, Part, Question, Row, Statistic,
+    Summary, Task, TaskRecord, grouping_of_counts,
 };
-
-/// A finished task with everything that the summary needs, for all questions.
-pub(crate) struct FinishedTask<'a> {
-    pub(crate) task: &'a Task,
-    /// Name inside the model's recipe.
-    pub(crate) model: String,
-    /// Name of the data set, including its treatment.
-    pub(crate) data: String,
-    pub(crate) label_order: LabelOrder,
-    pub(crate) origin: DataOrigin,
-    pub(crate) data_sha256: String,
-    pub(crate) assumed_rate_hz: Option<f64>,
-    pub(crate) materials: usize,
-    pub(crate) levels: MeanRemoval,
-    /// Time steps of a sweep, and the requested number of steps.
-    pub(crate) steps: (usize, Option<usize>),
-    pub(crate) processors: Vec<String>,
-    pub(crate) test_share: f64,
-    pub(crate) measurements: Vec<Measurement>,
-    pub(crate) maps: Vec<FeatureMap>,
-    pub(crate) record: TaskRecord,
-}
-
-impl FinishedTask<'_> {
-    /// Returns the name of the data set without its treatment.
-    pub(crate) fn data_name(&self) -> &str {
-        let mut name = self.data.as_str();
-        if self.label_order == LabelOrder::Permuted {
-            name = name.strip_suffix(", labels permuted").unwrap_or(name);
-        }
-        if let Some(steps) = self.steps.1 {
-            name = name
-                .strip_suffix(&format!(", first {steps} steps"))
-                .unwrap_or(name);
-        }
-        name
-    }
-
-    /// Returns the key of the contender that a measurement belongs to.
-    pub(crate) fn contender(&self, method: &str, setting: &str) -> String {
-        let levels = match self.levels {
-            MeanRemoval::None => "",
-            MeanRemoval::PerSweep => ", levels removed",
-        };
-        let steps = self
-            .steps
-            .1
-            .map_or(String::new(), |steps| format!(", {steps} steps"));
-        let setting = match setting {
-            "" => String::new(),
-            setting => format!(", {setting}"),
-        };
-        let method = match method {
-            "plain" => String::new(),
-            "mc_dropout" => ", MC dropout".into(),
-            method => format!(", {method}"),
-        };
-        format!(
-            "{}{levels}{steps}{setting}: {}{method}",
-            self.data_name(),
-            self.task.model
-        )
-    }
-}
+use audits::audits;
+use contenders::contenders;
+use finished::FinishedTask;
+use training::read_training;
 
 /// Returns the key of a row.
 fn key(contender: &str, measurement: &Measurement) -> String {
@@ -152,8 +98,63 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         sample_efficiency: None,
         maps: Vec::new(),
     };
-    question.complete(dir, &mut summary, &finished)?;
+    match &recipe.question {
+        Question::Crossval(asked) => complete(&mut summary, dir, &finished, asked)?,
+        Question::Nshot(_) => {
+            let seed = Seed(summary.seed);
+            summary.sample_efficiency = Some(sample_efficiency(&summary.rows, seed));
+        }
+        Question::FeatureMaps(_) => {
+            summary.maps = finished.iter().flat_map(|task| task.maps.clone()).collect();
+        }
+        Question::Networks(_) => {
+            let costs = costs(&summary.rows);
+            summary
+                .rows
+                .iter_mut()
+                .zip(costs)
+                .for_each(|(row, cost)| row.cost = cost);
+        }
+        _ => {}
+    }
     Ok(summary)
+}
+
+/// Adds contenders, published values, audits and groups to the summary of a cross-validation.
+fn complete(
+    summary: &mut Summary,
+    dir: &ExperimentDir,
+    finished: &[FinishedTask<'_>],
+    asked: &Crossval,
+) -> Result<(), ExperimentError> {
+    summary.contenders = contenders(dir, summary, finished, asked)?;
+    for row in &mut summary.rows {
+        let published = summary
+            .contenders
+            .iter()
+            .find(|contender| contender.key == row.contender)
+            .and_then(|contender| contender.published.as_ref());
+        row.published = match (published, row.measure, row.sweeps) {
+            (Some(published), Measure::Accuracy, Some(1)) => Some(published.one_sweep / 100.0),
+            (Some(published), Measure::Accuracy, Some(3)) => Some(published.three_sweeps / 100.0),
+            _ => None,
+        };
+    }
+    let scored = summary.scored();
+    let audits = audits(&scored);
+    let grouped = scored.iter().filter(|contender| {
+        asked.groups > 0 && !contender.probe && contender.materials.len() > asked.groups
+    });
+    let groups = grouped
+        .map(|contender| {
+            let (counts, repeats) = (&contender.confusion, contender.repeats());
+            let grouping = grouping_of_counts(counts, asked.groups, repeats, summary.seed);
+            let grouping = grouping.with_three_sweeps(&contender.fused_confusion);
+            (contender.key.clone(), grouping)
+        })
+        .collect();
+    (summary.audits, summary.groups) = (audits, groups);
+    Ok(())
 }
 
 /// Returns the means of all quantities over the tasks, in the order of their first measurement.
@@ -266,8 +267,8 @@ impl ExperimentDir {
     /// Reads the result of a finished task.
     fn finished<'a>(&'a self, task: &'a Task) -> Result<FinishedTask<'a>, ExperimentError> {
         match &task.job {
-            crate::Job::Train(_) => crate::questions::read_training(self, task),
-            crate::Job::Question(asked) => {
+            Job::Train(_) => read_training(self, task),
+            Job::Question(asked) => {
                 let result = self.question_result(task)?;
                 Ok(FinishedTask {
                     task,
@@ -301,11 +302,6 @@ impl ExperimentDir {
     }
 }
 
-/// Returns true for a row of single-sweep accuracy, which ranks the contenders of a cross-validation.
-pub(crate) fn is_one_sweep_accuracy(row: &Row) -> bool {
-    row.measure == Measure::Accuracy && row.sweeps == Some(1)
-}
-
 /// Returns a title without the reference to the thesis in brackets, which only applies to TactMat.
 fn without_source(title: &str) -> &str {
     title.split(" (thesis, ").next().unwrap_or(title)
@@ -314,78 +310,11 @@ fn without_source(title: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ExperimentRecipe, Job};
 
     #[test]
     fn titles_of_other_data_name_no_figure_of_the_thesis() {
         let thesis = "Classifiers side by side (thesis, figure 4.6)";
         assert_eq!(without_source(thesis), "Classifiers side by side");
         assert_eq!(without_source("Pairs (own idea)"), "Pairs (own idea)");
-    }
-
-    /// Returns a finished training on the data set of a file with this stem.
-    fn finished<'a>(
-        task: &'a Task,
-        data: &str,
-        label_order: LabelOrder,
-        steps: Option<usize>,
-    ) -> FinishedTask<'a> {
-        FinishedTask {
-            task,
-            model: "net".into(),
-            data: data.into(),
-            label_order,
-            origin: DataOrigin::Recorded,
-            data_sha256: String::new(),
-            assumed_rate_hz: None,
-            materials: 2,
-            levels: MeanRemoval::None,
-            steps: (steps.unwrap_or(1000), steps),
-            processors: Vec::new(),
-            test_share: 0.25,
-            measurements: Vec::new(),
-            maps: Vec::new(),
-            record: TaskRecord {
-                id: task.id.clone(),
-                part: Part::Draw(0),
-                command: String::new(),
-                split: String::new(),
-                split_sha256: String::new(),
-                recipe_sha256: String::new(),
-                git: Vec::new(),
-                seconds: 0.0,
-                chosen: BTreeMap::new(),
-            },
-        }
-    }
-
-    #[test]
-    fn the_name_of_a_data_set_may_hold_a_comma() {
-        let recipe = ExperimentRecipe::load("crossval_baselines", &[]).unwrap();
-        let task = Task {
-            id: "a".into(),
-            model: recipe.models[0].clone(),
-            job: Job::Train(tactnet_pipeline::TrainSpec::default()),
-            probe: None,
-        };
-        for (data, order, steps) in [
-            ("wood, cork", LabelOrder::True, None),
-            ("wood, cork, labels permuted", LabelOrder::Permuted, None),
-            (
-                "wood, cork, first 100 steps, labels permuted",
-                LabelOrder::Permuted,
-                Some(100),
-            ),
-            ("wood, cork, first 100 steps", LabelOrder::True, Some(100)),
-        ] {
-            assert_eq!(
-                finished(&task, data, order, steps).data_name(),
-                "wood, cork",
-                "{data}"
-            );
-        }
-        // A suffix that belongs to the file's own name is kept.
-        let own = finished(&task, "first, first 9 steps", LabelOrder::True, None);
-        assert_eq!(own.data_name(), "first, first 9 steps");
     }
 }

@@ -1,16 +1,19 @@
 //! The results of an experiment: the numbers of the report.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 use tactnet_data::DataOrigin;
-use tactnet_pipeline::MeanRemoval;
 
-use crate::published_confusion::TACTMAT_MATERIALS;
-use crate::{
-    Audit, Comparison, Contender, FeatureMap, Grouping, Measure, Part, Question, SampleEfficiency,
-    Statistic,
-};
+use crate::answer::FeatureMap;
+use crate::audit::Audit;
+use crate::comparison::Comparison;
+use crate::contender::Contender;
+use crate::groups::Grouping;
+use crate::part::Part;
+use crate::questions::{Question, SampleEfficiency};
+use crate::row::Row;
 
 /// All results of an experiment.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -73,6 +76,42 @@ impl Summary {
     pub fn row(&self, key: &str) -> Option<&Row> {
         self.rows.iter().find(|row| row.key == key)
     }
+
+    /// Returns the data sets that do not state their sample rate; `own` also stands for `own, labels permuted`.
+    pub fn assumed_rates(&self) -> Vec<AssumedRate<'_>> {
+        let is_treated = |name: &str| {
+            self.data.keys().any(|whole| {
+                name.strip_prefix(whole.as_str())
+                    .is_some_and(|rest| rest.starts_with(", "))
+            })
+        };
+        let whole = self.data.iter().filter(|(name, _)| !is_treated(name));
+        whole
+            .filter_map(|(data, record)| {
+                let rate_hz = record.assumed_rate_hz?;
+                Some(AssumedRate { data, rate_hz })
+            })
+            .collect()
+    }
+}
+
+/// A data set without a stated sample rate. Its text is a warning.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AssumedRate<'a> {
+    /// Name of the data set.
+    pub data: &'a str,
+    /// Assumed sample rate, in Hz.
+    pub rate_hz: f64,
+}
+
+impl fmt::Display for AssumedRate<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { data, rate_hz } = self;
+        write!(
+            f,
+            "{data} does not state its sample rate; {rate_hz} Hz is assumed"
+        )
+    }
 }
 
 /// A data set of an experiment.
@@ -85,78 +124,6 @@ pub struct DataRecord {
     /// Assumed sample rate, in Hz; absent if the data set states its rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub assumed_rate_hz: Option<f64>,
-}
-
-/// One measure of one contender on one data set, as a mean over tasks.
-///
-/// All draws of new materials come from the same data set, so an interval over draws does not extend to other data
-/// sets.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    /// Unique key within the summary.
-    pub key: String,
-    /// Key of the contender, shared by its rows of other measures and conditions.
-    pub contender: String,
-    /// Name of the data set.
-    pub data: String,
-    /// Origin of the sweeps.
-    pub origin: DataOrigin,
-    /// Number of materials in the data set.
-    pub materials: usize,
-    /// Treatment of the mean of each taxel.
-    pub levels: MeanRemoval,
-    /// Time steps of a sweep.
-    pub steps: usize,
-    /// Name of the model's recipe.
-    pub model: String,
-    /// Name of the method, or of the prediction method: `plain`, `mc_dropout`.
-    pub method: String,
-    /// Condition of the measurement; empty if there is only one.
-    pub setting: String,
-    /// Support sweeps of each new material.
-    pub shots: Option<usize>,
-    /// Sweeps for each decision.
-    pub sweeps: Option<usize>,
-    /// Measured quantity.
-    pub measure: Measure,
-    /// Mean, standard deviation, interval, and one value for each task, in the measure's unit.
-    #[serde(flatten)]
-    pub statistic: Statistic,
-    /// Number of tasks.
-    pub n: usize,
-    /// Number of decisions in all tasks.
-    pub decisions: usize,
-    /// Value published for TactMat, in the same unit.
-    pub published: Option<f64>,
-    /// Value published for humans on TactMat.
-    pub humans: Option<f64>,
-    /// Network, condition, accuracy and cost of the row; only for `networks`.
-    #[serde(flatten, default, skip_serializing_if = "Option::is_none")]
-    pub cost: Option<NetworkCost>,
-}
-
-/// A network under one condition of the question `networks`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct NetworkCost {
-    /// Name of its recipe.
-    pub network: String,
-    /// The condition.
-    pub condition: String,
-    /// Mean accuracy of single sweeps; the row holds its interval.
-    pub accuracy: f64,
-    /// Multiply-adds of one prediction without dropout; only for the standard condition.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub multiply_adds: Option<f64>,
-    /// Training time in seconds; only for the standard condition.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub train_seconds: Option<f64>,
-}
-
-impl Row {
-    /// Returns true if the row is comparable with published numbers: it covers all materials of TactMat or its twin.
-    pub fn is_beside_published(&self) -> bool {
-        self.origin.is_comparable_to_published() && self.materials == TACTMAT_MATERIALS.len()
-    }
 }
 
 /// Provenance of one task's numbers.

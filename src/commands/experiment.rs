@@ -2,6 +2,9 @@
 
 mod arguments;
 mod progress;
+pub mod run_text;
+mod status_text;
+mod table;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -11,8 +14,8 @@ use anyhow::Context;
 use clap::Subcommand;
 use tactnet_data::{DataSource, FindingKind};
 use tactnet_experiments::{
-    Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, Status, assumed_rate_text,
-    export_mlflow, run_locally, run_on_slurm, run_task, summarise, to_html, to_table,
+    AssumedRate, Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, Status,
+    export_mlflow, run_locally, run_on_slurm, run_task, summarise, to_html,
 };
 use tactnet_models::Compute;
 
@@ -21,6 +24,8 @@ use crate::stop::Stop;
 use crate::{failure, output, source};
 use arguments::{DirArgs, Engine, ExportArgs, RunArgs, ShowArgs, TaskArgs};
 use progress::Progress;
+use status_text::StatusText;
+use table::{assumed_rate_text, to_table};
 
 /// Subcommands of `tactnet experiment`.
 #[derive(Subcommand)]
@@ -56,7 +61,7 @@ pub fn run(command: ExperimentCommand) -> anyhow::Result<ExitCode> {
             let status = Status::of(&ExperimentDir::open(&arguments.dir)?);
             match OutputFormat::from_flag(arguments.json) {
                 OutputFormat::Json => output::print_json(&status)?,
-                OutputFormat::Table => output::print(status)?,
+                OutputFormat::Table => output::print(StatusText(&status))?,
             }
             Ok(ExitCode::SUCCESS)
         }
@@ -69,7 +74,7 @@ pub fn run(command: ExperimentCommand) -> anyhow::Result<ExitCode> {
             let dir = ExperimentDir::open(&arguments.dir)?;
             let runs = export_mlflow(&dir, &arguments.mlflow)?;
             output::print(format_args!(
-                "{runs} runs in {0}; look at them with `mlflow ui --backend-store-uri {0}`",
+                "{runs} runs in {0}; view them with `mlflow ui --backend-store-uri {0}`",
                 arguments.mlflow.display()
             ))?;
             Ok(ExitCode::SUCCESS)
@@ -101,7 +106,7 @@ fn this_program() -> anyhow::Result<PathBuf> {
 
 fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen()?;
-    let dir = match arguments.begun()? {
+    let dir = match arguments.started()? {
         Some(dir) => ExperimentDir::open(dir)?,
         None => begin(arguments)?,
     };
@@ -134,7 +139,7 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     progress.end();
     if stop.asked() {
         say!(
-            "stopped; `tactnet experiment run {}` goes on",
+            "stopped; resume with `tactnet experiment run {}`",
             tactnet_pipeline::quoted(&dir.path().display().to_string())
         );
         return Ok(ExitCode::from(failure::INTERRUPTED));
@@ -159,10 +164,8 @@ fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
     recipe.review_data(|dataset, finding| {
         let name = dataset.name();
         if finding.kind == FindingKind::AssumedRate {
-            say!(
-                "warning: {}",
-                assumed_rate_text(name, dataset.sample_rate_hz())
-            );
+            let rate_hz = dataset.sample_rate_hz();
+            say!("warning: {}", assumed_rate_text(AssumedRate { data: name, rate_hz }));
         }
         source::review(Some(name), finding, arguments.axes_are_right)
     })?;

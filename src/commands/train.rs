@@ -7,13 +7,13 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use tactnet_data::Finding;
-use tactnet_experiments::{advice, next_steps, run_text};
 use tactnet_models::{Compute, Trunk};
 use tactnet_pipeline::{
     ModelRecipe, Provenance, RunDir, RunResult, Session, TrainJob, TrainOutcome,
 };
 use tactnet_skin::packets::unfit;
 
+use super::experiment::run_text::{advice, next_steps, run_text};
 use super::choices::{ModelChoice, TrainDeviceChoice};
 use crate::output::{self, OutputFormat};
 use crate::stop::Stop;

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use tactnet_data::{DataError, Remedy};
-use tactnet_experiments::ExperimentError;
+use tactnet_experiments::{ExperimentError, ExperimentRemedy};
 use tactnet_pipeline::PipelineError;
 use tactnet_serving::ServeError;
 use tactnet_simulation::SimulationError;
@@ -69,6 +69,22 @@ pub(super) fn words_of_simulation(cause: &(dyn Error + 'static)) -> Option<&'sta
     }
 }
 
+/// Returns the options that apply the remedy of an experiment's error.
+pub(super) fn words_of_experiment(cause: &(dyn Error + 'static)) -> Option<String> {
+    let error: &ExperimentError = cause.downcast_ref()?;
+    Some(match error.experiment_remedy()? {
+        ExperimentRemedy::Run => "name a folder of `tactnet experiment run`".into(),
+        ExperimentRemedy::OtherFolder => "name another folder with `--out`".into(),
+        ExperimentRemedy::Set(settings) => {
+            let options = settings.iter().map(|setting| {
+                let setting = format!("{}={}", setting.field, setting.value);
+                format!("`--set {}`", tactnet_pipeline::quoted(&setting))
+            });
+            format!("possible with {}", options.collect::<Vec<_>>().join(" "))
+        }
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,6 +121,23 @@ mod tests {
             let text = with_cure("no", Some(&remedy));
             assert!(text.starts_with("no; ") && text.contains(words), "{text}");
         }
+    }
+
+    #[test]
+    fn errors_of_experiments_name_the_settings() {
+        let error = ExperimentError::Unsuitable {
+            origin: "a".into(),
+            reason: "too few sweeps".into(),
+            settings: vec![tactnet_experiments::Setting {
+                field: "models",
+                value: "[\"fast\"]".into(),
+            }],
+        };
+        let words = words_of_experiment(&error).unwrap();
+        assert_eq!(words, "possible with `--set 'models=[\"fast\"]'`");
+        let path = "out".into();
+        let words = words_of_experiment(&ExperimentError::NotPlanned { path }).unwrap();
+        assert!(words.contains("tactnet experiment run"));
     }
 
     #[test]

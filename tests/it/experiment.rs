@@ -296,7 +296,7 @@ fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
     set.arg(lab.path("killed")).args(["--set", "folds=2"]);
     let refused = stderr(&expect(2, set));
     assert!(
-        refused.contains("with the settings that it was begun with"),
+        refused.contains("with the settings that it was started with"),
         "{refused}"
     );
     let mut go_on = tactnet(["experiment", "run"]);

@@ -49,7 +49,7 @@ fn few_training_steps_are_named_and_what_comes_next() {
     let end = said.rfind("next: ").map_or("", |at| &said[at..]);
     assert!(end.contains("hint: 12 training steps are few"), "{said}");
     assert!(
-        found.contains("guessing one of 4 materials is right in 25.0 %"),
+        found.contains("chance level with 4 materials: 25.0 %"),
         "{found}"
     );
     assert!(
@@ -241,10 +241,10 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     };
     let (found, said, page) = experiment("assumed", &[]);
     let warning =
-        "own does not say its sample rate; 750 Hz is assumed, `--set rate_hz=HZ` names it";
+        "own does not state its sample rate; 750 Hz is assumed; `--set rate_hz=HZ` sets it";
     assert!(found.contains(&format!("warning: {warning}")), "{found}");
     assert!(said.contains(&format!("warning: {warning}")), "{said}");
-    assert!(page.contains("<strong>Assumed:</strong> own does not say"));
+    assert!(page.contains("<strong>Assumed:</strong> own does not state"));
     assert!(found.contains("TactNet-II (small), MC dropout"), "{found}");
     assert!(!found.contains("published"), "{found}");
     // Only two of the five folds were requested, which the output states.
@@ -259,7 +259,7 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     let few =
         "TactNet-II (small) on own: 6 training steps are few; `--set epochs=150` trains for 300";
     assert!(found.contains(&format!("hint: {few}")), "{found}");
-    let few = few.replace("`--", "<code>--").replace("`", "</code>");
+    let few = few.replace("`--set epochs=150`", "<code>epochs = 150</code>");
     assert!(page.contains(&few) && page.contains("training steps a fold, which are few."));
     let (found, said, page) = experiment("rated", &["--set", "rate_hz=200"]);
     assert!(
@@ -419,7 +419,7 @@ fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
         refused
     };
     let refused = experiment(&[]);
-    let remedy = "left out by `--set 'models=[\"fast\"]'` `--set 'probes=[\"means\"]'`";
+    let remedy = "possible with `--set 'models=[\"fast\"]'` `--set 'probes=[\"means\"]'`";
     assert!(refused.contains(remedy), "{refused}");
     // The command that `train` suggests, with fewer epochs.
     let proposed = [

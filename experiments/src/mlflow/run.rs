@@ -41,34 +41,10 @@ pub(super) fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
     if let Ok(table) = config.recipe.to_toml().parse::<toml::Table>() {
         flatten("recipe", &Value::Table(table), &mut parameters);
     }
-    let mut metrics = Vec::new();
-    for (method, evaluation) in &result.evaluations {
-        let way = method.name();
-        let Evaluation {
-            one_sweep,
-            fused,
-            negative_log_likelihood,
-            expected_calibration_error,
-            brier,
-            ..
-        } = evaluation;
-        metrics.push((format!("{way}.accuracy"), one_sweep.mean));
-        if let Some(fused) = fused {
-            let name = format!("{way}.accuracy_{}_sweeps", fused.sweeps);
-            metrics.push((name, fused.bayes.mean));
-        }
-        metrics.extend([
-            (
-                format!("{way}.negative_log_likelihood"),
-                *negative_log_likelihood,
-            ),
-            (
-                format!("{way}.expected_calibration_error"),
-                *expected_calibration_error,
-            ),
-            (format!("{way}.brier"), *brier),
-        ]);
-    }
+    let evaluations = result.evaluations.iter();
+    let mut metrics: Vec<(String, f64)> = evaluations
+        .flat_map(|(method, evaluation)| evaluation_metrics(method.name(), evaluation))
+        .collect();
     metrics.push(("train_seconds".into(), result.train_seconds));
     let epochs = run.metrics_before(usize::MAX)?;
     let course = |of: fn(&EpochMetrics) -> f64| -> Vec<(usize, f64)> {
@@ -87,6 +63,28 @@ pub(super) fn training(folder: &Path) -> Result<Option<Run>, ExperimentError> {
         ],
         git: result.git.join(" "),
     }))
+}
+
+/// Returns the metrics of one prediction method.
+fn evaluation_metrics(way: &str, evaluation: &Evaluation) -> Vec<(String, f64)> {
+    let mut metrics = vec![(format!("{way}.accuracy"), evaluation.one_sweep.mean)];
+    if let Some(fused) = &evaluation.fused {
+        let name = format!("{way}.accuracy_{}_sweeps", fused.sweeps);
+        metrics.push((name, fused.bayes.mean));
+    }
+    let scores = [
+        (
+            "negative_log_likelihood",
+            evaluation.negative_log_likelihood,
+        ),
+        (
+            "expected_calibration_error",
+            evaluation.expected_calibration_error,
+        ),
+        ("brier", evaluation.brier),
+    ];
+    metrics.extend(scores.map(|(name, value)| (format!("{way}.{name}"), value)));
+    metrics
 }
 
 /// Reads the result of a question's task.

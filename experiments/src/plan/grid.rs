@@ -6,31 +6,35 @@ use tactnet_data::{DataSource, Seed};
 use tactnet_pipeline::{LabelOrder, MeanRemoval, SplitKind, TrainSpec};
 
 use super::models::Model;
-use super::stem;
-use crate::{ExperimentRecipe, Job, Part, Probe, QuestionTask, Task};
+use super::{Job, QuestionTask, Task, stem};
+use crate::questions::{Ask, Crossval, Question};
+use crate::{ExperimentRecipe, Part, Probe};
 
 /// The recipe with its models.
-pub(crate) struct Grid<'a> {
+pub(super) struct Grid<'a> {
     pub(super) recipe: &'a ExperimentRecipe,
     pub(super) models: &'a [Model],
 }
 
 /// A data set with a treatment of levels and a length of sweeps.
-pub(crate) struct GridPoint<'a> {
+struct GridPoint<'a> {
     recipe: &'a ExperimentRecipe,
     data: &'a str,
     levels: MeanRemoval,
     steps: Option<usize>,
 }
 
-impl<'a> Grid<'a> {
-    /// Returns the models in the order of the recipe.
-    pub(crate) fn models(&self) -> &'a [Model] {
-        self.models
-    }
+/// Position of a training in the cross-validation.
+#[derive(Clone, Copy)]
+struct Place {
+    split: SplitKind,
+    repeat: usize,
+    fold: usize,
+}
 
+impl<'a> Grid<'a> {
     /// Returns all combinations of data set, treatment of levels and length of sweeps.
-    pub(crate) fn points(&self) -> Vec<GridPoint<'a>> {
+    fn points(&self) -> Vec<GridPoint<'a>> {
         let recipe = self.recipe;
         let lengths: Vec<Option<usize>> = if recipe.steps.is_empty() {
             vec![None]
@@ -51,11 +55,52 @@ impl<'a> Grid<'a> {
         points
     }
 
-    /// Plans one task for each part of the data, grid point and network.
+    /// Plans all tasks of the recipe's question.
     ///
     /// # Errors
-    /// A model that is not a network.
-    pub(crate) fn question_tasks(&self, name: &str, parts: &[Part]) -> Result<Vec<Task>, String> {
+    /// A model that is not a network, for a question about networks.
+    pub(super) fn tasks(&self) -> Result<Vec<Task>, String> {
+        match &self.recipe.question {
+            Question::Crossval(asked) => Ok(self.trainings(asked)),
+            question => self.question_tasks(question.ask()),
+        }
+    }
+
+    /// Plans the trainings of a cross-validation fold by fold, so that a partly finished experiment has the same folds
+    /// of every model.
+    fn trainings(&self, asked: &Crossval) -> Vec<Task> {
+        let folds =
+            (0..asked.repeats).flat_map(|repeat| (0..asked.folds).map(move |fold| (repeat, fold)));
+        let mut tasks = Vec::new();
+        for (repeat, fold) in folds {
+            for point in self.points() {
+                for &split in &asked.split {
+                    // Only random splits differ between repeats; the author's split and a hold-out have one fold.
+                    let random = matches!(split, SplitKind::KFold | SplitKind::HoldOut);
+                    let single = matches!(split, SplitKind::TestFlag | SplitKind::HoldOut);
+                    if repeat > 0 && !random || fold > 0 && single {
+                        continue;
+                    }
+                    let place = Place {
+                        split,
+                        repeat,
+                        fold,
+                    };
+                    tasks.extend(asked.probes.iter().map(|probe| point.probe(*probe, place)));
+                    tasks.extend(self.models.iter().map(|model| {
+                        let mut task = point.training(model, place);
+                        task.job.spec_mut().watch_test = asked.watch_test;
+                        task
+                    }));
+                }
+            }
+        }
+        tasks
+    }
+
+    /// Plans one task for each part of the data, grid point and network.
+    fn question_tasks(&self, question: &dyn Ask) -> Result<Vec<Task>, String> {
+        let name = question.name();
         if let Some(model) = self.models.iter().find(|model| !model.is_network) {
             return Err(format!(
                 "model `{}`: the question `{name}` needs networks",
@@ -63,7 +108,7 @@ impl<'a> Grid<'a> {
             ));
         }
         let mut tasks = Vec::new();
-        for &part in parts {
+        for part in question.parts() {
             for point in self.points() {
                 tasks.extend(
                     self.models
@@ -78,7 +123,7 @@ impl<'a> Grid<'a> {
 
 impl GridPoint<'_> {
     /// Returns the task that trains and evaluates one model.
-    pub(crate) fn training(&self, model: &Model, place: (SplitKind, usize, usize)) -> Task {
+    fn training(&self, model: &Model, place: Place) -> Task {
         let mut spec = self.spec(&model.recipe, place);
         spec.inner = model.inner;
         spec.epochs = self.recipe.epochs.filter(|_| model.is_network);
@@ -91,7 +136,7 @@ impl GridPoint<'_> {
     }
 
     /// Returns the task of a probe.
-    pub(crate) fn probe(&self, probe: Probe, place: (SplitKind, usize, usize)) -> Task {
+    fn probe(&self, probe: Probe, place: Place) -> Task {
         let (name, model, label_order) = match probe {
             Probe::Means => (
                 "probe_means",
@@ -147,7 +192,15 @@ impl GridPoint<'_> {
         }
     }
 
-    fn spec(&self, recipe: &str, (split, repeat, fold): (SplitKind, usize, usize)) -> TrainSpec {
+    fn spec(
+        &self,
+        recipe: &str,
+        Place {
+            split,
+            repeat,
+            fold,
+        }: Place,
+    ) -> TrainSpec {
         TrainSpec {
             split: Some(split),
             repeat,
@@ -169,7 +222,15 @@ impl GridPoint<'_> {
         [stem(self.data), format!("{levels}{steps}")]
     }
 
-    fn id(&self, model: &str, (split, repeat, fold): (SplitKind, usize, usize)) -> String {
+    fn id(
+        &self,
+        model: &str,
+        Place {
+            split,
+            repeat,
+            fold,
+        }: Place,
+    ) -> String {
         let [data, rest] = self.parts();
         match split {
             SplitKind::KFold => format!("{data}-{model}{rest}-run{repeat}-fold{fold}"),

@@ -13,7 +13,7 @@ use crate::settings::set;
 use crate::{ExperimentError, ExperimentRecipe};
 
 /// A model of the experiment.
-pub(crate) struct Model {
+pub(super) struct Model {
     pub(super) name: String,
     /// Name of a built-in recipe, or file name of a recipe of the experiment.
     pub(super) recipe: String,

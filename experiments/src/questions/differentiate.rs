@@ -8,18 +8,19 @@ use std::collections::BTreeMap;
 
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
-use tactnet_data::{Fold, Scheme};
-use tactnet_models::{DenseWeights, Mlp};
-use tactnet_pipeline::{MlpTraining, SweepPair, fit_difference};
+use tactnet_data::{Fold, Scheme, Seed};
+use tactnet_models::Mlp;
+use tactnet_pipeline::{Embedding, MlpTraining, SweepPair, fit_difference};
 
-use super::headline::{Headline, best, in_percent, sweeps};
+use super::headline::{Headline, best};
 use super::{
     Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
 };
+use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext, embedded};
 use crate::one_or_many::one_or_many;
 use crate::pairs::{draw, random_pairs, rows_of_label};
-use crate::result::Answer;
+use crate::phrases::{in_percent, sweeps};
 use crate::{Measure, Measurement, Part, Row};
 use hard_pairs::hard_pairs;
 use pair_scorer::{Apart, PairScorer, scaled, threshold};
@@ -113,13 +114,13 @@ impl Ask for Differentiate {
         let guessing = in_percent(0.5);
         let qualifier = match of("hard pairs").find(|row| row.method == best.method) {
             Some(hard) => format!(
-                "Of the pairs that are hardest to tell apart it answers {} rightly; guessing, {guessing}.",
+                "Of the hardest pairs it classifies {} correctly; guessing, {guessing}.",
                 in_percent(hard.statistic.mean)
             ),
-            None => format!("Guessing answers {guessing} rightly."),
+            None => format!("Guessing classifies {guessing} correctly."),
         };
         let says = format!(
-            "of pairs rightly called one material or two, from {} of each ({})",
+            "of pairs classified correctly as the same or different material, from {} of each ({})",
             sweeps(fewest),
             best.method
         );
@@ -139,106 +140,51 @@ impl Ask for Differentiate {
 const TERMS: [(&str, &str); 3] = [
     (
         "Siamese",
-        "Two frozen networks, the Euclidean distance between their outputs, and a small network from it to the answer: as published. Every output: the small network sees the difference of every output instead.",
+        "Two frozen networks, the Euclidean distance between their outputs, and a small network from it to the answer: as published. Every output: the small network takes the difference of every output instead.",
     ),
     (
         "Most probable, Bayes, threshold",
-        "Whether both sweeps have the same most probable material; Bayes' rule on the two posteriors, where half of the pairs are of one material; logistic regression on the distance of embeddings.",
+        "Comparison of the most probable materials; Bayes' rule on the two posteriors, with half of the pairs of one material; logistic regression on the distance of embeddings.",
     ),
     (
         "Hard pairs",
-        "Seven pairs of TactMat's materials that humans were asked about (thesis, section 4.5.3); questions with the answer 'same' come from the same eleven materials.",
+        "Seven pairs of TactMat's materials that human subjects compared (thesis, section 4.5.3); pairs of the same material come from the same eleven materials.",
     ),
 ];
 
 fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
     let (repeat, number) = context.part.repeat_and_fold();
-    let fold = Fold::new(
-        context.dataset,
-        Scheme::default(),
-        context.seed,
-        repeat,
-        number,
-    )?;
+    let scheme = Scheme::default();
+    let fold = Fold::new(context.dataset, scheme, context.seed, repeat, number)?;
     let seed = context.seed_for("differentiation", context.part.stream());
     let classifier = context.trained("classifier", &fold.train, seed)?;
     context.say("embedding")?;
     let train = embedded(&classifier, &fold.train)?;
     let test = embedded(&classifier, &fold.test)?;
-    let pairs = random_pairs(
-        &train.labels,
-        TRAINING_PAIRS,
-        &mut seed.rng("training pairs"),
-    );
-    let mut scorers = vec![
-        ("most probable", PairScorer::MostProbable),
-        ("Bayes", PairScorer::Bayes),
-    ];
-    context.say("threshold")?;
-    scorers.push(("threshold", threshold(&train, &pairs)?));
-    for (name, apart) in [
-        ("siamese", Apart::Outputs),
-        ("siamese, every output", Apart::EveryOutput),
-    ] {
-        context.say(name)?;
-        let distances = apart.of(&train, &pairs);
-        let scale = distances.values().iter().sum::<f32>() / distances.values().len() as f32;
-        let layers: Vec<DenseWeights> = Mlp::init(
-            &[distances.width(), HIDDEN, HIDDEN, 2],
-            context.device,
-            &mut seed.rng(("pair network", distances.width())),
-        )
-        .layers();
-        let mlp = fit_difference(
-            &layers,
-            &scaled(distances, scale),
-            &pairs,
-            TRAINING,
-            seed,
-            context.device,
-        )?;
-        scorers.push((
-            name,
-            PairScorer::Network {
-                apart,
-                mlp: Box::new(mlp),
-                scale,
-            },
-        ));
-    }
+    let scorers = fitted_scorers(&train, seed, context)?;
     context.say("test pairs")?;
     let names: Vec<&str> = context.dataset.labels().names().collect();
     let hard = hard_pairs(&names);
     let mut measurements = Vec::new();
     let fewest = rows_of_label(&test.labels).iter().map(Vec::len).min();
     // A pair of the same material needs twice as many of its sweeps.
-    for sweeps in sweeps
-        .iter()
-        .copied()
-        .filter(|sweeps| Some(2 * sweeps) <= fewest)
-    {
+    for &sweeps in sweeps.iter().filter(|sweeps| Some(2 * **sweeps) <= fewest) {
         let mut rng = seed.rng(("test pairs", sweeps));
-        let mut trials = vec![("all pairs", trials(&test.labels, None, sweeps, &mut rng))];
+        let all = trials(&test.labels, None, sweeps, &mut rng);
+        let mut settings = vec![("all pairs", all)];
         if let Some(hard) = &hard {
-            trials.push((
-                "hard pairs",
-                self::trials(&test.labels, Some(hard), sweeps, &mut rng),
-            ));
+            let hard = trials(&test.labels, Some(hard), sweeps, &mut rng);
+            settings.push(("hard pairs", hard));
         }
-        for (setting, trials) in trials {
+        for (setting, trials) in settings {
             let pairs: Vec<SweepPair> = trials.concat();
             for (name, scorer) in &scorers {
                 let p = scorer.probabilities(&test, &pairs);
-                let right = p
-                    .chunks(sweeps)
-                    .zip(&trials)
-                    .filter(|(p, trial)| differ(p) == trial[0].different);
+                let decisions = p.chunks(sweeps).zip(&trials);
+                let right = decisions.filter(|(p, trial)| differ(p) == trial[0].different);
                 let accuracy = right.count() as f64 / trials.len() as f64;
-                measurements.push(
-                    Measurement::new(Measure::Accuracy, name, accuracy, trials.len())
-                        .setting(setting)
-                        .sweeps(sweeps),
-                );
+                let found = Measurement::new(Measure::Accuracy, name, accuracy, trials.len());
+                measurements.push(found.setting(setting).sweeps(sweeps));
             }
         }
     }
@@ -249,6 +195,38 @@ fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer,
         chosen: BTreeMap::new(),
         maps: Vec::new(),
     })
+}
+
+/// Fits all methods to random pairs of training sweeps.
+fn fitted_scorers(
+    train: &Embedding,
+    seed: Seed,
+    context: &StudyContext<'_>,
+) -> Result<Vec<(&'static str, PairScorer)>, Cancelled> {
+    let mut rng = seed.rng("training pairs");
+    let pairs = random_pairs(&train.labels, TRAINING_PAIRS, &mut rng);
+    context.say("threshold")?;
+    let mut scorers = vec![
+        ("most probable", PairScorer::MostProbable),
+        ("Bayes", PairScorer::Bayes),
+        ("threshold", threshold(train, &pairs)?),
+    ];
+    for (name, apart) in [
+        ("siamese", Apart::Outputs),
+        ("siamese, every output", Apart::EveryOutput),
+    ] {
+        context.say(name)?;
+        let distances = apart.of(train, &pairs);
+        let scale = distances.values().iter().sum::<f32>() / distances.values().len() as f32;
+        let widths = [distances.width(), HIDDEN, HIDDEN, 2];
+        let mut rng = seed.rng(("pair network", distances.width()));
+        let layers = Mlp::init(&widths, context.device, &mut rng).layers();
+        let distances = scaled(distances, scale);
+        let mlp = fit_difference(&layers, &distances, &pairs, TRAINING, seed, context.device)?;
+        let mlp = Box::new(mlp);
+        scorers.push((name, PairScorer::Network { apart, mlp, scale }));
+    }
+    Ok(scorers)
 }
 
 /// Returns the majority decision of a trial's pairs.
@@ -305,8 +283,6 @@ fn trials(
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::Seed;
-
     use super::*;
 
     #[test]

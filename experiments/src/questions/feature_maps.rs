@@ -11,14 +11,13 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
 use tactnet_models::Features;
 
-use super::headline::{Headline, in_percent};
+use super::headline::Headline;
 use super::{Ask, Compared, Figure, draws, one, six, within};
+use crate::answer::{Answer, FeatureMap};
 use crate::context::{Cancelled, StudyContext, embedded};
+use crate::phrases::in_percent;
 use crate::published_confusion::{TACTMAT_MATERIALS, robot};
-use crate::result::Answer;
-use crate::summarise::FinishedTask;
-use crate::tasks::ExperimentDir;
-use crate::{ExperimentError, Measure, Measurement, Part, Row, Summary};
+use crate::{Measure, Measurement, Part, Row};
 
 /// Number of neighbours for the purity.
 const NEIGHBOURS: usize = 5;
@@ -26,22 +25,6 @@ const NEIGHBOURS: usize = 5;
 const PERPLEXITY: f32 = 30.0;
 /// Standard deviation of t-SNE's initial points.
 const START: f32 = 1e-4;
-
-/// A two-dimensional embedding of sweeps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FeatureMap {
-    /// Choice of materials: `easy` or `hard`.
-    pub choice: String,
-    /// Embedded space: `input` or `embedding`.
-    pub space: String,
-    /// Names of the materials in label order.
-    pub materials: Vec<String>,
-    /// `[sweeps]`, label of each sweep.
-    pub labels: Vec<usize>,
-    /// `[sweeps]`, points by t-SNE (van der Maaten & Hinton, 2008).
-    pub points: Vec<[f32; 2]>,
-}
 
 /// Fields of the question about feature maps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -111,16 +94,6 @@ impl Ask for FeatureMaps {
         None
     }
 
-    fn complete(
-        &self,
-        _dir: &ExperimentDir,
-        summary: &mut Summary,
-        finished: &[FinishedTask<'_>],
-    ) -> Result<(), ExperimentError> {
-        summary.maps = finished.iter().flat_map(|task| task.maps.clone()).collect();
-        Ok(())
-    }
-
     fn headline(&self, rows: &[&Row]) -> Option<Headline> {
         let of = |setting: &'static str, space: &'static str| {
             rows.iter()
@@ -138,7 +111,7 @@ impl Ask for FeatureMaps {
         );
         let qualifier = match of(setting, "input") {
             Some(input) => format!(
-                "Among the raw digits it is {}, by chance about {}.",
+                "In the raw digits it is {}, by chance about {}.",
                 in_percent(input.statistic.mean),
                 in_percent(1.0 / self.new_materials as f64)
             ),
@@ -162,7 +135,7 @@ impl Ask for FeatureMaps {
 /// Glossary of the report.
 const TERMS: [(&str, &str); 1] = [(
     "Purity",
-    "Share of the five nearest sweeps that are of the same material, in the whole space or in the plane that t-SNE makes of it.",
+    "Share of the five nearest sweeps that are of the same material, in the complete space or in its t-SNE plane.",
 )];
 
 fn feature_maps(task: &FeatureMaps, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {

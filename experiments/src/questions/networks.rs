@@ -8,15 +8,14 @@ use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{DataSource, Dataset, Fold, Scheme, SweepView};
 use tactnet_pipeline::{Classifier, Evaluation, PredictionMethod};
 
-use super::headline::{Headline, best, in_percent};
+use super::headline::{Headline, best};
 use super::{Ask, Compared, Figure, check_counts, check_folds, five, folds, one};
+use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext};
 use crate::one_or_many::one_or_many;
-use crate::result::Answer;
-use crate::summarise::{FinishedTask, is_one_sweep_accuracy};
-use crate::summary::NetworkCost;
-use crate::tasks::ExperimentDir;
-use crate::{ExperimentError, Measure, Measurement, Part, Row, Summary};
+use crate::phrases::in_percent;
+use crate::row::NetworkCost;
+use crate::{Measure, Measurement, Part, Row};
 
 /// Number of sweeps that are fused into one decision.
 const FUSED: usize = 3;
@@ -75,7 +74,7 @@ impl Ask for Networks {
         check_folds(self.folds, self.repeats, None)?;
         check_counts("sweeps", &self.sweeps)?;
         if self.inner && self.blocks {
-            return Err("`blocks`: an inner part of a fold leaves no block out; leave out `inner` or `blocks`".into());
+            return Err("`blocks`: an inner part of a fold has no left-out block; remove `inner` or `blocks`".into());
         }
         for (field, factors) in [("forces", &self.forces), ("speeds", &self.speeds)] {
             if let Some(factor) = factors.iter().find(|f| !(f.is_finite() && **f > 0.0)) {
@@ -103,48 +102,10 @@ impl Ask for Networks {
         (measure == Measure::Accuracy).then_some(Compared::Networks { sweeps: 1 })
     }
 
-    fn complete(
-        &self,
-        _dir: &ExperimentDir,
-        summary: &mut Summary,
-        _finished: &[FinishedTask<'_>],
-    ) -> Result<(), ExperimentError> {
-        let of = |row: &Row, measure: Measure| {
-            let mut same = summary.rows.iter().filter(|other| {
-                (
-                    &other.data,
-                    &other.model,
-                    other.levels,
-                    other.steps,
-                    &other.setting,
-                ) == (&row.data, &row.model, row.levels, row.steps, &row.setting)
-            });
-            same.find(|other| other.measure == measure)
-                .map(|other| other.statistic.mean)
-        };
-        let costs: Vec<Option<NetworkCost>> = summary
-            .rows
-            .iter()
-            .map(|row| {
-                is_one_sweep_accuracy(row).then(|| NetworkCost {
-                    network: row.model.clone(),
-                    condition: row.setting.clone(),
-                    accuracy: row.statistic.mean,
-                    multiply_adds: of(row, Measure::MultiplyAdds).map(|millions| millions * 1e6),
-                    train_seconds: of(row, Measure::TrainSeconds),
-                })
-            })
-            .collect();
-        for (row, cost) in summary.rows.iter_mut().zip(costs) {
-            row.cost = cost;
-        }
-        Ok(())
-    }
-
     fn headline(&self, rows: &[&Row]) -> Option<Headline> {
         let accuracies = || {
             let rows = rows.iter().copied();
-            rows.filter(|row| is_one_sweep_accuracy(row))
+            rows.filter(|row| row.is_one_sweep_accuracy())
         };
         let chosen = best(accuracies().filter(|row| row.setting == USUAL))?;
         let worst = accuracies()
@@ -159,7 +120,7 @@ impl Ask for Networks {
                 in_percent(worst.statistic.mean)
             )
         };
-        let says = "of single sweeps recognised, trained and tested as usual".into();
+        let says = "of single sweeps recognised under the standard condition".into();
         Some(Headline::of(chosen, says, qualifier))
     }
 
@@ -172,19 +133,46 @@ impl Ask for Networks {
     }
 }
 
+/// Returns the network, condition and cost of each row of single-sweep accuracy, in the order of the rows.
+pub(crate) fn costs(rows: &[Row]) -> Vec<Option<NetworkCost>> {
+    let of = |row: &Row, measure: Measure| {
+        let mut same = rows.iter().filter(|other| {
+            (
+                &other.data,
+                &other.model,
+                other.levels,
+                other.steps,
+                &other.setting,
+            ) == (&row.data, &row.model, row.levels, row.steps, &row.setting)
+        });
+        same.find(|other| other.measure == measure)
+            .map(|other| other.statistic.mean)
+    };
+    let cost = |row: &Row| {
+        row.is_one_sweep_accuracy().then(|| NetworkCost {
+            network: row.model.clone(),
+            condition: row.setting.clone(),
+            accuracy: row.statistic.mean,
+            multiply_adds: of(row, Measure::MultiplyAdds).map(|millions| millions * 1e6),
+            train_seconds: of(row, Measure::TrainSeconds),
+        })
+    };
+    rows.iter().map(cost).collect()
+}
+
 /// Glossary of the report.
 const TERMS: [(&str, &str); 4] = [
     (
         "As trained",
-        "Test sweeps are felt as the training sweeps were: a fold of the data.",
+        "Test sweeps under the same conditions as the training sweeps: a fold of the data.",
     ),
     (
         "Force, speed \u{d7} 0.7",
-        "The same test sweeps, felt with this share of the usual force or speed; the network was trained at the usual one. Twins alone.",
+        "The same test sweeps with this factor on the standard force or speed; the network was trained at the standard one. Only for twins.",
     ),
     (
         "10 sweeps a material",
-        "The network learnt from so many sweeps of every material instead of all of the fold.",
+        "The network was trained on this number of sweeps of each material instead of all of the fold.",
     ),
     (
         "Multiply-adds",

@@ -9,23 +9,22 @@
 
 mod efficiency;
 mod few_shots;
+mod knowledge;
 mod method;
 mod transfer;
 mod tuning;
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::Seed;
 
-use super::headline::{Headline, best, in_percent, sweeps};
+use super::headline::{Headline, best};
 use super::{Ask, Compared, Figure, Published, check_counts, draws, one, six, within};
+use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext};
 use crate::one_or_many::one_or_many;
-use crate::result::Answer;
-use crate::summarise::FinishedTask;
-use crate::tasks::ExperimentDir;
-use crate::{ExperimentError, Measure, Part, Row, Summary};
+use crate::phrases::{in_percent, sweeps};
+use crate::{Measure, Part, Row};
 pub use efficiency::SampleEfficiency;
-use efficiency::sample_efficiency;
+pub(crate) use efficiency::sample_efficiency;
 pub use method::TransferMethod;
 use transfer::transfer;
 
@@ -135,16 +134,6 @@ impl Ask for Nshot {
         }
     }
 
-    fn complete(
-        &self,
-        _dir: &ExperimentDir,
-        summary: &mut Summary,
-        _finished: &[FinishedTask<'_>],
-    ) -> Result<(), ExperimentError> {
-        summary.sample_efficiency = Some(sample_efficiency(&summary.rows, Seed(summary.seed)));
-        Ok(())
-    }
-
     fn headline(&self, rows: &[&Row]) -> Option<Headline> {
         let fewest = rows.iter().filter_map(|row| row.shots).min()?;
         let accuracies = || {
@@ -156,7 +145,7 @@ impl Ask for Nshot {
         let scratch = accuracies().find(|row| row.method == "nk" && row.method != best.method);
         let qualifier = match scratch {
             Some(scratch) => format!(
-                "From the same sweeps a network without pre-knowledge reaches {}, guessing {guessing}.",
+                "A network from scratch reaches {}, guessing {guessing}.",
                 in_percent(scratch.statistic.mean)
             ),
             None => format!("Guessing reaches {guessing}."),
@@ -200,22 +189,22 @@ impl Ask for Nshot {
 const TERMS: [(&str, &str); 5] = [
     (
         "OL, OL-FCL, OL-mean",
-        "The network learnt on the known materials stays as it is but for its output layer; or its last two layers; or the output layer is drawn towards the known materials' weights (thesis, section 4.6). As a prior mean that all classes share changes no softmax, OL-mean differs from OL by the strength of the prior alone.",
+        "Fine-tuning of the output layer (OL) or of the last two layers (OL-FCL) of a network trained on the known materials, or an output layer with a prior at the known materials' weights (OL-mean; thesis, section 4.6). A prior mean that all classes share does not change the softmax, so OL-mean differs from OL only by the strength of the prior.",
     ),
     (
         "NK",
-        "No pre-knowledge: a whole network learns the new materials alone. It is trained in one fold of every draw (or in as many as the recipe says), the other methods in all five.",
+        "No prior knowledge: a complete network is trained on the new materials alone, in one fold of every draw (or as many as the recipe sets); the other methods use all five.",
     ),
     (
         "SimpleShot, LDA, whitened OL, tuned OL",
-        "Nearest class mean of centred, normalised features (Wang et al., 2019); nearest class mean, and an output layer, on features whitened with the known materials' covariance; an output layer on plain features. Strengths are chosen on known materials.",
+        "Nearest class mean of centred, normalised features (Wang et al., 2019); nearest class mean, and an output layer, on features whitened with the known materials' covariance; an output layer on plain features. Strengths are selected on known materials.",
     ),
     (
         "NN, Siamese, Siamese-full",
-        "Nearest neighbour in the embedding; the same after the dense layer alone was trained on pairs of known sweeps, so that sweeps of one material come close (contrastive loss); the same of a network that was trained on pairs from the beginning, as in the thesis.",
+        "Nearest neighbour in the embedding; the same after training the dense layer on pairs of known sweeps with a contrastive loss; the same for a network trained on pairs from the beginning, as in the thesis.",
     ),
     (
         "OL-FCL",
-        "150 steps of Adam from the network's own dense layer; unlike the output layers alone, this has no end at which a gradient vanishes.",
+        "150 steps of Adam from the network's own dense layer; unlike fitting an output layer, this does not converge to a vanishing gradient.",
     ),
 ];

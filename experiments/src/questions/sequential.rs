@@ -3,19 +3,20 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::{Fold, Scheme, shuffle};
+use tactnet_data::{Fold, Scheme, Seed, shuffle};
 use tactnet_models::Belief;
-use tactnet_pipeline::PredictionMethod;
+use tactnet_pipeline::{PredictionMethod, Predictions};
 
-use super::headline::{Headline, best, in_percent};
+use super::headline::{Headline, best};
 use super::{
     Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
 };
+use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext};
 use crate::measure::method_name;
 use crate::one_or_many::one_or_many;
 use crate::pairs::rows_of_label;
-use crate::result::Answer;
+use crate::phrases::in_percent;
 use crate::{Measure, Measurement, Part, Row};
 
 /// Probabilities at which a decision stops.
@@ -108,14 +109,14 @@ impl Ask for Sequential {
         let chosen = soonest.map(|(row, _)| row).or_else(|| best(until()))?;
         let qualifier = match (fixed(3, &chosen.method), fixed(1, &chosen.method)) {
             (Some(three), Some(one)) => format!(
-                "Three sweeps in any case reach {}, one alone {}.",
+                "Three fixed sweeps reach {}, a single one {}.",
                 in_percent(three),
                 in_percent(one)
             ),
             _ => format!("No decision takes more than {MAX_SWEEPS} sweeps."),
         };
         let says = format!(
-            "of decisions right after {:.1} sweeps on average, sweeping {} ({})",
+            "of decisions correct after {:.1} sweeps on average, rule: {} ({})",
             taken(chosen)?,
             chosen.setting,
             method_name(&chosen.method)
@@ -135,7 +136,7 @@ impl Ask for Sequential {
 /// Glossary of the report.
 const TERMS: [(&str, &str); 1] = [(
     "Until 0.99, fixed 3",
-    "Sweeps are fused until the most probable material has this probability, at most ten. Fixed 3: three sweeps in any case.",
+    "Sweeps are fused until the most probable material has this probability, at most ten. Fixed 3: always three sweeps.",
 )];
 
 /// Stopping rule of a decision.
@@ -145,74 +146,50 @@ enum Rule {
     Fixed(usize),
 }
 
+impl Rule {
+    /// Returns the name of the rule in results.
+    fn setting(self) -> String {
+        match self {
+            Self::Until(probability) => format!("until {probability}"),
+            Self::Fixed(sweeps) => format!("fixed {sweeps}"),
+        }
+    }
+
+    /// Takes sweeps in the order of `rows` until the rule stops, and returns the belief.
+    fn decide(self, predictions: &Predictions, rows: &[usize]) -> Belief {
+        let most = match self {
+            Self::Until(_) => MAX_SWEEPS,
+            Self::Fixed(sweeps) => sweeps,
+        };
+        let mut belief = Belief::flat(predictions.labels.len());
+        for row in rows.iter().take(most) {
+            belief.fuse(&predictions.sweeps[*row].log_probability);
+            let stop = match self {
+                Self::Until(sure) => belief.probabilities()[belief.label()] >= sure,
+                Self::Fixed(_) => false,
+            };
+            if stop {
+                break;
+            }
+        }
+        belief
+    }
+}
+
 fn sequential(fixed: &[usize], context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
     let (repeat, number) = context.part.repeat_and_fold();
-    let fold = Fold::new(
-        context.dataset,
-        Scheme::default(),
-        context.seed,
-        repeat,
-        number,
-    )?;
+    let scheme = Scheme::default();
+    let fold = Fold::new(context.dataset, scheme, context.seed, repeat, number)?;
     let seed = context.seed_for("sequential", context.part.stream());
     let classifier = context.trained("classifier", &fold.train, seed)?;
     context.say("beliefs")?;
     let mut measurements = Vec::new();
-    for method in [
-        PredictionMethod::Plain,
-        PredictionMethod::McDropout {
-            mc_samples: MC_SAMPLES,
-        },
-    ] {
+    let dropout = PredictionMethod::McDropout {
+        mc_samples: MC_SAMPLES,
+    };
+    for method in [PredictionMethod::Plain, dropout] {
         let predictions = classifier.predict(&fold.test, method)?;
-        let labels: Vec<usize> = predictions.sweeps.iter().map(|sweep| sweep.label).collect();
-        let of_label = rows_of_label(&labels);
-        let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
-        let rules = THRESHOLDS.map(Rule::Until).into_iter().chain(
-            fixed
-                .iter()
-                .copied()
-                .filter(|sweeps| *sweeps <= fewest)
-                .map(Rule::Fixed),
-        );
-        for rule in rules {
-            let (mut right, mut taken, mut decisions) = (0, 0, 0);
-            for (label, rows) in of_label.iter().enumerate() {
-                for order in 0..ORDERS {
-                    let mut rows = rows.clone();
-                    shuffle(&mut rows, &mut seed.rng(("order of sweeps", label, order)));
-                    let most = match rule {
-                        Rule::Until(_) => MAX_SWEEPS,
-                        Rule::Fixed(sweeps) => sweeps,
-                    };
-                    let mut belief = Belief::flat(predictions.labels.len());
-                    for row in rows.iter().take(most) {
-                        belief.fuse(&predictions.sweeps[*row].log_probability);
-                        let stop = match rule {
-                            Rule::Until(sure) => belief.probabilities()[belief.label()] >= sure,
-                            Rule::Fixed(_) => false,
-                        };
-                        if stop {
-                            break;
-                        }
-                    }
-                    right += usize::from(belief.label() == labels[rows[0]]);
-                    taken += belief.sweeps();
-                    decisions += 1;
-                }
-            }
-            let setting = match rule {
-                Rule::Until(sure) => format!("until {sure}"),
-                Rule::Fixed(sweeps) => format!("fixed {sweeps}"),
-            };
-            for (measure, sum) in [(Measure::Accuracy, right), (Measure::MeanSweeps, taken)] {
-                let value = sum as f64 / decisions as f64;
-                measurements.push(
-                    Measurement::new(measure, method.name(), value, decisions)
-                        .setting(setting.as_str()),
-                );
-            }
-        }
+        measurements.extend(measured(&predictions, method, fixed, seed));
     }
     Ok(Answer {
         measurements,
@@ -221,4 +198,43 @@ fn sequential(fixed: &[usize], context: &StudyContext<'_>) -> Result<Answer, Can
         chosen: BTreeMap::new(),
         maps: Vec::new(),
     })
+}
+
+/// Returns accuracy and mean number of sweeps of each rule.
+///
+/// - `fixed`: fixed numbers of sweeps; those that a material does not have are skipped
+fn measured(
+    predictions: &Predictions,
+    method: PredictionMethod,
+    fixed: &[usize],
+    seed: Seed,
+) -> Vec<Measurement> {
+    let labels: Vec<usize> = predictions.sweeps.iter().map(|sweep| sweep.label).collect();
+    let of_label = rows_of_label(&labels);
+    let fewest = of_label.iter().map(Vec::len).min().unwrap_or(0);
+    let fixed = fixed.iter().copied().filter(|sweeps| *sweeps <= fewest);
+    let rules = THRESHOLDS
+        .map(Rule::Until)
+        .into_iter()
+        .chain(fixed.map(Rule::Fixed));
+    let mut measurements = Vec::new();
+    for rule in rules {
+        let (mut right, mut taken, mut decisions) = (0, 0, 0);
+        for (label, rows) in of_label.iter().enumerate() {
+            for order in 0..ORDERS {
+                let mut rows = rows.clone();
+                shuffle(&mut rows, &mut seed.rng(("order of sweeps", label, order)));
+                let belief = rule.decide(predictions, &rows);
+                right += usize::from(belief.label() == labels[rows[0]]);
+                taken += belief.sweeps();
+                decisions += 1;
+            }
+        }
+        for (measure, sum) in [(Measure::Accuracy, right), (Measure::MeanSweeps, taken)] {
+            let value = sum as f64 / decisions as f64;
+            let measurement = Measurement::new(measure, method.name(), value, decisions);
+            measurements.push(measurement.setting(rule.setting()));
+        }
+    }
+    measurements
 }

@@ -17,12 +17,13 @@ use tactnet_pipeline::{
     NoveltyScorer, TrainEmbeddings, least_probability, prediction_set, upper_quantile,
 };
 
-use super::headline::{Headline, best, in_percent, sweeps};
+use super::headline::{Headline, best};
 use super::{Ask, Compared, Figure, check_counts, draws, given_or, one, six, within};
+use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext, embedded};
 use crate::one_or_many::one_or_many;
 use crate::pairs::rows_of_label;
-use crate::result::Answer;
+use crate::phrases::{in_percent, sweeps};
 use crate::{Measure, Measurement, Part, Row};
 use roc::auroc;
 
@@ -95,14 +96,14 @@ impl Ask for Unknown {
         };
         let qualifier = match (beside(Measure::Detected), beside(Measure::FalseAlarms)) {
             (Some(detected), Some(false_alarms)) => format!(
-                "With its threshold set for {} false alarms it finds {detected} of the unknown sweeps and calls {false_alarms} of the \
-                 known ones unknown.",
+                "With its threshold set for {} false alarms it detects {detected} of the unknown sweeps and rejects {false_alarms} of the \
+                 known ones.",
                 in_percent(FALSE_ALARMS)
             ),
             _ => format!("Guessing reaches {}.", in_percent(0.5)),
         };
         let says = format!(
-            "AUROC of {} over {}: how often an unknown material looks stranger than a known one",
+            "AUROC of {} over {}: probability that an unknown material scores higher than a known one",
             best.method,
             sweeps(fewest)
         );
@@ -122,19 +123,19 @@ impl Ask for Unknown {
 const TERMS: [(&str, &str); 4] = [
     (
         "AUROC",
-        "Chance that a sweep of an unknown material looks stranger than one of a known material.",
+        "Probability that a sweep of an unknown material has a higher score than one of a known material.",
     ),
     (
         "False alarms, detected",
-        "Share of known and of unknown sweeps above a threshold that sweeps of known materials, which nothing was trained on, set for 5 % false alarms.",
+        "Share of known and of unknown sweeps above the threshold for 5 % false alarms, which is set on held-out sweeps of known materials.",
     ),
     (
         "Conformal set",
-        "All labels whose probability is above a calibrated bound; it holds the true one as often as its target says.",
+        "All labels whose probability is above a calibrated bound; it contains the true label with the target probability.",
     ),
     (
         "Energy, largest probability, mutual information, whitened distance",
-        "Four scores that grow with strangeness: minus the log of the summed exponentials of the outputs; minus the log of the largest probability; how much dropout masks disagree; distance to the nearest class mean, whitened with the known sweeps' covariance.",
+        "Four novelty scores: minus the log of the summed exponentials of the outputs; minus the log of the largest probability; disagreement of dropout masks; distance to the nearest class mean, whitened with the known sweeps' covariance.",
     ),
 ];
 

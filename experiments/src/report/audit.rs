@@ -1,34 +1,35 @@
-//! What each data set gives away without texture.
+//! The section on probes: information in each data set other than texture.
 
-use tactnet_plot::escape;
+use maud::{Markup, html};
 
+use super::table::{Heading, plain};
 use super::text::{percent, prose};
-use crate::questions::listed;
+use crate::phrases::listed;
 use crate::{Audit, Summary};
 
-/// Returns a table for each data set; `None` if none was probed.
-pub(super) fn section(summary: &Summary) -> Option<String> {
-    if summary.audits.is_empty() {
-        return None;
-    }
-    let audits: String = summary.audits.iter().map(audit).collect();
-    Some(format!(
-        "<p>A classifier can score well without feeling texture: by the level of each taxel, or by recognising the recording \
-         block. These probes show how far that would get it.</p>\n<div class=\"cards\">\n{audits}</div>\n"
-    ))
+/// Returns a table for each data set; `None` without probes.
+pub(super) fn section(summary: &Summary) -> Option<Markup> {
+    (!summary.audits.is_empty()).then(|| {
+        html! {
+            p {
+                "A classifier can score well without texture: by the level of each taxel, or by recognising the recording "
+                "block. These probes measure how accurate that is."
+            }
+            div.cards { @for audit in &summary.audits { (card(audit)) } }
+        }
+    })
 }
 
-fn audit(audit: &Audit) -> String {
+fn card(audit: &Audit) -> Markup {
     let best = match &audit.best {
         Some((model, _)) if !audit.tied.is_empty() => format!(
-            "Best contender ({}; as accurate: {}), random folds",
-            escape(model),
-            escape(&listed(&audit.tied))
+            "Best contender ({model}; as accurate: {}), random folds",
+            listed(&audit.tied)
         ),
-        Some((model, _)) => format!("Best contender ({}), random folds", escape(model)),
-        None => "Best contender, random folds".to_string(),
+        Some((model, _)) => format!("Best contender ({model}), random folds"),
+        None => "Best contender, random folds".into(),
     };
-    let lines: String = [
+    let measured = [
         (
             best.as_str(),
             audit.best.as_ref().map(|(_, accuracy)| *accuracy),
@@ -42,23 +43,22 @@ fn audit(audit: &Audit) -> String {
             audit.means,
         ),
         ("MiniRocket on permuted labels", audit.permuted),
-    ]
-    .iter()
-    .filter_map(|(measure, accuracy)| {
-        let shown = percent((*accuracy)?);
-        Some(format!(
-            "<tr><th scope=\"row\">{measure}</th><td class=\"number\">{shown}</td></tr>\n"
-        ))
-    })
-    .collect();
-    format!(
-        "<div class=\"card\">\n<h3>{}</h3>\n<table>\n<thead><tr><th scope=\"col\">Measured</th>\
-         <th scope=\"col\" class=\"number\">1 sweep, %</th></tr></thead>\n<tbody>\n{lines}\
-         <tr><th scope=\"row\">Chance (sd of guessing)</th><td class=\"number\">{} ({})</td></tr>\n</tbody>\n</table>\n\
-         <p>{}</p>\n</div>\n",
-        escape(&audit.data),
-        percent(audit.chance),
-        percent(audit.chance_sigma),
-        prose(&audit.verdict)
-    )
+    ];
+    let (chance, sigma) = (percent(audit.chance), percent(audit.chance_sigma));
+    let rows = html! {
+        @for (measure, accuracy) in measured {
+            @if let Some(accuracy) = accuracy {
+                tr { th scope="row" { (measure) } td.number { (percent(accuracy)) } }
+            }
+        }
+        tr { th scope="row" { "Chance (sd of guessing)" } td.number { (chance) " (" (sigma) ")" } }
+    };
+    let headings = [Heading::text("Measured"), Heading::number("1 sweep, %", "")];
+    html! {
+        div.card {
+            h3 { (audit.data) }
+            (plain("", &headings, &rows))
+            p { (prose(&audit.verdict)) }
+        }
+    }
 }

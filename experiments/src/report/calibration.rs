@@ -1,61 +1,58 @@
-//! How far a model's confidence can be trusted: reliability diagrams and risk-coverage curves.
+//! Calibration of a model's confidence: reliability diagrams and risk-coverage curves.
 
-use tactnet_plot::{Axes, Axis, Series, escape, figure, legend};
+use maud::{Markup, PreEscaped, html};
+use tactnet_plot::{Axes, Axis, Series, figure, legend};
 
 use super::data_set::DataSet;
-use super::text::percent;
+use super::text::{percent, px};
 use crate::ReliabilityBin;
-use crate::questions::Scored;
+use crate::scored::Scored;
 
-/// Bins of confidence in a summary.
+/// Number of confidence bins in a summary.
 const BINS: usize = 15;
 
-/// Sweeps below which the accuracy of a bin is faint: its standard deviation is then up to 10 points.
+/// Number of sweeps below which a bin is drawn faint: the standard deviation of its accuracy is then up to 10 points.
 const FEW: usize = 25;
 
-/// Points of a curve that are drawn at most.
+/// Maximum number of drawn points of a curve.
 const POINTS: usize = 160;
 
-/// Reliability of the best contender and of those behind it.
-pub(super) fn reliability(set: &DataSet) -> String {
+/// Returns the reliability diagram of the best contenders.
+pub(super) fn reliability(set: &DataSet) -> Markup {
     let rows = shown(set, |row| !row.reliability.is_empty());
     let Some(best) = rows.first() else {
-        return String::new();
+        return html! {};
     };
     let axes = square(
         Axis::percent("confidence, %", 1.0, 0.2),
         Axis::percent("accuracy, %", 1.0, 0.2),
     );
-    let mut content = axes.grid();
-    content.push_str(&format!(
-        "<line class=\"diagonal\" x1=\"{:.1}\" y1=\"{:.1}\" x2=\"{:.1}\" y2=\"{:.1}\"/>\n",
-        axes.x(0.0),
-        axes.y(0.0),
-        axes.x(1.0),
-        axes.y(1.0)
-    ));
-    for (series, row) in rows.iter().enumerate().rev() {
-        content.push_str(&bins(Series::nth(series), row.reliability, &axes));
-    }
-    content.push_str(&counts(best.reliability, &axes));
+    let content = html! {
+        (PreEscaped(axes.grid()))
+        line.diagonal x1=(px(axes.x(0.0))) y1=(px(axes.y(0.0))) x2=(px(axes.x(1.0))) y2=(px(axes.y(1.0))) {}
+        @for (series, row) in rows.iter().enumerate().rev() { (bins(Series::nth(series), &row.reliability, &axes)) }
+        (counts(&best.reliability, &axes))
+    };
     let name = set.name(best);
     let title = format!("Reliability of {name} on {}", set.heading());
-    format!(
-        "<figure>\n{}{}<figcaption>Reliability: accuracy against mean confidence in {BINS} bins; on the dashed diagonal \
-         confidence is deserved, below it is overconfidence. Bins of fewer than {FEW} sweeps are faint. Bars: sweeps of {} in each bin. ECE of {}: {}\u{a0}%.</figcaption>\n</figure>\n",
-        figure(400.0, 474.0, &title, &content),
-        names(set, &rows),
-        escape(&name),
-        escape(&name),
-        percent(best.expected_calibration_error.mean)
-    )
+    html! {
+        figure {
+            (PreEscaped(figure(400.0, 474.0, &title, &content.0)))
+            (names(set, &rows))
+            figcaption {
+                "Reliability: accuracy against mean confidence in " (BINS) " bins. Calibrated confidence lies on the dashed "
+                "diagonal, overconfidence below it. Bins of fewer than " (FEW) " sweeps are faint. Bars: sweeps of " (name)
+                " in each bin. ECE of " (name) ": " (percent(best.expected_calibration_error.mean)) "\u{a0}%."
+            }
+        }
+    }
 }
 
-/// Risk against coverage for the best contender and those behind it.
-pub(super) fn risk_coverage(set: &DataSet) -> String {
+/// Returns the risk-coverage curves of the best contenders.
+pub(super) fn risk_coverage(set: &DataSet) -> Markup {
     let rows = shown(set, |row| !row.risk_coverage.is_empty());
     let Some(best) = rows.first() else {
-        return String::new();
+        return html! {};
     };
     let largest = rows
         .iter()
@@ -86,17 +83,18 @@ pub(super) fn risk_coverage(set: &DataSet) -> String {
             .collect();
         content.push_str(&axes.line(Series::nth(series), &points, points.len().div_ceil(8)));
     }
-    let title = format!(
-        "Risk against coverage on {}, best: {}",
-        set.heading(),
-        set.name(best)
-    );
-    format!(
-        "<figure>\n{}{}<figcaption>Risk and coverage: the error that remains when only the most confident sweeps are answered. \
-         Lower is better; the right end is the error of answering always.</figcaption>\n</figure>\n",
-        figure(400.0, 400.0, &title, &content),
-        names(set, &rows)
-    )
+    let (data, name) = (set.heading(), set.name(best));
+    let title = format!("Risk against coverage on {data}, best: {name}");
+    html! {
+        figure {
+            (PreEscaped(figure(400.0, 400.0, &title, &content)))
+            (names(set, &rows))
+            figcaption {
+                "Risk and coverage: the remaining error if only the most confident sweeps are answered. Lower is better; the "
+                "right end is the error without rejection."
+            }
+        }
+    }
 }
 
 fn square(horizontal: Axis, vertical: Axis) -> Axes {
@@ -110,7 +108,7 @@ fn square(horizontal: Axis, vertical: Axis) -> Axes {
     }
 }
 
-/// The best contenders that have what is to be drawn.
+/// Returns the best contenders that have something to draw.
 fn shown<'a>(set: &DataSet<'a>, drawable: impl Fn(&Scored<'_>) -> bool) -> Vec<&'a Scored<'a>> {
     set.contenders()
         .into_iter()
@@ -119,67 +117,58 @@ fn shown<'a>(set: &DataSet<'a>, drawable: impl Fn(&Scored<'_>) -> bool) -> Vec<&
         .collect()
 }
 
-fn names(set: &DataSet, rows: &[&Scored<'_>]) -> String {
+fn names(set: &DataSet, rows: &[&Scored<'_>]) -> Markup {
     let names: Vec<String> = rows.iter().map(|row| set.name(row)).collect();
-    legend(&names)
+    PreEscaped(legend(&names))
 }
 
-/// Accuracy of the bins; those of few sweeps, and the lines that end there, are faint.
-fn bins(series: Series, bins: &[ReliabilityBin], axes: &Axes) -> String {
-    let mut svg = String::new();
+/// Draws the accuracy of bins; bins of few sweeps, and lines that end there, are faint.
+fn bins(series: Series, bins: &[ReliabilityBin], axes: &Axes) -> Markup {
     let point = |bin: &ReliabilityBin| (bin.confidence, bin.accuracy);
     let enough = |bin: &ReliabilityBin| bin.count >= FEW;
-    for pair in bins.windows(2) {
-        let line = axes.path(series, &[point(&pair[0]), point(&pair[1])]);
-        svg.push_str(&faint(!pair.iter().all(enough), line));
-    }
-    for bin in bins {
+    let marker = |bin: &ReliabilityBin| {
         let (x, y) = point(bin);
-        let marker = series.group(&series.marker(axes.x(x), axes.y(y)));
-        svg.push_str(&faint(!enough(bin), marker));
-    }
-    svg
-}
-
-fn faint(is_faint: bool, content: String) -> String {
-    if is_faint {
-        format!("<g class=\"faint\">{content}</g>")
-    } else {
-        content
+        series.group(&series.marker(axes.x(x), axes.y(y)))
+    };
+    html! {
+        @for pair in bins.windows(2) {
+            (faint(!pair.iter().all(enough), axes.path(series, &[point(&pair[0]), point(&pair[1])])))
+        }
+        @for bin in bins { (faint(!enough(bin), marker(bin))) }
     }
 }
 
-/// Bars below the horizontal axis: sweeps in each bin.
-fn counts(bins: &[ReliabilityBin], axes: &Axes) -> String {
+fn faint(is_faint: bool, content: String) -> Markup {
+    html! {
+        @if is_faint { g.faint { (PreEscaped(content)) } } @else { (PreEscaped(content)) }
+    }
+}
+
+/// Draws bars below the horizontal axis with the number of sweeps in each bin.
+fn counts(bins: &[ReliabilityBin], axes: &Axes) -> Markup {
     let (ground, tallest) = (axes.top + axes.height + 112.0, 56.0);
     let largest = bins.iter().map(|bin| bin.count).max().unwrap_or(0).max(1);
     let width = axes.width / BINS as f64;
-    let bars: String = bins
-        .iter()
-        .map(|bin| {
-            let place = ((bin.confidence * BINS as f64) as usize).min(BINS - 1);
-            let height = tallest * bin.count as f64 / largest as f64;
-            format!(
-                "<rect{} x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{height:.1}\"><title>{} sweeps</title></rect>\n",
-                if bin.count < FEW { " class=\"faint\"" } else { "" },
-                axes.left + width * place as f64 + 1.0,
-                ground - height,
-                width - 2.0,
-                bin.count
-            )
-        })
-        .collect();
-    format!(
-        "<g class=\"counts\">{bars}</g><line class=\"grid\" x1=\"{:.1}\" x2=\"{:.1}\" y1=\"{ground:.1}\" y2=\"{ground:.1}\"/>\
-         <text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{largest}</text><text class=\"end\" x=\"{:.1}\" y=\"{ground:.1}\">0</text>\
-         <text class=\"middle label\" transform=\"translate(12 {:.1}) rotate(-90)\">sweeps</text>\n",
-        axes.left,
-        axes.left + axes.width,
-        axes.left - 6.0,
-        ground - tallest + 8.0,
-        axes.left - 6.0,
-        ground - tallest / 2.0
-    )
+    let height = |bin: &ReliabilityBin| tallest * bin.count as f64 / largest as f64;
+    let left = |bin: &ReliabilityBin| {
+        let place = ((bin.confidence * BINS as f64) as usize).min(BINS - 1);
+        axes.left + width * place as f64 + 1.0
+    };
+    let (start, end) = (px(axes.left), px(axes.left + axes.width));
+    let labels = px(axes.left - 6.0);
+    let title = format!("translate(12 {}) rotate(-90)", px(ground - tallest / 2.0));
+    html! {
+        g.counts {
+            @for bin in bins {
+                rect.faint[bin.count < FEW] x=(px(left(bin))) y=(px(ground - height(bin))) width=(px(width - 2.0))
+                    height=(px(height(bin))) { title { (bin.count) " sweeps" } }
+            }
+        }
+        line.grid x1=(start) x2=(end) y1=(px(ground)) y2=(px(ground)) {}
+        text.end x=(labels) y=(px(ground - tallest + 8.0)) { (largest) }
+        text.end x=(labels) y=(px(ground)) { "0" }
+        text.middle.label transform=(title) { "sweeps" }
+    }
 }
 
 #[cfg(test)]
@@ -203,7 +192,8 @@ mod tests {
                 bin(0.9, 900),
             ],
             &axes,
-        );
+        )
+        .into_string();
         // One marker and the line that leads to it.
         assert_eq!(svg.matches("class=\"faint\"").count(), 2);
         assert_eq!(svg.matches("<polyline").count(), 3);

@@ -1,17 +1,16 @@
-//! A confusion matrix as a heat map whose cells can be pointed at or walked through with the arrow keys.
+//! A confusion matrix as a heat map that shows its cells on pointing and with the arrow keys.
 
-use tactnet_plot::{HeatMap, escape, figure, shade, text_width};
+use maud::{Markup, PreEscaped, html};
+use tactnet_plot::{HeatMap, figure, shade, text_width};
 
-use super::class_bars;
-use super::text::{percent, shortened};
+use super::class_bars::{self, Layout};
+use super::table::{Heading, plain};
+use super::text::{NAME_LIMIT, percent, px, shortened};
 use crate::Grouping;
-
-/// Longest material name that is written out in a figure.
-pub(super) const NAME_LIMIT: usize = 34;
 
 /// The cells of a matrix, `[true][predicted]`.
 pub(super) enum Cells {
-    /// Sweeps.
+    /// Numbers of sweeps.
     Counts(Vec<Vec<usize>>),
     /// Shares of the row, 0 to 1.
     Shares(Vec<Vec<f64>>),
@@ -27,7 +26,7 @@ pub(super) struct Confusion<'a> {
 }
 
 impl<'a> Confusion<'a> {
-    /// Materials in the order of `names`.
+    /// Returns a matrix with the materials in the order of `names`.
     pub fn new(title: String, names: Vec<&'a str>, cells: Cells) -> Self {
         Self {
             title,
@@ -37,7 +36,7 @@ impl<'a> Confusion<'a> {
         }
     }
 
-    /// Materials of one group beside each other; groups and the materials within keep their order.
+    /// Moves the materials of each group together; groups and the materials within keep their order.
     pub fn grouped(mut self, grouping: &Grouping) -> Self {
         if grouping.group_of.len() != self.names.len() {
             return self;
@@ -56,7 +55,7 @@ impl<'a> Confusion<'a> {
         self
     }
 
-    /// Share of a true material's sweeps; 0 where it has none.
+    /// Returns the share of a true material's sweeps; 0 if it has none.
     pub fn share(&self, truth: usize, predicted: usize) -> f64 {
         match &self.cells {
             Cells::Shares(cells) => cells[truth][predicted],
@@ -67,15 +66,15 @@ impl<'a> Confusion<'a> {
         }
     }
 
-    /// Accuracy of every material.
+    /// Returns the accuracy of each material.
     pub fn class_accuracies(&self) -> Vec<f64> {
         (0..self.names.len()).map(|k| self.share(k, k)).collect()
     }
 
-    /// The most frequent confusions as a table, with at most `limit` lines.
-    pub fn most_frequent(&self, limit: usize) -> String {
+    /// Returns a table of the most frequent confusions, with at most `limit` rows.
+    pub fn most_frequent(&self, limit: usize) -> Markup {
         let Cells::Counts(cells) = &self.cells else {
-            return String::new();
+            return html! {};
         };
         let mut pairs: Vec<(usize, usize)> = (0..cells.len())
             .flat_map(|truth| (0..cells.len()).map(move |predicted| (truth, predicted)))
@@ -83,31 +82,29 @@ impl<'a> Confusion<'a> {
             .collect();
         pairs.sort_by(|a, b| self.share(b.0, b.1).total_cmp(&self.share(a.0, a.1)));
         if pairs.is_empty() {
-            return "<p>No sweep was mistaken.</p>\n".to_string();
+            return html! { p { "No sweep was misclassified." } };
         }
-        let lines: String = pairs
-            .iter()
-            .take(limit)
-            .map(|&(truth, predicted)| {
-                format!(
-                    "<tr><td>{}</td><td>{}</td><td class=\"number\">{} of {}</td><td class=\"number\">{}</td></tr>\n",
-                    escape(self.names[truth]),
-                    escape(self.names[predicted]),
-                    cells[truth][predicted],
-                    cells[truth].iter().sum::<usize>(),
-                    percent(self.share(truth, predicted))
-                )
-            })
-            .collect();
-        format!(
-            "<table>\n<caption>Most frequent confusions</caption>\n<thead><tr><th scope=\"col\">True</th><th scope=\"col\">\
-             Predicted</th><th scope=\"col\" class=\"number\">Sweeps</th><th scope=\"col\" class=\"number\">%</th></tr></thead>\n\
-             <tbody>\n{lines}</tbody>\n</table>\n"
-        )
+        let headings = [
+            Heading::text("True"),
+            Heading::text("Predicted"),
+            Heading::number("Sweeps", ""),
+            Heading::number("%", ""),
+        ];
+        let rows = html! {
+            @for &(truth, predicted) in pairs.iter().take(limit) {
+                tr {
+                    td { (self.names[truth]) }
+                    td { (self.names[predicted]) }
+                    td.number { (cells[truth][predicted]) " of " (cells[truth].iter().sum::<usize>()) }
+                    td.number { (percent(self.share(truth, predicted))) }
+                }
+            }
+        };
+        plain("Most frequent confusions", &headings, &rows)
     }
 
-    /// With names and a bar of accuracy for each material.
-    pub fn detailed(&self) -> String {
+    /// Returns the matrix with names and a bar of accuracy for each material.
+    pub fn detailed(&self) -> Markup {
         let size = self.names.len();
         let cell = (560.0 / size.max(1) as f64).clamp(14.0, 30.0).floor();
         let labels: Vec<String> = self
@@ -115,90 +112,74 @@ impl<'a> Confusion<'a> {
             .iter()
             .map(|name| shortened(name, NAME_LIMIT))
             .collect();
-        // Room for names in wide fonts, and for the axis titles in the corner, where no name reaches.
+        // Room for names in wide fonts, and for the axis titles in the corner that no name reaches.
         let margin = (8.0 + 1.2 * text_width(&labels)).max(90.0);
         let side = cell * size as f64;
-        let mut content = String::new();
-        for (k, label) in labels.iter().enumerate() {
-            let middle = margin + cell * (k as f64 + 0.5);
-            content.push_str(&format!(
-                "<text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\
-                 <text transform=\"translate({:.1} {:.1}) rotate(-90)\">{}</text>\n",
-                margin - 6.0,
-                middle + 4.0,
-                escape(label),
-                middle + 4.0,
-                margin - 6.0,
-                escape(label)
-            ));
-        }
-        content.push_str(&format!(
-            "<text class=\"label end\" x=\"{0:.1}\" y=\"{1:.1}\">predicted \u{2192}</text>\
-             <text class=\"label end\" x=\"{0:.1}\" y=\"{2:.1}\">true \u{2193}</text>\n",
-            margin - 6.0,
-            margin - 26.0,
-            margin - 10.0
-        ));
-        content.push_str(&self.heat(margin, margin, cell));
-        let bars = margin + side + 16.0;
-        content.push_str(&class_bars::column(
-            &self.class_accuracies(),
-            "accuracy, %",
-            (bars, margin),
-            (90.0, cell),
-            0,
-        ));
-        self.interactive(
-            &figure(bars + 130.0, margin + side + 6.0, &self.title, &content),
-            (margin, margin, cell),
-        )
+        let left = margin + side + 16.0;
+        let bars = Layout {
+            left,
+            top: margin,
+            width: 90.0,
+            line: cell,
+        };
+        let edge = px(margin - 6.0);
+        let content = html! {
+            @for (k, label) in labels.iter().enumerate() {
+                @let place = px(margin + cell * (k as f64 + 0.5) + 4.0);
+                text.end x=(edge) y=(place) { (label) }
+                text transform={ "translate(" (place) " " (edge) ") rotate(-90)" } { (label) }
+            }
+            text.label.end x=(edge) y=(px(margin - 26.0)) { "predicted \u{2192}" }
+            text.label.end x=(edge) y=(px(margin - 10.0)) { "true \u{2193}" }
+            (self.heat(margin, cell))
+            (class_bars::column(&self.class_accuracies(), "accuracy, %", &bars, 0))
+        };
+        let svg = figure(left + 130.0, margin + side + 6.0, &self.title, &content.0);
+        self.interactive(svg, margin, cell)
     }
 
-    /// Small, with numbers instead of names.
-    pub fn compact(&self) -> String {
+    /// Returns a small matrix with numbers instead of names.
+    pub fn compact(&self) -> Markup {
         let size = self.names.len();
         let cell = (320.0 / size.max(1) as f64).clamp(4.0, 20.0).floor();
         let margin = 24.0;
-        let mut content = String::new();
-        for k in (0..size).step_by(5) {
-            let middle = margin + cell * (k as f64 + 0.5);
-            content.push_str(&format!(
-                "<text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{k}</text>\
-                 <text class=\"middle\" x=\"{middle:.1}\" y=\"{:.1}\">{k}</text>\n",
-                margin - 5.0,
-                middle + 4.0,
-                margin - 6.0
-            ));
-        }
-        content.push_str(&self.heat(margin, margin, cell));
+        let content = html! {
+            @for k in (0..size).step_by(5) {
+                @let middle = margin + cell * (k as f64 + 0.5);
+                text.end x=(px(margin - 5.0)) y=(px(middle + 4.0)) { (k) }
+                text.middle x=(px(middle)) y=(px(margin - 6.0)) { (k) }
+            }
+            (self.heat(margin, cell))
+        };
         let side = margin + cell * size as f64 + 4.0;
-        self.interactive(
-            &figure(side, side, &self.title, &content),
-            (margin, margin, cell),
-        )
+        self.interactive(figure(side, side, &self.title, &content.0), margin, cell)
     }
 
-    fn heat(&self, left: f64, top: f64, cell: f64) -> String {
+    /// Draws the cells and the frames of the groups.
+    ///
+    /// - `margin`: left and top, in user units
+    fn heat(&self, margin: f64, cell: f64) -> Markup {
         let size = self.names.len();
         let shares: Vec<Vec<f64>> = (0..size)
             .map(|truth| (0..size).map(|k| self.share(truth, k)).collect())
             .collect();
-        let map = HeatMap { left, top, cell };
-        let mut svg = map.draw(&shares, |truth, predicted| self.describe(truth, predicted));
-        let mut start = 0;
-        for &end in &self.borders {
-            let (from, width) = (cell * start as f64, cell * (end - start) as f64);
-            svg.push_str(&format!(
-                "<rect class=\"border\" x=\"{:.1}\" y=\"{:.1}\" width=\"{width}\" height=\"{width}\"/>\n",
-                left + from,
-                top + from
-            ));
-            start = end;
+        let map = HeatMap {
+            left: margin,
+            top: margin,
+            cell,
+        };
+        let starts = std::iter::once(0).chain(self.borders.iter().copied());
+        html! {
+            (PreEscaped(map.draw(&shares, |truth, predicted| self.describe(truth, predicted))))
+            @for (start, &end) in starts.zip(&self.borders) {
+                @let from = px(margin + cell * start as f64);
+                @let width = cell * (end - start) as f64;
+                rect.border x=(from) y=(from) width=(width) height=(width) {}
+            }
         }
-        svg
     }
 
-    /// Returns the text of a cell that is pointed at; `report.js` says the same.
+    /// Returns the text of a cell; `report.js` shows the same text.
     fn describe(&self, truth: usize, predicted: usize) -> String {
         let (a, b) = (self.names[truth], self.names[predicted]);
         let share = percent(self.share(truth, predicted));
@@ -212,39 +193,38 @@ impl<'a> Confusion<'a> {
         }
     }
 
-    fn interactive(&self, svg: &str, (left, top, cell): (f64, f64, f64)) -> String {
+    /// Returns a frame with the data that `report.js` needs.
+    fn interactive(&self, svg: String, margin: f64, cell: f64) -> Markup {
         let data = match &self.cells {
             Cells::Counts(cells) => serde_json::json!({ "names": self.names, "counts": cells }),
             Cells::Shares(cells) => serde_json::json!({ "names": self.names, "shares": cells }),
         };
-        format!(
-            "<div class=\"scroll matrix\" tabindex=\"0\" role=\"group\" aria-label=\"{}. Arrow keys move from cell to cell.\" \
-             data-left=\"{left:.1}\" data-top=\"{top:.1}\" data-cell=\"{cell}\" data-matrix=\"{}\">\n{svg}</div>\n",
-            escape(&self.title),
-            escape(&data.to_string())
-        )
+        let label = format!("{}. Arrow keys move from cell to cell.", self.title);
+        html! {
+            div.scroll.matrix tabindex="0" role="group" aria-label=(label) data-left=(px(margin)) data-top=(px(margin))
+                data-cell=(cell) data-matrix=(data) { (PreEscaped(svg)) }
+        }
     }
 }
 
-/// The shades beside what they mean.
-pub(super) fn shades() -> String {
-    let entries: String = [0.01, 0.05, 0.2, 0.5, 1.0]
-        .iter()
-        .map(|&share| {
-            format!(
-                "<li><svg class=\"key\" aria-hidden=\"true\" width=\"18\" height=\"14\"><rect class=\"ground\" width=\"18\" \
-                 height=\"14\"/><g class=\"heat\"><rect width=\"18\" height=\"14\" fill-opacity=\"{:.2}\"/></g></svg> {:.0} %</li>",
-                shade(share),
-                100.0 * share
-            )
-        })
-        .collect();
-    format!(
-        "<ul class=\"legend\" aria-label=\"Shares of a true material's sweeps\">{entries}</ul>\n"
-    )
+/// Returns the key of the shades.
+pub(super) fn shades() -> Markup {
+    html! {
+        ul.legend aria-label="Shares of a true material's sweeps" {
+            @for share in [0.01, 0.05, 0.2, 0.5, 1.0] {
+                li {
+                    svg.key aria-hidden="true" width="18" height="14" {
+                        rect.ground width="18" height="14" {}
+                        g.heat { rect width="18" height="14" fill-opacity=(format!("{:.2}", shade(share))) {} }
+                    }
+                    " " (format!("{:.0} %", 100.0 * share))
+                }
+            }
+        }
+    }
 }
 
-/// Rows and columns of a square matrix in another order: entry `k` of `order` becomes the `k`-th.
+/// Returns a square matrix whose `k`-th row and column are those with index `order[k]`.
 pub(super) fn reordered<T: Copy>(cells: &[Vec<T>], order: &[usize]) -> Vec<Vec<T>> {
     order
         .iter()
@@ -286,7 +266,10 @@ mod tests {
             confusion.describe(2, 2),
             "true b, predicted b: 9 of 10 (90.0 %)"
         );
-        assert_eq!(confusion.detailed().matches("class=\"border\"").count(), 2);
+        assert_eq!(
+            confusion.detailed().0.matches("class=\"border\"").count(),
+            2
+        );
     }
 
     #[test]
@@ -294,7 +277,9 @@ mod tests {
         let name = "W".repeat(60);
         for names in [vec![name.as_str(), "b"], vec!["a", "b"]] {
             let cells = Cells::Counts(vec![vec![4, 0], vec![0, 3]]);
-            let svg = Confusion::new("m".into(), names, cells).detailed();
+            let svg = Confusion::new("m".into(), names, cells)
+                .detailed()
+                .into_string();
             let number = |text: &str, before: &str| -> f64 {
                 let (_, after) = text.split_once(before).unwrap();
                 after.split_once('"').unwrap().0.parse().unwrap()
@@ -315,7 +300,7 @@ mod tests {
     fn cells_without_sweeps_are_not_drawn() {
         let cells = vec![vec![4, 0], vec![0, 0]];
         let confusion = Confusion::new("m".into(), vec!["a", "b"], Cells::Counts(cells));
-        assert_eq!(confusion.compact().matches("<title>true").count(), 1);
+        assert_eq!(confusion.compact().0.matches("<title>true").count(), 1);
         assert_eq!(confusion.class_accuracies(), [1.0, 0.0]);
     }
 }

@@ -1,33 +1,34 @@
-//! The rows of a summary by data set: what may be compared with what.
+//! Groups the rows of a summary by data set, since only such rows are comparable.
 
 use std::cmp::Reverse;
 
 use tactnet_pipeline::MeanRemoval;
 
-use crate::questions::{Scored, rank};
+use crate::phrases::rank;
+use crate::scored::Scored;
 
 /// The rows on one data set with the same treatment of levels.
 pub(super) struct DataSet<'a> {
     /// Name of the data set.
     pub data: &'a str,
-    /// Treatment of the mean of every taxel.
+    /// Treatment of the mean of each taxel.
     pub levels: MeanRemoval,
-    /// In the order of the summary.
+    /// Rows in the order of the summary.
     pub rows: Vec<&'a Scored<'a>>,
 }
 
 impl<'a> DataSet<'a> {
-    /// Name with what happens to levels; not yet escaped.
+    /// Returns the name of the data set with the treatment of levels.
     pub fn heading(&self) -> String {
         format!("{}, levels {}", self.data, self.levels.name())
     }
 
-    /// Rows that are not probes, most accurate first.
+    /// Returns the rows that are not probes, most accurate first.
     pub fn contenders(&self) -> Vec<&'a Scored<'a>> {
         self.most_accurate_first(false)
     }
 
-    /// Rows that are probes, most accurate first.
+    /// Returns the rows that are probes, most accurate first.
     pub fn probes(&self) -> Vec<&'a Scored<'a>> {
         self.most_accurate_first(true)
     }
@@ -35,17 +36,17 @@ impl<'a> DataSet<'a> {
     fn most_accurate_first(&self, probe: bool) -> Vec<&'a Scored<'a>> {
         let own = self.rows.iter().copied();
         let mut rows: Vec<&'a Scored<'a>> = own.filter(|row| row.probe == probe).collect();
-        // Rows that tie stay in the order of the summary.
+        // Equal rows keep the order of the summary.
         rows.sort_by_key(|row| Reverse(rank(row.one_sweep.mean)));
         rows
     }
 
-    /// The most accurate contender; of those that tie, the first of the summary.
+    /// Returns the most accurate contender, or the first of several.
     pub fn best(&self) -> Option<&'a Scored<'a>> {
         self.contenders().first().copied()
     }
 
-    /// Returns the names of contenders that are as accurate as the best one; not yet escaped.
+    /// Returns the names of contenders that are as accurate as the best one.
     pub fn tied(&self) -> Vec<String> {
         let rows = self.contenders();
         let (Some(best), others) = (rows.first(), rows.iter().skip(1)) else {
@@ -57,12 +58,12 @@ impl<'a> DataSet<'a> {
         tied.map(|row| self.name(row)).collect()
     }
 
-    /// Returns a name that tells `row` from the others here; not yet escaped.
+    /// Returns the shortest name that distinguishes `row` from the others here.
     pub fn name(&self, row: &Scored<'_>) -> String {
         let mut name = row.name();
         if self.rows.iter().any(|other| other.split != row.split) {
             name.push_str(", ");
-            name.push_str(&split_name(row.split));
+            name.push_str(&split_name(&row.split));
         }
         if self.rows.iter().any(|other| other.steps != row.steps) {
             name.push_str(&format!(", {} steps", row.steps));
@@ -71,12 +72,12 @@ impl<'a> DataSet<'a> {
     }
 }
 
-/// How a data set was split, for people; not yet escaped.
+/// Returns the display name of a split.
 pub(super) fn split_name(split: &str) -> String {
     split.replace('_', "-")
 }
 
-/// The data sets in the order of their first row.
+/// Groups contenders by data set, in the order of their first row.
 pub(super) fn data_sets<'a>(contenders: &'a [Scored<'a>]) -> Vec<DataSet<'a>> {
     let mut sets: Vec<DataSet> = Vec::new();
     for row in contenders {
@@ -86,7 +87,7 @@ pub(super) fn data_sets<'a>(contenders: &'a [Scored<'a>]) -> Vec<DataSet<'a>> {
         match known {
             Some(set) => set.rows.push(row),
             None => sets.push(DataSet {
-                data: row.data,
+                data: &row.data,
                 levels: row.levels,
                 rows: vec![row],
             }),
@@ -99,16 +100,15 @@ pub(super) fn data_sets<'a>(contenders: &'a [Scored<'a>]) -> Vec<DataSet<'a>> {
 mod tests {
     use super::super::fake;
     use super::*;
-    use crate::questions::scored;
 
     #[test]
     fn a_name_says_what_tells_rows_apart_and_no_more() {
         let mut summary = fake::tactmat();
-        let rows = scored(&summary);
+        let rows = summary.scored();
         assert_eq!(data_sets(&rows)[0].name(&rows[0]), "net, MC dropout");
         summary.contenders[1].steps = 100;
         summary.contenders[1].split = "leave_one_block_out".into();
-        let rows = scored(&summary);
+        let rows = summary.scored();
         let sets = data_sets(&rows);
         assert_eq!(
             sets[0].name(&rows[0]),
@@ -124,7 +124,7 @@ mod tests {
     fn the_best_contender_is_no_probe() {
         let mut summary = fake::tactmat();
         summary.contenders[0].probe = true;
-        let rows = scored(&summary);
+        let rows = summary.scored();
         assert_eq!(data_sets(&rows)[0].best().unwrap().model, "knn");
     }
 }

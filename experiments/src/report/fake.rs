@@ -1,8 +1,9 @@
-//! Small summaries for the tests of the page.
+//! Small summaries for the tests of reports.
 
 use std::collections::BTreeMap;
 
 use crate::published_confusion::TACTMAT_MATERIALS;
+use crate::row::tests::row;
 use tactnet_data::DataOrigin;
 use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind};
 
@@ -12,10 +13,10 @@ use crate::{
     Statistic, Summary, TaskRecord,
 };
 
-/// Must never reach the page as it is.
+/// Text that must be escaped.
 pub(super) const HOSTILE: &str = "<b>&\"</b></script>'";
 
-/// Nothing has ended yet.
+/// Returns a summary without finished tasks.
 pub(super) fn empty() -> Summary {
     Summary {
         schema_version: Summary::SCHEMA_VERSION,
@@ -42,7 +43,7 @@ pub(super) fn empty() -> Summary {
     }
 }
 
-/// Three models on three data sets, a probe, and text that wants to be markup everywhere.
+/// Returns a summary of three models on three data sets and a probe, with hostile text everywhere.
 pub(super) fn summary() -> Summary {
     let materials: Vec<String> = [HOSTILE, "cork", "wood"].map(String::from).to_vec();
     let mut all = empty();
@@ -100,7 +101,7 @@ pub(super) fn summary() -> Summary {
     }
 }
 
-/// One model on TactMat's materials.
+/// Returns a summary of two models on TactMat's materials.
 pub(super) fn tactmat() -> Summary {
     let materials: Vec<String> = TACTMAT_MATERIALS
         .iter()
@@ -118,7 +119,7 @@ pub(super) fn tactmat() -> Summary {
     all
 }
 
-/// An n-shot study with text that wants to be markup everywhere.
+/// Returns an n-shot study with hostile text everywhere.
 pub(super) fn study() -> Summary {
     let mut rows = Vec::new();
     for method in ["nk", "ol-mean", HOSTILE] {
@@ -186,31 +187,6 @@ fn record(id: &str) -> TaskRecord {
         git: vec!["0123456789abcdef".into()],
         seconds: 12.0,
         chosen: BTreeMap::from([(HOSTILE.into(), 0.1)]),
-    }
-}
-
-/// A row of two tasks.
-pub(crate) fn row(data: &str, model: &str, method: &str, measure: Measure) -> Row {
-    Row {
-        key: format!("{data}/{model}, {measure}"),
-        contender: format!("{data}/{model}"),
-        data: data.into(),
-        origin: DataOrigin::Recorded,
-        materials: 3,
-        levels: MeanRemoval::None,
-        steps: 1000,
-        model: model.into(),
-        method: method.into(),
-        setting: String::new(),
-        shots: None,
-        sweeps: None,
-        measure,
-        statistic: Statistic::of(vec![0.4, 0.6], 0.25),
-        n: 2,
-        decisions: 600,
-        published: None,
-        humans: None,
-        cost: None,
     }
 }
 

@@ -1,46 +1,37 @@
-//! Title, headline, and what must be known before the numbers.
+//! The header of a report: title, headline and warnings.
 
 use std::collections::BTreeSet;
 
-use tactnet_plot::escape;
+use maud::{Markup, html};
 
-use super::text::prose;
 use crate::Summary;
 
-/// - `headline`: HTML, the first text after the title
-pub(super) fn header(summary: &Summary, headline: &str) -> String {
+/// Returns the header.
+///
+/// - `headline`: the first text after the title
+pub(super) fn header(summary: &Summary, headline: &Markup) -> Markup {
     let twins = twins(summary);
-    let assumed: String = summary
-        .assumed_rates()
-        .iter()
-        .map(|line| {
-            format!(
-                "<p class=\"note\"><strong>Assumed:</strong> {}</p>\n",
-                prose(line)
-            )
-        })
-        .collect();
-    let note = if twins.is_empty() {
-        String::new()
-    } else {
-        let names: Vec<String> = twins
-            .into_iter()
-            .map(|name| format!("<code>{}</code>", escape(name)))
-            .collect();
-        format!(
-            "<p class=\"note\">The sweeps of {} are synthetic: a generator made them, and the numbers on them are not \
-             TactMat's.</p>\n",
-            names.join(", ")
-        )
-    };
-    format!(
-        "<p class=\"overline\">{}</p>\n<h1>{}</h1>\n{headline}{note}{assumed}",
-        escape(&summary.name),
-        escape(&summary.title)
-    )
+    html! {
+        p.overline { (summary.name) }
+        h1 { (summary.title) }
+        (headline)
+        @if !twins.is_empty() {
+            p.note {
+                "The sweeps of "
+                @for (k, name) in twins.into_iter().enumerate() {
+                    @if k > 0 { ", " }
+                    code { (name) }
+                }
+                " are synthetic: a generator made them, and their results do not hold for TactMat."
+            }
+        }
+        @for assumed in summary.assumed_rates() {
+            p.note { strong { "Assumed:" } " " (assumed) "." }
+        }
+    }
 }
 
-/// Names of the synthetic data sets; `twin` stands for `twin, labels permuted`, too.
+/// Returns the names of the synthetic data sets; `twin` also stands for `twin, labels permuted`.
 fn twins(summary: &Summary) -> BTreeSet<&str> {
     let rows = summary.rows.iter();
     let of_rows = rows.map(|row| (row.data.as_str(), row.origin));
@@ -77,7 +68,7 @@ mod tests {
             };
             summary.data.insert(name.into(), twin);
         }
-        let header = header(&summary, "");
+        let header = header(&summary, &html! {}).into_string();
         assert!(header.contains("<code>twin</code>, <code>twins</code> are synthetic"));
         assert_eq!(header.matches("class=\"note\"").count(), 1);
     }
@@ -85,14 +76,18 @@ mod tests {
     #[test]
     fn a_rate_that_nobody_named_is_marked() {
         let mut summary = fake::summary();
-        assert!(!header(&summary, "").contains("Assumed"));
+        assert!(
+            !header(&summary, &html! {})
+                .into_string()
+                .contains("Assumed")
+        );
         let record = crate::DataRecord {
             sha256: "00".into(),
             origin: tactnet_data::DataOrigin::Recorded,
             assumed_rate_hz: Some(750.0),
         };
         summary.data.insert("own".into(), record);
-        let header = header(&summary, "");
-        assert!(header.contains("own does not say its sample rate; 750 Hz is assumed"));
+        let header = header(&summary, &html! {}).into_string();
+        assert!(header.contains("own does not state its sample rate; 750 Hz is assumed"));
     }
 }

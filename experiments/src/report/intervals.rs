@@ -1,47 +1,45 @@
-//! Accuracy of every row as a dot with its interval.
+//! The accuracy of each row as a dot with its interval.
 //!
-//! Positions are percentages of the width, so that the figure fills a phone without shrinking its letters.
+//! Positions are percentages of the width, so the figure fits a phone without smaller letters.
 
-use tactnet_plot::{Scale, escape};
+use maud::{Markup, html};
+use tactnet_plot::Scale;
 
 use super::data_set::DataSet;
 use super::text::{percent, shortened};
-use crate::questions::Scored;
+use crate::scored::Scored;
 
-/// Height of a row's drawing, px.
-const LINE: f64 = 30.0;
-
-/// Ranges above this have a grid line at every second tenth only.
+/// Width of the range above which only every second tenth has a grid line.
 const WIDE: f64 = 0.65;
 
-/// Returns the figure; `None` before anything has ended.
-pub(super) fn section(sets: &[DataSet]) -> Option<String> {
+/// Returns the figure; `None` without results.
+pub(super) fn section(sets: &[DataSet]) -> Option<Markup> {
     let rows = || sets.iter().flat_map(|set| set.rows.iter().copied());
     let range = Range::over(rows().flat_map(values))?;
-    let mut content = String::new();
-    for set in sets {
-        content.push_str(&format!(
-            "<li class=\"strong\">{}</li>\n",
-            escape(&set.heading())
-        ));
-        for row in set.contenders().into_iter().chain(set.probes()) {
-            content.push_str(&line(&set.name(row), row, &range));
+    let published = rows().any(|row| row.published.is_some());
+    let label = format!(
+        "Accuracy of single sweeps, percent, one line for each of {} rows",
+        rows().count()
+    );
+    Some(html! {
+        figure {
+            ul.intervals aria-label=(label) {
+                @for set in sets {
+                    li.strong { (set.heading()) }
+                    @for row in set.contenders().into_iter().chain(set.probes()) { (line(&set.name(row), row, &range)) }
+                }
+                (range.axis())
+            }
+            figcaption {
+                "Accuracy of single sweeps, %. Dot: mean; bar: 95\u{a0}% interval of the mean; small rings: folds"
+                @if published { "; hollow diamond: published for TactMat" }
+                ". The numbers are those of the table above."
+            }
         }
-    }
-    let diamond = if rows().any(|row| row.published.is_some()) {
-        "; hollow diamond: published for TactMat"
-    } else {
-        ""
-    };
-    Some(format!(
-        "<figure>\n<ul class=\"intervals\" aria-label=\"Accuracy of single sweeps, percent, one line for each of {} rows\">\n{content}{}</ul>\n\
-         <figcaption>Accuracy of single sweeps, %. Dot: mean; bar: 95\u{a0}% interval of the mean; small rings: folds{diamond}. The numbers are those of the table above.</figcaption>\n</figure>\n",
-        rows().count(),
-        range.axis()
-    ))
+    })
 }
 
-/// Everything of a row that has to fit into the figure.
+/// Returns all values of a row that have to fit into the figure.
 fn values(row: &Scored<'_>) -> Vec<f64> {
     let mut values = row.one_sweep.values.clone();
     values.push(row.one_sweep.mean);
@@ -51,62 +49,45 @@ fn values(row: &Scored<'_>) -> Vec<f64> {
 }
 
 fn published(row: &Scored<'_>) -> Option<f64> {
-    row.published.map(|published| published.one_sweep / 100.0)
+    row.published
+        .as_ref()
+        .map(|published| published.one_sweep / 100.0)
 }
 
-/// The name, the drawing, the mean: beside each other, or on a narrow screen the drawing below the two others.
-fn line(name: &str, row: &Scored<'_>, range: &Range) -> String {
-    let class = if row.probe { "row probe" } else { "row" };
-    let name = if row.probe && !name.contains("probe") {
-        format!("{name} (probe)")
+/// Returns name, drawing and mean of a row; on a narrow screen the drawing is below the others.
+fn line(name: &str, row: &Scored<'_>, range: &Range) -> Markup {
+    let suffix = if row.probe && !name.contains("probe") {
+        " (probe)"
     } else {
-        name.to_string()
+        ""
     };
-    let middle = LINE / 2.0;
-    let mut html = format!(
-        "<li class=\"{class}\"><span>{}</span>\
-         <svg class=\"figure\" aria-hidden=\"true\" width=\"100%\" height=\"{LINE:.0}\">{}",
-        escape(&shortened(&name, 44)),
-        range.grid()
-    );
-    for &fold in &row.one_sweep.values {
-        html.push_str(&format!(
-            "<circle class=\"fold\" cx=\"{}\" cy=\"{middle:.0}\" r=\"3\"/>",
-            range.place(fold)
-        ));
+    html! {
+        li.row.probe[row.probe] {
+            span { (shortened(&format!("{name}{suffix}"), 44)) }
+            svg.figure aria-hidden="true" width="100%" height="30" {
+                (range.grid())
+                @for &fold in &row.one_sweep.values { circle.fold cx=(range.place(fold)) cy="15" r="3" {} }
+                @if let Some([low, high]) = row.one_sweep.ci95 {
+                    line.interval x1=(range.place(low)) x2=(range.place(high)) y1="15" y2="15" {}
+                }
+                circle.mean cx=(range.place(row.one_sweep.mean)) cy="15" r="4.5" {}
+                @if let Some(share) = published(row) {
+                    svg.mark x=(range.place(share)) y="15" { path.published d="M0-6 6 0 0 6-6 0z" {} }
+                }
+            }
+            span.value { (percent(row.one_sweep.mean)) }
+        }
     }
-    if let Some([low, high]) = row.one_sweep.ci95 {
-        html.push_str(&format!(
-            "<line class=\"interval\" x1=\"{}\" x2=\"{}\" y1=\"{middle:.0}\" y2=\"{middle:.0}\"/>",
-            range.place(low),
-            range.place(high)
-        ));
-    }
-    html.push_str(&format!(
-        "<circle class=\"mean\" cx=\"{}\" cy=\"{middle:.0}\" r=\"4.5\"/>",
-        range.place(row.one_sweep.mean)
-    ));
-    if let Some(share) = published(row) {
-        html.push_str(&format!(
-            "<svg class=\"mark\" x=\"{}\" y=\"{middle:.0}\"><path class=\"published\" d=\"M0-6 6 0 0 6-6 0z\"/></svg>",
-            range.place(share)
-        ));
-    }
-    html.push_str(&format!(
-        "</svg><span class=\"value\">{}</span></li>\n",
-        percent(row.one_sweep.mean)
-    ));
-    html
 }
 
-/// The range of accuracies that is drawn.
+/// The drawn range of accuracies.
 struct Range {
     low: f64,
     high: f64,
 }
 
 impl Range {
-    /// Whole tens of percent around `values`, within 0 and 1.
+    /// Returns the range of whole tens of percent around `values`, within 0 and 1; `None` without finite values.
     fn over(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (low, high) = values
             .filter(|value| value.is_finite())
@@ -126,7 +107,7 @@ impl Range {
         Some(Self { low, high })
     }
 
-    /// Position of a value, percent of the figure's width.
+    /// Returns the position of a value as a percentage of the figure's width.
     fn place(&self, value: f64) -> String {
         let share = Scale::Linear(self.low..=self.high)
             .share(value)
@@ -134,7 +115,7 @@ impl Range {
         format!("{:.2}%", 3.0 + 94.0 * share)
     }
 
-    /// Values at which there is a grid line.
+    /// Returns the values with a grid line.
     fn ticks(&self) -> impl Iterator<Item = f64> {
         let tenths = ((self.high - self.low) * 10.0).round() as usize;
         let step = if self.high - self.low > WIDE { 2 } else { 1 };
@@ -143,26 +124,23 @@ impl Range {
             .map(|tenth| self.low + tenth as f64 / 10.0)
     }
 
-    fn grid(&self) -> String {
-        let lines = self.ticks().map(|value| {
-            let x = self.place(value);
-            format!("<line class=\"grid\" x1=\"{x}\" x2=\"{x}\" y1=\"0\" y2=\"100%\"/>")
-        });
-        lines.collect()
+    fn grid(&self) -> Markup {
+        html! {
+            @for x in self.ticks().map(|value| self.place(value)) { line.grid x1=(x) x2=(x) y1="0" y2="100%" {} }
+        }
     }
 
-    fn axis(&self) -> String {
-        let labels = self.ticks().map(|value| {
-            let x = self.place(value);
-            format!(
-                "<text class=\"middle\" x=\"{x}\" y=\"14\">{:.0}</text>",
-                100.0 * value
-            )
-        });
-        format!(
-            "<li class=\"row\"><span></span><svg class=\"figure\" aria-hidden=\"true\" width=\"100%\" height=\"20\">{}</svg></li>\n",
-            labels.collect::<String>()
-        )
+    fn axis(&self) -> Markup {
+        html! {
+            li.row {
+                span {}
+                svg.figure aria-hidden="true" width="100%" height="20" {
+                    @for value in self.ticks() {
+                        text.middle x=(self.place(value)) y="14" { (format!("{:.0}", 100.0 * value)) }
+                    }
+                }
+            }
+        }
     }
 }
 

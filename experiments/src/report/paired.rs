@@ -1,104 +1,100 @@
-//! Pairs of rows on the same folds.
+//! Paired comparisons of contenders on the same folds.
 
-use tactnet_plot::escape;
+use maud::{Markup, html};
 
 use super::data_set::DataSet;
-use super::results::Heading::{Number, Text};
-use super::results::{number, sortable};
-use super::text::{decimal, p_value, scroll};
+use super::table::{Heading, body, count, number, sortable};
+use super::text::{decimal, p_value};
 use crate::{Comparison, Summary};
 
-/// So many comparisons are shown at once if fewer are sure; the rest is folded.
+/// Minimum number of comparisons that are shown unfolded.
 const SHOWN: usize = 12;
 
-/// Returns the table; `None` if no two rows share folds.
-pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<String> {
+/// Returns the tables; `None` if no two rows share folds.
+pub(super) fn section(summary: &Summary, sets: &[DataSet]) -> Option<Markup> {
     if summary.comparisons.is_empty() {
         return None;
     }
-    // The heading of its data set, and its name there.
-    let place = |key: &str| -> Option<(String, String)> {
-        let contender = &summary.row(key)?.contender;
-        sets.iter().find_map(|set| {
-            let row = set.rows.iter().find(|row| row.key == contender)?;
-            Some((set.heading(), set.name(row)))
-        })
-    };
-    // Two rows that are compared are of one data set.
-    let several = sets.len() > 1;
-    let name = |key: &str| place(key).map_or_else(|| key.to_string(), |(_, name)| name);
-    // What differs most surely stands first.
+    // The most certain differences come first.
     let mut comparisons: Vec<_> = summary.comparisons.iter().collect();
     comparisons.sort_by(|one, other| {
         let p = |of: &Comparison| of.p_holm.unwrap_or(f64::INFINITY);
         let by_p = p(one).total_cmp(&p(other));
         by_p.then(other.difference.abs().total_cmp(&one.difference.abs()))
     });
-    let line = |comparison: &&Comparison| {
-        let points = 100.0 * comparison.difference;
-        let data = if several {
-            let heading = place(&comparison.first).map(|(data, _)| data);
-            format!("<td>{}</td>", escape(&heading.unwrap_or_default()))
-        } else {
-            String::new()
-        };
-        format!(
-            "<tr>{data}<td>{}</td><td>{}</td>{}{}{}{}</tr>\n",
-            escape(&name(&comparison.first)),
-            escape(&name(&comparison.second)),
-            number(Some(points), &decimal(points, 1)),
-            number(comparison.p, &comparison.p.map(p_value).unwrap_or_default()),
-            number(
-                comparison.p_holm,
-                &comparison.p_holm.map(p_value).unwrap_or_default()
-            ),
-            number(Some(comparison.n as f64), &comparison.n.to_string())
-        )
-    };
-    let mut headings = vec![
-        Text("First"),
-        Text("Second"),
-        Number("First \u{2212} second<br><small>points</small>"),
-        Number("p"),
-        Number("p, Holm"),
-        Number("Folds"),
-    ];
-    if several {
-        headings.insert(0, Text("Data"));
-    }
-    let table = |of: &[&Comparison]| {
-        let lines: String = of.iter().map(line).collect();
-        let table = format!(
-            "<table class=\"sortable\">\n<caption class=\"hidden\">Differences of accuracy on the same folds</caption>\n\
-             <thead><tr>{}</tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n",
-            sortable(&headings)
-        );
-        scroll("Paired comparisons", &table)
-    };
-    let sure = comparisons
+    let certain = comparisons
         .iter()
         .take_while(|comparison| comparison.p_holm.is_some_and(|p| p < 0.05))
         .count();
-    let shown = sure.max(SHOWN).min(comparisons.len());
-    let (first, rest) = comparisons.split_at(shown);
-    let mut tables = table(first);
-    if rest.len() > SHOWN / 2 {
-        tables.push_str(&format!(
-            "<details><summary>{} more, none of them distinguishable at 5 %</summary>\n{}</details>\n",
-            rest.len(),
-            table(rest)
-        ));
+    let shown = certain.max(SHOWN).min(comparisons.len());
+    let shown = if comparisons.len() - shown > SHOWN / 2 {
+        shown
     } else {
-        tables = table(&comparisons);
-    }
-    let of = match sets {
-        [set] => format!(" All rows: {}.", escape(&set.heading())),
-        _ => String::new(),
+        comparisons.len()
     };
-    Some(format!(
-        "<p>Difference of single-sweep accuracy, in percentage points, on the folds that both have. p is from the corrected \
-         resampled t-test (Nadeau and Bengio, 2003), two-sided; beside it after Holm's correction for the comparisons on one data set.{of}</p>\n{tables}"
-    ))
+    let (first, rest) = comparisons.split_at(shown);
+    Some(html! {
+        p {
+            "Difference of single-sweep accuracy, in percentage points, on the folds that both have. p is from the corrected "
+            "resampled t-test (Nadeau and Bengio, 2003), two-sided, and after Holm's correction for the comparisons on one data set."
+            @if let [set] = sets { " All rows: " (set.heading()) "." }
+        }
+        (table(summary, sets, first))
+        @if !rest.is_empty() {
+            details {
+                summary { (rest.len()) " more, none of them distinguishable at 5 %" }
+                (table(summary, sets, rest))
+            }
+        }
+    })
+}
+
+fn table(summary: &Summary, sets: &[DataSet], comparisons: &[&Comparison]) -> Markup {
+    // Heading of the data set, and name in it.
+    let place = |key: &str| -> (String, String) {
+        let contender = summary.row(key).map(|row| &row.contender);
+        let mut places = sets.iter().filter_map(|set| {
+            let row = set.rows.iter().find(|row| Some(&row.key) == contender)?;
+            Some((set.heading(), set.name(row)))
+        });
+        places.next().unwrap_or_else(|| (String::new(), key.into()))
+    };
+    // Two compared rows are of the same data set.
+    let several = sets.len() > 1;
+    let mut headings = vec![
+        Heading::text("First"),
+        Heading::text("Second"),
+        Heading::number("First \u{2212} second", "points"),
+        Heading::number("p", ""),
+        Heading::number("p, Holm", ""),
+        Heading::number("Folds", ""),
+    ];
+    if several {
+        headings.insert(0, Heading::text("Data"));
+    }
+    let rows = html! {
+        @for comparison in comparisons {
+            @let (data, first) = place(&comparison.first);
+            @let points = 100.0 * comparison.difference;
+            tr {
+                @if several { td { (data) } }
+                td { (first) }
+                td { (place(&comparison.second).1) }
+                (number(Some(points), &decimal(points, 1)))
+                (number(comparison.p, &p_value(comparison.p)))
+                (number(comparison.p_holm, &p_value(comparison.p_holm)))
+                (count(Some(comparison.n)))
+            }
+        }
+    };
+    let caption = "Differences of accuracy on the same folds";
+    sortable(
+        "Paired comparisons",
+        "",
+        caption,
+        &headings,
+        &body(None, 0, &rows),
+    )
 }
 
 #[cfg(test)]
@@ -106,9 +102,8 @@ mod tests {
     use super::super::data_set::data_sets;
     use super::super::fake;
     use super::*;
-    use crate::questions::scored;
 
-    /// The table's rows where the pairs have these values of p.
+    /// Returns the table's HTML and its differences for pairs with these p-values.
     fn rows_of(p: &[f64]) -> (String, Vec<f64>) {
         let mut summary = fake::summary();
         let pair = summary.comparisons[0].clone();
@@ -120,8 +115,8 @@ mod tests {
                 ..pair.clone()
             })
             .collect();
-        let rows = scored(&summary);
-        let html = section(&summary, &data_sets(&rows)).unwrap();
+        let rows = summary.scored();
+        let html = section(&summary, &data_sets(&rows)).unwrap().into_string();
         let points = html
             .split("<tr><td>")
             .skip(1)

@@ -1,121 +1,107 @@
-//! Where the numbers come from, folded: the run, and behind every row the folds it was made from.
+//! Provenance of the numbers, folded: the run, and the folds of each row.
 
-use tactnet_plot::escape;
+use maud::{Markup, html};
 
 use super::data_set::{DataSet, split_name};
+use super::table::{Heading, plain};
 use super::text::{commits, duration, file_link, hash, percent, scroll};
 use crate::Summary;
-use crate::questions::Scored;
+use crate::scored::Scored;
 
-/// Command, commit, seed, processor and data of a run.
-pub(super) fn run(summary: &Summary) -> String {
-    let data: String = summary
-        .data
-        .iter()
-        .map(|(name, data)| format!("<li>{} {}</li>", escape(name), hash(&data.sha256)))
-        .collect();
-    let data = if data.is_empty() {
-        data
-    } else {
-        format!("<ul>{data}</ul>")
+/// Returns command, commit, seed, processor and data of a run.
+pub(super) fn run(summary: &Summary) -> Markup {
+    html! {
+        details {
+            summary { "The run: command, commit, seed, data" }
+            dl.facts {
+                (fact("Command", &html! { code { (summary.command) } }))
+                @if !summary.git.is_empty() { (fact("Commit", &commits(&summary.git))) }
+                (fact("Seed", &html! { (summary.seed) }))
+                @if !summary.data.is_empty() {
+                    (fact("Data, SHA-256", &html! {
+                        ul { @for (name, data) in &summary.data { li { (name) " " (hash(&data.sha256)) } } }
+                    }))
+                }
+                @if !summary.processors.is_empty() { (fact("Processor", &html! { (summary.processors.join("; ")) })) }
+                (fact("Tasks", &html! { (summary.tasks_done) " of " (summary.tasks) " done" }))
+                (fact("Training time", &html! { (duration(summary.train_seconds)) ", all tasks together" }))
+                @if !summary.expects.is_empty() { (fact("The recipe expects", &html! { (summary.expects) })) }
+            }
+        }
+    }
+}
+
+fn fact(term: &str, fact: &Markup) -> Markup {
+    html! { div { dt { (term) } dd { (fact) } } }
+}
+
+/// Returns the run and the folds of a cross-validation.
+pub(super) fn section(summary: &Summary, contenders: &[Scored<'_>], sets: &[DataSet]) -> Markup {
+    let of_set = |row: &Scored<'_>| {
+        let mut sets = sets.iter();
+        sets.find(|set| set.data == row.data && set.levels == row.levels)
     };
-    let facts: String = [
-        (
-            "Command",
-            format!("<code>{}</code>", escape(&summary.command)),
-        ),
-        ("Commit", commits(&summary.git)),
-        ("Seed", summary.seed.to_string()),
-        ("Data, SHA-256", data),
-        ("Processor", escape(&summary.processors.join("; "))),
-        (
-            "Tasks",
-            format!("{} of {} done", summary.tasks_done, summary.tasks),
-        ),
-        (
-            "Training time",
-            format!("{}, all tasks together", duration(summary.train_seconds)),
-        ),
-        ("The recipe expects", escape(&summary.expects)),
+    html! {
+        (run(summary))
+        @if !contenders.is_empty() {
+            details {
+                summary { "Folds of all " (contenders.len()) " rows: commit, split, recipe, command, predictions" }
+                div.inset {
+                    @for (index, row) in contenders.iter().enumerate() {
+                        @if let Some(set) = of_set(row) { (folds(summary, index, row, set)) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Returns the folds of a row, which the table of results links to.
+fn folds(summary: &Summary, index: usize, row: &Scored<'_>, set: &DataSet) -> Markup {
+    let name = format!("{}: {}", set.heading(), set.name(row));
+    let headings = [
+        "Run",
+        "Fold",
+        "1 sweep, %",
+        "Commit",
+        "Split",
+        "Recipe",
+        "Command",
+        "Predictions",
     ]
-    .iter()
-    .filter(|(_, fact)| !fact.is_empty())
-    .map(|(term, fact)| format!("<div><dt>{term}</dt><dd>{fact}</dd></div>\n"))
-    .collect();
-    format!(
-        "<details><summary>The run: command, commit, seed, data</summary>\n<dl class=\"facts\">\n{facts}</dl>\n</details>\n"
-    )
-}
-
-/// The run and the folds of a cross-validation.
-pub(super) fn section(summary: &Summary, contenders: &[Scored<'_>], sets: &[DataSet]) -> String {
-    let run = run(summary);
-    if contenders.is_empty() {
-        return run;
+    .map(Heading::text);
+    let folds = row.folds.iter().filter_map(|fold| {
+        Some((
+            fold,
+            summary.records.iter().find(|task| task.id == fold.task)?,
+        ))
+    });
+    let rows = html! {
+        @for (fold, task) in folds {
+            tr {
+                td.number { (fold.repeat) }
+                td.number { (fold.fold) }
+                td.number { (percent(fold.one_sweep)) }
+                td { (commits(&task.git)) }
+                td { (hash(&task.split_sha256)) }
+                td { (hash(&task.recipe_sha256)) }
+                td { code { (task.command) } }
+                td { (file_link(&fold.predictions)) }
+            }
+        }
+    };
+    html! {
+        details id={ "row-" (index) } {
+            summary { (name) }
+            p {
+                (row.n_train) " training and " (row.n_test) " test sweeps for each fold, " (row.steps) " time steps each; test sweeps: "
+                (split_name(&row.split)) "."
+                @if let Some(published) = &row.published { " Comparable published result: " (published.classifier) ", on TactMat." }
+                " Commits, splits and recipes are shortened hashes; the complete ones are their titles."
+            }
+            (scroll(&format!("Folds of {name}"), &plain("", &headings, &rows)))
+        }
     }
-    format!(
-        "{run}<details><summary>Folds of all {} rows: commit, split, recipe, command, predictions</summary>\n\
-         <div class=\"inset\">\n{}</div>\n</details>\n",
-        contenders.len(),
-        folds(summary, contenders, sets)
-    )
-}
-
-fn folds(summary: &Summary, contenders: &[Scored<'_>], sets: &[DataSet]) -> String {
-    let mut html = String::new();
-    for (index, row) in contenders.iter().enumerate() {
-        let Some(set) = sets
-            .iter()
-            .find(|set| set.data == row.data && set.levels == row.levels)
-        else {
-            continue;
-        };
-        let folds: String = row
-            .folds
-            .iter()
-            .filter_map(|fold| {
-                let task = summary.records.iter().find(|task| task.id == fold.task)?;
-                Some(format!(
-                    "<tr><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td>{}</td>\
-                     <td>{}</td><td>{}</td><td><code>{}</code></td><td>{}</td></tr>\n",
-                    fold.repeat,
-                    fold.fold,
-                    percent(fold.one_sweep),
-                    commits(&task.git),
-                    hash(&task.split_sha256),
-                    hash(&task.recipe_sha256),
-                    escape(&task.command),
-                    file_link(&fold.predictions)
-                ))
-            })
-            .collect();
-        let table = format!(
-            "<table>\n<thead><tr><th scope=\"col\">Run</th><th scope=\"col\">Fold</th><th scope=\"col\">1 sweep, %</th>\
-             <th scope=\"col\">Commit</th><th scope=\"col\">Split</th><th scope=\"col\">Recipe</th>\
-             <th scope=\"col\">Command</th><th scope=\"col\">Predictions</th></tr></thead>\n<tbody>\n{folds}</tbody>\n</table>\n"
-        );
-        let published = row
-            .published
-            .map(|published| {
-                format!(
-                    " Published beside it: {}, on TactMat.",
-                    escape(&published.classifier)
-                )
-            })
-            .unwrap_or_default();
-        let name = format!("{}: {}", set.heading(), set.name(row));
-        html.push_str(&format!(
-            "<details id=\"row-{index}\"><summary>{}</summary>\n<p>{} training and {} test sweeps a fold, {} time steps \
-             each; test sweeps: {}.{published} Commits, splits and recipes are shortened hashes; the full ones are their titles.</p>\n{}</details>\n",
-            escape(&name),
-            row.n_train,
-            row.n_test,
-            row.steps,
-            escape(&split_name(row.split)),
-            scroll(&format!("Folds of {name}"), &table)
-        ));
-    }
-    html
 }
 
 #[cfg(test)]
@@ -125,9 +111,9 @@ mod tests {
 
     #[test]
     fn everything_that_repeats_a_run_is_folded() {
-        let run = run(&fake::summary());
+        let run = run(&fake::summary()).into_string();
         let folded = run.strip_prefix("<details><summary>").unwrap();
-        assert!(folded.ends_with("</details>\n") && !run.contains("<details open"));
+        assert!(folded.ends_with("</details>") && !run.contains("<details open"));
         for term in [
             "Command",
             "Commit",
@@ -138,6 +124,6 @@ mod tests {
         ] {
             assert!(run.contains(&format!("<dt>{term}</dt>")), "{term}");
         }
-        assert!(!super::run(&fake::empty()).contains("expects"));
+        assert!(!super::run(&fake::empty()).0.contains("expects"));
     }
 }

@@ -2,45 +2,51 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use tactnet_plot::{escape, figure};
+use maud::{Markup, PreEscaped, html};
+use tactnet_plot::figure;
 
 use super::data_set::split_name;
-use super::text::{decimal, shortened};
-use crate::questions::Scored;
+use super::text::{decimal, px, scroll, shortened};
+use crate::scored::Scored;
 
 /// Critical values of the studentised range over sqrt 2 at alpha 0.05 for 2 to 10 models (Demsar, 2006, table 5).
 const Q: [f64; 9] = [
     1.960, 2.343, 2.569, 2.728, 2.850, 2.949, 3.031, 3.102, 3.164,
 ];
 
-/// Fewest models and fewest data sets for which ranks say anything.
+/// Minimum number of models and of data sets for ranks.
 const FEWEST: usize = 3;
 
-/// Returns the ranks; `None` without the same three or more models (at most ten) on three or more data sets, treated and split alike.
-pub(super) fn section(contenders: &[Scored<'_>]) -> Option<String> {
-    let mut found = String::new();
-    for (variant, accuracies) in variants(contenders) {
-        if let Some(ranking) = Ranking::of(&accuracies) {
-            found.push_str(&ranking.drawn(&format!(
-                "levels {}, {}",
-                variant.0,
-                split_name(variant.1)
-            )));
-        }
-    }
-    (!found.is_empty()).then_some(found)
+/// Left end of the axis, in user units.
+const LEFT: f64 = 200.0;
+/// Right end of the axis, in user units.
+const RIGHT: f64 = 520.0;
+/// Height of the axis, in user units.
+const AXIS: f64 = 70.0;
+
+/// Returns the ranks; `None` unless the same three to ten models ran on three or more data sets with equal levels and
+/// split.
+pub(super) fn section(contenders: &[Scored<'_>]) -> Option<Markup> {
+    let figures: Vec<Markup> = variants(contenders)
+        .iter()
+        .filter_map(|((levels, split), accuracies)| {
+            let variant = format!("levels {levels}, {}", split_name(split));
+            Some(Ranking::of(accuracies)?.figure(&variant))
+        })
+        .collect();
+    (!figures.is_empty()).then(|| html! { @for figure in figures { (figure) } })
 }
 
 /// Accuracy by data set and contender.
 type Accuracies<'a> = BTreeMap<&'a str, BTreeMap<String, f64>>;
 
-/// Contenders that were asked alike, by levels and split: data sets that share sweeps are not independent blocks. Of sweeps
-/// that were also cut short, only the longest count.
+/// Groups contenders by levels and split, because data sets that share sweeps are not independent. Only the longest
+/// sweeps count.
 fn variants<'a>(contenders: &'a [Scored<'a>]) -> BTreeMap<(&'a str, &'a str), Accuracies<'a>> {
     let mut variants: BTreeMap<(&str, &str), Accuracies> = BTreeMap::new();
     let cut_short = |row: &Scored<'_>| {
         contenders.iter().any(|other| {
-            (other.data, other.levels, other.split) == (row.data, row.levels, row.split)
+            (&other.data, other.levels, &other.split) == (&row.data, row.levels, &row.split)
                 && other.steps > row.steps
         })
     };
@@ -49,25 +55,25 @@ fn variants<'a>(contenders: &'a [Scored<'a>]) -> BTreeMap<(&'a str, &'a str), Ac
         .filter(|row| !row.probe && !cut_short(row))
     {
         variants
-            .entry((row.levels.name(), row.split))
+            .entry((row.levels.name(), &row.split))
             .or_default()
-            .entry(row.data)
+            .entry(&row.data)
             .or_default()
             .insert(row.name(), row.one_sweep.mean);
     }
     variants
 }
 
-/// Mean ranks, 1 the most accurate.
+/// Mean ranks; 1 is the most accurate.
 struct Ranking {
-    /// Best first.
+    /// Model and mean rank, best first.
     ranks: Vec<(String, f64)>,
     data_sets: usize,
     critical_distance: f64,
 }
 
 impl Ranking {
-    /// Of the models that ran on every data set with enough models.
+    /// Ranks the models that ran on every data set with enough models.
     fn of(accuracies: &Accuracies) -> Option<Self> {
         let blocks: Vec<&BTreeMap<String, f64>> = accuracies
             .values()
@@ -97,7 +103,7 @@ impl Ranking {
         })
     }
 
-    /// First and last place of the largest runs of models that are closer than the critical distance.
+    /// Returns first and last place of the largest runs of models within the critical distance.
     fn cliques(&self) -> Vec<(usize, usize)> {
         let mut cliques: Vec<(usize, usize)> = Vec::new();
         for first in 0..self.ranks.len() {
@@ -112,74 +118,67 @@ impl Ranking {
         cliques
     }
 
-    fn drawn(&self, variant: &str) -> String {
+    /// Draws the critical-difference diagram.
+    fn figure(&self, variant: &str) -> Markup {
         let models = self.ranks.len();
-        let (left, right, axis) = (200.0, 520.0, 70.0);
-        let place = |rank: f64| left + (right - left) * (rank - 1.0) / (models as f64 - 1.0);
-        let cliques = self.cliques();
-        let below = axis + 14.0 + 9.0 * cliques.len() as f64;
-        let mut svg = format!(
-            "<line class=\"axis\" x1=\"{left:.0}\" x2=\"{right:.0}\" y1=\"{axis}\" y2=\"{axis}\"/>\n"
-        );
-        for rank in 1..=models {
-            let x = place(rank as f64);
-            svg.push_str(&format!(
-                "<line class=\"axis\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{}\" y2=\"{axis}\"/>\
-                 <text class=\"middle\" x=\"{x:.1}\" y=\"{}\">{rank}</text>\n",
-                axis - 6.0,
-                axis - 12.0
-            ));
-        }
-        let reach = (place(1.0 + self.critical_distance) - left).min(720.0 - left - 70.0);
-        svg.push_str(&format!(
-            "<path class=\"axis\" d=\"M{left:.0} 18v8m0-4h{reach:.1}m0-4v8\"/><text x=\"{:.1}\" y=\"26\">CD {}</text>\n",
-            left + reach + 8.0,
-            decimal(self.critical_distance, 2)
-        ));
-        for (k, (model, rank)) in self.ranks.iter().enumerate() {
-            let better = k < models.div_ceil(2);
-            let depth = if better { k } else { models - 1 - k };
-            let y = below + 20.0 + 22.0 * depth as f64;
-            let (x, edge, class) = if better {
-                (place(*rank), left - 10.0, "end")
-            } else {
-                (place(*rank), right + 10.0, "start")
-            };
-            let text = if better { edge - 5.0 } else { edge + 5.0 };
-            svg.push_str(&format!(
-                "<path class=\"leader\" d=\"M{x:.1} {axis}V{y:.1}H{edge:.1}\"/><circle class=\"mean\" cx=\"{x:.1}\" cy=\"{axis}\" r=\"4\"/>\
-                 <text class=\"{class}\" x=\"{text:.1}\" y=\"{:.1}\">{} ({})</text>\n",
-                y + 4.0,
-                escape(&shortened(model, 26)),
-                decimal(*rank, 2)
-            ));
-        }
-        for (k, (first, last)) in cliques.iter().enumerate() {
-            let y = axis + 11.0 + 9.0 * k as f64;
-            svg.push_str(&format!(
-                "<line class=\"clique\" x1=\"{:.1}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\n",
-                place(self.ranks[*first].1) - 4.0,
-                place(self.ranks[*last].1) + 4.0
-            ));
-        }
-        let title = format!(
-            "Mean ranks of {models} models over {} data sets, {variant}",
-            self.data_sets
-        );
+        let below = AXIS + 14.0 + 9.0 * self.cliques().len() as f64;
+        let reach = (self.place(1.0 + self.critical_distance) - LEFT).min(720.0 - LEFT - 70.0);
+        let content = html! {
+            line.axis x1=(LEFT) x2=(RIGHT) y1=(AXIS) y2=(AXIS) {}
+            @for rank in 1..=models {
+                @let x = px(self.place(rank as f64));
+                line.axis x1=(x) x2=(x) y1=(AXIS - 6.0) y2=(AXIS) {}
+                text.middle x=(x) y=(AXIS - 12.0) { (rank) }
+            }
+            path.axis d={ "M" (LEFT) " 18v8m0-4h" (px(reach)) "m0-4v8" } {}
+            text x=(px(LEFT + reach + 8.0)) y="26" { "CD " (decimal(self.critical_distance, 2)) }
+            @for k in 0..models { (self.leader(k, below)) }
+            @for (k, (first, last)) in self.cliques().into_iter().enumerate() {
+                @let y = px(AXIS + 11.0 + 9.0 * k as f64);
+                line.clique x1=(px(self.place(self.ranks[first].1) - 4.0)) x2=(px(self.place(self.ranks[last].1) + 4.0)) y1=(y) y2=(y) {}
+            }
+        };
+        let sets = self.data_sets;
+        let title = format!("Mean ranks of {models} models over {sets} data sets, {variant}");
         let height = below + 34.0 + 22.0 * (models.div_ceil(2) - 1) as f64;
-        format!(
-            "<figure>\n<div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-label=\"Mean ranks\">\n{}</div>\n\
-             <figcaption>Mean rank by single-sweep accuracy over {} data sets ({}), 1 is best. Models that a thick bar joins differ by \
-             less than the critical distance CD (Nemenyi test, alpha 0.05; Dem\u{161}ar, 2006). The test takes data sets as independent: \
-             two files with the same sweeps are not.</figcaption>\n</figure>\n",
-            figure(720.0, height, &title, &svg),
-            self.data_sets,
-            escape(variant)
-        )
+        html! {
+            figure {
+                (scroll("Mean ranks", &PreEscaped(figure(720.0, height, &title, &content.0))))
+                figcaption {
+                    "Mean rank by single-sweep accuracy over " (sets) " data sets (" (variant) "), 1 is best. Models that a thick bar "
+                    "joins differ by less than the critical distance CD (Nemenyi test, alpha 0.05; Dem\u{161}ar, 2006). The test "
+                    "assumes independent data sets: two files with the same sweeps are not."
+                }
+            }
+        }
+    }
+
+    /// Returns the horizontal position of a rank, in user units.
+    fn place(&self, rank: f64) -> f64 {
+        LEFT + (RIGHT - LEFT) * (rank - 1.0) / (self.ranks.len() as f64 - 1.0)
+    }
+
+    /// Draws the mark and the name of the `k`-th model; the better half is on the left.
+    fn leader(&self, k: usize, below: f64) -> Markup {
+        let (models, (model, rank)) = (self.ranks.len(), &self.ranks[k]);
+        let better = k < models.div_ceil(2);
+        let depth = if better { k } else { models - 1 - k };
+        let y = below + 20.0 + 22.0 * depth as f64;
+        let (edge, text, class) = if better {
+            (LEFT - 10.0, LEFT - 15.0, "end")
+        } else {
+            (RIGHT + 10.0, RIGHT + 15.0, "start")
+        };
+        let x = px(self.place(*rank));
+        html! {
+            path.leader d={ "M" (x) " " (AXIS) "V" (px(y)) "H" (px(edge)) } {}
+            circle.mean cx=(x) cy=(AXIS) r="4" {}
+            text class=(class) x=(px(text)) y=(px(y + 4.0)) { (shortened(model, 26)) " (" (decimal(*rank, 2)) ")" }
+        }
     }
 }
 
-/// Rank of `model` among the shared models; ties share the mean of their ranks.
+/// Returns the rank of `model` among the shared models; ties have the mean of their ranks.
 fn rank(block: &BTreeMap<String, f64>, model: &str, shared: &BTreeSet<&String>) -> f64 {
     let own = block[model];
     let others = || {

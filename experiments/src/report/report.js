@@ -1,6 +1,6 @@
 "use strict";
 (() => {
-  // Tables: a heading sorts the rows of each body; rows without a value stay last.
+  // Tables: a heading sorts the rows of each body; rows without a value come last.
   const valueOf = (row, column) => {
     const cell = row.cells[column];
     if (!cell) return null;
@@ -30,7 +30,7 @@
     });
   }
 
-  // A link to a row's folds opens them.
+  // A link to the folds of a row opens their details.
   const reveal = () => {
     const target = location.hash.length > 1 && document.getElementById(location.hash.slice(1));
     if (!(target instanceof HTMLDetailsElement)) return;
@@ -40,7 +40,7 @@
   addEventListener("hashchange", reveal);
   reveal();
 
-  // What is wider than its frame says that it scrolls; a shadow at the edge shows it, too.
+  // A hint and a shadow at the edge mark content that is wider than its frame.
   for (const frame of document.querySelectorAll(".scroll")) {
     const hint = document.createElement("p");
     hint.className = "hint";
@@ -52,7 +52,7 @@
     new ResizeObserver(measure).observe(frame);
   }
 
-  // Paper cannot unfold.
+  // Open all details for printing.
   const unfolded = [];
   addEventListener("beforeprint", () => {
     for (const folded of document.querySelectorAll("details:not([open])")) {
@@ -64,7 +64,7 @@
     for (const folded of unfolded.splice(0)) folded.open = false;
   });
 
-  // Matrices: pointing at a cell, or walking to it with the arrow keys, says what it holds.
+  // Matrices: pointing at a cell, or moving to it with the arrow keys, shows its content.
   const tip = document.createElement("div");
   tip.className = "tip";
   tip.hidden = true;
@@ -88,9 +88,9 @@
     const size = data.names.length;
     const [left, top, cell] = ["left", "top", "cell"].map((name) => Number(matrix.dataset[name]));
     let at = null;
-    // The tip says the same as the browser's own tooltips would.
+    // The tip shows the same text as the browser's tooltips.
     for (const title of svg.querySelectorAll(".heat title")) title.remove();
-    // With a script the arrow keys belong to the matrix, also under a screen reader.
+    // The matrix handles the arrow keys, also under a screen reader.
     matrix.setAttribute("role", "application");
     matrix.setAttribute("aria-roledescription", "confusion matrix");
     const cursor = document.createElementNS(svg.namespaceURI, "rect");

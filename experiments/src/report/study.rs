@@ -1,67 +1,58 @@
-//! What a study found: tables, curves, comparisons, and the tasks behind them.
+//! The sections of a study: tables, figures, comparisons and provenance.
 
 mod comparisons;
 mod curves;
 mod maps;
 mod tasks;
 
-use tactnet_plot::escape;
+use maud::{Markup, html};
 
-use super::results::Heading::{Number, Score, Text};
-use super::results::{body, number, sortable};
+use super::provenance;
+use super::table::{Heading, body, count, number, sortable};
 use super::terms::terms;
-use super::text::{ABSENT, decimal, percent, prose, scroll};
-use super::{PROVENANCE, Section, provenance};
+use super::text::{ABSENT, decimal, notes, percent};
+use super::{PROVENANCE, Section};
 use crate::interval_note::interval_notes;
 use crate::measure::method_name;
 use crate::{Measure, Row, Summary, Unit};
 
-/// Words of every page.
+/// Glossary of all studies.
 const TERMS: [(&str, &str); 2] = [
     (
         "95 % interval",
-        "Of the mean over tasks. Where tasks share training sweeps it is widened for that (Nadeau and Bengio, 2003). Draws of new materials all come from one data set: their interval says nothing about other data sets.",
+        "Interval of the mean over tasks, corrected for training sweeps that tasks share (Nadeau and Bengio, 2003). All draws of new materials come from one data set, so their interval does not extend to other data sets.",
     ),
-    (
-        "Shots",
-        "Sweeps of every new material that are learnt from.",
-    ),
+    ("Shots", "Support sweeps of each new material."),
 ];
 
-/// Sections of the page.
+/// Returns the sections of the page.
 pub(super) fn sections(summary: &Summary) -> Vec<Section> {
-    let maps = (!summary.maps.is_empty()).then(|| {
-        let maps: String = summary.maps.iter().map(maps::map).collect();
-        format!("<div class=\"panels\">\n{maps}</div>\n")
-    });
+    let any_maps = !summary.maps.is_empty();
+    let maps =
+        any_maps.then(|| html! { div.panels { @for map in &summary.maps { (maps::map(map)) } } });
     let compared = !summary.comparisons.is_empty();
-    let saved = summary.sample_efficiency.as_deref();
-    let saved = saved.filter(|saved| !saved.is_empty());
+    let saved = summary
+        .sample_efficiency
+        .as_deref()
+        .filter(|saved| !saved.is_empty());
+    let provenance = html! { (provenance::run(summary)) (tasks::tasks(&summary.records)) };
     let words = [&TERMS, summary.question.ask().terms()].concat();
     vec![
-        ("results", "Results", results(summary)),
-        ("curves", "At a glance", curves::curves(summary)),
-        ("maps", "Feature maps", maps),
-        (
+        Section::new("results", "Results", results(summary)),
+        Section::new("curves", "At a glance", curves::curves(summary)),
+        Section::new("maps", "Feature maps", maps),
+        Section::new(
             "comparisons",
             "Paired comparisons",
             compared.then(|| comparisons::comparisons(summary)),
         ),
-        (
+        Section::new(
             "efficiency",
             "Sweeps saved",
             saved.map(comparisons::efficiency),
         ),
-        (
-            "provenance",
-            PROVENANCE,
-            Some(format!(
-                "{}{}",
-                provenance::run(summary),
-                tasks::tasks(&summary.records)
-            )),
-        ),
-        ("glossary", "How to read this", Some(terms(&words))),
+        Section::new("provenance", PROVENANCE, Some(provenance)),
+        Section::new("glossary", "How to read this", Some(terms(&words))),
     ]
 }
 
@@ -73,13 +64,6 @@ fn shown(measure: Measure, value: f64) -> String {
     }
 }
 
-fn count(value: Option<usize>) -> String {
-    number(
-        value.map(|value| value as f64),
-        &value.map(|value| value.to_string()).unwrap_or_default(),
-    )
-}
-
 fn interval(measure: Measure, ci95: Option<[f64; 2]>) -> String {
     match ci95 {
         Some([low, high]) => format!("[{}, {}]", shown(measure, low), shown(measure, high)),
@@ -87,14 +71,14 @@ fn interval(measure: Measure, ci95: Option<[f64; 2]>) -> String {
     }
 }
 
-/// What the rows of one part of the table share: data set, levels, networks and measure.
+/// Common properties of the rows of one part of the table: data set, levels, networks and measure.
 type Part<'a> = (&'a str, &'a str, &'a str, Measure);
 
 fn part_of(row: &Row) -> Part<'_> {
     (&row.data, row.levels.name(), &row.model, row.measure)
 }
 
-/// Columns that some row of a study has something for.
+/// Optional columns, shown if any row has a value.
 #[derive(Clone, Copy)]
 struct Columns {
     setting: bool,
@@ -116,70 +100,49 @@ impl Columns {
         }
     }
 
-    fn headings(self) -> Vec<super::results::Heading> {
-        let mut headings = vec![Text("Method")];
-        for (there, heading) in [
-            (self.setting, Text("Setting")),
-            (self.shots, Number("Shots")),
-            (self.sweeps, Number("Sweeps")),
-            (true, Score("Mean")),
-            (true, Number("95 % interval")),
-            (
-                self.published,
-                Number("Published<br><small>TactMat</small>"),
-            ),
-            (self.humans, Number("Humans<br><small>published</small>")),
-            (true, Number("Tasks")),
-        ] {
-            if there {
-                headings.push(heading);
-            }
-        }
-        headings
+    fn headings(self) -> Vec<Heading> {
+        let all = [
+            (true, Heading::text("Method")),
+            (self.setting, Heading::text("Setting")),
+            (self.shots, Heading::number("Shots", "")),
+            (self.sweeps, Heading::number("Sweeps", "")),
+            (true, Heading::score("Mean", "")),
+            (true, Heading::number("95 % interval", "")),
+            (self.published, Heading::number("Published", "TactMat")),
+            (self.humans, Heading::number("Humans", "published")),
+            (true, Heading::number("Tasks", "")),
+        ];
+        all.into_iter()
+            .filter(|(shown, _)| *shown)
+            .map(|(_, heading)| heading)
+            .collect()
     }
 
-    fn line(self, row: &Row) -> String {
-        let published = |value: Option<f64>| {
-            number(
-                value,
-                &value
-                    .map(|value| shown(row.measure, value))
-                    .unwrap_or_default(),
-            )
+    fn line(self, row: &Row) -> Markup {
+        let value = |value: Option<f64>| {
+            let shown = value
+                .map(|value| shown(row.measure, value))
+                .unwrap_or_default();
+            number(value, &shown)
         };
-        let mean = row.statistic.mean;
-        let mut cells = format!(
-            "<th scope=\"row\">{}</th>",
-            escape(method_name(&row.method))
-        );
-        for (there, cell) in [
-            (
-                self.setting,
-                format!("<td class=\"wraps\">{}</td>", escape(&row.setting)),
-            ),
-            (self.shots, count(row.shots)),
-            (self.sweeps, count(row.sweeps)),
-            (true, number(Some(mean), &shown(row.measure, mean))),
-            (
-                true,
-                number(
-                    row.statistic.ci95.map(|ends| ends[0]),
-                    &interval(row.measure, row.statistic.ci95),
-                ),
-            ),
-            (self.published, published(row.published)),
-            (self.humans, published(row.humans)),
-            (true, number(Some(row.n as f64), &row.n.to_string())),
-        ] {
-            if there {
-                cells.push_str(&cell);
+        let ci95 = row.statistic.ci95;
+        html! {
+            tr {
+                th scope="row" { (method_name(&row.method)) }
+                @if self.setting { td.wraps { (row.setting) } }
+                @if self.shots { (count(row.shots)) }
+                @if self.sweeps { (count(row.sweeps)) }
+                (value(Some(row.statistic.mean)))
+                (number(ci95.map(|ends| ends[0]), &interval(row.measure, ci95)))
+                @if self.published { (value(row.published)) }
+                @if self.humans { (value(row.humans)) }
+                (count(Some(row.n)))
             }
         }
-        format!("<tr>{cells}</tr>\n")
     }
 }
 
-/// The unit of a measure as it stands over its numbers.
+/// Returns the unit of a measure, as shown above its numbers.
 fn unit(measure: Measure) -> &'static str {
     match measure.unit() {
         Unit::Share | Unit::ShareDifference => "%",
@@ -192,59 +155,46 @@ fn unit(measure: Measure) -> &'static str {
     }
 }
 
-fn results(study: &Summary) -> Option<String> {
+fn results(study: &Summary) -> Option<Markup> {
     let mut parts: Vec<Part> = Vec::new();
     for part in study.rows.iter().map(part_of) {
         if !parts.contains(&part) {
             parts.push(part);
         }
     }
-    let first = *parts.first()?;
-    let columns = Columns::of(&study.rows);
-    let headings = columns.headings();
+    let (data, levels, networks, _) = *parts.first()?;
     let one_set = parts
         .iter()
-        .all(|part| (part.0, part.1, part.2) == (first.0, first.1, first.2));
-    let bodies: String = parts
-        .iter()
-        .map(|part| {
-            let own = study.rows.iter().filter(|row| part_of(row) == *part);
-            let lines: String = own.map(|row| columns.line(row)).collect();
-            let (data, levels, networks, measure) = part;
-            let heading = if one_set {
-                format!("{measure}, {}", unit(*measure))
-            } else {
-                format!(
-                    "{data}, levels {levels}, networks by {networks}: {measure}, {}",
-                    unit(*measure)
-                )
-            };
-            body(Some(&heading), headings.len(), &lines)
-        })
-        .collect();
-    let table = format!(
-        "<table class=\"sortable results\">\n<caption class=\"hidden\">What was measured</caption>\n<thead><tr>{}</tr></thead>\n\
-         {bodies}</table>\n",
-        sortable(&headings)
-    );
-    let of = if one_set {
-        let (data, levels, networks, _) = first;
-        format!("All rows: {data}, levels {levels}, networks by {networks}. ")
-    } else {
-        String::new()
+        .all(|part| (part.0, part.1, part.2) == (data, levels, networks));
+    let heading = |(data, levels, networks, measure): Part<'_>| match one_set {
+        true => format!("{measure}, {}", unit(measure)),
+        false => format!(
+            "{data}, levels {levels}, networks by {networks}: {measure}, {}",
+            unit(measure)
+        ),
     };
-    let rows = study.rows.iter();
-    let rows = rows.map(|row| {
-        let name = format!("{} of {}", row.measure, method_name(&row.method));
-        (name, &row.statistic)
+    let columns = Columns::of(&study.rows);
+    let headings = columns.headings();
+    let bodies = html! {
+        @for part in parts {
+            @let rows = html! {
+                @for row in study.rows.iter().filter(|row| part_of(row) == part) { (columns.line(row)) }
+            };
+            (body(Some(&heading(part)), headings.len(), &rows))
+        }
+    };
+    let named = study.rows.iter().map(|row| {
+        (
+            format!("{} of {}", row.measure, method_name(&row.method)),
+            &row.statistic,
+        )
     });
-    let notes: String = interval_notes(rows, "task")
-        .iter()
-        .map(|line| format!("<p class=\"note\">{}</p>\n", prose(line)))
-        .collect();
-    Some(format!(
-        "<p>{}Means over tasks.</p>\n{}{notes}",
-        escape(&of),
-        scroll("Results table", &table)
-    ))
+    Some(html! {
+        p {
+            @if one_set { "All rows: " (data) ", levels " (levels) ", networks by " (networks) ". " }
+            "Means over tasks."
+        }
+        (sortable("Results table", "results", "Measurements", &headings, &bodies))
+        (notes(&interval_notes(named, "task")))
+    })
 }

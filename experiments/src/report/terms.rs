@@ -1,10 +1,16 @@
-//! The words of a page and their meanings.
+//! The glossary of a report.
 
-/// - `terms`: word and meaning, as HTML
-pub(super) fn terms(terms: &[(&str, &str)]) -> String {
-    let terms: String = terms
-        .iter()
-        .map(|(term, meaning)| format!("<div><dt>{term}</dt><dd>{meaning}</dd></div>\n"))
-        .collect();
-    format!("<dl class=\"glossary\">\n{terms}</dl>\n")
+use maud::{Markup, PreEscaped, html};
+
+/// Returns the glossary.
+///
+/// - `terms`: word and meaning, as trusted HTML
+pub(super) fn terms(terms: &[(&str, &str)]) -> Markup {
+    html! {
+        dl.glossary {
+            @for (term, meaning) in terms {
+                div { dt { (PreEscaped(term)) } dd { (PreEscaped(meaning)) } }
+            }
+        }
+    }
 }

@@ -1,13 +1,16 @@
-//! Text and numbers as HTML.
+//! Text and numbers in HTML.
 
-use tactnet_plot::escape;
+use maud::{Markup, html};
 
 use crate::Statistic;
 
-/// Stands where there is no number.
+/// Text in place of a missing number.
 pub(super) const ABSENT: &str = "\u{2013}";
 
-/// A number with a proper minus sign and without negative zeros.
+/// Maximum length of a material's name in a figure, in characters.
+pub(super) const NAME_LIMIT: usize = 34;
+
+/// Formats a number with a typographic minus sign and without negative zeros.
 pub(super) fn decimal(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return ABSENT.to_string();
@@ -21,21 +24,26 @@ pub(super) fn decimal(value: f64, decimals: usize) -> String {
     }
 }
 
-/// A share, 0 to 1, in percent with one decimal, without the sign.
+/// Formats a share, 0 to 1, in percent with one decimal and without the percent sign.
 pub(super) fn percent(share: f64) -> String {
     decimal(100.0 * share, 1)
 }
 
-/// A p-value with three digits, escaped.
-pub(super) fn p_value(p: f64) -> String {
-    if p < 0.0005 {
-        "&lt;0.001".to_string()
-    } else {
-        decimal(p, 3)
+/// Formats a coordinate of a figure, in user units.
+pub(super) fn px(value: f64) -> String {
+    format!("{value:.1}")
+}
+
+/// Formats a p-value with three digits; empty without one.
+pub(super) fn p_value(p: Option<f64>) -> String {
+    match p {
+        None => String::new(),
+        Some(p) if p < 0.0005 => "<0.001".into(),
+        Some(p) => decimal(p, 3),
     }
 }
 
-/// Mean and standard deviation of shares, percent: "86.3 (1.2)".
+/// Formats mean and standard deviation of shares in percent: "86.3 (1.2)".
 pub(super) fn percent_and_sd(statistic: &Statistic) -> String {
     match statistic.sd {
         Some(sd) => format!("{} ({})", percent(statistic.mean), percent(sd)),
@@ -43,7 +51,7 @@ pub(super) fn percent_and_sd(statistic: &Statistic) -> String {
     }
 }
 
-/// The 95 % interval of a mean of shares, percent: "[84.1, 88.5]".
+/// Formats the 95 % interval of a mean of shares in percent: "[84.1, 88.5]".
 pub(super) fn percent_interval(statistic: &Statistic) -> String {
     match statistic.ci95 {
         Some([low, high]) => format!("[{}, {}]", percent(low), percent(high)),
@@ -51,7 +59,7 @@ pub(super) fn percent_interval(statistic: &Statistic) -> String {
     }
 }
 
-/// A time for people: "3 h 12 min".
+/// Formats a duration with its two largest units: "3 h 12 min".
 pub(super) fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;
     let (days, hours, minutes) = (whole / 86_400, whole / 3600 % 24, whole / 60 % 60);
@@ -66,24 +74,28 @@ pub(super) fn duration(seconds: f64) -> String {
     }
 }
 
-/// The first twelve digits of a hash; all of it as the title. That a build had uncommitted changes is not cut off.
-pub(super) fn hash(full: &str) -> String {
+/// Returns the first twelve digits of a hash, with the complete hash as title. The mark of uncommitted changes is kept.
+pub(super) fn hash(full: &str) -> Markup {
     let mut short: String = full.chars().take(12).collect();
     if let Some((_, mark)) = full.split_once('-') {
         short.push('-');
         short.push_str(mark);
     }
-    format!("<code title=\"{}\">{}</code>", escape(full), escape(&short))
+    html! { code title=(full) { (short) } }
 }
 
-/// The hashes of commits, with commas between them.
-pub(super) fn commits(all: &[String]) -> String {
-    let shown: Vec<String> = all.iter().map(|commit| hash(commit)).collect();
-    shown.join(", ")
+/// Returns the hashes of commits, separated by commas.
+pub(super) fn commits(all: &[String]) -> Markup {
+    html! {
+        @for (k, commit) in all.iter().enumerate() {
+            @if k > 0 { ", " }
+            (hash(commit))
+        }
+    }
 }
 
-/// A link to a file beside the page. Whatever the path holds, it is a path: no scheme, no host.
-pub(super) fn file_link(path: &str) -> String {
+/// Returns a link to a file next to the page. The path is encoded, so it cannot contain a scheme or a host.
+pub(super) fn file_link(path: &str) -> Markup {
     let encoded: String = path
         .bytes()
         .map(|byte| match byte {
@@ -93,28 +105,28 @@ pub(super) fn file_link(path: &str) -> String {
             _ => format!("%{byte:02X}"),
         })
         .collect();
-    format!("<a href=\"./{encoded}\">{}</a>", escape(path))
+    html! { a href={ "./" (encoded) } { (path) } }
 }
 
-/// A sentence, with what stands between backticks as code.
-pub(super) fn prose(sentence: &str) -> String {
-    let escaped = escape(sentence);
-    let mut html = String::new();
-    let mut parts = escaped.split('`').peekable();
-    let mut is_code = false;
-    while let Some(part) = parts.next() {
-        match (is_code, parts.peek()) {
-            (true, Some(_)) => html.push_str(&format!("<code>{part}</code>")),
+/// Returns a sentence with text between backticks as code.
+pub(super) fn prose(sentence: &str) -> Markup {
+    let parts: Vec<&str> = sentence.split('`').collect();
+    html! {
+        @for (k, part) in parts.iter().enumerate() {
+            @if k % 2 == 0 { (part) }
+            @else if k + 1 < parts.len() { code { (part) } }
             // The last backtick has no partner.
-            (true, None) => html.push_str(&format!("`{part}")),
-            (false, _) => html.push_str(part),
+            @else { "`" (part) }
         }
-        is_code = !is_code;
     }
-    html
 }
 
-/// At most `limit` characters of a name, for a label in a figure; not yet escaped.
+/// Returns a note for each line.
+pub(super) fn notes(lines: &[String]) -> Markup {
+    html! { @for line in lines { p.note { (prose(line)) } } }
+}
+
+/// Shortens a name to at most `limit` characters.
 pub(super) fn shortened(name: &str, limit: usize) -> String {
     if name.chars().count() <= limit {
         return name.to_string();
@@ -124,12 +136,9 @@ pub(super) fn shortened(name: &str, limit: usize) -> String {
     short
 }
 
-/// A container that scrolls sideways on its own, so that the page does not; reachable by keyboard.
-pub(super) fn scroll(label: &str, content: &str) -> String {
-    format!(
-        "<div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-label=\"{}\">\n{content}</div>\n",
-        escape(label)
-    )
+/// Returns a frame that scrolls sideways instead of the page and is reachable by keyboard.
+pub(super) fn scroll(label: &str, content: &Markup) -> Markup {
+    html! { div.scroll tabindex="0" role="group" aria-label=(label) { (content) } }
 }
 
 #[cfg(test)]
@@ -138,9 +147,8 @@ mod tests {
 
     #[test]
     fn code_of_a_sentence_is_shown_as_code() {
-        let shown = prose("with `--set seed=2` and <b>, `again` and ` alone");
-        let expected =
-            "with <code>--set seed=2</code> and &lt;b&gt;, <code>again</code> and ` alone";
+        let shown = prose("with `seed = 2` and <b>, `again` and ` alone").into_string();
+        let expected = "with <code>seed = 2</code> and &lt;b&gt;, <code>again</code> and ` alone";
         assert_eq!(shown, expected);
     }
 
@@ -150,8 +158,8 @@ mod tests {
         assert_eq!(percent(-0.0123), "\u{2212}1.2");
         assert_eq!(percent(-0.0001), "0.0");
         assert_eq!(decimal(f64::NAN, 2), ABSENT);
-        assert_eq!(p_value(0.0123), "0.012");
-        assert_eq!(p_value(1e-7), "&lt;0.001");
+        assert_eq!(p_value(Some(0.0123)), "0.012");
+        assert_eq!(p_value(Some(1e-7)), "<0.001");
     }
 
     #[test]
@@ -162,13 +170,17 @@ mod tests {
 
     #[test]
     fn a_hash_is_shortened_but_not_its_mark() {
-        assert!(hash("0123456789abcdef").contains(">0123456789ab<"));
-        assert!(hash("0123456789ab-dirty").contains(">0123456789ab-dirty<"));
+        assert!(hash("0123456789abcdef").0.contains(">0123456789ab<"));
+        assert!(
+            hash("0123456789ab-dirty")
+                .0
+                .contains(">0123456789ab-dirty<")
+        );
     }
 
     #[test]
     fn a_link_is_a_relative_path_whatever_it_is_made_from() {
-        let link = file_link("javascript:alert(\"1\")");
+        let link = file_link("javascript:alert(\"1\")").into_string();
         assert!(
             link.starts_with("<a href=\"./javascript%3Aalert%28%221%22%29\">"),
             "{link}"

@@ -14,7 +14,7 @@ use crate::commands::choices::DeviceChoice;
     tactnet experiment run crossval_baselines --set folds=2 --set 'models=[\"minirocket\"]'\n  \
     tactnet experiment run nshot --set splits=3 --set 'shots=[1,10]'    n-shot transfer\n  \
     tactnet experiment run my.toml --engine slurm --out /shared/my      on a cluster\n\n\
-    The same call goes on where it was stopped, and so does the call with its folder alone; tasks that have ended are not run again.\n\n\
+    The same command resumes a stopped experiment, and so does the command with its folder alone. Finished tasks are not run again.\n\n\
     Fields for --set: data, models, levels, steps (a value or a list), seed, epochs, device, search.trials, and those of the question. Of a \
     cross-validation: split, probes (a value or a list), folds (how many of the five random folds are trained), runs (1 or 2), groups. Of the others: \
     splits (draws of new materials, or of the 2 x 5 folds), shots (sweeps that nshot and enrolment learn from, or behind a decision of the \
@@ -115,14 +115,14 @@ impl RunArgs {
     ///
     /// # Errors
     /// Additional settings, since those of a started experiment are fixed.
-    pub fn begun(&self) -> anyhow::Result<Option<&Path>> {
+    pub fn started(&self) -> anyhow::Result<Option<&Path>> {
         let dir = Path::new(&self.recipe);
         if !dir.join("experiment.json").exists() {
             return Ok(None);
         }
         if self.out.is_some() || !self.settings().is_empty() {
             bail!(
-                "{}: an experiment goes on with the settings that it was begun with; leave out --set, --data, --device and --out, or name a \
+                "{}: an experiment resumes with the settings that it was started with; leave out --set, --data, --device and --out, or name a \
                  recipe",
                 dir.display()
             );
@@ -141,7 +141,7 @@ impl RunArgs {
         });
         if let (Some(data), Some(set)) = (&self.data, set) {
             bail!(
-                "`--data {data}` and `--set {set}` name the data set twice; leave one of them out"
+                "`--data {data}` and `--set {set}` both name the data set; leave one of them out"
             );
         }
         Ok(())

@@ -1,25 +1,26 @@
-//! One training run's result as text, beside what was published, and what may come next.
+//! The result of a training run on a terminal, with published values, advice and next commands.
 
 use tactnet_data::SweepView;
 use tactnet_data::twin::TwinVersion;
+use tactnet_experiments::{ExperimentRecipe, Probe, published_for};
 use tactnet_pipeline::{
     Confusion, EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, Session,
     TrainingSteps, quoted,
 };
 
-use crate::{ExperimentRecipe, Probe, published_for};
 
-/// Accuracy from which on nobody needs advice.
+/// Accuracy from which no advice is given.
 const GOOD: f64 = 0.95;
-/// The recipe that is taken where none is named.
+/// The default recipe of a training.
 const DEFAULT: &str = "fast";
-/// Training sweeps of a material up to which the network on spectra was better on the twin by far.
+/// Number of training sweeps of a material up to which the network on spectra was clearly better on the twin.
 const FEW_SWEEPS: usize = 20;
 
-/// Returns `result` as lines of text: data, accuracies, the most frequent mistakes, the published row that it may be set beside, chosen settings, time, folder.
+/// Returns `result` as text: data, accuracies, the most frequent confusions, the comparable published values, selected
+/// settings, time and folder.
 ///
 /// # Errors
-/// A run directory whose configuration, split or predictions are damaged.
+/// A run directory with damaged configuration, split or predictions.
 pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineError> {
     let mut lines = vec![
         format!(
@@ -31,7 +32,7 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     let (config, split) = (run.config()?, run.split()?);
     let materials = config.classifier.labels.len();
     lines.push(format!(
-        "guessing one of {materials} materials is right in {:.1} %",
+        "chance level with {materials} materials: {:.1} %",
         100.0 / materials as f64
     ));
     let method = config.recipe.method();
@@ -45,7 +46,7 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     }
     for (setting, value) in &result.chosen {
         lines.push(format!(
-            "chosen on training sweeps: {setting} = {}",
+            "selected on training sweeps: {setting} = {}",
             in_four_digits(*value)
         ));
     }
@@ -61,7 +62,7 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     Ok(lines.join("\n"))
 }
 
-/// A number of a setting: whole ones as they are, others with four digits.
+/// Formats the value of a setting: integers unchanged, other numbers with four digits.
 fn in_four_digits(value: f64) -> String {
     if value == value.trunc() && value.abs() < 1e6 {
         return value.to_string();
@@ -70,11 +71,10 @@ fn in_four_digits(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// Returns what may make a poor result better, a line each: more steps where there were few, a simpler model or more sweeps where the result may
-/// as well be guessed. Empty for others.
+/// Returns advice for a poor result, one line each: more steps, another model, or more sweeps. Empty for a good result.
 ///
 /// # Errors
-/// A run directory whose configuration or split is damaged.
+/// A run directory with damaged configuration or split.
 pub fn advice(session: &Session, result: &RunResult) -> Result<Vec<String>, PipelineError> {
     let run = session.run();
     let config = run.config()?;
@@ -93,8 +93,8 @@ pub fn advice(session: &Session, result: &RunResult) -> Result<Vec<String>, Pipe
     let fewest = counts.iter().min().copied().unwrap_or_default();
     if best < GOOD && recipe.name == DEFAULT && fewest <= FEW_SWEEPS {
         lines.push(
-            "another network may learn more from so few sweeps: `--recipe spectra` (with ten of each material of the synthetic twin 78 instead \
-             of 45 %, on a real BioTac no more)"
+            "another network may be more accurate with so few sweeps: `--recipe spectra` (on ten sweeps of each material of the synthetic twin 78 \
+             instead of 45 %, but no better on a real BioTac)"
                 .into(),
         );
     }
@@ -102,7 +102,7 @@ pub fn advice(session: &Session, result: &RunResult) -> Result<Vec<String>, Pipe
     let surely = accuracies.map(|of| of.ci95_low).fold(0.0, f64::max);
     if surely <= chance {
         lines.push(format!(
-            "this may as well be guessed ({:.1} %); {}",
+            "the accuracy is not better than chance ({:.1} %); {}",
             100.0 * chance,
             with_few_sweeps(&counts)
         ));
@@ -110,27 +110,27 @@ pub fn advice(session: &Session, result: &RunResult) -> Result<Vec<String>, Pipe
     Ok(lines)
 }
 
-/// Returns what helps where a network has learnt nothing.
+/// Returns advice for a network that is not better than chance.
 ///
-/// - `counts`: training sweeps of every material
+/// - `counts`: training sweeps of each material
 fn with_few_sweeps(counts: &[usize]) -> String {
     let names = ["minirocket", "lda"];
     match &ModelRecipe::not_starved(names, counts)[..] {
-        [] => "record more: with two training sweeps of every material, `--model minirocket` and `--model lda` learn faster".into(),
-        [one] => format!("from few sweeps `--model {one}` learns faster"),
+        [] => "record more: with two training sweeps of each material, `--model minirocket` and `--model lda` learn faster".into(),
+        [one] => format!("`--model {one}` needs fewer sweeps"),
         several => format!(
-            "from few sweeps `--model {}` learn faster",
+            "`--model {}` need fewer sweeps",
             several.join("` and `--model ")
         ),
     }
 }
 
-/// Returns what may follow a training, as two lines of commands.
+/// Returns commands that may follow a training, as two lines.
 ///
-/// - `fits_serving`: whether an online classifier takes sweeps and materials like the run's
+/// - `fits_serving`: true if the online classifier supports the run's sweeps and materials
 ///
 /// # Errors
-/// A run directory whose configuration is damaged.
+/// A run directory with a damaged configuration.
 pub fn next_steps(session: &Session, fits_serving: bool) -> Result<String, PipelineError> {
     let run = session.run();
     let config = run.config()?;
@@ -153,26 +153,26 @@ pub fn next_steps(session: &Session, fits_serving: bool) -> Result<String, Pipel
         .spec
         .epochs
         .map_or(String::new(), |epochs| format!(" --set epochs={epochs}"));
-    let report = match beside_others(config.recipe.name(), &session.dataset().sweeps_per_label()) {
+    let report = match comparison_settings(config.recipe.name(), &session.dataset().sweeps_per_label()) {
         Some(settings) => format!(
-            "\n      `tactnet experiment run {BESIDE_OTHERS}{data}{rate}{epochs}{settings}` makes a report of models side by side"
+            "\n      `tactnet experiment run {COMPARISON}{data}{rate}{epochs}{settings}` reports a comparison of models"
         ),
         None => String::new(),
     };
     Ok(format!("next: {first}{report}"))
 }
 
-/// The experiment that comes next.
-const BESIDE_OTHERS: &str = "crossval_baselines";
-/// Folds of that experiment.
+/// The experiment that compares a recipe with others.
+const COMPARISON: &str = "crossval_baselines";
+/// Number of folds of that experiment.
 const FOLDS: usize = 5;
 
-/// Returns the settings with which [`BESIDE_OTHERS`] holds a recipe against others: as many folds as there are sweeps for, models that can learn
-/// from what is left to train on, the recipe among them where it is built in. `None` where no sweep is left.
+/// Returns the settings with which [`COMPARISON`] includes a recipe: as many folds as there are sweeps for, and models that
+/// can learn from the remaining training sweeps. `None` if there are none.
 ///
-/// - `counts`: sweeps of every material
-fn beside_others(recipe: &str, counts: &[usize]) -> Option<String> {
-    let own = ExperimentRecipe::built_in().find(|own| own.name == BESIDE_OTHERS)?;
+/// - `counts`: sweeps of each material
+fn comparison_settings(recipe: &str, counts: &[usize]) -> Option<String> {
+    let own = ExperimentRecipe::built_in().find(|own| own.name == COMPARISON)?;
     let fewest = *counts.iter().min()?;
     if fewest < 2 {
         return None;
@@ -213,23 +213,23 @@ mod tests {
     fn a_recipe_that_the_report_lacks_is_added_to_it() {
         let many = [20, 30];
         for own in ["fast", "lda", "my-own"] {
-            assert_eq!(beside_others(own, &many).unwrap(), "");
+            assert_eq!(comparison_settings(own, &many).unwrap(), "");
         }
-        let settings = beside_others("spectra", &many).unwrap();
+        let settings = comparison_settings("spectra", &many).unwrap();
         let models = settings.strip_prefix(" --set '").unwrap();
         let models = models.strip_suffix('\'').unwrap();
-        let recipe = ExperimentRecipe::load(BESIDE_OTHERS, &[models.into()]).unwrap();
+        let recipe = ExperimentRecipe::load(COMPARISON, &[models.into()]).unwrap();
         assert_eq!(recipe.models[0], "spectra");
     }
 
     #[test]
     fn few_sweeps_make_few_folds_of_models_that_can_learn_from_them() {
-        assert_eq!(beside_others("fast", &[3, 9]).unwrap(), " --set folds=3");
+        assert_eq!(comparison_settings("fast", &[3, 9]).unwrap(), " --set folds=3");
         assert_eq!(
-            beside_others("fast", &[2; 5]).unwrap(),
+            comparison_settings("fast", &[2; 5]).unwrap(),
             " --set folds=2 --set 'models=[\"knn-l\", \"knn-h\", \"fast\"]' --set 'probes=[\"means\"]'"
         );
-        assert_eq!(beside_others("fast", &[1, 9]), None);
+        assert_eq!(comparison_settings("fast", &[1, 9]), None);
         assert!(with_few_sweeps(&[1, 1]).starts_with("record more"));
         assert!(with_few_sweeps(&[2, 2]).contains("`--model minirocket` and `--model lda`"));
     }

@@ -1,19 +1,34 @@
-//! A summary as a table of text.
+//! The results of an experiment as a table on a terminal.
 
 use std::fmt::{self, Write};
 
-use crate::comparison::name_beside;
-use crate::interval_note::interval_notes;
-use crate::measure::method_name;
-use crate::questions::{Scored, few_steps, scored};
-use crate::{Comparison, Measure, Question, Row, SampleEfficiency, Statistic, Summary};
+use tactnet_experiments::{
+    AssumedRate, Comparison, FewSteps, Measure, Question, Row, SampleEfficiency, Scored, Statistic,
+    Summary, interval_notes, method_name, name_in_comparison,
+};
 
-/// Returns a summary as lines of text: title, command, tables, comparisons.
+/// Returns a summary as text: title, command, tables and comparisons.
 pub fn to_table(summary: &Summary) -> String {
     let mut text = String::new();
-    // Writing into a string cannot fail.
+    // Writing to a string cannot fail.
     let _ = write_all(&mut text, summary);
     text
+}
+
+/// Returns the warning about an assumed sample rate, with the option that sets it.
+pub fn assumed_rate_text(assumed: AssumedRate<'_>) -> String {
+    format!("{assumed}; `--set rate_hz=HZ` sets it")
+}
+
+/// Returns the hint about few training steps, with the options that set more epochs.
+fn few_steps_text(few: &FewSteps) -> String {
+    let FewSteps { model, data, steps } = few;
+    let epochs = steps.epochs_for_enough();
+    format!(
+        "{model} on {data}: {} training steps are few; `--set epochs={epochs}` trains for {}; name another folder with `--out`",
+        steps.count(),
+        epochs * steps.batches
+    )
 }
 
 fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
@@ -21,12 +36,12 @@ fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
     if summary.tasks_done < summary.tasks {
         writeln!(
             out,
-            "only {} of {} tasks have ended",
+            "only {} of {} tasks are finished",
             summary.tasks_done, summary.tasks
         )?;
     }
-    for line in summary.assumed_rates() {
-        writeln!(out, "warning: {line}")?;
+    for assumed in summary.assumed_rates() {
+        writeln!(out, "warning: {}", assumed_rate_text(assumed))?;
     }
     if let Question::Crossval(_) = summary.question {
         contenders(out, summary)
@@ -36,7 +51,7 @@ fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
 }
 
 fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
-    let contenders = scored(summary);
+    let contenders = summary.scored();
     let published = contenders.iter().any(|row| row.published.is_some());
     let published_heading = if published {
         format!(" {:>11}", "published")
@@ -46,7 +61,7 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
     let mut setting = None;
     for probe in [false, true] {
         for row in contenders.iter().filter(|row| row.probe == probe) {
-            let own = (row.data, row.levels, row.split, row.steps);
+            let own = (&row.data, row.levels, &row.split, row.steps);
             if setting != Some(own) {
                 setting = Some(own);
                 writeln!(
@@ -72,8 +87,8 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
     }
     let rows = contenders.iter().map(|row| (row.name(), row.one_sweep));
     notes(out, &interval_notes(rows, "fold"))?;
-    for line in few_steps(&contenders) {
-        writeln!(out, "\nhint: {line}")?;
+    for few in summary.few_steps() {
+        writeln!(out, "\nhint: {}", few_steps_text(&few))?;
     }
     for audit in &summary.audits {
         writeln!(out, "\n{}: {}", audit.data, audit.verdict)?;
@@ -81,7 +96,7 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
     Ok(())
 }
 
-/// Why intervals of the table above are missing or wide.
+/// Writes notes on missing and wide intervals.
 fn notes(out: &mut String, lines: &[String]) -> fmt::Result {
     if !lines.is_empty() {
         writeln!(out)?;
@@ -91,7 +106,9 @@ fn notes(out: &mut String, lines: &[String]) -> fmt::Result {
         .try_for_each(|line| writeln!(out, "note: {line}"))
 }
 
-/// - `published`: whether there is a column of published accuracies
+/// Returns the line of a contender.
+///
+/// - `published`: true with a column of published accuracies
 fn contender(row: &Scored<'_>, published: bool) -> String {
     let percent = |statistic: &Statistic| {
         let sd = statistic
@@ -102,7 +119,7 @@ fn contender(row: &Scored<'_>, published: bool) -> String {
     let interval = row.one_sweep.ci95.map_or(String::new(), |[low, high]| {
         format!(" {:.1} to {:.1}", 100.0 * low, 100.0 * high)
     });
-    let beside = row.published.map_or(String::new(), |p| {
+    let beside = row.published.as_ref().map_or(String::new(), |p| {
         format!("{:.1} / {:.1}", p.one_sweep, p.three_sweeps)
     });
     let beside = if published {
@@ -174,8 +191,10 @@ fn measures(out: &mut String, summary: &Summary) -> fmt::Result {
     Ok(())
 }
 
-/// - `wide`: characters of the column of circumstances
-/// - `published`: whether there is a column of published numbers
+/// Returns the line of a row.
+///
+/// - `wide`: width of the column of conditions, in characters
+/// - `published`: true with a column of published values
 fn measure(row: &Row, wide: usize, published: bool) -> String {
     let number = |value: f64| shown(row.measure, value);
     let interval = row.statistic.ci95.map_or("-".into(), |[low, high]| {
@@ -229,8 +248,8 @@ fn compared(summary: &Summary, comparison: &Comparison) -> Option<String> {
         first.levels.name(),
         first.measure,
         place.join(", "),
-        name_beside(first, second),
-        name_beside(second, first),
+        name_in_comparison(first, second),
+        name_in_comparison(second, first),
         100.0 * comparison.difference,
         comparison
             .p
@@ -243,12 +262,12 @@ fn compared(summary: &Summary, comparison: &Comparison) -> Option<String> {
 
 fn saved(found: &SampleEfficiency) -> String {
     let shown =
-        |value: Option<f64>| value.map_or("more than tried".into(), |value| format!("{value:.1}"));
+        |value: Option<f64>| value.map_or("more than tested".into(), |value| format!("{value:.1}"));
     let interval = found.ci95.map_or(String::new(), |ends| {
         format!(" [{}, {}]", shown(ends[0]), shown(ends[1]))
     });
     format!(
-        "{}, levels {}: without pre-knowledge {} sweeps{interval} for the {:.1} % of transfer with {}{}",
+        "{}, levels {}: from scratch {} sweeps{interval} for the {:.1} % of transfer with {}{}",
         found.data,
         found.levels.name(),
         shown(found.shots),

@@ -36,7 +36,7 @@ pub struct SampleEfficiency {
 }
 
 /// Returns the sample efficiency for each data set with both curves.
-pub(super) fn sample_efficiency(rows: &[Row], seed: Seed) -> Vec<SampleEfficiency> {
+pub(crate) fn sample_efficiency(rows: &[Row], seed: Seed) -> Vec<SampleEfficiency> {
     let mut found = Vec::new();
     let curve = |of: &Row, method: &str| -> Vec<(usize, Vec<f64>)> {
         let mut points: Vec<(usize, Vec<f64>)> = rows

@@ -7,7 +7,7 @@ use tactnet_models::{
 use tactnet_pipeline::{Device, Embedding, MlpTraining, Recipe, fit_labels};
 
 use super::TransferMethod;
-use super::transfer::Knowledge;
+use super::knowledge::{Knowledge, squared_distance};
 use crate::context::Cancelled;
 
 /// Approximate number of optimiser steps for fine-tuning the dense layer.
@@ -79,49 +79,54 @@ impl FewShots<'_> {
             TransferMethod::Nn | TransferMethod::SiameseFull => {
                 nearest(support, labels, &queries.hidden)
             }
-            TransferMethod::Siamese => {
-                let layers = self
-                    .knowledge
-                    .siamese
-                    .as_ref()
-                    .unwrap_or_else(|| panic!("was trained before"));
-                let mlp = tactnet_models::Mlp::from_layers(layers, self.device);
-                let embed = |embedding: &Embedding| {
-                    let mut out = mlp.apply(&embedding.convolution);
-                    out.values_mut().iter_mut().for_each(|v| *v = v.max(0.0));
-                    out
-                };
-                nearest(&embed(self.support), labels, &embed(queries))
-            }
-            TransferMethod::OlFcl => {
-                let batch = self.recipe.training.batch;
-                let training = MlpTraining {
-                    epochs: FINE_TUNING_STEPS.div_ceil(labels.len().div_ceil(batch)),
-                    batch,
-                    learning_rate: 3e-4,
-                    l2: self.recipe.training.l2,
-                    keep: Some((0, self.recipe.network.keep_probability)),
-                };
-                let output = DenseWeights {
-                    weight: vec![0.0; self.materials * width],
-                    bias: vec![0.0; self.materials],
-                };
-                let layers = [self.knowledge.classifier.network()?.folded_hidden(), output];
-                let mlp = fit_labels(
-                    &layers,
-                    &self.support.convolution,
-                    labels,
-                    training,
-                    seed,
-                    self.device,
-                )?;
-                let scores = mlp.apply(&queries.convolution);
-                scores
-                    .rows()
-                    .map(|row| argmax(&row.iter().map(|v| f64::from(*v)).collect::<Vec<_>>()))
-                    .collect()
-            }
+            TransferMethod::Siamese => self.siamese(queries),
+            TransferMethod::OlFcl => self.fine_tuned(queries, seed)?,
         })
+    }
+
+    /// Returns the labels of the nearest neighbours after the dense layer that was trained on pairs.
+    fn siamese(&self, queries: &Embedding) -> Vec<usize> {
+        let layers = self
+            .knowledge
+            .siamese
+            .as_ref()
+            .unwrap_or_else(|| panic!("was trained before"));
+        let mlp = tactnet_models::Mlp::from_layers(layers, self.device);
+        let embed = |embedding: &Embedding| {
+            let mut out = mlp.apply(&embedding.convolution);
+            out.values_mut().iter_mut().for_each(|v| *v = v.max(0.0));
+            out
+        };
+        nearest(&embed(self.support), &self.support.labels, &embed(queries))
+    }
+
+    /// Returns the labels after fine-tuning the dense and the output layer.
+    fn fine_tuned(&self, queries: &Embedding, seed: Seed) -> Result<Vec<usize>, Cancelled> {
+        let (labels, width) = (&self.support.labels, self.support.hidden.width());
+        let batch = self.recipe.training.batch;
+        let training = MlpTraining {
+            epochs: FINE_TUNING_STEPS.div_ceil(labels.len().div_ceil(batch)),
+            batch,
+            learning_rate: 3e-4,
+            l2: self.recipe.training.l2,
+            keep: Some((0, self.recipe.network.keep_probability)),
+        };
+        let output = DenseWeights {
+            weight: vec![0.0; self.materials * width],
+            bias: vec![0.0; self.materials],
+        };
+        let layers = [self.knowledge.classifier.network()?.folded_hidden(), output];
+        let mlp = fit_labels(
+            &layers,
+            &self.support.convolution,
+            labels,
+            training,
+            seed,
+            self.device,
+        )?;
+        let scores = mlp.apply(&queries.convolution);
+        let label = |row: &[f32]| argmax(&row.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
+        Ok(scores.rows().map(label).collect())
     }
 }
 
@@ -137,11 +142,4 @@ fn nearest(support: &Features, labels: &[usize], queries: &Features) -> Vec<usiz
             labels[argmax(&distances)]
         })
         .collect()
-}
-
-pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2))
-        .sum()
 }

@@ -3,39 +3,20 @@
 
 use rayon::prelude::*;
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView};
-use tactnet_models::{DenseWeights, WeightPrior, Whitening, argmax};
-use tactnet_pipeline::{Classifier, Embedding, MlpTraining, Recipe, fit_embedding};
+use tactnet_models::argmax;
+use tactnet_pipeline::{Embedding, Recipe};
 
-use super::few_shots::{FewShots, squared_distance};
-use super::tuning::{Tuned, tune};
+use super::few_shots::FewShots;
+use super::knowledge::{Knowledge, learn};
 use super::{FOLDS, Nshot, TransferMethod};
+use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext, embedded};
-use crate::pairs::random_pairs;
-use crate::result::Answer;
 use crate::{Measure, Measurement};
 
-/// Number of pairs for training the Siamese embedding.
-const PAIRS: usize = 20_000;
-
-/// The network of the known materials, and everything that methods derive from it.
-pub(super) struct Knowledge {
-    pub(super) classifier: Classifier,
-    pub(super) prior: WeightPrior,
-    pub(super) centre: Vec<f64>,
-    pub(super) whitening: Whitening,
-    pub(super) tuned: Tuned,
-    pub(super) siamese: Option<Vec<DenseWeights>>,
-    /// A network trained on pairs from the beginning.
-    pub(super) siamese_full: Option<Classifier>,
-}
-
+/// Evaluates all methods and numbers of shots on one draw of new materials.
 pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
-    let split = MaterialSplit::draw(
-        context.dataset,
-        task.new_materials,
-        context.seed,
-        context.part.stream(),
-    )?;
+    let stream = context.part.stream();
+    let split = MaterialSplit::draw(context.dataset, task.new_materials, context.seed, stream)?;
     let knowledge = learn(task, context, &split)?;
     let everything = SweepView::all(&split.new);
     let whole = embedded(&knowledge.classifier, &everything)?;
@@ -44,12 +25,18 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
         None => None,
     };
     // Each draw has its own folds and shots, which all methods share.
-    let own = context.seed_for("folds of new materials", context.part.stream());
+    let own = context.seed_for("folds of new materials", stream);
     let folds: Vec<Fold<'_>> = (0..FOLDS)
         .map(|fold| Fold::new(&split.new, Scheme::default(), own, 0, fold))
         .collect::<Result<_, _>>()?;
     let mut measurements = Vec::new();
-    let materials = split.new.labels().len();
+    let draw = NewMaterials {
+        knowledge: &knowledge,
+        everything: &everything,
+        whole: &whole,
+        by_pairs: by_pairs.as_ref(),
+        materials: split.new.labels().len(),
+    };
     for &shots in &task.shots {
         // Skip numbers of shots that the data set does not have.
         let Some(few) = with_shots(&folds, shots) else {
@@ -57,57 +44,16 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
         };
         for &method in task.methods() {
             context.say(&format!("{} with {shots} shots", method.name()))?;
-            let own: &[Fold<'_>] = match method {
-                // Use another fold in each draw.
+            let (right, decisions) = match method {
                 TransferMethod::Nk => {
-                    &rotated(&few, context.part.stream())[..task.scratch_folds.clamp(1, FOLDS)]
+                    // Use another fold in each draw.
+                    let own = rotated(&few, stream);
+                    let own = &own[..task.scratch_folds.clamp(1, FOLDS)];
+                    let answers = own.iter().map(|fold| from_scratch(task, context, fold));
+                    count_right(own, answers.collect())?
                 }
-                _ => &few,
+                _ => count_right(&few, draw.answers(context, method, shots, &few))?,
             };
-            let mut right = 0;
-            let mut decisions = 0;
-            let answers: Vec<Result<Vec<usize>, Cancelled>> = if method == TransferMethod::Nk {
-                own.iter()
-                    .map(|fold| from_scratch(task, context, fold))
-                    .collect()
-            } else {
-                let (recipe, device) = (context.recipe, context.device);
-                let seeds: Vec<Seed> = (0..FOLDS)
-                    .map(|fold| {
-                        context.seed_for("fine-tuning", context.part.stream() * FOLDS + fold)
-                    })
-                    .collect();
-                own.par_iter()
-                    .map(|fold| {
-                        // Use the embedding of the method's network.
-                        let whole = match (method, &by_pairs) {
-                            (TransferMethod::SiameseFull, Some(by_pairs)) => by_pairs,
-                            _ => &whole,
-                        };
-                        let support = whole.part(&everything, &fold.train);
-                        let queries = whole.part(&everything, &fold.test);
-                        let few = FewShots {
-                            knowledge: &knowledge,
-                            recipe,
-                            device,
-                            support: &support,
-                            materials,
-                            shots,
-                        };
-                        few.answers(method, &queries, seeds[fold.fold()])
-                    })
-                    .collect()
-            };
-            for (fold, answers) in own.iter().zip(answers) {
-                let answers = answers?;
-                right += fold
-                    .test
-                    .labels()
-                    .zip(&answers)
-                    .filter(|(label, answer)| label == *answer)
-                    .count();
-                decisions += answers.len();
-            }
             let value = right as f64 / decisions as f64;
             measurements.push(
                 Measurement::new(Measure::Accuracy, method.name(), value, decisions).shots(shots),
@@ -124,6 +70,74 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
     })
 }
 
+/// All sweeps of the new materials of a draw, embedded.
+struct NewMaterials<'a> {
+    knowledge: &'a Knowledge,
+    everything: &'a SweepView<'a>,
+    whole: &'a Embedding,
+    /// Embedding by the network trained on pairs.
+    by_pairs: Option<&'a Embedding>,
+    materials: usize,
+}
+
+impl NewMaterials<'_> {
+    /// Returns the answers of `method` to the test sweeps of each fold.
+    fn answers(
+        &self,
+        context: &StudyContext<'_>,
+        method: TransferMethod,
+        shots: usize,
+        folds: &[Fold<'_>],
+    ) -> Vec<Result<Vec<usize>, Cancelled>> {
+        let (recipe, device) = (context.recipe, context.device);
+        let seed = |fold| context.seed_for("fine-tuning", context.part.stream() * FOLDS + fold);
+        let seeds: Vec<Seed> = (0..FOLDS).map(seed).collect();
+        let &Self {
+            knowledge,
+            everything,
+            whole,
+            by_pairs,
+            materials,
+        } = self;
+        // Use the embedding of the method's network.
+        let whole = match (method, by_pairs) {
+            (TransferMethod::SiameseFull, Some(by_pairs)) => by_pairs,
+            _ => whole,
+        };
+        folds
+            .par_iter()
+            .map(|fold| {
+                let support = whole.part(everything, &fold.train);
+                let queries = whole.part(everything, &fold.test);
+                let few = FewShots {
+                    knowledge,
+                    recipe,
+                    device,
+                    support: &support,
+                    materials,
+                    shots,
+                };
+                few.answers(method, &queries, seeds[fold.fold()])
+            })
+            .collect()
+    }
+}
+
+/// Returns the numbers of correct answers and of all answers in all folds.
+fn count_right(
+    folds: &[Fold<'_>],
+    answers: Vec<Result<Vec<usize>, Cancelled>>,
+) -> Result<(usize, usize), Cancelled> {
+    let (mut right, mut decisions) = (0, 0);
+    for (fold, answers) in folds.iter().zip(answers) {
+        let answers = answers?;
+        let pairs = fold.test.labels().zip(&answers);
+        right += pairs.filter(|(label, answer)| label == *answer).count();
+        decisions += answers.len();
+    }
+    Ok((right, decisions))
+}
+
 /// Returns the folds with `shots` training sweeps of each material; `None` if a material has fewer.
 fn with_shots<'a>(folds: &[Fold<'a>], shots: usize) -> Option<Vec<Fold<'a>>> {
     folds.iter().map(|fold| fold.shots(shots).ok()).collect()
@@ -135,96 +149,6 @@ fn rotated<'a>(folds: &[Fold<'a>], by: usize) -> Vec<Fold<'a>> {
     let by = by % folds.len();
     folds.rotate_left(by);
     folds
-}
-
-/// Trains the network on the known materials and derives everything that the methods need.
-fn learn(
-    task: &Nshot,
-    context: &StudyContext<'_>,
-    split: &MaterialSplit,
-) -> Result<Knowledge, Cancelled> {
-    let fold = Fold::new(&split.known, Scheme::default(), context.seed, 0, 0)?;
-    let seed = context.seed_for("knowledge network", context.part.stream());
-    let classifier = context.trained("network of the known materials", &fold.train, seed)?;
-    context.say("embedding")?;
-    let seen = embedded(&classifier, &fold.train)?;
-    let unseen = embedded(&classifier, &fold.test)?;
-    let width = seen.hidden.width();
-    let mut centre = vec![0.0; width];
-    for row in seen.hidden.rows() {
-        centre
-            .iter_mut()
-            .zip(row)
-            .for_each(|(sum, v)| *sum += f64::from(*v) / seen.len() as f64);
-    }
-    context.say("whitening, prior strengths")?;
-    let prior = WeightPrior::of_knowledge(&classifier.network()?.output_layer());
-    let (whitening, tuned) = tune(task, context, &seen, &unseen, &prior)?;
-    let siamese = if task.methods().contains(&TransferMethod::Siamese) {
-        context.say("Siamese embedding")?;
-        Some(siamese_layers(
-            context,
-            &classifier,
-            &seen,
-            context.part.stream(),
-        )?)
-    } else {
-        None
-    };
-    let siamese_full = if task.methods().contains(&TransferMethod::SiameseFull) {
-        let seed = context.seed_for("network trained on pairs", context.part.stream());
-        Some(context.trained_on_pairs("network trained on pairs", &fold.train, seed)?)
-    } else {
-        None
-    };
-    Ok(Knowledge {
-        siamese_full,
-        prior,
-        centre,
-        whitening,
-        tuned,
-        siamese,
-        classifier,
-    })
-}
-
-/// Trains the dense layer further, so that sweeps of the same known material move together and others apart. The
-/// margin is the mean distance between different materials before training.
-fn siamese_layers(
-    context: &StudyContext<'_>,
-    classifier: &Classifier,
-    seen: &Embedding,
-    number: usize,
-) -> Result<Vec<DenseWeights>, Cancelled> {
-    let seed = context.seed_for("siamese", number);
-    let pairs = random_pairs(&seen.labels, PAIRS, &mut seed.rng("pairs"));
-    let apart: Vec<f64> = pairs
-        .iter()
-        .filter(|pair| pair.different)
-        .take(2000)
-        .map(|pair| {
-            squared_distance(seen.hidden.row(pair.first), seen.hidden.row(pair.second)).sqrt()
-        })
-        .collect();
-    let margin = apart.iter().sum::<f64>() / apart.len() as f64;
-    let training = MlpTraining {
-        epochs: 1,
-        batch: 64,
-        learning_rate: 1e-4,
-        l2: 0.0,
-        keep: None,
-    };
-    let layers = [classifier.network()?.folded_hidden()];
-    let mlp = fit_embedding(
-        &layers,
-        &seen.convolution,
-        &pairs,
-        margin,
-        training,
-        seed,
-        context.device,
-    )?;
-    Ok(mlp.layers())
 }
 
 /// Trains a network on the few sweeps alone and returns its answers to the test sweeps.

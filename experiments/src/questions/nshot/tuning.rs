@@ -184,27 +184,9 @@ pub(super) fn tune(
             .map(|_| Trial::draw(&of_label, materials, shots, &mut rng))
             .collect()
     };
-    // Select the shrinkage by nearest class means with the fewest shots, where it matters most.
     let first = trials(shots[0]);
-    let mut candidates = Vec::new();
-    for shrinkage in SHRINKAGES {
-        let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, shrinkage)?;
-        let features = whitening.apply(&unseen.hidden);
-        let accuracy: f64 = first
-            .iter()
-            .map(|trial| {
-                let head = NearestMean::fit(
-                    &features.select(&trial.support),
-                    &trial.support_labels,
-                    materials,
-                );
-                trial.accuracy(&head.scores(&features.select(&trial.queries)))
-            })
-            .sum();
-        candidates.push((accuracy, shrinkage, whitening, features));
-    }
-    let accuracies: Vec<f64> = candidates.iter().map(|candidate| candidate.0).collect();
-    let (_, shrinkage, whitening, features) = candidates.swap_remove(middle_of_best(&accuracies));
+    let (shrinkage, whitening, features) =
+        select_whitening(seen, unseen, known, materials, &first)?;
     let mut tuned = Tuned {
         shrinkage,
         plain: BTreeMap::new(),
@@ -221,6 +203,36 @@ pub(super) fn tune(
         tuned.whitened.insert(shots, prior);
     }
     Ok((whitening, tuned))
+}
+
+/// Selects the shrinkage by nearest class means with the fewest shots, where it matters most. Returns it with the
+/// whitening and the whitened features of `unseen`.
+///
+/// - `known`: number of known materials
+/// - `materials`: number of materials of each trial
+fn select_whitening(
+    seen: &Embedding,
+    unseen: &Embedding,
+    known: usize,
+    materials: usize,
+    trials: &[Trial],
+) -> Result<(f64, Whitening, Features), ModelError> {
+    let mut candidates = Vec::new();
+    for shrinkage in SHRINKAGES {
+        let whitening = Whitening::fit(&seen.hidden, &seen.labels, known, shrinkage)?;
+        let features = whitening.apply(&unseen.hidden);
+        let accuracy: f64 = trials
+            .iter()
+            .map(|trial| {
+                let support = features.select(&trial.support);
+                let head = NearestMean::fit(&support, &trial.support_labels, materials);
+                trial.accuracy(&head.scores(&features.select(&trial.queries)))
+            })
+            .sum();
+        candidates.push((accuracy, (shrinkage, whitening, features)));
+    }
+    let accuracies: Vec<f64> = candidates.iter().map(|candidate| candidate.0).collect();
+    Ok(candidates.swap_remove(middle_of_best(&accuracies)).1)
 }
 
 /// Returns the prior with the highest accuracy on the trials' queries.

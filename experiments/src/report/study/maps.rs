@@ -1,12 +1,15 @@
-//! Sweeps in a plane.
+//! Two-dimensional maps of sweeps.
 
-use tactnet_plot::{Scale, Series, escape, figure, legend};
+use maud::{Markup, PreEscaped, html};
+use tactnet_plot::{Scale, Series, figure, legend};
 
 use crate::FeatureMap;
 
-/// Every sweep as a mark of its material.
-pub(super) fn map(map: &FeatureMap) -> String {
-    const SIZE: f64 = 300.0;
+/// Width and height of a map, in user units.
+const SIZE: f64 = 300.0;
+
+/// Draws each sweep as a mark of its material.
+pub(super) fn map(map: &FeatureMap) -> Markup {
     let scale = |axis: usize| {
         let values = map.points.iter().map(|point| f64::from(point[axis]));
         let low = values.clone().fold(f64::INFINITY, f64::min);
@@ -17,23 +20,25 @@ pub(super) fn map(map: &FeatureMap) -> String {
     let at = |point: &[f32; 2], axis: usize| {
         8.0 + (SIZE - 16.0) * scales[axis].share(f64::from(point[axis]))
     };
-    let mut content = String::new();
-    for material in 0..map.materials.len() {
+    let group = |material: usize| {
         let series = Series::nth(material);
-        let marks: String = map
+        let own = map
             .points
             .iter()
             .zip(&map.labels)
-            .filter(|(_, label)| **label == material)
+            .filter(|(_, label)| **label == material);
+        let marks: String = own
             .map(|(point, _)| series.marker(at(point, 0), at(point, 1)))
             .collect();
-        content.push_str(&series.group(&marks));
-    }
+        series.group(&marks)
+    };
+    let content: String = (0..map.materials.len()).map(group).collect();
     let title = format!("{} materials, {} space", map.choice, map.space);
-    format!(
-        "<figure>\n{}{}<figcaption>t-SNE: {}. Distances between far groups mean little.</figcaption>\n</figure>\n",
-        figure(SIZE, SIZE, &title, &content),
-        legend(&map.materials),
-        escape(&title)
-    )
+    html! {
+        figure {
+            (PreEscaped(figure(SIZE, SIZE, &title, &content)))
+            (PreEscaped(legend(&map.materials)))
+            figcaption { "t-SNE: " (title) ". Distances between far groups are not meaningful." }
+        }
+    }
 }

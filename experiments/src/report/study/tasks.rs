@@ -1,34 +1,47 @@
-//! Where a study's numbers come from.
+//! Provenance of a study's numbers.
 
-use tactnet_plot::escape;
+use maud::{Markup, html};
 
+use super::super::table::{Heading, plain};
 use super::super::text::{commits, duration, hash, scroll};
 use crate::TaskRecord;
 
-pub(super) fn tasks(records: &[TaskRecord]) -> String {
-    let lines: String = records
-        .iter()
-        .map(|task| {
-            let chosen: Vec<String> = task.chosen.iter().map(|(name, value)| format!("{name} = {value}")).collect();
-            format!(
-                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"number\">{}</td><td>{}</td></tr>\n",
-                escape(&task.id),
-                escape(&task.split),
-                hash(&task.split_sha256),
-                hash(&task.recipe_sha256),
-                commits(&task.git),
-                duration(task.seconds),
-                escape(&chosen.join("; "))
-            )
-        })
-        .collect();
-    let table = format!(
-        "<table>\n<thead><tr><th scope=\"col\">Task</th><th scope=\"col\">Split</th><th scope=\"col\">Its hash</th><th scope=\"col\">Recipe</th>\
-         <th scope=\"col\">Commit</th><th scope=\"col\">Time</th><th scope=\"col\">Chosen</th></tr></thead>\n<tbody>\n{lines}</tbody>\n</table>\n"
-    );
-    format!(
-        "<details><summary>All {} tasks that have ended</summary>\n<div class=\"inset\">\n{}</div>\n</details>\n",
-        records.len(),
-        scroll("Tasks", &table)
-    )
+/// Returns the folded table of all finished tasks.
+pub(super) fn tasks(records: &[TaskRecord]) -> Markup {
+    let chosen = |task: &TaskRecord| {
+        let chosen = task
+            .chosen
+            .iter()
+            .map(|(name, value)| format!("{name} = {value}"));
+        chosen.collect::<Vec<_>>().join("; ")
+    };
+    let rows = html! {
+        @for task in records {
+            tr {
+                td { (task.id) }
+                td { (task.split) }
+                td { (hash(&task.split_sha256)) }
+                td { (hash(&task.recipe_sha256)) }
+                td { (commits(&task.git)) }
+                td.number { (duration(task.seconds)) }
+                td { (chosen(task)) }
+            }
+        }
+    };
+    let headings = [
+        "Task",
+        "Split",
+        "Split hash",
+        "Recipe",
+        "Commit",
+        "Time",
+        "Selected",
+    ]
+    .map(Heading::text);
+    html! {
+        details {
+            summary { "All " (records.len()) " finished tasks" }
+            div.inset { (scroll("Tasks", &plain("", &headings, &rows))) }
+        }
+    }
 }

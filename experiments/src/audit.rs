@@ -1,0 +1,75 @@
+//! The audit of a data set: its best model compared with probes.
+
+use serde::{Deserialize, Serialize};
+
+/// The best model of a data set compared with the probes, which measure information other than texture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Audit {
+    /// Name of the data set, with the treatment of levels.
+    pub data: String,
+    /// Accuracy of guessing: one over the number of materials.
+    pub chance: f64,
+    /// Accuracy of random guesses that name each material as often as the classifier of permuted labels; absent
+    /// without that probe.
+    #[serde(default)]
+    pub permuted_chance: Option<f64>,
+    /// Best contender on random folds, and its accuracy.
+    pub best: Option<(String, f64)>,
+    /// Contenders on random folds with the same accuracy as the best.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tied: Vec<String>,
+    /// Accuracy of the same model with a recording block left out; absent if it was not run.
+    pub block_out: Option<f64>,
+    /// Accuracy of a nearest neighbour on taxel means.
+    pub means: Option<f64>,
+    /// Accuracy with permuted labels.
+    pub permuted: Option<f64>,
+    /// Standard deviation of guessing, given the number of test sweeps.
+    pub chance_sigma: f64,
+    /// Interpretation of the differences, in sentences.
+    pub verdict: String,
+}
+
+/// Share of the lead over guessing above which a score counts as mostly level.
+const MOSTLY_LEVEL: f64 = 0.8;
+/// Share of the lead over guessing above which a score counts as partly level.
+const PARTLY_LEVEL: f64 = 0.3;
+/// Number of standard deviations above guessing from which permuted labels indicate a leak.
+pub(crate) const TOO_WELL: f64 = 3.0;
+
+/// Share of a score that levels explain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LevelShare {
+    /// Levels explain most of it.
+    Mostly,
+    /// Levels explain a part of it.
+    Partly,
+    /// Levels explain little of it.
+    Little,
+}
+
+impl Audit {
+    /// Returns the share of an accuracy that taxel means explain; `None` without that probe.
+    pub(crate) fn level_share(&self, accuracy: f64) -> Option<LevelShare> {
+        let share = (self.means? - self.chance) / (accuracy - self.chance).max(1e-9);
+        Some(if share > MOSTLY_LEVEL {
+            LevelShare::Mostly
+        } else if share > PARTLY_LEVEL {
+            LevelShare::Partly
+        } else {
+            LevelShare::Little
+        })
+    }
+
+    /// Returns the accuracy that permuted labels are compared with.
+    pub(crate) fn guessed(&self) -> f64 {
+        self.permuted_chance.unwrap_or(self.chance)
+    }
+
+    /// Returns the accuracy with permuted labels if it is so far above chance that test labels seem to leak into
+    /// training.
+    pub(crate) fn leak(&self) -> Option<f64> {
+        let away = |permuted: f64| (permuted - self.guessed()) / self.chance_sigma;
+        self.permuted.filter(|permuted| away(*permuted) > TOO_WELL)
+    }
+}
