@@ -57,7 +57,7 @@ fn card(audit: &Audit) -> Markup {
     html! {
         div.card {
             h3 { (audit.data) }
-            (plain("", &headings, &rows))
+            (plain(&html! {}, &headings, &rows))
             p { (prose(&audit.verdict)) }
         }
     }

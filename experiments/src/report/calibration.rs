@@ -160,7 +160,7 @@ fn counts(bins: &[ReliabilityBin], axes: &Axes) -> Markup {
     html! {
         g.counts {
             @for bin in bins {
-                rect.faint[bin.count < FEW] x=(px(left(bin))) y=(px(ground - height(bin))) width=(px(width - 2.0))
+                rect class=[(bin.count < FEW).then_some("faint")] x=(px(left(bin))) y=(px(ground - height(bin))) width=(px(width - 2.0))
                     height=(px(height(bin))) { title { (bin.count) " sweeps" } }
             }
         }

@@ -100,7 +100,11 @@ impl<'a> Confusion<'a> {
                 }
             }
         };
-        plain("Most frequent confusions", &headings, &rows)
+        plain(
+            &html! { caption { "Most frequent confusions" } },
+            &headings,
+            &rows,
+        )
     }
 
     /// Returns the matrix with names and a bar of accuracy for each material.

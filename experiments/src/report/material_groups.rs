@@ -78,7 +78,7 @@ fn groups(set: &DataSet, row: &Scored<'_>, grouping: &Grouping) -> Markup {
                 @if grouping.consecutive { " Every group is consecutive in label order." }
                 @else { " Not every group is consecutive in label order." }
             }
-            (scroll(&format!("Groups of {name}"), &plain("", &headings, &rows)))
+            (scroll(&format!("Groups of {name}"), &plain(&html! {}, &headings, &rows)))
         }
     }
 }

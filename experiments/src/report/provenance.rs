@@ -99,7 +99,7 @@ fn folds(summary: &Summary, index: usize, row: &Scored<'_>, set: &DataSet) -> Ma
                 @if let Some(published) = &row.published { " Comparable published result: " (published.classifier) ", on TactMat." }
                 " Commits, splits and recipes are shortened hashes; the complete ones are their titles."
             }
-            (scroll(&format!("Folds of {name}"), &plain("", &headings, &rows)))
+            (scroll(&format!("Folds of {name}"), &plain(&html! {}, &headings, &rows)))
         }
     }
 }

@@ -103,11 +103,11 @@ pub(super) fn sortable(
 
 /// Returns a table with plain headings.
 ///
-/// - `caption`: caption for screen readers; empty for none
-pub(super) fn plain(caption: &str, headings: &[Heading], rows: &Markup) -> Markup {
+/// - `caption`: `caption` element, or nothing
+pub(super) fn plain(caption: &Markup, headings: &[Heading], rows: &Markup) -> Markup {
     html! {
         table {
-            @if !caption.is_empty() { caption.hidden { (caption) } }
+            (caption)
             thead {
                 tr {
                     @for heading in headings {

@@ -119,6 +119,6 @@ pub(super) fn efficiency(efficiency: &[SampleEfficiency]) -> Markup {
             "Sweeps of each new material that a network from scratch needs to reach the accuracy of OL-mean. Interpolated "
             "linearly over the logarithm between tested numbers; intervals by bootstrap over draws of the materials."
         }
-        (scroll("Sweeps saved", &plain("Sweeps saved by transfer", &headings, &rows)))
+        (scroll("Sweeps saved", &plain(&html! { caption.hidden { "Sweeps saved by transfer" } }, &headings, &rows)))
     }
 }

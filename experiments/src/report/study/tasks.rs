@@ -41,7 +41,7 @@ pub(super) fn tasks(records: &[TaskRecord]) -> Markup {
     html! {
         details {
             summary { "All " (records.len()) " finished tasks" }
-            div.inset { (scroll("Tasks", &plain("", &headings, &rows))) }
+            div.inset { (scroll("Tasks", &plain(&html! {}, &headings, &rows))) }
         }
     }
 }
