@@ -1,5 +1,6 @@
 //! Errors as one line and an exit code: 1 for a failed run, 2 for a call that must be corrected.
 
+mod channel_remedy;
 mod remedy;
 mod usage;
 
@@ -50,6 +51,10 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
     }
     if let Some(remedy) = error.chain().find_map(remedy::words_of_experiment) {
         message.push_str(&format!("; {remedy}"));
+    }
+    if let Some(remedy) = error.chain().find_map(channel_remedy::words_of_channels) {
+        message.push_str("; ");
+        message.push_str(remedy);
     }
     say!(
         "error: {}",

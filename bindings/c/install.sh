@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Installs the library for C and C++: headers, libtactnet_channel.so and .a, CMake's and pkg-config's files.
+# Installs the library for C and C++: headers, libtactnet_channel.so and .a, CMake and pkg-config files.
 #
 #   bindings/c/install.sh --prefix DIR [--built FOLDER]
 #
-# `--built` names the folder with libtactnet_c.so and .a of a build; without it they are built here, optimised.
+# `--built` is the folder with libtactnet_c.so and .a; without it the script builds a release version.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 prefix='' built=''

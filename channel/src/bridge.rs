@@ -1,12 +1,12 @@
-//! Channels between hosts, over zenoh.
+//! Bridge between hosts, over zenoh.
 //!
 //! ```text
 //! put-port ─> channel ─> forwarder ══ zenoh, TCP ══> deliverer ─> channel ─> get-ports
 //! └──────── this host ──────────┘    one copy       └───────── other host ─────────┘
 //! ```
 //!
-//! A hub listens to a channel only while its host has get-ports, and forwards only while some hub listens, so a packet crosses the wire
-//! once for each host that wants it and not at all otherwise.
+//! A hub subscribes to a channel only while its host has get-ports, and forwards only while another hub subscribes. A
+//! packet therefore crosses the network once for each host that wants it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -26,13 +26,13 @@ use crate::{
     Priority, PutPort, Table, Wait,
 };
 
-/// How often a forwarder looks whether it should end.
+/// Interval at which a forwarder checks for a stop request.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// The distributed channels of a hub.
+/// Network connection of a hub with its distributed channels.
 #[derive(Debug)]
 pub(crate) struct Bridge {
-    /// `None` without endpoints in the table.
+    /// `None` if the table names no endpoints.
     network: Option<Network>,
 }
 
@@ -44,21 +44,21 @@ struct Network {
     stop: Arc<AtomicBool>,
 }
 
-/// A channel that other hosts may have, too.
+/// A channel that is shared with other hosts.
 #[derive(Debug)]
 struct Mirror {
     id: ChannelId,
     config: ChannelConfig,
     key: String,
     forwarder: Option<JoinHandle<()>>,
-    /// While this host has get-ports.
+    /// Subscription to other hosts; present while this host has get-ports.
     deliverer: Option<Subscriber<()>>,
 }
 
 impl Bridge {
-    /// Connects to the other hubs; those that are not there yet are waited for in the background.
+    /// Connects to the other hubs. Missing ones are retried in the background.
     ///
-    /// The channels must have been created before.
+    /// The channels must exist already.
     pub(crate) fn start(table: &Table) -> Result<Self, ChannelError> {
         let network = &table.network;
         if network.listen.is_empty() && network.connect.is_empty() {
@@ -95,7 +95,7 @@ impl Bridge {
         })
     }
 
-    /// Listens where this host has get-ports and nowhere else.
+    /// Subscribes to channels that have get-ports on this host, and unsubscribes from the others.
     pub(crate) fn follow(&mut self, states: &[ChannelState]) -> Result<(), ChannelError> {
         let Some(network) = &mut self.network else {
             return Ok(());
@@ -105,12 +105,12 @@ impl Bridge {
             let Some(state) = states.iter().find(|state| state.id == mirror.id) else {
                 continue;
             };
-            // The forwarder is one of them.
+            // The forwarder holds one of the get-ports.
             let wanted = state.get_ports > usize::from(mirror.forwarder.is_some());
             if wanted && mirror.deliverer.is_none() {
                 let put = match network.bus.raw_put_port(mirror.id, Priority::Normal) {
                     Ok(put) => Mutex::new(put),
-                    // A client has the hub's place; it may be free soon.
+                    // A client has taken the hub's place, which may become free soon.
                     Err(ChannelError::TooManyPorts { .. }) => continue,
                     Err(error) => return Err(error),
                 };
@@ -138,7 +138,7 @@ impl Bridge {
 }
 
 impl Network {
-    /// Starts forwarders where there are none, or none any more.
+    /// Starts missing forwarders, and restarts those that have ended.
     fn forward(&mut self) -> Result<(), ChannelError> {
         for mirror in &mut self.mirrors {
             if mirror
@@ -151,7 +151,7 @@ impl Network {
             mirror.forwarder = None;
             let get = match self.bus.raw_get_port(mirror.id) {
                 Ok(get) => get,
-                // A client has the hub's place; it may be free soon.
+                // A client has taken the hub's place, which may become free soon.
                 Err(ChannelError::TooManyPorts { .. }) => continue,
                 Err(error) => return Err(error),
             };
@@ -182,10 +182,10 @@ impl Drop for Bridge {
     }
 }
 
-/// Publishers of one channel, one for each priority.
+/// Zenoh publishers of one channel, one for each priority.
 struct Wire {
     publishers: [Publisher<'static>; 4],
-    /// Returns true if any other hub listens.
+    /// True while any other hub subscribes.
     wanted: Arc<AtomicBool>,
 }
 
@@ -230,11 +230,11 @@ impl Wire {
     }
 }
 
-/// Sends what is put on this host.
+/// Sends packets that were put on this host to other hosts, until stopped.
 fn forward(get: &GetPort<u8>, wire: &Wire, stop: &AtomicBool) {
     let wait = Wait::Block { timeout: LOOK };
     while !stop.load(Ordering::Acquire) {
-        // When the transport breaks down, `Network::forward` begins anew.
+        // `Network::forward` starts a new forwarder after a failure.
         let Ok(packet) = get.get(wait) else { return };
         let Some(packet) = packet else { continue };
         let header = packet.header();
@@ -246,19 +246,20 @@ fn forward(get: &GetPort<u8>, wire: &Wire, stop: &AtomicBool) {
             .put(&*packet)
             .attachment(bytemuck::bytes_of(header))
             .wait();
-        // What does not arrive is counted by the getters.
+        // Getters count lost packets.
         drop(sent);
     }
 }
 
-/// Puts what comes from another host.
+/// Puts a packet from another host into the local channel.
 fn deliver(put: &Mutex<PutPort<u8>>, sample: &Sample) {
-    // Zenoh calls from one thread for each other host, and only so many packets may be on loan.
+    // Zenoh calls this from one thread for each remote host; the lock keeps the number of loans within the table's
+    // limit.
     let put = put.lock().unwrap_or_else(PoisonError::into_inner);
     let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
     let header =
         attachment.and_then(|bytes| bytemuck::try_pod_read_unaligned::<Header>(&bytes).ok());
-    // Bytes of another program, or of another version.
+    // Sent by another program or another version.
     let Some(header) = header else { return };
     let payload = sample.payload();
     let Ok(mut packet) = put.loan(payload.len()) else {

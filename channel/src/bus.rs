@@ -1,4 +1,4 @@
-//! Where ports come from.
+//! Bus: opens channels and creates ports.
 
 use std::collections::BTreeMap;
 use std::path::{Path as FilePath, PathBuf};
@@ -19,18 +19,30 @@ use crate::{
     PutPort, Start, SyncGroup, Table,
 };
 
-/// How long the places of dead clients may take to become free.
+/// Maximum time until the hub has freed the places of dead clients.
 pub(crate) const CLEARING_UP: Duration = Duration::from_secs(4);
-/// Which components a bus connects.
+/// Set of components that a bus connects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Domain {
-    /// The threads of this process, through clones of one [`Bus`]; needs no hub.
+    /// Threads of this process, through clones of one [`Bus`]. Needs no hub.
     Process,
     /// All processes of this host, and through the hub those of other hosts.
     Host,
 }
 
-/// A component's access to the channels of a table. Clones are the same bus.
+/// A component's access to the channels of a table. Clones share one bus.
+///
+/// ```
+/// use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table};
+///
+/// let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(3));
+/// let bus = Bus::open(Domain::Process, &table)?;
+/// let get = bus.get_port::<f32>("force", Start::Now)?;
+/// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+/// put.put_copy(&[0.0, 1.5, 9.8])?;
+/// assert_eq!(get.try_get()?.unwrap()[1], 1.5);
+/// # Ok::<_, tactnet_channel::ChannelError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Bus {
     inner: Arc<Inner>,
@@ -40,29 +52,29 @@ pub struct Bus {
 struct Inner {
     node: AnyNode,
     table: Table,
-    /// Of channels that were opened, in the process domain.
+    /// Wake events of the opened channels; used in the process domain only.
     wake_events: Mutex<BTreeMap<ChannelId, Arc<WakeEvent>>>,
-    /// Rung for groups that are too large for the kernel.
+    /// Wake event for sync groups that are too large for one kernel call.
     crowd: Arc<WakeEvent>,
-    /// Of the files in [`Domain::Host`].
+    /// Folder of the bus's files; empty in the process domain.
     folder: PathBuf,
 }
 
-/// A channel that was opened.
+/// An opened channel with everything that a port needs.
 pub(crate) struct Opened {
     pub(crate) id: ChannelId,
     pub(crate) config: ChannelConfig,
     pub(crate) channel: AnyChannel,
     pub(crate) wake_event: Arc<WakeEvent>,
     pub(crate) crowd: Arc<WakeEvent>,
-    /// Folder of its files in shared memory, and how their names begin.
+    /// Folder of its files in shared memory, and the prefix of their names.
     pub(crate) files: Option<(PathBuf, String)>,
-    /// Bytes of what people call an item, also where the port's own are bytes.
+    /// Bytes of one item of the channel's packet type, also where the port's items are bytes.
     pub(crate) unit: usize,
 }
 
 impl Opened {
-    /// With bytes for items.
+    /// Returns the channel with bytes as items.
     fn raw(mut self) -> Self {
         self.config.items = self.config.packet_bytes();
         self.config.item_bytes = 1;
@@ -74,7 +86,17 @@ impl Bus {
     /// Opens the channels of `table`.
     ///
     /// # Errors
-    /// No hub runs on this host ([`Domain::Host`]); a table out of range.
+    /// [`ChannelError::NoHub`] if no hub runs on this host ([`Domain::Host`] only); [`ChannelError::Table`] if the
+    /// table is out of range.
+    ///
+    /// ```
+    /// use tactnet_channel::{Bus, ChannelConfig, Domain, Table};
+    ///
+    /// let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(3));
+    /// let bus = Bus::open(Domain::Process, &table)?;
+    /// assert_eq!(bus.table().bus, "lab");
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn open(domain: Domain, table: &Table) -> Result<Self, ChannelError> {
         table.check().map_err(|reason| ChannelError::Table {
             path: "table".into(),
@@ -113,15 +135,27 @@ impl Bus {
         })
     }
 
-    /// The table it was opened with.
+    /// Returns the table that the bus was opened with.
     pub fn table(&self) -> &Table {
         &self.inner.table
     }
 
-    /// A port to put packets of `T` into channel `id`.
+    /// Creates a port that puts packets of `T` into channel `id`.
     ///
     /// # Errors
-    /// No such channel, another type, all put-ports taken, not enough shared memory, no hub.
+    /// No such channel, another packet type, all put-ports taken, not enough shared memory, no hub.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, ChannelError, Domain, Priority, Table};
+    /// # let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(3));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let put = bus.put_port::<f32>("force", Priority::RealTime)?;
+    /// put.put_copy(&[1.0, 2.0, 3.0])?;
+    /// // By default a channel has one put-port.
+    /// let second = bus.put_port::<f32>("force", Priority::RealTime);
+    /// assert!(matches!(second, Err(ChannelError::TooManyPorts { .. })));
+    /// # Ok::<_, ChannelError>(())
+    /// ```
     pub fn put_port<T: Packet>(
         &self,
         id: impl AsChannelId,
@@ -130,10 +164,21 @@ impl Bus {
         PutPort::open(self.open_channel::<T>(id.channel_id()?)?, priority)
     }
 
-    /// A port to get packets of `T` from channel `id`.
+    /// Creates a port that gets packets of `T` from channel `id`.
     ///
     /// # Errors
-    /// No such channel, another type, all get-ports taken, more history than it keeps, no hub.
+    /// No such channel, another packet type, all get-ports taken, more history than the channel keeps, no hub.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, ChannelError, Domain, Priority, Start, Table};
+    /// # let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(3));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let get = bus.get_port::<f32>("force", Start::Now)?;
+    /// assert!(get.try_get()?.is_none());
+    /// let other_type = bus.get_port::<u8>("force", Start::Now);
+    /// assert!(matches!(other_type, Err(ChannelError::Type { .. })));
+    /// # Ok::<_, ChannelError>(())
+    /// ```
     pub fn get_port<T: Packet>(
         &self,
         id: impl AsChannelId,
@@ -142,10 +187,23 @@ impl Bus {
         GetPort::open(self.open_channel::<T>(id.channel_id()?)?, start)
     }
 
-    /// Ports to wait for together.
+    /// Creates a group of get-ports to wait for together.
     ///
     /// # Errors
-    /// No port; more than 128, some of them of another bus.
+    /// An empty list; more than 128 ports that are not all of this bus.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table, Wait};
+    /// # let table = Table::new("lab").with("left", ChannelConfig::of::<f32>(1)).with("right",
+    /// ChannelConfig::of::<f32>(1));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let left = bus.get_port::<f32>("left", Start::Now)?;
+    /// let right = bus.get_port::<f32>("right", Start::Now)?;
+    /// let mut group = bus.sync_group(&[&left, &right])?;
+    /// bus.put_port::<f32>("right", Priority::Normal)?.put_copy(&[0.5])?;
+    /// assert_eq!(group.wait(Wait::Spin)?, Some(1));
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn sync_group(&self, ports: &[&dyn crate::GetSide]) -> Result<SyncGroup, ChannelError> {
         SyncGroup::new(ports, self.inner.crowd.clone())
     }
@@ -174,10 +232,10 @@ impl Bus {
         self.open_any(id)
     }
 
-    /// A port for the bytes of packets whose type is known only when the program runs, as in a library for other languages.
+    /// Creates a port that gets packets as bytes and checks their type at run time, for bindings to other languages.
     ///
     /// # Errors
-    /// As [`Bus::get_port`].
+    /// The same as [`Bus::get_port`].
     pub fn get_port_of(
         &self,
         id: impl AsChannelId,
@@ -187,10 +245,10 @@ impl Bus {
         GetPort::open(self.open_as(id.channel_id()?, packet)?.raw(), start)
     }
 
-    /// A port to put the bytes of packets whose type is known only when the program runs.
+    /// Creates a port that puts packets as bytes and checks their type at run time, for bindings to other languages.
     ///
     /// # Errors
-    /// As [`Bus::put_port`].
+    /// The same as [`Bus::put_port`].
     pub fn put_port_of(
         &self,
         id: impl AsChannelId,
@@ -200,18 +258,18 @@ impl Bus {
         PutPort::open(self.open_as(id.channel_id()?, packet)?.raw(), priority)
     }
 
-    /// A port for the bytes of a channel's packets, for tools that show any channel.
+    /// Creates a port that gets the packets of any channel as bytes, for tools.
     ///
     /// # Errors
-    /// As [`Bus::get_port`], but for the type.
+    /// The same as [`Bus::get_port`], except the type.
     pub fn raw_get_port(&self, id: ChannelId) -> Result<GetPort<u8>, ChannelError> {
         GetPort::open(self.open_any(id)?.raw(), Start::Now)
     }
 
-    /// A port to put bytes into any channel, for tools.
+    /// Creates a port that puts bytes into any channel, for tools.
     ///
     /// # Errors
-    /// As [`Bus::put_port`], but for the type.
+    /// The same as [`Bus::put_port`], except the type.
     pub fn raw_put_port(
         &self,
         id: ChannelId,
@@ -220,10 +278,10 @@ impl Bus {
         PutPort::open(self.open_any(id)?.raw(), priority)
     }
 
-    /// Who is connected to every channel of the table, in its order.
+    /// Returns the number of connected ports of every channel, in the order of the table.
     ///
     /// # Errors
-    /// No hub.
+    /// No hub runs on this host.
     pub fn states(&self) -> Result<Vec<ChannelState>, ChannelError> {
         let ids = self.inner.table.channels.keys();
         ids.map(|id| {
@@ -238,10 +296,10 @@ impl Bus {
         .collect()
     }
 
-    /// Returns the processes of this host that have put-ports of a channel, by number; empty for [`Domain::Process`].
+    /// Returns the ids of the processes of this host that have put-ports of a channel; empty for [`Domain::Process`].
     ///
     /// # Errors
-    /// No hub; no such channel.
+    /// No hub runs on this host; no such channel.
     pub fn putting_processes(&self, id: ChannelId) -> Result<Vec<u32>, ChannelError> {
         let mut pids = Vec::new();
         if let Either::Host(channel) = self.open_any(id)?.channel {
@@ -296,12 +354,12 @@ impl Bus {
     }
 }
 
-/// A name of a channel: text or a [`ChannelId`] that came in a packet.
+/// A name of a channel: text, or a [`ChannelId`] that was received in a packet.
 pub trait AsChannelId {
-    /// The id.
+    /// Returns the id.
     ///
     /// # Errors
-    /// Text that is no id.
+    /// Text that is not a channel id.
     fn channel_id(self) -> Result<ChannelId, ChannelError>;
 }
 
@@ -317,9 +375,9 @@ impl AsChannelId for ChannelId {
     }
 }
 
-/// Iceoryx2's own settings, never those of a file of this machine.
+/// Returns the settings of iceoryx2; configuration files of the machine are ignored.
 ///
-/// - `folder`: of its files; an empty one for memory of the process
+/// - `folder`: folder of its files; empty for memory of the process
 pub(crate) fn iceoryx_config(folder: &FilePath, prefix: &str) -> Result<Config, ChannelError> {
     let mut config = Config::default();
     if !folder.as_os_str().is_empty() {
@@ -329,7 +387,7 @@ pub(crate) fn iceoryx_config(folder: &FilePath, prefix: &str) -> Result<Config, 
     }
     config.global.prefix = FileName::new(format!("{prefix}_").as_bytes())
         .map_err(|error| ChannelError::transport(prefix, format!("{error:?}")))?;
-    // The hub clears up; a client must not be held up by what others have left.
+    // Only the hub cleans up, so that clients are not delayed by the remains of others.
     config.global.node.cleanup_dead_nodes_on_creation = false;
     config.global.node.cleanup_dead_nodes_on_destruction = false;
     config.global.service.cleanup_dead_nodes_on_open = false;
@@ -352,7 +410,7 @@ pub(crate) fn service_name(id: ChannelId) -> Result<ServiceName, ChannelError> {
         .map_err(|error| ChannelError::transport(id, format!("{error:?}")))
 }
 
-/// Opens a channel of the hub.
+/// Opens a channel that the hub has created.
 fn open<S: Service>(node: &Node<S>, id: ChannelId, bus: &str) -> Result<Channel<S>, ChannelError> {
     let begun = Instant::now();
     loop {
@@ -363,7 +421,7 @@ fn open<S: Service>(node: &Node<S>, id: ChannelId, bus: &str) -> Result<Channel<
             .open();
         match opened {
             Ok(channel) => return Ok(channel),
-            // The places of clients that died are free again only after the hub has cleared up.
+            // The hub needs some time to free the places of dead clients.
             Err(PublishSubscribeOpenError::ExceedsMaxNumberOfNodes)
                 if begun.elapsed() < CLEARING_UP =>
             {
@@ -383,7 +441,7 @@ fn open<S: Service>(node: &Node<S>, id: ChannelId, bus: &str) -> Result<Channel<
     }
 }
 
-/// Creates a channel, or opens it where it is as the table says.
+/// Creates a channel, or opens it if it exists and agrees with the table.
 pub(crate) fn create<S: Service>(
     node: &Node<S>,
     id: ChannelId,
@@ -392,7 +450,7 @@ pub(crate) fn create<S: Service>(
     let define = |attributes: AttributeSpecifier, (key, value): (&str, String)| {
         let key = key
             .try_into()
-            .unwrap_or_else(|error| panic!("{key} is a key: {error:?}"));
+            .unwrap_or_else(|error| panic!("{key} is a valid key: {error:?}"));
         let value = value
             .as_str()
             .try_into()
@@ -416,7 +474,7 @@ pub(crate) fn create<S: Service>(
             .subscriber_max_borrowed_samples(config.held)
             .max_publishers(puts)
             .max_subscribers(gets)
-            // Clients, the hub, and people who look.
+            // Clients, the hub, and up to eight tools.
             .max_nodes(puts + gets + 8))
     };
     let created = builder()?.create_with_attributes(&attributes);
@@ -429,7 +487,7 @@ pub(crate) fn create<S: Service>(
     Ok(channel)
 }
 
-/// Size and alignment that a port checks when it opens.
+/// Returns the properties of a channel that a port compares when it opens.
 fn attributes(config: &ChannelConfig) -> [(&'static str, String); 2] {
     let ChannelConfig {
         items,
@@ -461,7 +519,7 @@ fn check_attributes<S: Service>(
     for (key, found) in attributes(config) {
         let name = key
             .try_into()
-            .unwrap_or_else(|error| panic!("{key} is a key: {error:?}"));
+            .unwrap_or_else(|error| panic!("{key} is a valid key: {error:?}"));
         let expected = channel
             .attributes()
             .key_value(&name, 0)
@@ -477,12 +535,12 @@ fn check_attributes<S: Service>(
     Ok(())
 }
 
-/// The file of a channel's wake_event.
+/// Returns the file of a channel's wake event.
 pub(crate) fn wake_event_file(folder: &FilePath, id: ChannelId) -> Result<PathBuf, ChannelError> {
     Ok(folder.join(format!("wake_{}", id.as_str()?.replace('/', "+"))))
 }
 
-/// The file of the wake_event for large groups; it is there while a hub is or was.
+/// Returns the file of the wake event for large groups. It exists while a hub runs and after a hub has ended.
 pub(crate) fn crowd_file(folder: &FilePath) -> PathBuf {
     folder.join("wake+")
 }

@@ -1,4 +1,4 @@
-//! Creating a port where dead clients may hold the last places.
+//! Creation of ports while dead clients may hold the last places.
 
 use std::time::{Duration, Instant};
 
@@ -7,22 +7,25 @@ use iceoryx2::service::Service;
 
 use crate::bus::{CLEARING_UP, Channel};
 
-/// How long the hub clears up after one dead client, which nobody sees any more meanwhile, on a machine that is not busy.
+/// Time that the hub needs to clean up after one dead client on an idle machine. The client's node is no longer listed
+/// during that time.
 const CLEARING_UP_ONE: Duration = Duration::from_millis(100);
-/// How often a place is tried for.
+/// Retry interval.
 const AGAIN: Duration = Duration::from_millis(10);
 
-/// Which ports of a channel.
+/// Direction of a port.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Side {
-    /// Those that put.
+    /// Puts packets.
     Put,
-    /// Those that get.
+    /// Gets packets.
     Get,
 }
 
-/// Creates a port; where all places are taken, waits while dead clients hold some, which only the hub clears up: a client that is killed while
-/// it did so would leave a place that nobody can free (iceoryx2 0.10 skips a port whose tag is gone and forgets its node).
+/// Creates a port. If all places are taken, waits while dead clients hold some of them.
+///
+/// Only the hub cleans up: if a client did and were killed meanwhile, its place would be lost for ever (iceoryx2 0.10
+/// skips a port whose tag is gone and forgets its node).
 pub(crate) fn create_port<S: Service, P, E>(
     channel: &Channel<S>,
     side: Side,
@@ -36,7 +39,7 @@ pub(crate) fn create_port<S: Service, P, E>(
         if !created.as_ref().is_err_and(&is_full) {
             return created;
         }
-        // Unreadable states count as living.
+        // A node whose state cannot be read counts as alive.
         let _ = channel.nodes(|node| {
             if matches!(node, NodeState::Dead(_)) {
                 seen = Instant::now();
@@ -51,8 +54,9 @@ pub(crate) fn create_port<S: Service, P, E>(
     }
 }
 
-/// Returns true if processes that run have all places. While the hub clears up after a dead client, nobody sees its node, but its port, or a
-/// place that has just become free.
+/// Returns true if running processes hold all places.
+///
+/// While the hub cleans up after a dead client, the list shows its port, but not its node.
 fn all_places_are_held<S: Service>(channel: &Channel<S>, side: Side) -> bool {
     let mut held = 0;
     let mut count = |pid: Option<i32>| {
@@ -72,9 +76,9 @@ fn all_places_are_held<S: Service>(channel: &Channel<S>, side: Side) -> bool {
     }
 }
 
-/// Returns true if there is such a process on this host, whoever it belongs to.
+/// Returns true if a process with this id exists on this host, of any user.
 fn runs(pid: i32) -> bool {
-    // SAFETY: signal 0 only asks.
+    // SAFETY: signal 0 checks for existence only.
     let asked = unsafe { libc::kill(pid, 0) };
     asked == 0 || std::io::Error::last_os_error().raw_os_error() != Some(libc::ESRCH)
 }

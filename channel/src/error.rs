@@ -4,138 +4,157 @@ use std::path::PathBuf;
 
 use crate::ChannelId;
 
-/// Errors of the channel layer; each is one line for people.
+/// Errors of the channel layer.
 #[derive(Debug, thiserror::Error)]
 pub enum ChannelError {
-    /// A name that is none.
-    #[error("`{found}` is no channel id: expected 1 to 47 letters, digits, `/`, `_`, `-` or `.`")]
+    /// Text that is not a channel id.
+    #[error(
+        "`{found}` is not a channel id: expected 1 to 47 letters, digits, `/`, `_`, `-` or `.`"
+    )]
     Id {
-        /// The text.
+        /// Rejected text.
         found: String,
     },
-    /// A table that cannot be used.
+    /// Table with a missing, unknown or out-of-range value.
     #[error("{path}: {reason}")]
     Table {
-        /// The file, or `table`.
+        /// Path of the file, or `table`.
         path: String,
-        /// Expected and found.
+        /// Expected and found values.
         reason: String,
     },
-    /// A channel that the table does not name.
-    #[error("channel `{id}` is not in the table; it names {known}")]
+    /// Channel that the table does not contain.
+    #[error("channel `{id}` is not in the table; the table contains {known}")]
     NoSuchChannel {
-        /// As asked for.
+        /// Requested id.
         id: String,
-        /// The table's channels.
+        /// Ids of the table, separated by commas.
         known: String,
     },
-    /// Nothing holds the channels of this host.
-    #[error(
-        "no hub of bus `{bus}` runs on this host; start `tactnet channel hub --table FILE` with the same table"
-    )]
+    /// No hub holds this bus on this host.
+    #[error("no hub of bus `{bus}` runs on this host")]
     NoHub {
         /// Name of the bus.
         bus: String,
     },
-    /// A hub of the same bus runs already.
-    #[error("a hub of bus `{bus}` runs on this host already")]
+    /// A hub of the same bus already runs.
+    #[error("a hub of bus `{bus}` already runs on this host")]
     HubRuns {
         /// Name of the bus.
         bus: String,
     },
-    /// The two ends do not speak of the same packet.
-    #[error("channel `{id}`: it carries {expected}, asked for was {found}")]
+    /// Port and channel have different packet types.
+    #[error("channel `{id}`: expected packets of {expected}, found {found}")]
     Type {
         /// The channel.
         id: ChannelId,
-        /// The channel's packet.
+        /// Packet type of the channel.
         expected: String,
-        /// The port's packet.
+        /// Packet type of the port.
         found: String,
     },
-    /// No place left for a port.
+    /// All places for ports are taken.
     #[error("channel `{id}`: all {most} {side}-ports are taken")]
     TooManyPorts {
         /// The channel.
         id: ChannelId,
         /// `put` or `get`.
         side: &'static str,
-        /// As the table allows.
+        /// Number of ports that the table allows.
         most: usize,
     },
-    /// Too long a packet.
-    #[error("channel `{id}`: a packet holds at most {most} items, asked for were {found}")]
+    /// Packet with too many items.
+    #[error("channel `{id}`: expected at most {most} items in a packet, found {found}")]
     TooLarge {
         /// The channel.
         id: ChannelId,
-        /// As the table allows.
+        /// Number of items that the table allows.
         most: usize,
-        /// As asked for.
+        /// Requested number of items.
         found: usize,
     },
     /// More history than the channel keeps.
-    #[error(
-        "channel `{id}`: it keeps {most} packets for those who come late, asked for were {found}"
-    )]
+    #[error("channel `{id}`: expected a history of at most {most} packets, found {found}")]
     History {
         /// The channel.
         id: ChannelId,
-        /// As the table allows.
+        /// Number of packets that the table allows.
         most: usize,
-        /// As asked for.
+        /// Requested number of packets.
         found: usize,
     },
-    /// A client holds on to too many packets.
+    /// Too many packets are loaned or held at once.
     #[error("channel `{id}`: {most} packets are {state} at this port; put or drop one first")]
     Held {
         /// The channel.
         id: ChannelId,
         /// `loaned` or `held`.
         state: &'static str,
-        /// As the table allows.
+        /// Number of packets that the table allows.
         most: usize,
     },
     /// Not enough shared memory.
-    #[error("channel `{id}`: a put-port needs {needed} bytes of shared memory, {free} are free")]
+    #[error(
+        "channel `{id}`: a put-port needs {needed} bytes of shared memory, but only {free} are free"
+    )]
     Memory {
         /// The channel.
         id: ChannelId,
-        /// Memory of the port.
+        /// Memory of one put-port, in bytes.
         needed: u64,
-        /// Memory that is left where the bus has its files.
+        /// Free memory where the bus has its files, in bytes.
         free: u64,
     },
-    /// A sync group of nothing.
+    /// Sync group without ports.
     #[error("a sync group needs at least one get-port")]
     EmptyGroup,
-    /// A large sync group with ports of several buses.
-    #[error("a sync group of more than {most} get-ports takes them from one bus")]
+    /// Large sync group with ports of several buses.
+    #[error("a sync group of more than {most} get-ports must take all of them from one bus")]
     MixedGroup {
-        /// The most of any buses.
+        /// Maximum size of a group with ports of several buses.
         most: usize,
     },
-    /// The system refused something.
+    /// The operating system refused an operation.
     #[error("{path}: cannot {action}: {source}")]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The action, as a verb phrase.
+        /// Verb phrase that names the action.
         action: &'static str,
-        /// Answer of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The transport refused something.
+    /// The transport refused an operation.
     #[error("{what}: {reason}")]
     Transport {
-        /// The channel or node.
+        /// Channel, node or setting.
         what: String,
-        /// Answer of the transport.
+        /// Error of the transport.
         reason: String,
     },
 }
 
+/// Action that cures an error. Front ends name the command, flag or function for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Remedy {
+    /// Start a hub with the same table on this host.
+    StartHub,
+}
+
 impl ChannelError {
-    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    /// Returns the action that cures the error, where one is known.
+    ///
+    /// ```
+    /// use tactnet_channel::{Bus, Domain, Remedy, Table};
+    ///
+    /// let no_hub = Bus::open(Domain::Host, &Table::new("nobody-holds-it")).unwrap_err();
+    /// assert_eq!(no_hub.remedy(), Some(Remedy::StartHub));
+    /// ```
+    pub fn remedy(&self) -> Option<Remedy> {
+        matches!(self, Self::NoHub { .. }).then_some(Remedy::StartHub)
+    }
+
+    /// Returns true if the caller must correct the call (exit code 2), false for a failure at run time (exit code 1).
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Id { .. }
@@ -163,7 +182,8 @@ impl ChannelError {
     }
 }
 
-/// Returns true where a path is wrong (nothing there, not allowed, a folder for a file), which another call mends; false where the disk fails.
+/// Returns true if another path would help (missing file, no permission, a folder instead of a file), false for a
+/// failure of the disk.
 pub fn is_wrong_path(error: &std::io::Error) -> bool {
     use std::io::ErrorKind;
     matches!(
@@ -175,7 +195,7 @@ pub fn is_wrong_path(error: &std::io::Error) -> bool {
             | ErrorKind::NotADirectory
             | ErrorKind::InvalidInput
             | ErrorKind::InvalidFilename
-            // A file that is no text.
+            // A file that is not valid text.
             | ErrorKind::InvalidData
     )
 }

@@ -1,11 +1,11 @@
-//! Connections between ports that could not be made, since descriptors or shared memory were short.
+//! Counter of failed connections between ports.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use iceoryx2::port::{DegradationAction, DegradationCause, DegradationInfo};
 
-/// How many there were.
+/// Number of connections that failed because file descriptors or shared memory ran out.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct FailedConnections(Arc<AtomicU64>);
 
@@ -15,12 +15,13 @@ impl FailedConnections {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Begins anew.
+    /// Resets the number to zero.
     pub(crate) fn forget(&self) {
         self.0.store(0, Ordering::Relaxed);
     }
 
-    /// Returns what counts one: the engine goes on with the connections that it has, and does not try again by itself.
+    /// Returns a callback for iceoryx2 that counts one failure. Iceoryx2 keeps its other connections and does not
+    /// retry.
     pub(crate) fn counter(
         &self,
     ) -> impl Fn(DegradationCause, &DegradationInfo) -> DegradationAction + Send + 'static {

@@ -1,4 +1,4 @@
-//! Getting packets from a channel.
+//! Port that gets packets from a channel.
 
 use std::cell::RefCell;
 use std::marker::PhantomData;
@@ -16,24 +16,25 @@ use crate::transport::{AnySample, AnySubscriber, Either, both};
 use crate::wake_event::WakeEvent;
 use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet};
 
-/// Where a get-port begins.
+/// First packet that a get-port receives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
-    /// With the first packet put from now on.
+    /// Starts with the next packet.
     Now,
-    /// With the last packets of every put-port, at most so many. They come with the put-port's next put or
-    /// [`crate::PutPort::send_history`].
+    /// Starts with the last packets of every put-port, at most this many.
+    ///
+    /// They arrive with the put-port's next put or [`crate::PutPort::send_history`].
     History(usize),
 }
 
-/// How to wait for a packet.
+/// Strategy for waiting for a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wait {
-    /// Look again and again, on a core of one's own, for ever.
+    /// Polls without a pause and without a timeout; occupies one core.
     Spin,
-    /// Sleep until a packet comes, at most so long.
+    /// Sleeps until a packet arrives or the timeout has passed.
     Block {
-        /// Longest sleep.
+        /// Maximum sleep.
         timeout: Duration,
     },
 }
@@ -52,6 +53,26 @@ impl Wait {
 }
 
 /// Gets packets of `T` from one channel. Its functions neither allocate nor start a thread.
+///
+/// ```
+/// use std::time::Duration;
+/// use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table, Wait};
+///
+/// let table = Table::new("lab").with("force", ChannelConfig { depth: 2, ..ChannelConfig::of::<f32>(1) });
+/// let bus = Bus::open(Domain::Process, &table)?;
+/// let get = bus.get_port::<f32>("force", Start::Now)?;
+/// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+/// put.put_copy(&[1.0])?;
+/// assert_eq!(get.try_get()?.unwrap()[0], 1.0);
+/// // The ring holds two packets; the oldest of these three is lost.
+/// for newtons in [2.0, 3.0, 4.0] {
+///     put.put_copy(&[newtons])?;
+/// }
+/// let wait = Wait::Block { timeout: Duration::from_millis(10) };
+/// assert_eq!(get.get(wait)?.unwrap()[0], 3.0);
+/// assert_eq!(get.lost(), 1);
+/// # Ok::<_, tactnet_channel::ChannelError>(())
+/// ```
 #[derive(Debug)]
 pub struct GetPort<T> {
     inner: Arc<GetInner>,
@@ -60,14 +81,14 @@ pub struct GetPort<T> {
     packet: PhantomData<fn() -> T>,
 }
 
-/// The part of a port that its sync groups share.
+/// Part of a port that its sync groups share.
 #[derive(Debug)]
 pub struct GetInner {
     id: ChannelId,
     config: ChannelConfig,
     subscriber: AnySubscriber,
     pub(crate) wake_event: Arc<WakeEvent>,
-    /// The bus's, for groups that are too large for the kernel.
+    /// Wake event of the bus for groups that are too large for one kernel call.
     pub(crate) crowd: Arc<WakeEvent>,
 }
 
@@ -142,27 +163,41 @@ impl<T: Packet> GetPort<T> {
         })
     }
 
-    /// The channel.
+    /// Returns the id of the channel.
     pub fn id(&self) -> ChannelId {
         self.inner.id
     }
 
-    /// Packets that were put but never got here, because the ring was full or the network too slow, counted from the first one that came
-    /// of every sender.
+    /// Returns the number of lost packets, counted from the first packet that arrived from each sender.
+    ///
+    /// Packets are lost if the ring is full or the network is too slow.
     pub fn lost(&self) -> u64 {
         self.senders.borrow().lost
     }
 
-    /// Returns how many put-ports could not be connected to, because descriptors or shared memory were short. Their packets do not come here:
-    /// a port that is opened anew tries again.
+    /// Returns the number of put-ports that this port could not connect to, because file descriptors or shared memory
+    /// ran out.
+    ///
+    /// Their packets do not arrive. Open a new port to retry.
     pub fn failed_connections(&self) -> u64 {
         self.failed.count()
     }
 
-    /// The next packet, where there is one.
+    /// Returns the next packet, or `None` if there is none.
     ///
     /// # Errors
-    /// Too many packets are held; the transport has broken down.
+    /// [`ChannelError::Held`] if too many packets are held; [`ChannelError::Transport`] if the transport has failed.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table};
+    /// # let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(1));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let get = bus.get_port::<f32>("force", Start::Now)?;
+    /// assert!(get.try_get()?.is_none());
+    /// bus.put_port("force", Priority::Normal)?.put_copy(&[2.5_f32])?;
+    /// assert_eq!(get.try_get()?.unwrap()[0], 2.5);
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn try_get(&self) -> Result<Option<Received<T>>, ChannelError> {
         let inner = &*self.inner;
         let failed = |error| match error {
@@ -183,7 +218,7 @@ impl<T: Packet> GetPort<T> {
         let (header, room) =
             both!(&sample, sample => (*sample.user_header(), size_of_val(sample.payload())));
         self.senders.borrow_mut().count(&header);
-        // A length from a sender that runs amok must not lead out of its memory.
+        // Clamped: a faulty sender must not cause a read outside the packet.
         let bytes = (header.bytes as usize)
             .min(room)
             .min(inner.config.packet_bytes());
@@ -195,13 +230,23 @@ impl<T: Packet> GetPort<T> {
         }))
     }
 
-    /// The next packet; `None` after the timeout.
+    /// Waits for the next packet; returns `None` after the timeout.
     ///
     /// # Errors
-    /// As [`GetPort::try_get`].
+    /// The same as [`GetPort::try_get`].
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Start, Table, Wait};
+    /// # let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(1));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let get = bus.get_port::<f32>("force", Start::Now)?;
+    /// let timeout = std::time::Duration::from_millis(1);
+    /// assert!(get.get(Wait::Block { timeout })?.is_none());
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn get(&self, wait: Wait) -> Result<Option<Received<T>>, ChannelError> {
         let Some(deadline) = wait.deadline() else {
-            // Without a look at the wake_event, whose memory the putter writes to.
+            // Spinning does not read the wake event, whose cache line the putter writes.
             loop {
                 if let Some(packet) = self.try_get()? {
                     return Ok(Some(packet));
@@ -229,7 +274,7 @@ impl GetInner {
     }
 }
 
-/// A get-port of any packet type, to be waited for in a [`crate::SyncGroup`].
+/// A get-port of any packet type, as a member of a [`crate::SyncGroup`].
 pub trait GetSide: sealed::Sealed {}
 impl<T: Packet> GetSide for GetPort<T> {}
 
@@ -249,7 +294,9 @@ pub(crate) mod sealed {
     }
 }
 
-/// A packet that was got: a slice of items where the sender wrote them. Drop it soon, the port may hold only a few.
+/// A received packet: a slice of items in the sender's memory.
+///
+/// Drop it soon: a port may hold only [`ChannelConfig::held`] packets.
 #[derive(Debug)]
 pub struct Received<T> {
     sample: AnySample,
@@ -259,7 +306,7 @@ pub struct Received<T> {
 }
 
 impl<T: Packet> Received<T> {
-    /// Who sent it and when.
+    /// Returns the header with sender, sequence number and time.
     pub fn header(&self) -> &Header {
         &self.header
     }
@@ -274,10 +321,10 @@ impl<T: Packet> Deref for Received<T> {
     }
 }
 
-/// Counts what was lost, from the gaps in every sender's sequence.
+/// Counter of lost packets, from gaps in the sequence of every sender.
 #[derive(Debug)]
 struct Senders {
-    /// Sender and its next sequence number; the one that was silent longest is first.
+    /// Sender and its next sequence number; the longest silent sender comes first.
     next: Vec<(u64, u64)>,
     lost: u64,
 }

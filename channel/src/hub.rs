@@ -1,8 +1,8 @@
-//! The hub: one process per host that holds every channel of the table, clears up after dead clients and meets other hosts.
+//! Hub: one process per host that holds every channel of the table, cleans up after dead clients and connects to other
+//! hosts.
 //!
-//! Bells stay when it ends: clients that still run must find the same ones again under the next hub.
-//!
-//! It is not in the way of a packet: clients exchange them directly, so they lose nothing when the hub dies, and a new hub takes over.
+//! Clients exchange packets directly, so they lose nothing when the hub dies, and a new hub takes over. Wake events
+//! stay when a hub ends: running clients must find the same ones under the next hub.
 
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt;
@@ -20,19 +20,33 @@ use crate::transport::Ipc;
 use crate::wake_event::WakeEvent;
 use crate::{ChannelError, ChannelId, Table};
 
-/// How long another process may clean up before the hub does it.
+/// Time that another process gets to clean up before the hub does it.
 const PATIENCE: Duration = Duration::from_millis(100);
 const CLEAN_EVERY: Duration = Duration::from_secs(1);
-/// No client takes so long from making a connection's file to giving it a size.
+/// Maximum time that a client needs between creating a connection's file and giving it a size.
 const UNFINISHED_AFTER: Duration = Duration::from_millis(100);
-/// How long a hub that starts tries to clear up.
+/// Maximum time that a starting hub spends on cleaning up.
 const CLEARING_UP: Duration = Duration::from_secs(3);
-/// No client takes so long to begin.
+/// Maximum time that a client needs to start.
 const STILLBORN_AFTER: Duration = Duration::from_secs(10);
 
 type Channel = publish_subscribe::PortFactory<Ipc, [Block], Header>;
 
 /// Holds the channels of one bus on this host.
+///
+/// ```
+/// use tactnet_channel::{Bus, ChannelConfig, Domain, Hub, Priority, Table, TemporaryBus, temporary_bus_name};
+///
+/// let table = Table::new(&temporary_bus_name("doc")).with("force", ChannelConfig::of::<f32>(3));
+/// let _remove_at_the_end = TemporaryBus(&table);
+/// let mut hub = Hub::start(&table)?;
+/// // Other processes open the bus in the same way.
+/// let bus = Bus::open(Domain::Host, &table)?;
+/// let _put = bus.put_port::<f32>("force", Priority::Normal)?;
+/// hub.tick()?; // about 20 times a second
+/// assert_eq!(hub.states()[0].put_ports, 1);
+/// # Ok::<_, tactnet_channel::ChannelError>(())
+/// ```
 #[derive(Debug)]
 pub struct Hub {
     bus: String,
@@ -43,26 +57,27 @@ pub struct Hub {
     cleaned: Instant,
     #[cfg(feature = "zenoh")]
     bridge: crate::bridge::Bridge,
-    /// The system lets go of it when the process ends, however it ends; last, so that the next hub finds nothing in its way.
+    /// Lock of the bus. The system releases it when the process ends. Last field, so that everything else is dropped
+    /// before.
     _lock: File,
 }
 
-/// Who is connected to a channel.
+/// Number of connected ports of a channel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChannelState {
-    /// The channel.
+    /// Id of the channel.
     pub id: ChannelId,
-    /// Put-ports, the hub's own included.
+    /// Put-ports, including the hub's.
     pub put_ports: usize,
-    /// Get-ports, the hub's own included.
+    /// Get-ports, including the hub's.
     pub get_ports: usize,
 }
 
 impl Hub {
-    /// Creates all channels of `table`, or takes over those that a former hub has left.
+    /// Creates all channels of `table`, or takes over those of an earlier hub.
     ///
     /// # Errors
-    /// A hub of this bus runs already; clients still use channels of another table; no shared memory.
+    /// A hub of this bus already runs; clients still use channels of another table; not enough shared memory.
     pub fn start(table: &Table) -> Result<Self, ChannelError> {
         table.check().map_err(|reason| ChannelError::Table {
             path: "table".into(),
@@ -84,7 +99,7 @@ impl Hub {
                     path: folder.join(format!("{prefix}*.connection")),
                     action: "clear up",
                     source: std::io::Error::other(
-                        "one of these is empty and cannot be removed; its owner must, or name another `bus` in the table",
+                        "one of these files is empty and cannot be removed; remove it as its owner, or name another `bus` in the table",
                     ),
                 });
             }
@@ -112,14 +127,14 @@ impl Hub {
         })
     }
 
-    /// Name of the bus.
+    /// Returns the name of the bus.
     pub fn bus(&self) -> &str {
         &self.bus
     }
 
-    /// Clears up after clients that died, about once a second, and follows who listens where. To be called some 20 times a second.
+    /// Cleans up after dead clients, about once a second, and follows the get-ports of all hosts.
     ///
-    /// Returns the number of dead clients found.
+    /// Call it about 20 times a second. Returns the number of dead clients found.
     ///
     /// # Errors
     /// The network refuses a channel.
@@ -138,7 +153,7 @@ impl Hub {
         Ok(found.saturating_sub(stillborn))
     }
 
-    /// Clears up after dead clients. One whose connections are unfinished waits for the next time.
+    /// Cleans up after dead clients. Clients with unfinished connections are left for the next call.
     fn clear_up(&self) -> Result<usize, ChannelError> {
         let prefix = format!("{}_", self.local_name);
         let mut found = 0;
@@ -159,7 +174,7 @@ impl Hub {
         outcome.map(|()| found)
     }
 
-    /// Who is connected.
+    /// Returns the number of connected ports of every channel.
     pub fn states(&self) -> Vec<ChannelState> {
         Self::states_of(&self.channels)
     }
@@ -186,7 +201,7 @@ fn lock(folder: &FilePath, bus: &str) -> Result<File, ChannelError> {
     let file = own_file(&path).map_err(failed)?;
     let begun = Instant::now();
     let mut outcome = file.try_lock();
-    // The system takes a moment to let go of what a killed hub held.
+    // The system needs a moment to release the lock of a killed hub.
     while matches!(outcome, Err(std::fs::TryLockError::WouldBlock)) && begun.elapsed() < CLEAN_EVERY
     {
         std::thread::sleep(Duration::from_millis(20));
@@ -199,9 +214,11 @@ fn lock(folder: &FilePath, bus: &str) -> Result<File, ChannelError> {
     }
 }
 
-/// Removes what a hub left that was killed while it created a channel: a service's description that is not yet closed to writing, or its
-/// state (or the bus's) that is not yet open to reading. Iceoryx2 can neither open nor create nor clean up such a service. Only a hub creates channels, and
-/// there is no other.
+/// Removes services that a killed hub left half created.
+///
+/// Such a service has a description that is still writable, or a state (or the bus has one) that is not yet readable.
+/// Iceoryx2 can neither open, create nor clean up such a service. Only the hub creates channels, and this is the only
+/// hub.
 fn remove_unfinished(memory: &FilePath, config: &Config) -> Result<(), ChannelError> {
     let services = PathBuf::from(config.global.service_dir().to_string());
     let prefix = config.global.prefix.to_string();
@@ -222,7 +239,7 @@ fn remove_unfinished(memory: &FilePath, config: &Config) -> Result<(), ChannelEr
         for entry in entries {
             let entry = entry.map_err(failed)?;
             let name = entry.file_name().to_string_lossy().into_owned();
-            // Another bus may remove its own meanwhile.
+            // Another bus may have removed its file meanwhile.
             let Ok(file) = entry.metadata() else { continue };
             let unfinished = if folder == memory {
                 states.iter().any(|state| name.ends_with(state))
@@ -238,8 +255,10 @@ fn remove_unfinished(memory: &FilePath, config: &Config) -> Result<(), ChannelEr
     Ok(())
 }
 
-/// Removes connections whose file has no size, because the client that made them was killed before: whoever clears up after it would wait for
-/// them for ever (iceoryx2 0.10 forgets its timeout there). Gives false while there are some that a living client may just be making.
+/// Removes connections whose file is empty because their client was killed before it set the size.
+///
+/// Cleaning up after that client would otherwise wait for ever (iceoryx2 0.10 ignores its timeout there). Returns
+/// false while young empty files exist, which a living client may still complete.
 fn remove_unfinished_connections(folder: &FilePath, prefix: &str) -> Result<bool, ChannelError> {
     let failed = |source| ChannelError::Io {
         path: folder.into(),
@@ -254,12 +273,12 @@ fn remove_unfinished_connections(folder: &FilePath, prefix: &str) -> Result<bool
         if !name.starts_with(prefix) || !name.ends_with(".connection") {
             continue;
         }
-        // It may be gone by now.
+        // The file may have been removed meanwhile.
         let Ok(file) = entry.metadata() else { continue };
         if file.len() > 0 {
             continue;
         }
-        // A time to come is as old as one long past: clocks are set back, and anybody can set a file's.
+        // A time in the future counts like the past: clocks are set back, and any user can set a file's time.
         let age = file.modified().map(|time| time.elapsed());
         let age = age.map(|age| age.unwrap_or_else(|ahead| ahead.duration()));
         let old = age.is_ok_and(|age| age > UNFINISHED_AFTER);
@@ -268,8 +287,10 @@ fn remove_unfinished_connections(folder: &FilePath, prefix: &str) -> Result<bool
     Ok(clear)
 }
 
-/// Removes the files of clients that were killed before they were wholly there, some seconds ago; iceoryx2 looks for them under the prefix
-/// of its global configuration only. Gives how many are or were there.
+/// Removes the files of clients that were killed while they started, some seconds ago. Returns the number of such
+/// clients.
+///
+/// Iceoryx2 looks for them under the prefix of its global configuration only.
 fn remove_stillborn(config: &Config) -> Result<usize, ChannelError> {
     let folder = PathBuf::from(config.global.node_dir().to_string());
     let failed = |source| ChannelError::Io {
@@ -303,7 +324,7 @@ fn remove_stillborn(config: &Config) -> Result<usize, ChannelError> {
             .map(|time| time.elapsed());
         let age = age.map(|age| age.unwrap_or_else(|ahead| ahead.duration()));
         if age.is_ok_and(|age| age > STILLBORN_AFTER) {
-            // Iceoryx2 may have been faster.
+            // Iceoryx2 may have removed them first.
             let _ = std::fs::remove_file(entry.path());
             let _ = std::fs::remove_dir_all(folder.join(number));
         }

@@ -1,4 +1,4 @@
-//! A hub in a thread of its own: for a process that is the only one, and for tests.
+//! Hub in a separate thread, for single-process programs and tests.
 
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
@@ -8,7 +8,7 @@ use crate::{ChannelError, Hub, Table};
 
 const TICK: Duration = Duration::from_millis(20);
 
-/// A hub that ticks until this is dropped.
+/// A hub that runs in a thread until dropped.
 #[derive(Debug)]
 pub struct HubThread {
     stop: Sender<()>,
@@ -16,17 +16,28 @@ pub struct HubThread {
 }
 
 impl Hub {
-    /// Starts a hub in a new thread and waits until it is up.
+    /// Starts a hub in a new thread and waits until it is ready.
     ///
     /// # Errors
-    /// As [`Hub::start`]; no thread can be started.
+    /// The same as [`Hub::start`]; no thread can be started.
+    ///
+    /// ```
+    /// use tactnet_channel::{Hub, Table, TemporaryBus, temporary_bus_name};
+    ///
+    /// let table = Table::new(&temporary_bus_name("doc"));
+    /// let _remove_at_the_end = TemporaryBus(&table);
+    /// let hub = Hub::spawn(&table)?;
+    /// assert!(Hub::start(&table).is_err()); // one hub a bus
+    /// hub.stop()?;
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn spawn(table: &Table) -> Result<HubThread, ChannelError> {
         let table = table.clone();
         let (stop, stopped) = channel::<()>();
         let (up, is_up) = channel();
         let run = move || {
             let mut hub = Self::start(&table)?;
-            // Whoever waits for it may be gone.
+            // The receiver may be gone.
             let _ = up.send(());
             while stopped.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
                 hub.tick()?;
@@ -45,7 +56,7 @@ impl Hub {
             stop,
             thread: Some(thread),
         };
-        // The other end is gone only if the hub could not start.
+        // The sender is dropped only if the hub could not start.
         if is_up.recv().is_err() {
             hub.end()?;
         }
@@ -54,16 +65,16 @@ impl Hub {
 }
 
 impl HubThread {
-    /// Ends the hub and says what ended it before, if anything did.
+    /// Stops the hub.
     ///
     /// # Errors
-    /// As [`Hub::tick`].
+    /// The same as [`Hub::tick`], if the hub had failed before.
     pub fn stop(mut self) -> Result<(), ChannelError> {
         self.end()
     }
 
     fn end(&mut self) -> Result<(), ChannelError> {
-        // It may have ended by itself.
+        // The thread may have ended before.
         let _ = self.stop.send(());
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(outcome)) => outcome,

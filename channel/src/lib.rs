@@ -1,5 +1,7 @@
-//! Channels between robot components: many putters, many getters, the same few calls whether they are threads of a process, processes
-//! of a host or on different hosts. After chapter 2 of B. Bäuml's thesis (the aRDx communication layer), on iceoryx2 and zenoh.
+//! Channels between the components of a robot: many senders, many receivers.
+//!
+//! The API is the same between threads of a process, processes of a host, and hosts. The design follows chapter 2 of
+//! B. Bäuml's thesis (the aRDx communication layer); iceoryx2 and zenoh carry the packets.
 //!
 //! ```text
 //! Table (TOML) ─> Bus::open ─┬─> put_port ─ loan ─ put ──> channel ──> get ─┬─ get_port
@@ -21,7 +23,6 @@ mod listing;
 mod memory_folder;
 #[cfg(feature = "zenoh")]
 mod network_settings;
-mod own_bus;
 mod own_file;
 mod packet;
 mod percentile;
@@ -32,12 +33,13 @@ mod received_summary;
 mod shared;
 mod sync_group;
 mod table;
+mod temporary_bus;
 mod ticker;
 mod transport;
 mod wake_event;
 
 pub use bus::{AsChannelId, Bus, Domain};
-pub use error::{ChannelError, is_wrong_path};
+pub use error::{ChannelError, Remedy, is_wrong_path};
 pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
 pub use hub_thread::HubThread;
@@ -45,7 +47,6 @@ pub use listing::{ListedChannel, list_channels};
 pub use memory_folder::{
     MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
 };
-pub use own_bus::{OwnBus, own_bus_name};
 pub use packet::{ChannelId, Header, PacketType, Priority};
 pub use percentile::percentile;
 pub use put::{Loan, PutPort, now_ns};
@@ -58,4 +59,5 @@ pub use tactnet_packet::{
     Choice, Described, Description, Field, FieldType, Fields, IsField, Layout, Packet, Text,
     choices, packets,
 };
+pub use temporary_bus::{TemporaryBus, temporary_bus_name};
 pub use ticker::Ticker;

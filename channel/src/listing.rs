@@ -1,4 +1,4 @@
-//! The channels of a bus as people look at them.
+//! List of the channels of a bus, for tools.
 
 use std::fmt;
 
@@ -6,28 +6,28 @@ use serde::Serialize;
 
 use crate::{Bus, ChannelError, Table};
 
-/// A channel of the table, and who is connected to it.
+/// A channel of the table with the number of its connected ports.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ListedChannel {
-    /// Its id.
+    /// Id of the channel.
     pub id: String,
-    /// Name of its packets.
+    /// Name of the packet type.
     pub packet: String,
-    /// Largest packet, bytes.
+    /// Size of the largest packet, in bytes.
     pub packet_bytes: usize,
-    /// Put-ports that are connected, the hub's own included.
+    /// Connected put-ports, including the hub's.
     pub put_ports: usize,
-    /// Most put-ports.
+    /// Maximum number of put-ports.
     #[serde(rename = "put_ports_most")]
     pub max_put_ports: usize,
-    /// Get-ports that are connected, the hub's own included.
+    /// Connected get-ports, including the hub's.
     pub get_ports: usize,
-    /// Most get-ports.
+    /// Maximum number of get-ports.
     #[serde(rename = "get_ports_most")]
     pub max_get_ports: usize,
-    /// Shared memory of a put-port, bytes.
+    /// Shared memory of one put-port, in bytes.
     pub put_port_bytes: u64,
-    /// True for a channel between hosts.
+    /// True for a channel that is shared with other hosts.
     pub distributed: bool,
 }
 
@@ -64,7 +64,7 @@ impl fmt::Display for ListedChannel {
 /// Returns the channels of `table`, in its order.
 ///
 /// # Errors
-/// As [`Bus::states`].
+/// The same as [`Bus::states`].
 pub fn list_channels(bus: &Bus, table: &Table) -> Result<Vec<ListedChannel>, ChannelError> {
     let states = bus.states()?;
     let channels = table.channels.iter().zip(&states);

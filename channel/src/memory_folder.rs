@@ -1,4 +1,4 @@
-//! Where the files of a bus are: a folder in memory that no other user can look into or make files in.
+//! Folder of a bus's files: in memory, and closed to other users.
 
 use std::ffi::CString;
 use std::fs::{self, DirBuilder, Permissions};
@@ -10,22 +10,22 @@ use std::path::{Path, PathBuf};
 
 use crate::{ChannelError, Table};
 
-/// Names the folder, for a system where none of the usual ones will do.
+/// Environment variable that overrides the folder.
 pub const MEMORY_FOLDER_VARIABLE: &str = "TACTNET_RUNTIME_DIR";
-/// Made by systemd for hub and classifier.
+/// Folder that systemd creates for hub and classifier.
 const OF_SERVICES: &str = "/run/tactnet";
 
-/// Returns the folder that holds the files of this user's buses, and makes it where it is missing. The first of these:
+/// Returns the folder of this user's buses, and creates it if it is missing. The first of these:
 ///
 /// 1. `$TACTNET_RUNTIME_DIR`
 /// 2. `/run/tactnet`, if it belongs to this user, as under systemd
 /// 3. `$XDG_RUNTIME_DIR/tactnet`, if that is in memory
 /// 4. `/dev/shm/tactnet-UID`
 ///
-/// Processes meet only in the same folder.
+/// Processes can communicate only if they use the same folder.
 ///
 /// # Errors
-/// A link, another user's folder, or no folder at all in that place.
+/// The path is a link, belongs to another user, or is not a folder.
 pub fn memory_folder() -> Result<PathBuf, ChannelError> {
     let user = user();
     let folder = match std::env::var_os(MEMORY_FOLDER_VARIABLE) {
@@ -43,24 +43,25 @@ pub fn memory_folder() -> Result<PathBuf, ChannelError> {
     Ok(folder)
 }
 
-/// Returns the folder of one bus on this host, whether it is there or not.
+/// Returns the folder of one bus on this host. It need not exist.
 pub(crate) fn bus_folder(table: &Table) -> Result<PathBuf, ChannelError> {
     Ok(memory_folder()?.join(table.local_name()))
 }
 
-/// Removes what a bus leaves in this host's memory, for a bus that will not be used again: wake_events, locks, what killed clients left.
-/// Whoever still uses it keeps the memory that it has, but meets nobody any more.
+/// Removes the files of a bus that will not be used again: wake events, locks and remains of killed clients.
+///
+/// Processes that still use it keep their memory, but can no longer connect to others.
 ///
 /// # Errors
-/// A file that cannot be removed.
+/// A file cannot be removed.
 pub fn remove_bus(table: &Table) -> Result<(), ChannelError> {
     remove(&bus_folder(table)?)
 }
 
-/// Removes buses that are named after `purpose` and the number of a process that has ended: it was killed before it could remove its own.
+/// Removes buses that are named after `purpose` and the id of a process that has ended.
 ///
 /// # Errors
-/// A folder that cannot be read or removed.
+/// A folder cannot be read or removed.
 pub fn remove_abandoned_buses(purpose: &str) -> Result<(), ChannelError> {
     let folder = memory_folder()?;
     let failed = |source| ChannelError::Io {
@@ -94,7 +95,7 @@ fn remove(folder: &Path) -> Result<(), ChannelError> {
     }
 }
 
-/// Makes a folder for this user alone, or takes one that is.
+/// Creates a folder that only this user can enter, or closes an existing folder of this user to others.
 pub(crate) fn own_folder(folder: &Path) -> Result<(), ChannelError> {
     made_or_own(folder, user()).map_err(|source| ChannelError::Io {
         path: folder.into(),
@@ -111,17 +112,14 @@ fn made_or_own(folder: &Path, user: u32) -> io::Result<()> {
     let found = fs::symlink_metadata(folder)?;
     let refuse = |reason: String| {
         Err(io::Error::other(format!(
-            "{reason}; name another folder by {MEMORY_FOLDER_VARIABLE}"
+            "{reason}; name another folder in {MEMORY_FOLDER_VARIABLE}"
         )))
     };
     if !found.is_dir() {
         return refuse("it is a link or a file".into());
     }
     if found.uid() != user {
-        return refuse(format!(
-            "it belongs to user {} and not to {user}",
-            found.uid()
-        ));
+        return refuse(format!("it belongs to user {}, not to {user}", found.uid()));
     }
     if found.mode() & 0o077 != 0 {
         fs::set_permissions(folder, Permissions::from_mode(0o700))?;
@@ -129,13 +127,13 @@ fn made_or_own(folder: &Path, user: u32) -> io::Result<()> {
     Ok(())
 }
 
-/// Returns the bytes that are free where `folder` is; 0 if there is no such folder.
+/// Returns the free memory at `folder`, in bytes; 0 if the folder does not exist.
 pub fn free_memory(folder: &Path) -> u64 {
     let Ok(path) = CString::new(folder.as_os_str().as_bytes()) else {
         return 0;
     };
     let mut space = MaybeUninit::<libc::statvfs>::zeroed();
-    // SAFETY: a valid path and a place for the answer, which is all zeros if the call fails.
+    // SAFETY: a valid path and buffer; the buffer stays zero if the call fails.
     let space = unsafe {
         libc::statvfs(path.as_ptr(), space.as_mut_ptr());
         space.assume_init()
@@ -152,13 +150,13 @@ fn belongs_to(folder: &Path, user: u32) -> bool {
     fs::symlink_metadata(folder).is_ok_and(|found| found.is_dir() && found.uid() == user)
 }
 
-/// Whether files there are pages of memory and never go to a disk.
+/// Returns true if files in `folder` are pages of memory that are never written to a disk.
 fn is_in_memory(folder: &Path) -> bool {
     let Ok(path) = CString::new(folder.as_os_str().as_bytes()) else {
         return false;
     };
     let mut found = MaybeUninit::<libc::statfs>::zeroed();
-    // SAFETY: a valid path and a place for the answer, which is all zeros if the call fails.
+    // SAFETY: a valid path and buffer; the buffer stays zero if the call fails.
     let found = unsafe {
         libc::statfs(path.as_ptr(), found.as_mut_ptr());
         found.assume_init()

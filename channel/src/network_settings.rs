@@ -1,13 +1,13 @@
-//! What zenoh is told: where hubs meet, who may join, and what each host may put and get.
+//! Zenoh configuration: endpoints, certificates, and access rules of every host.
 
 use serde_json::{Value, json};
 
 use crate::{ChannelConfig, ChannelError, Table};
 
-/// What a packet's wire form takes beside its data at most, bytes.
+/// Upper bound of the overhead of a packet on the network, in bytes.
 const BESIDE: usize = 1 << 16;
 
-/// Returns the name of a channel between hosts. Hubs whose packets differ do not hear each other.
+/// Returns the zenoh key of a channel. Hubs with different packet types use different keys.
 pub(crate) fn key(table: &Table, id: &str, config: &ChannelConfig) -> String {
     let letters = config.packet.chars().filter(char::is_ascii_alphanumeric);
     format!(
@@ -19,10 +19,10 @@ pub(crate) fn key(table: &Table, id: &str, config: &ChannelConfig) -> String {
     )
 }
 
-/// Returns zenoh's configuration.
+/// Returns the configuration of zenoh.
 ///
 /// # Errors
-/// Endpoints that zenoh does not take.
+/// Zenoh rejects an endpoint.
 pub(crate) fn settings(table: &Table) -> Result<zenoh::Config, ChannelError> {
     let network = &table.network;
     let largest = distributed(table)
@@ -33,10 +33,10 @@ pub(crate) fn settings(table: &Table) -> Result<zenoh::Config, ChannelError> {
         ("mode", json!("peer")),
         ("listen/endpoints", json!(network.listen)),
         ("connect/endpoints", json!(network.connect)),
-        // Hubs meet where the table says and nowhere else.
+        // Hubs connect only to the endpoints of the table.
         ("scouting/multicast/enabled", json!(false)),
         ("scouting/gossip/enabled", json!(false)),
-        // A packet is in shared memory already, before and after.
+        // Packets are in shared memory already on both sides.
         ("transport/shared_memory/enabled", json!(false)),
         (
             "transport/link/rx/max_message_size",
@@ -80,9 +80,9 @@ fn distributed(table: &Table) -> impl Iterator<Item = (&String, &ChannelConfig)>
         .filter(|(_, config)| config.distributed)
 }
 
-/// Everything is forbidden but what the table's channels allow.
+/// Returns access rules that forbid everything except what the table's channels allow.
 fn access_control(table: &Table) -> Value {
-    // Ours go out to everybody who may have asked for them.
+    // This hub's packets may go to every host that subscribes.
     let mut rules = vec![json!({
         "id": "own", "permission": "allow", "flows": ["egress"], "messages": ["put", "declare_subscriber"],
         "key_exprs": [format!("{}/**", table.bus)],

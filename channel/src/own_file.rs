@@ -1,14 +1,14 @@
-//! Files in shared memory, where every user of the host may have made something of the same name before.
+//! Safe opening of files in shared memory, where other users may have created files of the same name.
 
 use std::fs::{File, OpenOptions};
 use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
-/// Opens a file for reading and writing, or makes it for this user alone. Nothing is emptied, and no link followed.
+/// Opens a file for reading and writing, or creates it with mode 0600. Never truncates a file or follows a link.
 ///
 /// # Errors
-/// A link, or something else than a file; another user's file.
+/// The path is a link, is not a regular file, or belongs to another user.
 pub(crate) fn own_file(path: &Path) -> io::Result<File> {
     let file = OpenOptions::new()
         .read(true)
@@ -26,11 +26,11 @@ pub(crate) fn own_file(path: &Path) -> io::Result<File> {
     // SAFETY: a system call without arguments that always succeeds.
     let user = unsafe { libc::geteuid() };
     if !found.is_file() {
-        return Err(io::Error::other("it is no file; remove it"));
+        return Err(io::Error::other("it is not a regular file; remove it"));
     }
     if found.uid() != user {
         return Err(io::Error::other(format!(
-            "it belongs to user {} and not to {user}; let them remove it, or name another `bus` in the table",
+            "it belongs to user {}, not to {user}; ask them to remove it, or name another `bus` in the table",
             found.uid()
         )));
     }

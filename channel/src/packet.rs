@@ -1,4 +1,4 @@
-//! What travels beside a packet: its type, its channel's name, its header.
+//! Packet type, channel id and packet header.
 
 use std::fmt;
 
@@ -8,30 +8,39 @@ use tactnet_packet::Packet;
 
 use crate::ChannelError;
 
-/// What [`Packet`] says of a type, where there is no type: in other languages.
+/// Packet type that is known only at run time; the same three values as in [`Packet`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PacketType<'a> {
-    /// Name that both ends know it by.
+    /// Name that both ends use.
     pub name: &'a str,
-    /// Raised whenever layout or meaning changes.
+    /// Increased whenever layout or meaning changes.
     pub version: u32,
-    /// Size of one item.
+    /// Size of one item, in bytes.
     pub item_bytes: usize,
 }
 
-/// Name of a channel: at most 47 bytes of text. It is a packet itself, so that a component can be told where to listen.
+/// Name of a channel: 1 to 47 characters. It can be sent in packets, to tell a component which channel to use.
+///
+/// ```
+/// use tactnet_channel::ChannelId;
+///
+/// let id = ChannelId::new("skin/right")?;
+/// assert_eq!(id.as_str()?, "skin/right");
+/// assert!(ChannelId::new("skin right").is_err());
+/// # Ok::<_, tactnet_channel::ChannelError>(())
+/// ```
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 pub struct ChannelId {
-    /// Text, filled up with zeros.
+    /// Text, padded with zeros.
     text: [u8; 48],
 }
 
 impl ChannelId {
-    /// From its text, like `skin/right`.
+    /// Returns the id for a text like `skin/right`.
     ///
     /// # Errors
-    /// Empty or too long text; other characters than letters, digits and `/_-.`.
+    /// Empty or too long text; characters other than letters, digits and `/_-.`.
     pub fn new(text: &str) -> Result<Self, ChannelError> {
         let allowed = |c: char| c.is_ascii_alphanumeric() || "/_-.".contains(c);
         if text.is_empty() || text.len() > 47 || !text.chars().all(allowed) {
@@ -42,10 +51,10 @@ impl ChannelId {
         Ok(id)
     }
 
-    /// Its text.
+    /// Returns the text.
     ///
     /// # Errors
-    /// Bytes that [`ChannelId::new`] did not make, from a sender that runs amok.
+    /// Bytes that [`ChannelId::new`] did not create, from a faulty sender.
     pub fn as_str(&self) -> Result<&str, ChannelError> {
         let length = self.text.iter().position(|b| *b == 0).unwrap_or(48);
         match std::str::from_utf8(&self.text[..length]) {
@@ -74,47 +83,47 @@ impl Packet for ChannelId {
     const VERSION: u32 = 1;
 }
 
-/// The header that the layer itself puts before a packet.
+/// Header that the channel layer adds to every packet.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable, ZeroCopySend)]
 pub struct Header {
-    /// Random number of the put-port; stays with the packet between hosts.
+    /// Random number of the put-port; unchanged between hosts.
     pub sender: u64,
-    /// Counts the packets of that put-port from 0.
+    /// Sequence number of the packet at its put-port, from 0.
     pub sequence: u64,
-    /// When it was put, nanoseconds of the putting host's monotonic clock.
+    /// Time of the put, in nanoseconds of the sending host's monotonic clock.
     pub put_ns: u64,
-    /// Length of the data, bytes.
+    /// Length of the data, in bytes.
     pub bytes: u64,
-    /// Communication priority of the put-port.
+    /// Priority of the put-port, see [`Priority`].
     pub priority: u8,
-    /// 1 if it came from another host.
+    /// 1 if the packet came from another host, otherwise 0.
     pub remote: u8,
     pub(crate) reserved: [u8; 6],
 }
 
-/// How urgent a put-port's packets are. Between hosts they overtake less urgent ones; on a host the thread's own priority decides.
+/// Priority of a put-port's packets between hosts. On one host only thread priorities matter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 #[repr(u8)]
 pub enum Priority {
-    /// Pictures, recordings.
+    /// For images and recordings.
     Bulk = 0,
-    /// Everything else.
+    /// For everything else.
     #[default]
     Normal = 1,
-    /// Commands.
+    /// For commands.
     High = 2,
-    /// Control loops.
+    /// For control loops.
     RealTime = 3,
 }
 
-/// Unit of shared memory: packets start at cache lines.
+/// Unit of shared memory: one cache line, so packets start at cache lines.
 #[repr(C)]
 #[repr(align(64))]
 #[derive(Debug, Clone, Copy, Pod, Zeroable, ZeroCopySend)]
 pub(crate) struct Block([u8; 64]);
 
-/// Blocks for `bytes` bytes, at least one.
+/// Returns the number of blocks for `bytes` bytes, at least one.
 pub(crate) fn blocks(bytes: usize) -> usize {
     bytes.div_ceil(size_of::<Block>()).max(1)
 }

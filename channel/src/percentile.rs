@@ -1,6 +1,7 @@
-//! Percentiles of what was measured.
+//! Percentiles of measured values.
 
-/// The smallest value that at least a `share` of all is not above: nearest rank, so always one that was measured. `None` of nothing.
+/// Returns the smallest value that at least a `share` of all values does not exceed (nearest rank). `None` for no
+/// values.
 ///
 /// - `sorted`: ascending
 /// - `share`: 0 to 1

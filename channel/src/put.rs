@@ -1,4 +1,4 @@
-//! Putting packets into a channel.
+//! Port that puts packets into a channel.
 
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
@@ -22,6 +22,20 @@ use crate::wake_event::{WakeEvent, reserve};
 use crate::{Bus, ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority, Start};
 
 /// Puts packets of `T` into one channel. Its functions neither allocate nor start a thread.
+///
+/// ```
+/// use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table};
+///
+/// let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(3));
+/// let bus = Bus::open(Domain::Process, &table)?;
+/// let get = bus.get_port::<f32>("force", Start::Now)?;
+/// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+/// let mut packet = put.loan(2)?; // written in place, without a copy
+/// packet.copy_from_slice(&[1.0, 2.0]);
+/// assert_eq!(put.put(packet)?, 1); // one get-port has it
+/// assert_eq!(get.try_get()?.unwrap()[..], [1.0, 2.0]);
+/// # Ok::<_, tactnet_channel::ChannelError>(())
+/// ```
 #[derive(Debug)]
 pub struct PutPort<T> {
     id: ChannelId,
@@ -31,10 +45,10 @@ pub struct PutPort<T> {
     crowd: Arc<WakeEvent>,
     sender: u64,
     priority: Priority,
-    /// Items of this port in one of the channel's.
+    /// Number of this port's items in one item of the channel.
     unit: usize,
     next: Mutex<u64>,
-    /// Address and blocks of slots that were zeroed, in the process domain.
+    /// Address and number of blocks of every slot that was zeroed; used in the process domain only.
     zeroed: Mutex<Vec<(usize, usize)>>,
     failed: FailedConnections,
     packet: PhantomData<fn(T)>,
@@ -114,37 +128,50 @@ impl<T: Packet> PutPort<T> {
         })
     }
 
-    /// The channel.
+    /// Returns the id of the channel.
     pub fn id(&self) -> ChannelId {
         self.id
     }
 
-    /// Returns how many get-ports could not be connected to, because descriptors or shared memory were short. Packets do not get there.
+    /// Returns the number of get-ports that this port could not connect to, because file descriptors or shared memory
+    /// ran out.
+    ///
+    /// They do not receive its packets.
     pub fn failed_connections(&self) -> u64 {
         self.failed.count()
     }
 
-    /// Tries again to connect to get-ports that could not be connected to.
+    /// Retries the connections that failed.
     ///
     /// # Errors
-    /// Descriptors are still short, or no further get-port fits: for a moment, one is needed.
+    /// File descriptors are still short, or the channel has no place for one more get-port, which is needed for a
+    /// moment.
     pub fn retry_connections(&self, bus: &Bus) -> Result<(), ChannelError> {
-        // All sides of a channel are looked through when one comes or goes.
+        // A new get-port makes every port of the channel check its connections.
         let passer_by = bus.get_port::<T>(self.id, Start::Now)?;
         self.failed.forget();
         drop(passer_by);
         self.update_connections()
     }
 
-    /// Shared memory that it takes, bytes.
+    /// Returns the shared memory of this port, in bytes.
     pub fn memory_bytes(&self) -> u64 {
         self.config.put_port_bytes()
     }
 
-    /// A free packet of `items` items, to be written in place. Its content is what a former packet left.
+    /// Returns a free packet of `items` items to be written in place. Its content is undefined: usually an old packet.
     ///
     /// # Errors
-    /// More items than the channel's packets hold; too many packets on loan.
+    /// [`ChannelError::TooLarge`] for too many items; [`ChannelError::Held`] for too many loans at once.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, ChannelError, Domain, Priority, Table};
+    /// # let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(3));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+    /// assert!(matches!(put.loan(4), Err(ChannelError::TooLarge { .. })));
+    /// # Ok::<_, ChannelError>(())
+    /// ```
     pub fn loan(&self, items: usize) -> Result<Loan<T>, ChannelError> {
         if items > self.config.items {
             return Err(ChannelError::TooLarge {
@@ -166,12 +193,12 @@ impl<T: Packet> PutPort<T> {
             Either::Process(publisher) => {
                 let mut sample = publisher.loan_slice_uninit(blocks).map_err(failed)?;
                 self.zero_once(sample.payload_mut());
-                // SAFETY: the memory is from the heap; all of it was zeroed when this slot was loaned first with so many blocks.
+                // SAFETY: heap memory that was zeroed completely when the slot was first loaned with this many blocks.
                 Either::Process(unsafe { sample.assume_init() })
             }
             Either::Host(publisher) => {
                 let sample = publisher.loan_slice_uninit(blocks).map_err(failed)?;
-                // SAFETY: the pages of a new file are zero, and every bit pattern is a block.
+                // SAFETY: the pages of a new file are zero, and every bit pattern is a valid block.
                 Either::Host(unsafe { sample.assume_init() })
             }
         };
@@ -183,14 +210,12 @@ impl<T: Packet> PutPort<T> {
         })
     }
 
-    /// Sends a packet: it is no longer the sender's, and getters see it where it is.
-    ///
-    /// Returns the number of get-ports that have it in their ring.
+    /// Sends a packet without a copy. Returns the number of get-ports that have it in their ring.
     ///
     /// # Errors
-    /// A packet of another port; the transport has broken down.
+    /// The packet was loaned from another port; the transport has failed.
     pub fn put(&self, loan: Loan<T>) -> Result<usize, ChannelError> {
-        // Numbers and packets in one order, whatever thread puts them.
+        // The lock keeps sequence numbers and packets in the same order for all threads.
         let mut next = self.next.lock();
         let header = Header {
             sender: self.sender,
@@ -205,7 +230,7 @@ impl<T: Packet> PutPort<T> {
         Ok(getters)
     }
 
-    /// Zeroes a slot of the process's heap before it is seen for the first time.
+    /// Zeroes a slot of heap memory before its first use.
     fn zero_once(&self, slot: &mut [MaybeUninit<Block>]) {
         let key = (slot.as_ptr() as usize, slot.len());
         let mut zeroed = self.zeroed.lock();
@@ -217,7 +242,7 @@ impl<T: Packet> PutPort<T> {
         slot.fill(MaybeUninit::zeroed());
     }
 
-    /// Sends a packet with the header of another sender, as the hub does with those of other hosts.
+    /// Sends a packet with the header of another sender; the hub does so with packets of other hosts.
     pub(crate) fn put_as(&self, mut loan: Loan<T>, header: Header) -> Result<usize, ChannelError> {
         if loan.sender != self.sender {
             return Err(ChannelError::transport(
@@ -233,30 +258,40 @@ impl<T: Packet> PutPort<T> {
         Ok(getters)
     }
 
-    /// Sends a copy of `items`: a loan and a put.
+    /// Sends a copy of `items`.
     ///
     /// # Errors
-    /// As [`PutPort::loan`] and [`PutPort::put`].
+    /// The same as [`PutPort::loan`] and [`PutPort::put`].
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Table};
+    /// # let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(3));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+    /// assert_eq!(put.put_copy(&[1.0, 2.0, 3.0])?, 0); // no get-port yet
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn put_copy(&self, items: &[T]) -> Result<usize, ChannelError> {
         let mut loan = self.loan(items.len())?;
         loan.copy_from_slice(items);
         self.put(loan)
     }
 
-    /// Maps the memory of getters that came since the last packet, at a time of the caller's choice; else the next put does it, which then allocates.
-    /// Without new getters it costs next to nothing.
+    /// Maps the memory of new get-ports now. Otherwise the next put does so, and allocates.
+    ///
+    /// Costs next to nothing without new get-ports.
     ///
     /// # Errors
-    /// The transport has broken down.
+    /// The transport has failed.
     pub fn update_connections(&self) -> Result<(), ChannelError> {
         both!(&self.publisher, publisher => publisher.update_connections())
             .map_err(|error| ChannelError::transport(self.id, error))
     }
 
-    /// Puts its history again for getters that came since the last packet, which a put does, too.
+    /// Sends the history to new get-ports now. Otherwise the next put does so.
     ///
     /// # Errors
-    /// The transport has broken down.
+    /// The transport has failed.
     pub fn send_history(&self) -> Result<(), ChannelError> {
         self.update_connections()?;
         self.wake_event.notify();
@@ -265,7 +300,7 @@ impl<T: Packet> PutPort<T> {
     }
 }
 
-/// A packet that is being written: a slice of items in shared memory. Dropped, it goes back unsent.
+/// A packet that is being written: a slice of items in shared memory. If dropped, it is not sent.
 #[derive(Debug)]
 pub struct Loan<T> {
     sample: AnyLoan,
@@ -286,12 +321,12 @@ impl<T: Packet> Deref for Loan<T> {
 impl<T: Packet> DerefMut for Loan<T> {
     fn deref_mut(&mut self) -> &mut [T] {
         let first = both!(&mut self.sample, sample => sample.payload_mut().as_mut_ptr());
-        // SAFETY: as above; nobody else has the packet before it is put.
+        // SAFETY: as above; the packet has a single owner until it is put.
         unsafe { std::slice::from_raw_parts_mut(first.cast::<T>(), self.items) }
     }
 }
 
-/// Nanoseconds of the host's monotonic clock.
+/// Returns the time of the host's monotonic clock, in nanoseconds.
 pub fn now_ns() -> u64 {
     let mut time = MaybeUninit::<libc::timespec>::uninit();
     // SAFETY: the clock exists on every Linux and fills in the time.
@@ -302,7 +337,7 @@ pub fn now_ns() -> u64 {
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
-/// Fills the files of a new put-port with pages, so that full memory is an error now and no signal at some later packet.
+/// Allocates all pages of a new put-port's files, so that a lack of memory is an error now and not a signal later.
 fn reserve_segment(
     folder: &Path,
     prefix: &str,
@@ -337,7 +372,7 @@ fn reserve_segment(
     }
     Err(ChannelError::transport(
         id,
-        "its memory is not where it was expected",
+        "no file with its memory in the folder of the bus",
     ))
 }
 

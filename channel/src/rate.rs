@@ -7,22 +7,23 @@ use serde::Serialize;
 
 use crate::{ChannelError, GetPort, Wait, now_ns, percentile};
 
-/// How packets came over some time.
+/// Statistics of the packets received in some time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PacketRate {
     /// Number of packets.
     pub packets: usize,
     /// Packets per second.
     pub hz: f64,
-    /// Megabytes per second.
+    /// Megabytes (10⁶ bytes) per second.
     pub megabytes_per_s: f64,
-    /// From put to get, median, microseconds; meaningful for packets of this host only, since the clocks of hosts differ.
+    /// Median of the latency from put to get, in microseconds. Valid for packets of this host only, since the clocks
+    /// of hosts differ.
     pub latency_p50_us: f64,
-    /// 99th percentile.
+    /// 99th percentile of the latency, in microseconds.
     pub latency_p99_us: f64,
-    /// The longest.
+    /// Maximum latency, in microseconds.
     pub latency_max_us: f64,
-    /// Packets that were put and never came.
+    /// Packets that were put and did not arrive.
     pub lost: u64,
 }
 
@@ -41,10 +42,10 @@ impl fmt::Display for PacketRate {
     }
 }
 
-/// Gets packets for `time`, or until `stopped` returns true.
+/// Gets packets for `time`, or until `stopped` returns true, and returns their statistics.
 ///
 /// # Errors
-/// The channel has broken down.
+/// The transport has failed.
 pub fn measure_rate(
     port: &GetPort<u8>,
     time: Duration,

@@ -1,22 +1,22 @@
-//! At most so many packets a second.
+//! Limit of packets per second.
 
 use std::time::{Duration, Instant};
 
-/// Lets packets pass at a rate, and as many at once as come in a tenth of a second at that rate.
+/// Passes packets at a maximum rate, with bursts of a tenth of a second's packets.
 #[derive(Debug)]
 pub struct RateLimit {
-    /// Time that one packet takes.
+    /// Period of the packets at the maximum rate.
     each: Duration,
-    /// Time that packets may be ahead.
+    /// Maximum lead of the packets over the maximum rate.
     ahead: Duration,
-    /// When the packets so far would have come at the rate.
+    /// Time at which the packets so far would have arrived at the maximum rate.
     due: Option<Instant>,
 }
 
 impl RateLimit {
-    /// Begins to count.
+    /// Creates a limit.
     ///
-    /// - `rate`: packets a second, above 0
+    /// - `rate`: packets per second, above 0
     pub fn new(rate: u32) -> Self {
         let each = Duration::from_secs(1) / rate.max(1);
         Self {
@@ -26,7 +26,7 @@ impl RateLimit {
         }
     }
 
-    /// Counts a packet that comes at `now`; returns false for one too many.
+    /// Counts a packet that arrives at `now`. Returns false if it exceeds the limit.
     pub fn allows(&mut self, now: Instant) -> bool {
         let due = self.due.unwrap_or(now).max(now);
         if due > now + self.ahead {
@@ -51,9 +51,13 @@ mod tests {
                 .count()
         };
         assert_eq!(passed(1000, Duration::from_millis(1), 5000), 5000);
-        // A second of a flood, ten times too fast: the rate, and a tenth of a second more.
+        // One second of packets at ten times the rate: the limit plus a tenth of a second's packets pass.
         let flood = passed(1000, Duration::from_micros(100), 10_000);
         assert!((1000..=1102).contains(&flood), "{flood}");
-        assert_eq!(passed(1, Duration::ZERO, 10), 2, "one, and one ahead");
+        assert_eq!(
+            passed(1, Duration::ZERO, 10),
+            2,
+            "one packet and a burst of one"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! A packet that came, as people look at it.
+//! Summary of a received packet, for tools.
 
 use std::fmt;
 
@@ -6,29 +6,29 @@ use serde::Serialize;
 
 use crate::{GetPort, Received, now_ns};
 
-/// Header and first bytes of a packet that came.
+/// Header and first bytes of a received packet.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReceivedSummary {
-    /// Who put it, hexadecimal.
+    /// Number of the sender, in hexadecimal.
     pub sender: String,
-    /// Its number among that sender's packets.
+    /// Sequence number at that sender.
     pub sequence: u64,
-    /// From put to now, microseconds; meaningful for packets of this host only.
+    /// Time from put to now, in microseconds. Valid for packets of this host only.
     pub latency_us: f64,
-    /// Communication priority.
+    /// Priority, see [`crate::Priority`].
     pub priority: u8,
-    /// True for a packet of another host.
+    /// True for a packet from another host.
     pub remote: bool,
-    /// Its length.
+    /// Length, in bytes.
     pub bytes: usize,
-    /// The first bytes, hexadecimal.
+    /// First 24 bytes, in hexadecimal.
     pub begins: String,
-    /// Packets of the channel that this port has missed so far.
+    /// Packets of the channel that this port has lost so far.
     pub lost: u64,
 }
 
 impl ReceivedSummary {
-    /// - `port`: where it came
+    /// Returns the summary of a packet that `port` has received.
     pub fn new(packet: &Received<u8>, port: &GetPort<u8>) -> Self {
         let header = packet.header();
         Self {

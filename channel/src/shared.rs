@@ -1,7 +1,8 @@
-//! Reference-counted state of ports and packets that takes its memory from a pool of the thread.
+//! Reference-counted state of ports and packets, with memory from a pool of the thread.
 //!
-//! Iceoryx2 makes such a state for every loaned packet, with a heap allocation and a POSIX mutex each. Here the memory of the last ones is
-//! kept, so that a packet costs no allocation, and the lock is parking_lot's, which makes no system call while nobody else wants it.
+//! Iceoryx2 creates such a state for every loaned packet, each with a heap allocation and a POSIX mutex. Here freed
+//! memory is kept and used again, so a packet costs no allocation. The lock is parking_lot's, which makes no system
+//! call without contention.
 
 use std::alloc::{Layout, alloc, dealloc, handle_alloc_error};
 use std::cell::RefCell;
@@ -15,7 +16,7 @@ use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_cal::arc_sync_policy::{ArcSyncPolicy, ArcSyncPolicyCreationError, LockGuard};
 use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 
-/// Pieces of memory that a thread keeps.
+/// Maximum number of memory blocks in a thread's pool.
 const KEPT: usize = 64;
 
 struct Pool(Vec<(Layout, NonNull<u8>)>);
@@ -23,7 +24,7 @@ struct Pool(Vec<(Layout, NonNull<u8>)>);
 impl Drop for Pool {
     fn drop(&mut self) {
         for (layout, memory) in self.0.drain(..) {
-            // SAFETY: it was allocated with this layout and nobody uses it.
+            // SAFETY: it was allocated with this layout and has no other user.
             unsafe { dealloc(memory.as_ptr(), layout) };
         }
     }
@@ -33,7 +34,7 @@ thread_local! {
     static POOL: RefCell<Pool> = RefCell::new(Pool(Vec::with_capacity(KEPT)));
 }
 
-/// Memory of that layout, which must not be of size zero.
+/// Returns memory of `layout`, whose size must not be zero.
 fn take(layout: Layout) -> NonNull<u8> {
     let kept = POOL.try_with(|pool| {
         let pool = &mut pool.borrow_mut().0;
@@ -47,7 +48,7 @@ fn take(layout: Layout) -> NonNull<u8> {
     })
 }
 
-/// Keeps memory for the next one, or frees it.
+/// Puts memory back into the pool, or frees it if the pool is full.
 fn give_back(layout: Layout, memory: NonNull<u8>) {
     let kept = POOL.try_with(|pool| {
         let pool = &mut pool.borrow_mut().0;
@@ -58,7 +59,7 @@ fn give_back(layout: Layout, memory: NonNull<u8>) {
         room
     });
     if !kept.unwrap_or(false) {
-        // SAFETY: it was allocated with this layout and nobody uses it.
+        // SAFETY: it was allocated with this layout and has no other user.
         unsafe { dealloc(memory.as_ptr(), layout) };
     }
 }
@@ -68,13 +69,13 @@ struct Counted<T> {
     value: ReentrantMutex<T>,
 }
 
-/// A value with several owners, locked while one of them looks at it.
+/// A value with several owners behind a reentrant lock.
 pub struct Shared<T> {
     counted: NonNull<Counted<T>>,
     owns: PhantomData<Counted<T>>,
 }
 
-// SAFETY: the count is atomic and the value is reached through a lock only.
+// SAFETY: the count is atomic, and the value is accessible only through the lock.
 unsafe impl<T: Send> Send for Shared<T> {}
 // SAFETY: as above.
 unsafe impl<T: Send> Sync for Shared<T> {}
@@ -110,7 +111,7 @@ impl<T> fmt::Debug for Shared<T> {
     }
 }
 
-/// The value while it is locked.
+/// Lock guard of the value.
 pub struct Locked<'a, T>(ReentrantMutexGuard<'a, T>);
 
 impl<T> Deref for Locked<'_, T> {
@@ -127,7 +128,7 @@ impl<T: Send + Abandonable> Abandonable for Shared<T> {
         // SAFETY: the caller forgets `this` afterwards.
         let this = unsafe { &mut *this.as_ptr() };
         if this.counted().owners.load(Ordering::Acquire) == 1 {
-            // SAFETY: the only owner has it to itself; the memory is left as after a crash, as is asked for.
+            // SAFETY: this is the only owner; the memory stays allocated as after a crash, which the caller requires.
             unsafe {
                 let value = (*this.counted.as_ptr()).value.get_mut();
                 T::abandon_in_place(NonNull::from(value));
@@ -147,7 +148,7 @@ impl<T: Send + Abandonable> ArcSyncPolicy<T> for Shared<T> {
 
     fn new(value: T) -> Result<Self, ArcSyncPolicyCreationError> {
         let counted = take(Layout::new::<Counted<T>>()).cast::<Counted<T>>();
-        // SAFETY: memory of the right layout that nobody else has.
+        // SAFETY: memory of the right layout without another user.
         unsafe {
             counted.write(Counted {
                 owners: AtomicUsize::new(1),

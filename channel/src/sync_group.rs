@@ -1,4 +1,4 @@
-//! Waiting for any of several channels.
+//! Waiting for several channels at once.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,12 +7,13 @@ use crate::get::GetInner;
 use crate::wake_event::{FutexWait, MAX_AT_ONCE, WakeEvent};
 use crate::{ChannelError, GetSide, Wait};
 
-/// Get-ports that are waited for together (thesis, section 2.2). It does not take packets; that is done with the port it names.
+/// Get-ports that are waited for together (section 2.2 of the thesis). It does not take packets: get them from the
+/// port that [`SyncGroup::wait`] names.
 #[derive(Debug)]
 pub struct SyncGroup {
     ports: Vec<Arc<GetInner>>,
     waits: Vec<FutexWait>,
-    /// The port to look at first, so that a busy one does not starve the others.
+    /// First port to check in the next round, so that a busy port does not starve the others.
     first: usize,
     crowd: Arc<WakeEvent>,
 }
@@ -27,7 +28,8 @@ impl SyncGroup {
             if ports.iter().any(|port| !Arc::ptr_eq(&port.crowd, &crowd)) {
                 return Err(ChannelError::MixedGroup { most: MAX_AT_ONCE });
             }
-            // Putters must count up from now on, or a packet between look and sleep would go unnoticed.
+            // Putters must notify the crowd's wake event from now on; otherwise a packet between check and sleep would
+            // be missed.
             crowd.attend();
         }
         Ok(Self {
@@ -38,10 +40,21 @@ impl SyncGroup {
         })
     }
 
-    /// The number of a port that has a packet, in the order they were named; `None` after the timeout.
+    /// Waits until a port has a packet. Returns its index in the group, or `None` after the timeout.
     ///
     /// # Errors
-    /// The transport has broken down.
+    /// The transport has failed.
+    ///
+    /// ```
+    /// # use std::time::Duration;
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Start, Table, Wait};
+    /// # let table = Table::new("lab").with("left", ChannelConfig::of::<f32>(1));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let left = bus.get_port::<f32>("left", Start::Now)?;
+    /// let mut group = bus.sync_group(&[&left])?;
+    /// assert_eq!(group.wait(Wait::Block { timeout: Duration::from_millis(1) })?, None);
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn wait(&mut self, wait: Wait) -> Result<Option<usize>, ChannelError> {
         let deadline = wait.deadline();
         let ports = self.ports.len();

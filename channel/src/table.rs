@@ -1,4 +1,4 @@
-//! The table of channels: every resource is known before the first packet.
+//! Table of channels. It fixes every resource before the first packet.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::packet::{Header, blocks};
 use crate::{ChannelError, ChannelId, Packet};
 
-/// All channels of a bus, as every component and the hub read it from one TOML file.
+/// All channels of a bus. Every component and the hub read the same TOML file.
 ///
 /// ```
 /// let table = tactnet_channel::Table::parse(r#"
@@ -16,7 +16,7 @@ use crate::{ChannelError, ChannelId, Packet};
 ///     [channels."skin/right"]
 ///     packet = "SkinFrame"
 ///     item_bytes = 80
-///     depth = 64          # packets that wait at a get-port before the oldest is lost
+///     depth = 64          # packets in a get-port's ring; the next one replaces the oldest
 ///     get_ports = 8
 /// "#)?;
 /// assert_eq!(table.channel("skin/right")?.items, 1);
@@ -25,48 +25,51 @@ use crate::{ChannelError, ChannelId, Packet};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
-    /// Name of the bus; buses of different names never meet.
+    /// Name of the bus. Buses of different names are separate.
     pub bus: String,
-    /// How this host meets others.
+    /// Connection to other hosts.
     #[serde(default)]
     pub network: Network,
-    /// By id.
+    /// Channels by id.
     pub channels: BTreeMap<String, ChannelConfig>,
-    /// Settings of components, by their names; the bus itself does not read them.
+    /// Settings of components by name. The bus does not read them.
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
     pub components: toml::Table,
 }
 
-/// Endpoints of the hub, like `tcp/10.0.0.2:7447`.
+/// Endpoints of the hub, like `tcp/10.0.0.2:7447`, and its certificates.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Network {
-    /// Tells hosts apart that share one machine's memory, in tests; usually empty.
+    /// Suffix that separates several hosts on one machine, for tests; usually empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub host: String,
-    /// Where the hub waits for others.
+    /// Endpoints that the hub listens on.
     #[serde(default)]
     pub listen: Vec<String>,
-    /// Hubs to connect to. Hubs do not pass on what they get: each names, or is named by, all that it exchanges packets with.
+    /// Endpoints of other hubs to connect to.
+    ///
+    /// Hubs do not forward received packets: every pair of hubs that exchanges packets needs a direct connection.
     #[serde(default)]
     pub connect: Vec<String>,
-    /// For `tls/` endpoints: file (PEM) with the certificate of who vouches for this robot's hosts.
+    /// For `tls/` endpoints: PEM file with the certificate authority of this robot's hosts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub authority: Option<PathBuf>,
-    /// This host's certificate (PEM); its common name is what [`ChannelConfig::put_from`] and [`ChannelConfig::get_from`] of other hosts call
-    /// it.
+    /// PEM file with this host's certificate. [`ChannelConfig::put_from`] and [`ChannelConfig::get_from`] of other
+    /// hosts use its common name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub certificate: Option<PathBuf>,
-    /// The certificate's private key (PEM).
+    /// PEM file with the private key of the certificate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub private_key: Option<PathBuf>,
-    /// Endpoints without TLS may be beyond this machine: whoever reaches them reads and puts what they like.
+    /// Allows endpoints without TLS beyond this machine. Every computer that reaches them can then read and put
+    /// packets.
     #[serde(default, skip_serializing_if = "is_false")]
     pub plain_text: bool,
 }
 
 impl Network {
-    /// Returns true if its endpoints are encrypted, and both sides show a certificate.
+    /// Returns true if the endpoints are encrypted and both sides show a certificate.
     pub(crate) fn has_tls(&self) -> bool {
         self.endpoints().any(|endpoint| endpoint.starts_with(TLS))
     }
@@ -75,7 +78,7 @@ impl Network {
         self.listen.iter().chain(&self.connect)
     }
 
-    /// Checks that nothing beyond this machine is without TLS, unless that was asked for.
+    /// Checks that endpoints beyond this machine use TLS, unless plain text is allowed.
     fn check(&self) -> Result<(), String> {
         let (mut tls, mut plain) = (None, None);
         for endpoint in self.endpoints() {
@@ -86,7 +89,7 @@ impl Network {
             }
             if !(endpoint.starts_with(TLS) || self.plain_text || is_loopback(endpoint)) {
                 return Err(format!(
-                    "network: `{endpoint}` is beyond this machine and neither encrypted nor restricted; use `{TLS}…` with `authority`, `certificate` \
+                    "network: `{endpoint}` leaves this machine without encryption or access control; use `{TLS}…` with `authority`, `certificate` \
                      and `private_key`, or allow it by `plain_text = true`"
                 ));
             }
@@ -109,10 +112,10 @@ impl Network {
     }
 }
 
-/// How endpoints begin that are encrypted.
+/// Prefix of encrypted endpoints.
 const TLS: &str = "tls/";
 
-/// Returns true for `tcp/127.0.0.1:7447` and its like.
+/// Returns true for endpoints of this machine, like `tcp/127.0.0.1:7447`.
 fn is_loopback(endpoint: &str) -> bool {
     let address = endpoint.split_once('/').map_or(endpoint, |(_, rest)| rest);
     let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
@@ -135,62 +138,72 @@ fn is_ten_thousand(value: &u32) -> bool {
     *value == ten_thousand()
 }
 
-/// One channel's resources; all static.
+/// Resources of one channel. All of them are static.
+///
+/// ```
+/// use tactnet_channel::{ChannelConfig, Table};
+///
+/// let camera = ChannelConfig { depth: 2, distributed: true, ..ChannelConfig::of::<u8>(640 * 480) };
+/// assert_eq!(camera.packet_bytes(), 307_200);
+/// let table = Table::new("lab").with("camera/left", camera);
+/// # assert!(Table::parse(&table.to_toml()).is_ok());
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ChannelConfig {
-    /// [`Packet::NAME`]
+    /// Name of the packet type, [`Packet::NAME`].
     pub packet: String,
-    /// [`Packet::VERSION`]
+    /// Version of the packet type, [`Packet::VERSION`].
     #[serde(default = "one_u32")]
     pub version: u32,
-    /// Size of one item, bytes.
+    /// Size of one item, in bytes.
     pub item_bytes: usize,
-    /// Most items of one packet.
+    /// Maximum number of items in a packet.
     #[serde(default = "one")]
     pub items: usize,
-    /// Packets of one put-port that wait at a get-port; when one more comes, the oldest is lost and counted.
+    /// Length of a get-port's ring for one put-port, in packets. The next packet replaces the oldest, which counts as
+    /// lost.
     #[serde(default = "sixteen")]
     pub depth: usize,
-    /// Most put-ports.
+    /// Maximum number of put-ports.
     #[serde(default = "one")]
     pub put_ports: usize,
-    /// Most get-ports.
+    /// Maximum number of get-ports.
     #[serde(default = "eight")]
     pub get_ports: usize,
-    /// Last packets of every put-port that a late joiner can have.
+    /// Number of last packets of every put-port that a new get-port can request.
     #[serde(default)]
     pub history: usize,
-    /// Packets of one put-port that a get-port may hold at once.
+    /// Maximum number of packets of one put-port that a get-port may hold at once.
     #[serde(default = "two")]
     pub held: usize,
-    /// Packets that a put-port may have on loan at once.
+    /// Maximum number of packets that a put-port may have on loan at once.
     #[serde(default = "one")]
     pub loaned: usize,
-    /// Other hosts get its packets.
+    /// True if other hosts receive its packets.
     #[serde(default)]
     pub distributed: bool,
-    /// Policy when the network is slower than the putters.
+    /// Policy if the network is slower than the putters.
     #[serde(default)]
     pub congestion: Congestion,
-    /// Hosts whose packets are taken, by the common names of their certificates; none named: every host's.
+    /// Hosts whose packets are accepted, by the common names of their certificates. Empty: all hosts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub put_from: Vec<String>,
-    /// Hosts that may have its packets; none named: every host.
+    /// Hosts that may receive its packets, by the common names of their certificates. Empty: all hosts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub get_from: Vec<String>,
-    /// Most packets a second that are taken from all other hosts together; more are lost.
+    /// Maximum rate of packets from all other hosts together, per second. Further packets are dropped.
     #[serde(default = "ten_thousand", skip_serializing_if = "is_ten_thousand")]
     pub remote_rate: u32,
 }
 
-/// Policy when the network is slower than the putters.
+/// Policy if the network is slower than the putters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Congestion {
-    /// Wait: the hub falls behind and the oldest packets of the channel are lost at its get-port, counted. For control.
+    /// Blocks the hub, which then falls behind: the oldest packets are lost at its get-port and counted. For control.
     Block,
-    /// Drop what cannot be sent at once. For bulk.
+    /// Drops packets that cannot be sent at once. For bulk data.
     #[default]
     Drop,
 }
@@ -212,7 +225,7 @@ fn sixteen() -> usize {
 }
 
 impl ChannelConfig {
-    /// A channel of packets of at most `items` items, one put-port and eight get-ports.
+    /// Returns a channel for packets of at most `items` items, with one put-port and eight get-ports.
     pub fn of<T: Packet>(items: usize) -> Self {
         Self {
             packet: T::NAME.into(),
@@ -233,12 +246,13 @@ impl ChannelConfig {
         }
     }
 
-    /// Most data of a packet, bytes.
+    /// Returns the maximum size of a packet, in bytes.
     pub fn packet_bytes(&self) -> usize {
         self.item_bytes * self.items
     }
 
-    /// Packets that the memory of one put-port holds: what waits and is held at every get-port, history and loans.
+    /// Returns the number of packets in the memory of one put-port: waiting and held ones of every get-port, history
+    /// and loans.
     pub fn slots(&self) -> usize {
         self.total_get_ports() * (self.depth + self.held) + self.history + self.loaned
     }
@@ -252,23 +266,23 @@ impl ChannelConfig {
             .checked_add(self.loaned)
     }
 
-    /// Shared memory of one put-port, bytes: slots, each with its headers.
+    /// Returns the shared memory of one put-port, in bytes: all slots with their headers.
     pub fn put_port_bytes(&self) -> u64 {
         let headers = size_of::<Header>().next_multiple_of(64) + 64;
         (self.slots() * (64 * blocks(self.packet_bytes()) + headers)) as u64
     }
 
-    /// Get-ports of clients, and the hub's where it forwards.
+    /// Returns the number of get-ports, including the hub's for forwarding.
     pub(crate) fn total_get_ports(&self) -> usize {
         self.get_ports + usize::from(self.distributed)
     }
 
-    /// Put-ports of clients, and the hub's where it delivers.
+    /// Returns the number of put-ports, including the hub's for delivery.
     pub(crate) fn total_put_ports(&self) -> usize {
         self.put_ports + usize::from(self.distributed)
     }
 
-    /// Returns its packet and length in words.
+    /// Returns a description of the packet type.
     pub(crate) fn describe(&self) -> String {
         describe(&self.packet, self.version, self.item_bytes)
     }
@@ -279,7 +293,7 @@ pub(crate) fn describe(name: &str, version: u32, item_bytes: usize) -> String {
 }
 
 impl Table {
-    /// A bus without channels.
+    /// Creates a bus without channels.
     pub fn new(bus: &str) -> Self {
         Self {
             bus: bus.into(),
@@ -289,17 +303,17 @@ impl Table {
         }
     }
 
-    /// With one more channel.
+    /// Adds a channel.
     #[must_use]
     pub fn with(mut self, id: &str, channel: ChannelConfig) -> Self {
         self.channels.insert(id.into(), channel);
         self
     }
 
-    /// Reads a table.
+    /// Reads a table from a file.
     ///
     /// # Errors
-    /// A file that cannot be read, or what is wrong with it.
+    /// The file cannot be read, or the table is wrong.
     pub fn load(path: &Path) -> Result<Self, ChannelError> {
         let text = std::fs::read_to_string(path).map_err(|source| ChannelError::Io {
             path: path.into(),
@@ -315,7 +329,12 @@ impl Table {
     /// Reads a table from its text.
     ///
     /// # Errors
-    /// A table that is no TOML, or has values out of range.
+    /// Text that is not TOML; values out of range.
+    ///
+    /// ```
+    /// let wrong = tactnet_channel::Table::parse("bus = \"a b\"\n[channels]");
+    /// assert!(wrong.unwrap_err().to_string().contains("expected 1 to 24 letters"));
+    /// ```
     pub fn parse(text: &str) -> Result<Self, ChannelError> {
         Self::from_toml(text).map_err(|reason| ChannelError::Table {
             path: "table".into(),
@@ -334,9 +353,9 @@ impl Table {
         Ok(table)
     }
 
-    /// Checks that every number is in range.
+    /// Checks that every value is in range.
     pub(crate) fn check(&self) -> Result<(), String> {
-        // Both become parts of file names.
+        // Both are parts of file names.
         for (item, least, name) in [
             ("bus", 1, &self.bus),
             ("network.host", 0, &self.network.host),
@@ -356,7 +375,7 @@ impl Table {
             let is_open = self.network.endpoints().next().is_some() && !self.network.has_tls();
             if is_restricted && is_open {
                 return Err(format!(
-                    "channel `{id}`: put_from, get_from: hosts are known by their certificates, so all endpoints must be `{TLS}…`"
+                    "channel `{id}`: put_from, get_from: hosts are identified by certificates, so all endpoints must be `{TLS}…`"
                 ));
             }
             for (name, value) in [
@@ -401,7 +420,7 @@ impl Table {
         format!("{}{}", self.bus, self.network.host)
     }
 
-    /// One channel.
+    /// Returns one channel.
     ///
     /// # Errors
     /// The table has no such channel.
@@ -419,7 +438,7 @@ impl Table {
             })
     }
 
-    /// As TOML.
+    /// Returns the table as TOML.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).unwrap_or_else(|error| panic!("a table is TOML: {error}"))
     }
@@ -446,21 +465,12 @@ mod tests {
             check(&allowed, "").unwrap();
         }
         for (refused, why) in [
-            (
-                "connect = [\"tcp/10.0.0.2:7447\"]",
-                "neither encrypted nor restricted",
-            ),
-            (
-                "listen = [\"tcp/0.0.0.0:7447\"]",
-                "neither encrypted nor restricted",
-            ),
-            (
-                "listen = [\"udp/[::]:7447\"]",
-                "neither encrypted nor restricted",
-            ),
+            ("connect = [\"tcp/10.0.0.2:7447\"]", "without encryption"),
+            ("listen = [\"tcp/0.0.0.0:7447\"]", "without encryption"),
+            ("listen = [\"udp/[::]:7447\"]", "without encryption"),
             (
                 "connect = [\"tcp/localhost.evil.example:7447\"]",
-                "neither encrypted nor restricted",
+                "without encryption",
             ),
             (
                 "listen = [\"tls/10.0.0.2:7447\"]\nauthority = \"a\"",
@@ -478,7 +488,7 @@ mod tests {
         }
         let open = "listen = [\"tcp/127.0.0.1:7447\"]";
         let found = check(open, "put_from = [\"arm\"]").unwrap_err();
-        assert!(found.contains("known by their certificates"), "{found}");
+        assert!(found.contains("identified by certificates"), "{found}");
     }
 
     #[test]
@@ -487,7 +497,10 @@ mod tests {
         assert_eq!(Table::parse(&table.to_toml()).unwrap(), table);
         assert_eq!(table.channel("a/b").unwrap().packet_bytes(), 12);
         let unknown = table.channel("a").unwrap_err().to_string();
-        assert_eq!(unknown, "channel `a` is not in the table; it names a/b");
+        assert_eq!(
+            unknown,
+            "channel `a` is not in the table; the table contains a/b"
+        );
     }
 
     #[test]
@@ -500,7 +513,7 @@ mod tests {
             ),
             (
                 "bus = \"a\"\n[channels.\"x y\"]\npacket=\"u8\"\nitem_bytes=1",
-                "no channel id",
+                "is not a channel id",
             ),
             (
                 "bus = \"a\"\n[channels.x]\npacket=\"u8\"\nitem_bytes=0",

@@ -1,8 +1,8 @@
-//! A steady beat.
+//! Periodic timer.
 
 use crate::now_ns;
 
-/// Sleeps from beat to beat of the host's monotonic clock, without drifting.
+/// Sleeps until the next tick of a fixed period of the host's monotonic clock, without drift.
 #[derive(Debug)]
 pub struct Ticker {
     period_ns: f64,
@@ -11,7 +11,7 @@ pub struct Ticker {
 }
 
 impl Ticker {
-    /// Beats `rate_hz` times a second from now on.
+    /// Creates a ticker with `rate_hz` ticks per second, from now on.
     pub fn new(rate_hz: f64) -> Self {
         Self {
             period_ns: 1e9 / rate_hz,
@@ -20,7 +20,9 @@ impl Ticker {
         }
     }
 
-    /// Beats at whole multiples of the period of the host's monotonic clock, and `after_ns` later: processes of a host beat together.
+    /// Creates a ticker with ticks at whole multiples of the period of the monotonic clock, plus `after_ns`.
+    ///
+    /// Processes of a host with the same rate tick together.
     pub fn aligned(rate_hz: f64, after_ns: u64) -> Self {
         let period_ns = 1e9 / rate_hz;
         let whole = (now_ns() as f64 / period_ns).ceil();
@@ -31,12 +33,12 @@ impl Ticker {
         }
     }
 
-    /// Returns when the next beat is due, nanoseconds of the host's monotonic clock.
+    /// Returns the time of the next tick, in nanoseconds of the host's monotonic clock.
     pub fn next_ns(&self) -> u64 {
         self.begun_ns + ((self.beats + 1) as f64 * self.period_ns) as u64
     }
 
-    /// Waits for the next beat; returns how late it is noticed, nanoseconds.
+    /// Waits for the next tick. Returns the delay with which it was noticed, in nanoseconds.
     pub fn wait(&mut self) -> u64 {
         let due = self.next_ns();
         self.beats += 1;

@@ -1,4 +1,4 @@
-//! The engine below: iceoryx2's publishers and subscribers, in memory of the process or of the host.
+//! Transport: iceoryx2 publishers and subscribers, in memory of the process or of the host.
 
 use iceoryx2::port::{publisher::Publisher, subscriber::Subscriber};
 use std::fmt::Debug;
@@ -20,7 +20,7 @@ use iceoryx2_cal::{
 use crate::packet::{Block, Header};
 use crate::shared::Shared;
 
-/// Memory of this process: iceoryx2's `local_threadsafe` with a state of our own.
+/// Memory of this process: iceoryx2's `local_threadsafe` with [`Shared`] state.
 #[derive(Debug, Clone)]
 pub struct Local;
 
@@ -48,8 +48,9 @@ impl Service for Local {
 
 impl ServiceInternal<Local> for Local {}
 
-/// Memory of the host: iceoryx2's `ipc_threadsafe` with a state of our own, and with files in a folder that other users cannot enter,
-/// where `ipc_threadsafe` has named shared memory that all users see and some of which all may write.
+/// Memory of the host: iceoryx2's `ipc_threadsafe` with [`Shared`] state and with files in a private folder.
+///
+/// `ipc_threadsafe` itself uses named shared memory that all users can see and partly write.
 #[derive(Debug, Clone)]
 pub struct Ipc;
 
@@ -78,7 +79,7 @@ impl Service for Ipc {
 
 impl ServiceInternal<Ipc> for Ipc {}
 
-/// One of the two engines.
+/// Value of one of the two transports.
 #[derive(Debug)]
 pub(crate) enum Either<L, I> {
     Process(L),

@@ -1,8 +1,10 @@
-//! How a putter wakes getters: a counter in shared memory and the kernel's futex, the condition variable of thesis section 2.3.
+//! Wake-up of getters by putters: a counter in shared memory and the kernel's futex (the condition variable of thesis
+//! section 2.3).
 //!
-//! A putter counts up after every packet and makes a system call only if somebody waits. A getter reads the counter, looks for packets,
-//! and sleeps only while the counter is still what it read, so no wake-up can be lost. A sync group sleeps on up to 128 counters at once
-//! (`futex_waitv`, Linux 5.16); larger groups sleep on the bus's own counter, which putters count up only while such a group waits.
+//! A putter increments the counter after every packet and makes a system call only if a getter sleeps. A getter reads
+//! the counter, checks for packets, and sleeps only while the counter is unchanged, so no wake-up is lost. A sync
+//! group sleeps on up to 128 counters at once (`futex_waitv`, Linux 5.16). Larger groups sleep on one counter of the
+//! bus, which putters increment only while such a group waits.
 
 use std::fs::{File, OpenOptions};
 use std::os::fd::AsRawFd;
@@ -15,21 +17,22 @@ use std::time::{Duration, Instant};
 use crate::ChannelError;
 use crate::own_file::own_file;
 
-/// Counters that one call can sleep on (`FUTEX_WAITV_MAX`).
+/// Maximum number of counters that one system call can wait for (`FUTEX_WAITV_MAX`).
 pub(crate) const MAX_AT_ONCE: usize = 128;
 const FUTEX2_SIZE_U32: u32 = 2;
-/// A page.
+/// Size of a wake event's file, in bytes: one page.
 const FILE_BYTES: usize = 4096;
 
-/// The words in shared memory. Any bit pattern is a valid wake event.
+/// Content of the shared memory. Any bit pattern is a valid wake event.
 #[repr(C, align(64))]
 struct Memory {
     notifications: AtomicU32,
-    /// Threads that sleep; too high after one was killed, which costs putters a system call each time and nothing else.
+    /// Number of sleeping threads. Too high after one was killed, which only costs putters a system call for each
+    /// packet.
     sleepers: AtomicU32,
 }
 
-/// A wake_event of one channel.
+/// Wake event of one channel.
 #[derive(Debug)]
 pub(crate) struct WakeEvent {
     memory: NonNull<Memory>,
@@ -42,13 +45,13 @@ enum Home {
     File,
 }
 
-// SAFETY: the memory holds atomics only and lives as long as the wake_event.
+// SAFETY: the memory holds atomics only and lives as long as the wake event.
 unsafe impl Send for WakeEvent {}
 // SAFETY: as above.
 unsafe impl Sync for WakeEvent {}
 
 impl WakeEvent {
-    /// Within this process.
+    /// Creates a wake event within this process.
     pub(crate) fn local() -> Self {
         let memory = Box::new(Memory {
             notifications: AtomicU32::new(0),
@@ -60,33 +63,33 @@ impl WakeEvent {
         }
     }
 
-    /// Makes the file of a wake_event, for the hub, or leaves it as it is.
+    /// Creates the file of a wake event, for the hub. An existing file keeps its content.
     pub(crate) fn create(path: &Path) -> Result<Self, ChannelError> {
-        let failed = |source| io_error(path, "make the wake_event", source);
+        let failed = |source| io_error(path, "create the wake event", source);
         let file = own_file(path).map_err(failed)?;
         reserve(&file, FILE_BYTES as u64).map_err(failed)?;
         Self::map(&file, path)
     }
 
-    /// The wake_event that a hub has made.
+    /// Opens a wake event that a hub has created.
     pub(crate) fn open(path: &Path) -> Result<Self, ChannelError> {
         let file = OpenOptions::new()
             .read(true)
             .write(true)
             .custom_flags(libc::O_NOFOLLOW)
             .open(path)
-            .map_err(|source| io_error(path, "open the wake_event", source))?;
+            .map_err(|source| io_error(path, "open the wake event", source))?;
         Self::map(&file, path)
     }
 
     fn map(file: &File, path: &Path) -> Result<Self, ChannelError> {
         let length = file
             .metadata()
-            .map_err(|source| io_error(path, "map the wake_event", source))?
+            .map_err(|source| io_error(path, "map the wake event", source))?
             .len();
         if length < FILE_BYTES as u64 {
-            let cut = std::io::Error::other("the file is too short; start the hub anew");
-            return Err(io_error(path, "map the wake_event", cut));
+            let cut = std::io::Error::other("the file is too short; restart the hub");
+            return Err(io_error(path, "map the wake event", cut));
         }
         // SAFETY: a new shared mapping of a file that is long enough; the result is checked.
         let address = unsafe {
@@ -102,7 +105,7 @@ impl WakeEvent {
         if address == libc::MAP_FAILED {
             return Err(io_error(
                 path,
-                "map the wake_event",
+                "map the wake event",
                 std::io::Error::last_os_error(),
             ));
         }
@@ -119,12 +122,12 @@ impl WakeEvent {
         unsafe { self.memory.as_ref() }
     }
 
-    /// Number of notifications so far.
+    /// Returns the number of notifications so far.
     pub(crate) fn notifications(&self) -> u32 {
         self.memory().notifications.load(Ordering::SeqCst)
     }
 
-    /// Wakes everybody who sleeps.
+    /// Wakes all sleeping threads.
     pub(crate) fn notify(&self) {
         self.memory().notifications.fetch_add(1, Ordering::SeqCst);
         if self.memory().sleepers.load(Ordering::SeqCst) > 0 {
@@ -140,24 +143,24 @@ impl WakeEvent {
         }
     }
 
-    /// Counts as a sleeper until [`WakeEvent::leave`].
+    /// Registers a sleeper until [`WakeEvent::leave`].
     pub(crate) fn attend(&self) {
         self.memory().sleepers.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// The end of [`WakeEvent::attend`].
+    /// Ends [`WakeEvent::attend`].
     pub(crate) fn leave(&self) {
         self.memory().sleepers.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Notifies only if somebody sleeps or attends.
+    /// Notifies if at least one thread sleeps or attends.
     pub(crate) fn notify_sleepers(&self) {
         if self.memory().sleepers.load(Ordering::SeqCst) > 0 {
             self.notify();
         }
     }
 
-    /// Sleeps while the number of notifications is `seen`, at most until `deadline`. May return early.
+    /// Sleeps while the number of notifications equals `seen`, at most until `deadline`. May return early.
     pub(crate) fn sleep(&self, seen: u32, deadline: Instant) {
         let Some(left) = left(deadline) else { return };
         let time = timespec(left);
@@ -175,9 +178,9 @@ impl WakeEvent {
         self.memory().sleepers.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Sleeps while every wake_event has rung as often as `waits` says, at most until `deadline`. May return early.
+    /// Sleeps while every wake event has the count given in `waits`, at most until `deadline`. May return early.
     ///
-    /// - `waits`: made by [`WakeEvent::wait`], at most [`MAX_AT_ONCE`]
+    /// - `waits`: from [`WakeEvent::wait`], at most [`MAX_AT_ONCE`]
     pub(crate) fn sleep_on_all<'a>(
         wake_events: impl Iterator<Item = &'a WakeEvent> + Clone,
         waits: &[FutexWait],
@@ -204,7 +207,7 @@ impl WakeEvent {
             ) < 0;
             let refused = [libc::ENOSYS, libc::EPERM].map(Some);
             if failed && refused.contains(&std::io::Error::last_os_error().raw_os_error()) {
-                // An old kernel, or a sandbox that knows not the call: look once a millisecond.
+                // The kernel is too old, or a sandbox forbids the call: poll every millisecond.
                 std::thread::sleep(left.min(Duration::from_millis(1)));
             }
         }
@@ -213,7 +216,7 @@ impl WakeEvent {
         }
     }
 
-    /// Returns the words that the kernel compares.
+    /// Returns the arguments of the kernel for waiting on this wake event.
     pub(crate) fn wait(&self) -> FutexWait {
         FutexWait {
             value: u64::from(self.notifications()),
@@ -227,7 +230,7 @@ impl WakeEvent {
 impl Drop for WakeEvent {
     fn drop(&mut self) {
         match self.home {
-            // SAFETY: it came from `Box::leak` and nobody else has it.
+            // SAFETY: it came from `Box::leak` and has no other owner.
             Home::Heap => drop(unsafe { Box::from_raw(self.memory.as_ptr()) }),
             // SAFETY: it came from `mmap` with this length.
             Home::File => unsafe {
@@ -259,7 +262,7 @@ fn timespec(time: Duration) -> libc::timespec {
     }
 }
 
-/// Allocates the pages of a file of shared memory now, so that a full disk is an error here and no signal later.
+/// Allocates the pages of a shared-memory file now, so that a lack of memory is an error here and not a signal later.
 pub(crate) fn reserve(file: &File, bytes: u64) -> std::io::Result<()> {
     // SAFETY: a plain call with a valid descriptor.
     match unsafe { libc::posix_fallocate(file.as_raw_fd(), 0, bytes as i64) } {

@@ -67,7 +67,7 @@ int main(int argc, char **argv) {
   assert(tactnet_get_port_open(bus, "ping", &FRAME, 0, &get) == TACTNET_OUTCOME_OK);
   assert(tactnet_put_port_open(bus, "ping", &FRAME, TACTNET_PRIORITY_HIGH, &put) == TACTNET_OUTCOME_OK);
   static tactnet_skin_frame frames[2];
-  says(tactnet_put(put, frames, 2), TACTNET_OUTCOME_TOO_LARGE, "at most 1 items, asked for were 2");
+  says(tactnet_put(put, frames, 2), TACTNET_OUTCOME_TOO_LARGE, "at most 1 items in a packet, found 2");
   says(tactnet_put(put, frames, SIZE_MAX), TACTNET_OUTCOME_TOO_LARGE, "at most");
   says(tactnet_put(put, NULL, 1), TACTNET_OUTCOME_ARGUMENT, "items is null");
 

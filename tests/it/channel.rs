@@ -174,7 +174,7 @@ fn without_a_hub_and_with_a_second_one_there_is_one_clear_line() {
     assert!(second.contains("runs on this host already"), "{second}");
     let unknown = stderr(&expect(2, robot.command(&["hz", "b"])));
     assert!(
-        unknown.contains("channel `b` is not in the table; it names a"),
+        unknown.contains("channel `b` is not in the table; the table contains a"),
         "{unknown}"
     );
     std::fs::write(

@@ -1,6 +1,6 @@
-/* Prints beliefs of whole sweeps as they come, with the names of materials.
+/* Prints beliefs about complete sweeps with the names of their materials.
  *
- *   belief_reader robot.toml tactile/belief tactile/model 6        ends after six sweeps, or ten seconds of silence */
+ *   belief_reader robot.toml tactile/belief tactile/model 6        ends after six sweeps, or ten seconds without a packet */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -9,9 +9,9 @@
 
 static const int64_t PATIENCE_NS = 10000000000;
 
-static void check(tactnet_outcome outcome, const char *what) {
+static void check(tactnet_outcome outcome, const char *action) {
   if (outcome == TACTNET_OUTCOME_OK) return;
-  fprintf(stderr, "error: %s: %s\n", what, tactnet_last_error());
+  fprintf(stderr, "error: %s: %s\n", action, tactnet_last_error());
   exit(1);
 }
 
@@ -28,7 +28,7 @@ int main(int argc, char **argv) {
   tactnet_sync_group *group;
   check(tactnet_bus_open(argv[1], &bus), "bus");
   check(tactnet_get_port_open(bus, argv[2], &belief, 0, &ports[0]), "beliefs");
-  check(tactnet_get_port_open(bus, argv[3], &model, 1, &ports[1]), "model"); /* the last one, which was put before */
+  check(tactnet_get_port_open(bus, argv[3], &model, 1, &ports[1]), "model"); /* the classifier puts it once, when it starts */
   check(tactnet_sync_group_open(bus, (const tactnet_get_port *const *)ports, 2, &group), "group");
   puts("ready");
   fflush(stdout);

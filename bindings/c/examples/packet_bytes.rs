@@ -1,4 +1,4 @@
-//! Prints packets of known values as bytes, as `tests/c/packet_bytes.c` and the test of the Python package do.
+//! Prints packets with known values as bytes, to compare them with `tests/c/packet_bytes.c` and the Python package.
 
 use bytemuck::{Zeroable, bytes_of};
 use tactnet_channel::Packet;

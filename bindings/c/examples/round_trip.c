@@ -19,7 +19,7 @@ static int by_size(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* Sends a frame that is written in place. */
+/* Sends a frame, written in place. */
 static void put(const tactnet_put_port *port, uint64_t sequence) {
   tactnet_loaned loan;
   check(tactnet_loan(port, 1, &loan));
@@ -29,7 +29,7 @@ static void put(const tactnet_put_port *port, uint64_t sequence) {
   check(tactnet_put_loan(port, &loan));
 }
 
-/* Looks again and again for the next frame; returns its number. */
+/* Polls for the next frame and returns its sequence number. */
 static uint64_t get(tactnet_get_port *port) {
   tactnet_received received;
   tactnet_outcome outcome;

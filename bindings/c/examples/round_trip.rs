@@ -7,7 +7,7 @@ use tactnet_channel::{
 };
 use tactnet_skin::packets::SkinFrame;
 
-/// Rounds that are not counted.
+/// Number of rounds before the measurement starts.
 const WARM_UP: usize = 1000;
 
 fn put(port: &PutPort<SkinFrame>, sequence: u64) -> Result<(), ChannelError> {

@@ -1,10 +1,9 @@
-/* Puts frames of a skin and the commands of a motion controller on a robot's channels, as their drivers would.
+/* Puts the frames of a skin and the commands of a motion controller on a robot's channels. A hub must run with the same table.
  *
- *   tactnet channel hub --table robot.toml &
  *   skin_driver robot.toml skin/right sweep/command 750 < frames.txt
  *
- * A line of the input is a frame: digits row by row. An empty line ends a sweep; between two sweeps the skin rests for 200 frames, and an
- * object has three sweeps. */
+ * Each line of the input is a frame: digits in row-major order. An empty line ends a sweep. Between two sweeps the skin rests for 200
+ * frames; each object has three sweeps. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,9 +14,9 @@
 
 enum { REST = 200, SWEEPS_OF_AN_OBJECT = 3 };
 
-static void check(tactnet_outcome outcome, const char *what) {
+static void check(tactnet_outcome outcome, const char *action) {
   if (outcome == TACTNET_OUTCOME_OK) return;
-  fprintf(stderr, "error: %s: %s\n", what, tactnet_last_error());
+  fprintf(stderr, "error: %s: %s\n", action, tactnet_last_error());
   exit(1);
 }
 
@@ -31,16 +30,16 @@ static void command(struct driver *driver, uint32_t kind) {
   check(tactnet_put(driver->commands, &command, 1), "command");
 }
 
-/* Puts a frame when it is due. */
+/* Puts a frame at its time. */
 static void put(struct driver *driver, const float *digits, uint32_t taxels) {
   struct timespec due = {(time_t)(driver->next_ns / 1000000000), (long)(driver->next_ns % 1000000000)};
   clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
   tactnet_loaned packet;
   check(tactnet_loan(driver->frames, 1, &packet), "loan");
-  tactnet_skin_frame *frame = packet.items; /* in shared memory: nothing is copied any more */
+  tactnet_skin_frame *frame = packet.items; /* in shared memory: no further copy */
   memset(frame, 0, sizeof *frame);
   frame->sequence = driver->sequence++;
-  frame->sensor_time_ns = driver->next_ns; /* when it was measured, not when this thread came to put it */
+  frame->sensor_time_ns = driver->next_ns; /* time of the measurement, not of the put */
   driver->next_ns += driver->period_ns;
   frame->taxels = taxels;
   memcpy(frame->digits, digits, taxels * sizeof *digits);

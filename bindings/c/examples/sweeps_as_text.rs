@@ -1,4 +1,5 @@
-//! Prints sweeps of a data set as `skin_driver.c` reads them, three of a material after each other; on standard error motions and materials.
+//! Prints sweeps of a data set as the input of `skin_driver.c`, three per material; motions and materials go to
+//! standard error.
 //!
 //!     sweeps_as_text DATA SWEEPS
 

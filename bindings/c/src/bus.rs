@@ -1,4 +1,4 @@
-//! Buses, and what packets a port carries.
+//! Buses and packet types.
 
 use std::ffi::c_char;
 
@@ -11,14 +11,14 @@ pub struct Bus {
     pub(crate) bus: tactnet_channel::Bus,
 }
 
-/// Which packets a port carries. Both ends of a channel must mean the same.
+/// Packet type of a port. Both ends of a channel must use the same.
 #[repr(C)]
 pub struct Packet {
-    /// Its name, like `SkinFrame`.
+    /// Name of the type, like `SkinFrame`.
     name: *const c_char,
-    /// Its version.
+    /// Version of the type.
     version: u32,
-    /// Size of one item, bytes.
+    /// Size of one item, in bytes.
     bytes: usize,
 }
 
@@ -27,7 +27,9 @@ impl Packet {
     /// `name` is null or a text.
     pub(crate) unsafe fn named(&self) -> Result<PacketType<'_>, Failure> {
         if self.bytes == 0 {
-            return Err(Failure::argument("packet: its items have no bytes"));
+            return Err(Failure::argument(
+                "packet: expected items of at least 1 byte",
+            ));
         }
         Ok(PacketType {
             // SAFETY: by the caller.
@@ -38,10 +40,10 @@ impl Packet {
     }
 }
 
-/// Opens a bus that a hub of this host holds (`tactnet channel hub --table FILE`).
+/// Opens a bus; a hub of this host must run with the same table.
 ///
 /// - `table`: path of the hub's table
-/// - `bus`: is set to the bus; give it back with `tactnet_bus_close`
+/// - `bus`: set to the bus; release it with `tactnet_bus_close`
 ///
 /// # Safety
 /// `table` is a text, `bus` can be written.
@@ -58,10 +60,10 @@ pub unsafe extern "C" fn tactnet_bus_open(table: *const c_char, bus: *mut *mut B
     })
 }
 
-/// Closes a bus; its ports stay open. Null is nothing.
+/// Closes a bus; its ports stay open. Null is ignored.
 ///
 /// # Safety
-/// `bus` is null or was opened, and is not used any more.
+/// `bus` is null or was opened, and is not used afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tactnet_bus_close(bus: *mut Bus) {
     // SAFETY: by the caller.

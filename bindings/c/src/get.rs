@@ -1,4 +1,4 @@
-//! Getting packets.
+//! Ports that get packets.
 
 use std::ffi::{c_char, c_void};
 use std::time::Duration;
@@ -15,47 +15,47 @@ pub struct GetPort {
     item_bytes: usize,
 }
 
-/// A packet where its sender wrote it. Give it back soon, with `tactnet_received_release`: a port holds only a few.
+/// A received packet in its sender's memory. Release it soon with `tactnet_received_release`: a port holds only a few.
 #[repr(C)]
 pub struct ReceivedPacket {
-    /// The items, aligned to 64 bytes, not to be written. Null once it was given back.
+    /// Items, aligned to 64 bytes, read-only. Null after the release.
     items: *const c_void,
-    /// How many.
+    /// Number of items.
     count: usize,
     /// Random number of the put-port that sent it.
     sender: u64,
-    /// Counts the packets of that put-port from 0.
+    /// Sequence number of the packet at that put-port, from 0.
     sequence: u64,
-    /// When it was put, by the sender's `tactnet_now_ns`.
+    /// Time of the put, by the sender's `tactnet_now_ns`.
     put_ns: u64,
-    /// 1 if it came from another host, whose clock `put_ns` is of.
+    /// 1 if it came from another host, whose clock `put_ns` then uses; otherwise 0.
     remote: u32,
-    /// Its priority.
+    /// Priority of the put-port.
     priority: u32,
-    /// The library's own.
+    /// Private to the library.
     opaque: [u64; RECEIVED_WORDS],
 }
 
 type Inner = tactnet_channel::Received<u8>;
 const _: () = assert!(size_of::<Inner>() <= 8 * RECEIVED_WORDS);
 
-/// How to wait; `None` looks once.
+/// Returns how to wait; `None` for a timeout of zero.
 pub(crate) fn wait(timeout_ns: i64) -> Option<Wait> {
     let timeout = match timeout_ns {
         0 => return None,
-        // Three centuries.
+        // About three centuries.
         ..0 => Duration::from_nanos(i64::MAX as u64),
         _ => Duration::from_nanos(timeout_ns as u64),
     };
     Some(Wait::Block { timeout })
 }
 
-/// Opens a port to get packets of a channel.
+/// Opens a port that gets packets of a channel.
 ///
-/// - `channel`: its id, like `tactile/belief`
-/// - `packet`: what it carries
-/// - `history`: how many packets of before to get of every sender, where the channel keeps them; 0: only new ones
-/// - `port`: is set to the port; give it back with `tactnet_get_port_close`
+/// - `channel`: id, like `tactile/belief`
+/// - `packet`: packet type of the channel
+/// - `history`: number of earlier packets to get from every sender, if the channel keeps them; 0: only new ones
+/// - `port`: set to the port; release it with `tactnet_get_port_close`
 ///
 /// # Safety
 /// The pointers are valid.
@@ -90,10 +90,10 @@ pub unsafe extern "C" fn tactnet_get_port_open(
     })
 }
 
-/// Closes a port; packets of it are to be given back before. Null is nothing.
+/// Closes a port; release its packets before. Null is ignored.
 ///
 /// # Safety
-/// `port` is null or was opened, and is not used any more.
+/// `port` is null or was opened, and is not used afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tactnet_get_port_close(port: *mut GetPort) {
     // SAFETY: by the caller.
@@ -102,7 +102,7 @@ pub unsafe extern "C" fn tactnet_get_port_close(port: *mut GetPort) {
 
 /// Gets the next packet.
 ///
-/// - `timeout_ns`: how long to sleep until one comes; 0: look once; below 0: for ever
+/// - `timeout_ns`: maximum sleep; 0: do not wait; negative: no timeout
 ///
 /// # Safety
 /// `port` is open and used by this thread alone, `received` can be written and holds no packet.
@@ -122,7 +122,7 @@ pub unsafe extern "C" fn tactnet_get(
             None => port.port.try_get()?,
             Some(wait) => port.port.get(wait)?,
         };
-        // Field by field: what C gave may be uninitialised, and who looks again and again writes nothing but `items`.
+        // Written field by field, since C may pass uninitialized memory and polling must only write `items`.
         // SAFETY: by the caller, for all that follow.
         unsafe { (&raw mut (*received).items).write(std::ptr::null()) };
         let Some(inner) = found else {
@@ -137,7 +137,7 @@ pub unsafe extern "C" fn tactnet_get(
             (&raw mut (*received).put_ns).write(header.put_ns);
             (&raw mut (*received).remote).write(header.remote.into());
             (&raw mut (*received).priority).write(header.priority.into());
-            // There is room for it, as asserted above.
+            // The assertion above ensures that it fits.
             (&raw mut (*received).opaque)
                 .cast::<Inner>()
                 .write_unaligned(inner);
@@ -146,7 +146,7 @@ pub unsafe extern "C" fn tactnet_get(
     })
 }
 
-/// Gives a packet back. One that was given back, null, or all zero is nothing.
+/// Releases a packet. A released one, null, or all zeros is ignored.
 ///
 /// # Safety
 /// `received` is null, all zero, or was filled in by `tactnet_get`.
@@ -158,12 +158,12 @@ pub unsafe extern "C" fn tactnet_received_release(received: *mut ReceivedPacket)
     };
     if !received.items.is_null() {
         received.items = std::ptr::null();
-        // SAFETY: `items` was not null, so that `tactnet_get` wrote a value here that nobody has taken yet.
+        // SAFETY: `items` was not null, so `tactnet_get` wrote a value here that was not taken yet.
         drop(unsafe { received.opaque.as_ptr().cast::<Inner>().read_unaligned() });
     }
 }
 
-/// Returns how many packets were put but never got here, because the ring was full or the network too slow.
+/// Returns the number of packets that were put but did not arrive because the ring was full or the network too slow.
 ///
 /// # Safety
 /// `port` is null or open, and used by this thread alone.

@@ -1,4 +1,4 @@
-//! The robot's channels for C: `include/tactnet/channel.h` is generated from here.
+//! The robot's channels for C. `include/tactnet/channel.h` is generated from this crate.
 
 mod bus;
 mod get;
@@ -6,12 +6,12 @@ mod outcome;
 mod put;
 mod sync_group;
 
-/// 64-bit words of a loan that belong to the library.
+/// Number of private 64-bit words in a loan.
 pub const LOAN_WORDS: usize = 16;
-/// 64-bit words of a received packet that belong to the library.
+/// Number of private 64-bit words in a received packet.
 pub const RECEIVED_WORDS: usize = 24;
 
-/// Returns nanoseconds of the host's monotonic clock, of which `put_ns` of a received packet are.
+/// Returns the time of the host's monotonic clock, in nanoseconds; `put_ns` of received packets uses the same clock.
 #[unsafe(no_mangle)]
 pub extern "C" fn tactnet_now_ns() -> u64 {
     tactnet_channel::now_ns()

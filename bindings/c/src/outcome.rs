@@ -1,4 +1,4 @@
-//! What functions return, and the text beside it.
+//! Results of functions and error texts.
 
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
@@ -6,39 +6,39 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use tactnet_channel::ChannelError;
 
-/// How a function ended; `tactnet_last_error` gives the text of one that failed.
+/// Result of a function; `tactnet_last_error` returns the text of an error.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// It did what was asked.
+    /// Success.
     Ok = 0,
-    /// No packet came in time.
+    /// No packet arrived in time.
     Timeout = 1,
-    /// An argument is null, no UTF-8, or was given back before.
+    /// An argument is null, not UTF-8, or already released.
     Argument = 2,
-    /// The table cannot be read or used.
+    /// The table cannot be read or is wrong.
     Table = 3,
     /// The table has no such channel.
     Channel = 4,
     /// No hub of this bus runs on this host.
     NoHub = 5,
-    /// The channel carries other packets.
+    /// The channel has another packet type.
     Type = 6,
     /// All ports of the channel are taken.
     Full = 7,
-    /// The packet holds more items than the channel's do, or more history was asked for than it keeps.
+    /// The packet has more items than the channel allows, or the channel keeps less history than requested.
     TooLarge = 8,
     /// Too many packets are on loan or held at this port.
     Held = 9,
-    /// Shared memory is short.
+    /// Not enough shared memory.
     Memory = 10,
-    /// The system refused something.
+    /// The operating system refused an operation.
     System = 11,
-    /// The library is wrong; the text says where.
+    /// A defect of the library; the text names the place.
     Internal = 12,
 }
 
-/// An outcome that is none of success, with its text.
+/// An error with its text.
 pub(crate) struct Failure(Outcome, String);
 
 impl Failure {
@@ -78,7 +78,7 @@ fn remember(text: String) {
     LAST.with_borrow_mut(|last| *last = text);
 }
 
-/// Returns what `run` says, and keeps the text of a failure for this thread.
+/// Runs `run` and keeps the text of its error for this thread.
 pub(crate) fn outcome(run: impl FnOnce() -> Result<Outcome, Failure>) -> Outcome {
     match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(outcome)) => outcome,
@@ -93,7 +93,7 @@ pub(crate) fn outcome(run: impl FnOnce() -> Result<Outcome, Failure>) -> Outcome
     }
 }
 
-/// A text of C.
+/// Returns a text of C.
 ///
 /// # Safety
 /// Null, or a text that ends with a zero.
@@ -104,31 +104,31 @@ pub(crate) unsafe fn text<'a>(what: &str, text: *const c_char) -> Result<&'a str
     // SAFETY: by the caller.
     let text = unsafe { CStr::from_ptr(text) };
     text.to_str()
-        .map_err(|_| Failure::argument(format!("{what} is no UTF-8")))
+        .map_err(|_| Failure::argument(format!("{what} is not UTF-8")))
 }
 
-/// What a pointer of C points to.
+/// Returns the target of a C pointer.
 ///
 /// # Safety
-/// Null, or valid and used by nobody else that writes.
+/// Null, or valid without another writer.
 pub(crate) unsafe fn reference<'a, T>(what: &str, pointer: *const T) -> Result<&'a T, Failure> {
     // SAFETY: by the caller.
     unsafe { pointer.as_ref() }.ok_or_else(|| Failure::argument(format!("{what} is null")))
 }
 
-/// What a pointer of C points to, to be written.
+/// Returns the target of a C pointer, for writing.
 ///
 /// # Safety
-/// Null, or valid and used by nobody else.
+/// Null, or valid without another user.
 pub(crate) unsafe fn exclusive<'a, T>(what: &str, pointer: *mut T) -> Result<&'a mut T, Failure> {
     // SAFETY: by the caller.
     unsafe { pointer.as_mut() }.ok_or_else(|| Failure::argument(format!("{what} is null")))
 }
 
-/// Gives something that was boxed back; null is nothing.
+/// Frees a boxed value; null is ignored.
 ///
 /// # Safety
-/// Null, or from a box that nobody uses any more.
+/// Null, or from a box without another user.
 pub(crate) unsafe fn close<T>(pointer: *mut T) {
     if !pointer.is_null() {
         // SAFETY: by the caller.
@@ -136,7 +136,8 @@ pub(crate) unsafe fn close<T>(pointer: *mut T) {
     }
 }
 
-/// Returns the text of this thread's last failure, one line of UTF-8, empty before the first; it is valid until the next one.
+/// Returns the text of this thread's last error: one line of UTF-8, empty before the first error. It is valid until
+/// the next error.
 #[unsafe(no_mangle)]
 pub extern "C" fn tactnet_last_error() -> *const c_char {
     LAST.with_borrow(|last| last.as_ref().map_or(c"".as_ptr(), |text| text.as_ptr()))

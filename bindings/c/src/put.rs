@@ -1,4 +1,4 @@
-//! Putting packets.
+//! Ports that put packets.
 
 use std::ffi::{c_char, c_void};
 
@@ -8,17 +8,17 @@ use crate::LOAN_WORDS;
 use crate::bus::{Bus, Packet};
 use crate::outcome::{Failure, Outcome, close, exclusive, outcome, reference, text};
 
-/// How urgent packets are between hosts.
+/// Priority of packets between hosts.
 #[repr(C)]
 #[allow(dead_code, reason = "for the header: C may pass any number")]
 pub enum PacketPriority {
-    /// Pictures, recordings.
+    /// For images and recordings.
     Bulk = 0,
-    /// Everything else.
+    /// For everything else.
     Normal = 1,
-    /// Commands.
+    /// For commands.
     High = 2,
-    /// Control loops.
+    /// For control loops.
     RealTime = 3,
 }
 
@@ -28,14 +28,14 @@ pub struct PutPort {
     item_bytes: usize,
 }
 
-/// A packet that is being written, in shared memory. It is put or given back by the thread that loaned it.
+/// A packet that is being written, in shared memory. The thread that loaned it puts or releases it.
 #[repr(C)]
 pub struct LoanedPacket {
-    /// The items, aligned to 64 bytes; what they hold a former packet left. Null once it was put or given back.
+    /// Items, aligned to 64 bytes, with undefined content. Null after the put or release.
     items: *mut c_void,
-    /// How many.
+    /// Number of items.
     count: usize,
-    /// The library's own.
+    /// Private to the library.
     opaque: [u64; LOAN_WORDS],
 }
 
@@ -43,7 +43,7 @@ type Inner = tactnet_channel::Loan<u8>;
 const _: () = assert!(size_of::<Inner>() <= 8 * LOAN_WORDS);
 
 impl LoanedPacket {
-    /// What was loaned, once.
+    /// Takes the loan out, once.
     ///
     /// # Safety
     /// `tactnet_loan` has filled it in, or it is all zero.
@@ -52,17 +52,17 @@ impl LoanedPacket {
             return None;
         }
         self.items = std::ptr::null_mut();
-        // SAFETY: `items` is not null, so that `tactnet_loan` wrote a value here that nobody has taken yet.
+        // SAFETY: `items` is not null, so `tactnet_loan` wrote a value here that was not taken yet.
         Some(unsafe { self.opaque.as_ptr().cast::<Inner>().read_unaligned() })
     }
 }
 
-/// Opens a port to put packets into a channel.
+/// Opens a port that puts packets into a channel.
 ///
-/// - `channel`: its id, like `skin/right`
-/// - `packet`: what it carries
+/// - `channel`: id, like `skin/right`
+/// - `packet`: packet type of the channel
 /// - `priority`: a `tactnet_priority`
-/// - `port`: is set to the port; give it back with `tactnet_put_port_close`
+/// - `port`: set to the port; release it with `tactnet_put_port_close`
 ///
 /// # Safety
 /// The pointers are valid.
@@ -104,11 +104,11 @@ pub unsafe extern "C" fn tactnet_put_port_open(
     })
 }
 
-/// Closes a port; packets on loan are to be put or given back before, and packets that a getter has not looked for yet may be lost to it. Null
-/// is nothing.
+/// Closes a port; put or release its loans before. Packets that a getter has not read yet may be lost. Null is
+/// ignored.
 ///
 /// # Safety
-/// `port` is null or was opened, and is not used any more.
+/// `port` is null or was opened, and is not used afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tactnet_put_port_close(port: *mut PutPort) {
     // SAFETY: by the caller.
@@ -117,7 +117,7 @@ pub unsafe extern "C" fn tactnet_put_port_close(port: *mut PutPort) {
 
 impl PutPort {
     fn loan(&self, count: usize) -> Result<Inner, Failure> {
-        // Far more than a packet holds where it overflows.
+        // A saturated size is far beyond the maximum and is refused.
         let bytes = count.saturating_mul(self.item_bytes);
         self.port.loan(bytes).map_err(Failure::from)
     }
@@ -126,7 +126,7 @@ impl PutPort {
 /// Sends a copy of `count` items.
 ///
 /// # Safety
-/// `items` points to `count` items of the port's packet.
+/// `items` points to `count` items of the port's packet type.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tactnet_put(
     port: *const PutPort,
@@ -141,7 +141,7 @@ pub unsafe extern "C" fn tactnet_put(
         }
         let mut loan = port.loan(count)?;
         if count > 0 {
-            // SAFETY: by the caller there are so many bytes, which the loan was made for.
+            // SAFETY: by the caller `items` has as many bytes as the loan.
             let items = unsafe { std::slice::from_raw_parts(items.cast::<u8>(), loan.len()) };
             loan.copy_from_slice(items);
         }
@@ -150,7 +150,8 @@ pub unsafe extern "C" fn tactnet_put(
     })
 }
 
-/// Loans a packet of `count` items to be written in place, without a copy; then `tactnet_put_loan` or `tactnet_loan_release`.
+/// Loans a packet of `count` items to be written in place, without a copy. End the loan with `tactnet_put_loan` or
+/// `tactnet_loan_release`.
 ///
 /// # Safety
 /// `port` is open, `loan` can be written and holds no packet.
@@ -161,7 +162,7 @@ pub unsafe extern "C" fn tactnet_loan(
     loan: *mut LoanedPacket,
 ) -> Outcome {
     outcome(|| {
-        // SAFETY: by the caller; `loan` may be uninitialised, so that no reference to it is made before it is written.
+        // SAFETY: by the caller. `loan` may be uninitialized, so it is written before any reference to it exists.
         let port = unsafe { reference("port", port) }?;
         if loan.is_null() {
             return Err(Failure::argument("loan is null"));
@@ -172,7 +173,7 @@ pub unsafe extern "C" fn tactnet_loan(
         unsafe {
             (&raw mut (*loan).items).write(inner.as_mut_ptr().cast());
             (&raw mut (*loan).count).write(count);
-            // There is room for it, as asserted above.
+            // The assertion above ensures that it fits.
             (&raw mut (*loan).opaque)
                 .cast::<Inner>()
                 .write_unaligned(inner);
@@ -181,7 +182,7 @@ pub unsafe extern "C" fn tactnet_loan(
     })
 }
 
-/// Sends a loaned packet, which then is no longer the sender's, whatever the outcome.
+/// Sends a loaned packet. The loan ends, whatever the outcome.
 ///
 /// # Safety
 /// `port` is open, `loan` was filled in by `tactnet_loan`.
@@ -195,13 +196,14 @@ pub unsafe extern "C" fn tactnet_put_loan(
         let taken = unsafe { exclusive("loan", loan)?.take() };
         // SAFETY: by the caller.
         let port = unsafe { reference("port", port) }?;
-        let taken = taken.ok_or_else(|| Failure::argument("loan: it was put or given back"))?;
+        let taken =
+            taken.ok_or_else(|| Failure::argument("loan: it was already put or released"))?;
         port.port.put(taken)?;
         Ok(Outcome::Ok)
     })
 }
 
-/// Gives a loaned packet back unsent. One that was put, null, or all zero is nothing.
+/// Releases a loaned packet unsent. One that was put, null, or all zeros is ignored.
 ///
 /// # Safety
 /// `loan` is null, all zero, or was filled in by `tactnet_loan`.
@@ -214,7 +216,7 @@ pub unsafe extern "C" fn tactnet_loan_release(loan: *mut LoanedPacket) {
     }
 }
 
-/// Connects to get-ports that came since the last packet, at a time of the caller's choice; else the next put does it, which then allocates.
+/// Connects to new get-ports now. Otherwise the next put does so, and allocates.
 ///
 /// # Safety
 /// `port` is open.

@@ -1,4 +1,4 @@
-//! Waiting for any of several channels.
+//! Waiting for several channels at once.
 
 use crate::bus::Bus;
 use crate::get::{GetPort, wait};
@@ -9,10 +9,10 @@ pub struct SyncGroup {
     group: tactnet_channel::SyncGroup,
 }
 
-/// Puts get-ports of a bus into a group.
+/// Creates a group of get-ports.
 ///
 /// - `ports`, `count`: the ports, which may be closed before the group
-/// - `group`: is set to the group; give it back with `tactnet_sync_group_close`
+/// - `group`: set to the group; release it with `tactnet_sync_group_close`
 ///
 /// # Safety
 /// `ports` points to `count` open ports; the other pointers are valid.
@@ -43,10 +43,10 @@ pub unsafe extern "C" fn tactnet_sync_group_open(
     })
 }
 
-/// Waits until any port of a group has a packet, which `tactnet_get` then takes.
+/// Waits until a port of the group has a packet; `tactnet_get` then takes it.
 ///
-/// - `timeout_ns`: 0: look once; below 0: for ever
-/// - `port`: is set to the port's place in the group
+/// - `timeout_ns`: maximum sleep; 0: do not wait; negative: no timeout
+/// - `port`: set to the index of the port in the group
 ///
 /// # Safety
 /// `group` is open and used by this thread alone, `port` can be written.
@@ -70,10 +70,10 @@ pub unsafe extern "C" fn tactnet_sync_group_wait(
     })
 }
 
-/// Closes a group. Null is nothing.
+/// Closes a group. Null is ignored.
 ///
 /// # Safety
-/// `group` is null or was opened, and is not used any more.
+/// `group` is null or was opened, and is not used afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tactnet_sync_group_close(group: *mut SyncGroup) {
     // SAFETY: by the caller.

@@ -1,4 +1,4 @@
-//! The robot's channels: frames in, commands in, beliefs out.
+//! The robot's channels: frames, commands and beliefs.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -19,14 +19,14 @@ use crate::error::{TactnetError, raised};
 use crate::packet_ports::{RawGetPort, RawPutPort, deadline};
 use crate::words::belief_in_words;
 
-/// How long a wait sleeps at most before it looks for Ctrl-C.
+/// Maximum sleep of a wait, which bounds the reaction time to Ctrl-C.
 pub(crate) const PATIENCE: Duration = Duration::from_millis(100);
 
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Holds a bus in this process, for tests and small set-ups; on a robot `tactnet channel hub` does.
+/// Holds a bus in this process, for tests and small setups. On a robot the hub is a separate program.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct Hub {
     thread: Mutex<Option<HubThread>>,
@@ -37,7 +37,7 @@ pub(crate) struct Hub {
 impl Hub {
     /// Starts a hub.
     ///
-    /// - `table`: a file, as `tactnet serve --print-table` prints one; None: the usual channels of one finger
+    /// - `table`: file with the table of channels; None: the default channels of one finger
     /// - `bus`: name of the bus, without a file
     #[new]
     #[pyo3(signature = (table=None, bus="tactnet"))]
@@ -55,7 +55,7 @@ impl Hub {
         })
     }
 
-    /// Ends the hub and clears its bus away; ports that are still open keep what they have.
+    /// Stops the hub and removes its bus; open ports keep their memory.
     fn stop(&self, py: Python<'_>) -> PyResult<()> {
         py.detach(|| {
             let Some(thread) = locked(&self.thread).take() else {
@@ -67,7 +67,7 @@ impl Hub {
         .map_err(raised)
     }
 
-    /// The table of channels as TOML.
+    /// Table of channels as TOML.
     #[getter]
     fn table(&self) -> String {
         self.table.to_toml()
@@ -117,13 +117,13 @@ impl Bus {
         })
     }
 
-    /// Channels of skin frames; a finger's number is its place here.
+    /// Ids of the channels of skin frames, indexed by finger.
     #[getter]
     fn fingers(&self) -> Vec<String> {
         self.config.fingers.clone()
     }
 
-    /// Returns a port to put the frames of one finger.
+    /// Returns a port that puts the frames of one finger.
     #[pyo3(signature = (finger=0))]
     fn skin(&self, finger: usize) -> PyResult<SkinPort> {
         let port = locked(&self.bus)
@@ -135,7 +135,7 @@ impl Bus {
         })
     }
 
-    /// Returns a port to put commands of sweeps.
+    /// Returns a port that puts sweep commands.
     fn commands(&self) -> PyResult<CommandPort> {
         let port = locked(&self.bus)
             .put_port(self.config.command.as_str(), Priority::High)
@@ -145,7 +145,7 @@ impl Bus {
         })
     }
 
-    /// Returns a port to put packets of a type into any channel.
+    /// Returns a port that puts packets of a type into any channel.
     fn put_port(
         &self,
         channel: &str,
@@ -163,7 +163,7 @@ impl Bus {
         })
     }
 
-    /// Returns a port to get packets of a type from any channel, the last `history` ones of every sender first.
+    /// Returns a port that gets packets of a type from any channel, first the last `history` ones of every sender.
     fn get_port(
         &self,
         channel: &str,
@@ -186,7 +186,7 @@ impl Bus {
         })
     }
 
-    /// Returns a port to get beliefs.
+    /// Returns a port that gets beliefs.
     fn beliefs(&self) -> PyResult<BeliefPort> {
         let bus = locked(&self.bus);
         let beliefs = bus
@@ -207,7 +207,9 @@ impl Bus {
 
 fn packet_type(name: &str, version: u32, item_bytes: usize) -> PyResult<PacketType<'_>> {
     if item_bytes == 0 {
-        return Err(TactnetError::new_err("packet: its items have no bytes"));
+        return Err(TactnetError::new_err(
+            "packet: expected items of at least 1 byte",
+        ));
     }
     Ok(PacketType {
         name,
@@ -228,7 +230,7 @@ impl Bus {
     }
 }
 
-/// Puts frames of one finger.
+/// Puts the frames of one finger.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct SkinPort {
     port: Mutex<PutPort<SkinFrame>>,
@@ -239,9 +241,9 @@ pub(crate) struct SkinPort {
 impl SkinPort {
     /// Puts a frame, written in place in shared memory.
     ///
-    /// - `digits`: `[taxels]`, row by row
+    /// - `digits`: `[taxels]`, row-major
     /// - `sequence`: number of the frame; None: one more than the last
-    /// - `sensor_time_ns`: by the sensor's clock; None: now
+    /// - `sensor_time_ns`: time of the measurement by the sensor's clock; None: now
     #[pyo3(signature = (digits, sequence=None, sensor_time_ns=None))]
     fn put(
         &self,
@@ -272,7 +274,7 @@ impl SkinPort {
     }
 }
 
-/// Puts commands of sweeps.
+/// Puts sweep commands.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct CommandPort {
     port: Mutex<PutPort<SweepCommand>>,
@@ -332,7 +334,7 @@ pub(crate) struct BeliefPort {
 
 #[pymethods]
 impl BeliefPort {
-    /// Waits for the next belief; returns it as a JSON document, or None after `timeout` seconds.
+    /// Waits for the next belief. Returns it as a JSON document, or None after `timeout` seconds.
     #[pyo3(signature = (timeout=None))]
     fn get_json(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Option<String>> {
         let deadline = deadline(timeout)?;
@@ -367,7 +369,7 @@ impl BeliefPort {
         }
     }
 
-    /// Packets that were lost.
+    /// Number of lost packets.
     #[getter]
     fn lost(&self) -> u64 {
         locked(&self.inner).beliefs.lost()

@@ -21,7 +21,7 @@ pub(crate) struct Classifier {
 
 impl Classifier {
     fn lock(&self) -> MutexGuard<'_, tactnet::Classifier> {
-        // Nothing is changed behind the lock.
+        // Nothing is modified behind the lock, so a poisoned one is safe to use.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -39,8 +39,9 @@ impl Classifier {
     /// Fits to all sweeps of `dataset`.
     ///
     /// - `recipe`: a built-in name (spectra, fast, thesis, minirocket, …) or a TOML file
-    /// - `levels`: "kept" or "removed"; None: as the recipe says
-    /// - `progress`: called as `progress(epoch, batch, batches, loss, accuracy)` after every batch of a network's training
+    /// - `levels`: "kept" or "removed"; None: as in the recipe
+    /// - `progress`: called as `progress(epoch, batch, batches, loss, accuracy)` after every batch of a network's
+    ///   training
     #[staticmethod]
     #[pyo3(signature = (dataset, recipe, epochs=None, seed=1, levels=None, progress=None))]
     fn fit(
@@ -90,7 +91,7 @@ impl Classifier {
         }
     }
 
-    /// Opens a folder of `save`, `tactnet train` or `tactnet enroll`.
+    /// Opens a saved classifier or a run directory of the command line.
     #[staticmethod]
     fn load(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
         py.detach(|| tactnet::Classifier::load(folder))
@@ -98,12 +99,12 @@ impl Classifier {
             .map_err(raised)
     }
 
-    /// Saves into a new folder, which the command line opens, too.
+    /// Saves into a new folder, which the command line can open as well.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
         py.detach(|| self.lock().save(folder)).map_err(raised)
     }
 
-    /// Returns `[sweeps][materials]`, the natural log of the probabilities; what a sweep is labelled does not matter.
+    /// Returns `[sweeps][materials]`, natural logarithms of the probabilities. Labels are ignored.
     fn predict_log_proba<'py>(
         &self,
         py: Python<'py>,
@@ -118,7 +119,7 @@ impl Classifier {
         Ok(PyArray2::from_vec2(py, &rows)?)
     }
 
-    /// Returns a score for each sweep that is larger the less it is like a known material; of networks.
+    /// Returns a score per sweep that is larger for sweeps unlike any known material. For networks only.
     fn unknown_scores<'py>(
         &self,
         py: Python<'py>,
@@ -130,7 +131,7 @@ impl Classifier {
         Ok(PyArray1::from_vec(py, scores))
     }
 
-    /// Returns a classifier that knows one material more, from all sweeps of `dataset`.
+    /// Returns a classifier with one more material, learned from all sweeps of `dataset`.
     fn enroll(&self, py: Python<'_>, material: &str, dataset: &Dataset) -> PyResult<Self> {
         py.detach(|| {
             self.lock()
@@ -140,27 +141,27 @@ impl Classifier {
         .map_err(raised)
     }
 
-    /// Returns the same network for one sweep as it happens, frame by frame.
+    /// Returns the same network for frame-by-frame classification.
     fn online(&self, py: Python<'_>) -> PyResult<Online> {
         py.detach(|| self.lock().online())
             .map(Online::from)
             .map_err(raised)
     }
 
-    /// Names of the materials, in the order of columns of probabilities.
+    /// Names of the materials, in the order of the probability columns.
     #[getter]
     fn materials(&self) -> Vec<String> {
         self.lock().materials().map(String::from).collect()
     }
 
-    /// `(steps, rows, cols)` of the sweeps that it takes.
+    /// Expected shape of sweeps, `(steps, rows, cols)`.
     #[getter]
     fn sweep_shape(&self) -> (usize, usize, usize) {
         let shape = self.lock().shape();
         (shape.steps, shape.rows, shape.cols)
     }
 
-    /// Frames a second of the sweeps that it takes; None where it was assumed.
+    /// Expected frames per second; None if the rate was assumed.
     #[getter]
     fn rate_hz(&self) -> Option<f64> {
         let (rate, assumed) = self.lock().sample_rate_hz();
@@ -177,7 +178,7 @@ impl Classifier {
     }
 }
 
-/// Lets the interpreter see Ctrl-C, and the caller the batch.
+/// Checks for Ctrl-C and calls `progress`.
 fn look(report: &BatchReport, progress: Option<&Py<PyAny>>) -> PyResult<()> {
     Python::attach(|py| {
         py.check_signals()?;

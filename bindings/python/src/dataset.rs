@@ -19,7 +19,7 @@ pub(crate) struct Dataset {
     pub(crate) inner: Arc<tactnet_data::Dataset>,
 }
 
-/// Values of sweeps, `[sweeps][steps][rows][cols]`, in the types that a data set keeps.
+/// Values of sweeps, `[sweeps][steps][rows][cols]`, in the types of a data set.
 #[derive(FromPyObject)]
 pub(crate) enum Values<'py> {
     U8(PyReadonlyArray4<'py, u8>),
@@ -47,16 +47,16 @@ impl<T: numpy::Element> ShapeOf for PyReadonlyArray4<'_, T> {
     }
 }
 
-/// Of the training and of the test sweeps of a fold.
+/// Indices of the training and test sweeps of a fold.
 type Indices<'py> = (Bound<'py, PyArray1<usize>>, Bound<'py, PyArray1<usize>>);
 
 #[pymethods]
 impl Dataset {
-    /// Puts a data set together.
+    /// Creates a data set from arrays.
     ///
     /// - `samples`: `[sweeps][steps][rows][cols]` of uint8, uint16 or float32, C-contiguous; copied once
     /// - `labels`: `[sweeps]`, indices into `materials`
-    /// - `rate_hz`: frames a second; None: 750 is assumed, and marked so
+    /// - `rate_hz`: frames per second; None: 750, marked as assumed
     #[staticmethod]
     #[pyo3(signature = (samples, labels, materials, rate_hz=None, blocks=None, name="arrays"))]
     fn from_arrays(
@@ -116,7 +116,7 @@ impl Dataset {
             .map_err(raised)
     }
 
-    /// Reads sweeps whose materials nobody needs to name: also their names, those of files or of sweeps in a table.
+    /// Reads sweeps without materials. Also returns their names: of files or of sweeps in a table.
     #[staticmethod]
     #[pyo3(signature = (path, rate_hz=None, steps=None))]
     fn read_unlabelled(
@@ -177,7 +177,7 @@ impl Dataset {
             .map_err(raised)
     }
 
-    /// Returns what is wrong or odd, as a JSON document: errors, warnings, findings.
+    /// Returns errors, warnings and findings of the check as a JSON document.
     fn check_json(&self, py: Python<'_>) -> PyResult<String> {
         let mut report = py.detach(|| CheckReport::of(check(&self.inner)));
         for finding in &mut report.findings {
@@ -189,7 +189,8 @@ impl Dataset {
 
     /// Returns `(train, test)` indices of every fold of one repeat.
     ///
-    /// - `scheme`: "default" (the file's own test sweeps, else 5 stratified folds or fewer), "k-fold", "leave-block-out"
+    /// - `scheme`: "default" (the file's own test sweeps, otherwise up to 5 stratified folds), "k-fold",
+    ///   "leave-block-out"
     #[pyo3(signature = (scheme="default", folds=5, seed=1, repeat=0))]
     fn folds<'py>(
         &self,
@@ -225,7 +226,7 @@ impl Dataset {
         Ok(found)
     }
 
-    /// Values, `[sweeps][steps][rows][cols]`, in the type that the data set keeps: uint8, uint16 or float32. A copy.
+    /// Copy of the values, `[sweeps][steps][rows][cols]`, in the type of the data set: uint8, uint16 or float32.
     #[getter]
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let shape = self.inner.shape();
@@ -276,20 +277,20 @@ impl Dataset {
         self.inner.labels().names().map(String::from).collect()
     }
 
-    /// `(steps, rows, cols)` of every sweep.
+    /// Shape of every sweep, `(steps, rows, cols)`.
     #[getter]
     fn sweep_shape(&self) -> (usize, usize, usize) {
         let shape = self.inner.shape();
         (shape.steps, shape.rows, shape.cols)
     }
 
-    /// Frames a second.
+    /// Frames per second.
     #[getter]
     fn rate_hz(&self) -> f64 {
         self.inner.sample_rate_hz()
     }
 
-    /// True if nobody said the rate.
+    /// True if the file does not contain the rate.
     #[getter]
     fn rate_is_assumed(&self) -> bool {
         self.inner.is_rate_assumed()
@@ -301,7 +302,7 @@ impl Dataset {
         self.inner.name()
     }
 
-    /// SHA-256 over the content, in hex.
+    /// SHA-256 of the content, in hexadecimal.
     #[getter]
     fn sha256(&self) -> &str {
         self.inner.sha256()

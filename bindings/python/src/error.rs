@@ -1,16 +1,18 @@
-//! Errors as Python sees them.
+//! Conversion of errors into Python exceptions.
 
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use tactnet_channel::ChannelError;
 use tactnet_data::{DataError, Remedy};
 use tactnet_pipeline::PipelineError;
+use tactnet_recording::{RecordingError, RecordingRemedy};
 
 create_exception!(
     tactnet,
     TactnetError,
     PyValueError,
-    "What cannot be done, in one line: what was expected and what was found."
+    "Error of the package: one line with expected and found values."
 );
 
 /// Returns the exception for an error of any crate, with its causes and its cure.
@@ -24,6 +26,10 @@ pub(crate) fn raised(error: impl std::error::Error + 'static) -> PyErr {
             text.push_str(&more);
         }
         cause = inner.source();
+    }
+    if let Some(cure) = cure_of_channels(&error) {
+        text.push_str("; ");
+        text.push_str(cure);
     }
     TactnetError::new_err(with_cure(text, remedy_of(&error).as_ref()))
 }
@@ -58,5 +64,26 @@ fn words_of(remedy: &Remedy) -> String {
         Remedy::ListFindings { data } => format!("`tactnet data check {data}` lists all"),
         Remedy::ConvertRecording => "`tactnet data import` converts it to a data set".into(),
         Remedy::PassDownloadedFile => "pass its path".into(),
+    }
+}
+
+/// Returns the call or keyword argument that cures an error of channels or recordings.
+fn cure_of_channels(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
+    let channel = match error.downcast_ref() {
+        Some(RecordingError::Channel(error)) => Some(error),
+        _ => error.downcast_ref(),
+    };
+    if let Some(remedy) = channel.and_then(ChannelError::remedy) {
+        return Some(match remedy {
+            tactnet_channel::Remedy::StartHub => {
+                "start one with the same table, for example `tactnet.channel.Hub`"
+            }
+        });
+    }
+    let recording: &RecordingError = error.downcast_ref()?;
+    match recording.remedy()? {
+        RecordingRemedy::NameShape => Some("pass `rows_cols=`"),
+        RecordingRemedy::NameRate => Some("pass `rate_hz=`"),
+        RecordingRemedy::UseDescribedPackets | RecordingRemedy::WriteFile => None,
     }
 }

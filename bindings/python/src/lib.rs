@@ -1,7 +1,7 @@
-//! The native half of the Python package `tactnet`: data sets, classifiers, channels and recordings, on NumPy arrays.
+//! Native part of the Python package `tactnet`: data sets, classifiers, channels and recordings, on NumPy arrays.
 //!
-//! `python/tactnet` wraps it in scikit-learn estimators and plain functions; people use that half. Everything that takes long releases
-//! the interpreter, and looks for Ctrl-C at every batch.
+//! `python/tactnet` wraps it in scikit-learn estimators and plain functions, which are the public interface. Long
+//! operations release the interpreter lock and check for Ctrl-C at every batch.
 
 mod channel;
 mod classifier;
@@ -16,7 +16,8 @@ use numpy::{PyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use tactnet::Belief;
 
-/// Returns `[materials]`, the posterior from the log-probabilities of several sweeps of one object, `[sweeps][materials]`.
+/// Returns `[materials]`, the posterior of one object from the log-probabilities of several sweeps,
+/// `[sweeps][materials]`.
 #[pyfunction]
 fn fuse<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! One sweep as it happens.
+//! Frame-by-frame classification.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -8,7 +8,7 @@ use tactnet::OnlineClassifier;
 
 use crate::error::TactnetError;
 
-/// Follows one sweep at a time, and fuses the sweeps of one object.
+/// Classifies one sweep at a time, and fuses the sweeps of one object.
 #[pyclass(frozen, module = "tactnet")]
 pub(crate) struct Online {
     inner: Mutex<OnlineClassifier>,
@@ -35,7 +35,7 @@ impl Online {
         self.lock().begin();
     }
 
-    /// Takes the next frame, `[taxels]` as recorded.
+    /// Adds the next frame, `[taxels]` in raw digits.
     fn push(&self, digits: PyReadonlyArray1<'_, f32>) -> PyResult<()> {
         let mut online = self.lock();
         let digits = digits.as_slice()?;
@@ -55,7 +55,7 @@ impl Online {
         Ok(())
     }
 
-    /// Returns `[materials]`, the probabilities from the sweep so far.
+    /// Returns `[materials]`, the probabilities given the sweep so far.
     #[pyo3(signature = (dropout=false))]
     fn classify<'py>(&self, py: Python<'py>, dropout: bool) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let mut online = self.lock();
@@ -75,7 +75,7 @@ impl Online {
         Ok(PyArray1::from_iter(py, probabilities))
     }
 
-    /// Adds the newest belief to what former sweeps of the same object said.
+    /// Fuses the newest belief with those of earlier sweeps of the same object.
     fn fuse(&self) {
         self.lock().fuse();
     }
@@ -85,12 +85,12 @@ impl Online {
         PyArray1::from_vec(py, self.lock().fused().probabilities())
     }
 
-    /// The next sweep is of another object.
+    /// Forgets the fused sweeps; the next sweep is of another object.
     fn reset(&self) {
         self.lock().reset();
     }
 
-    /// Frames of this sweep so far.
+    /// Number of frames of this sweep so far.
     #[getter]
     fn frames(&self) -> usize {
         self.lock().frames()

@@ -10,7 +10,7 @@ use tactnet_channel::{ChannelError, GetPort, PutPort, Wait};
 use crate::channel::{PATIENCE, locked};
 use crate::error::{TactnetError, raised};
 
-/// Puts packets.
+/// Puts packets as bytes.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct RawPutPort {
     pub(crate) port: Mutex<PutPort<u8>>,
@@ -19,7 +19,7 @@ pub(crate) struct RawPutPort {
 
 #[pymethods]
 impl RawPutPort {
-    /// Puts the bytes of one or more items; returns how many get-ports have them.
+    /// Puts the bytes of one or more items; returns the number of get-ports that have them.
     fn put(&self, items: &[u8]) -> PyResult<usize> {
         if !items.len().is_multiple_of(self.item_bytes) {
             return Err(TactnetError::new_err(format!(
@@ -35,7 +35,7 @@ impl RawPutPort {
     }
 }
 
-/// Gets packets.
+/// Gets packets as bytes.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct RawGetPort {
     pub(crate) port: Mutex<GetPort<u8>>,
@@ -43,7 +43,7 @@ pub(crate) struct RawGetPort {
 
 #[pymethods]
 impl RawGetPort {
-    /// Waits for the next packet; returns its bytes and when it was put, or None after `timeout` seconds.
+    /// Waits for the next packet. Returns its bytes and the time of its put, or None after `timeout` seconds.
     #[pyo3(signature = (timeout=None))]
     fn get<'py>(
         &self,
@@ -74,18 +74,18 @@ impl RawGetPort {
         }
     }
 
-    /// Packets that were lost.
+    /// Number of lost packets.
     #[getter]
     fn lost(&self) -> u64 {
         locked(&self.port).lost()
     }
 }
 
-/// When to stop waiting; `None`: never.
+/// Returns the time at which to stop waiting; `None`: never.
 pub(crate) fn deadline(timeout: Option<f64>) -> PyResult<Option<Instant>> {
     match timeout.map(Duration::try_from_secs_f64) {
         None => Ok(None),
         Some(Ok(timeout)) => Ok(Instant::now().checked_add(timeout)),
-        Some(Err(_)) => Err(TactnetError::new_err("timeout: expected seconds from 0")),
+        Some(Err(_)) => Err(TactnetError::new_err("timeout: expected 0 or more seconds")),
     }
 }

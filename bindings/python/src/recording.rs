@@ -1,4 +1,4 @@
-//! Recordings.
+//! Recordings of channels.
 
 use std::path::PathBuf;
 
@@ -10,14 +10,15 @@ use crate::dataset::Dataset;
 use crate::error::{TactnetError, raised};
 use crate::words::{belief_in_words, in_words};
 
-/// An MCAP file of the tactile channels, in memory.
+/// Recording of the tactile channels, in memory.
 #[pyclass(frozen, module = "tactnet")]
 pub(crate) struct Recording {
     path: PathBuf,
     inner: tactnet_recording::Recording,
 }
 
-/// Sequence, time of the put in nanoseconds since 1970, sensor's time in nanoseconds, digits `[frames][taxels]`.
+/// Sequence numbers, times of the put in nanoseconds since 1970, times of the sensor in nanoseconds, digits
+/// `[frames][taxels]`.
 type Frames<'py> = (
     Bound<'py, PyArray1<u64>>,
     Bound<'py, PyArray1<u64>>,
@@ -27,7 +28,7 @@ type Frames<'py> = (
 
 #[pymethods]
 impl Recording {
-    /// Reads a file of `tactnet record`, as far as it goes.
+    /// Reads an MCAP file, complete or not.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let inner = py
@@ -95,7 +96,7 @@ impl Recording {
         ))
     }
 
-    /// Returns `(channel, time_ns, JSON document)` of every packet but frames.
+    /// Returns `(channel, time_ns, JSON document)` of every packet except frames.
     fn packets_json(&self) -> Vec<(String, u64, String)> {
         let mut found = Vec::new();
         let mut network = None;
@@ -118,9 +119,9 @@ impl Recording {
         found
     }
 
-    /// Returns the sweeps with a label as a data set, cut as the online classifier would.
+    /// Returns the labelled sweeps as a data set, cut like the online classifier does.
     ///
-    /// - `material`: of sweeps whose start command names none
+    /// - `material`: label of sweeps whose start command names none
     #[pyo3(signature = (material=None, steps=None, rate_hz=None, rows_cols=None))]
     fn sweeps(
         &self,
@@ -140,7 +141,7 @@ impl Recording {
             .map_err(raised)
     }
 
-    /// Why the rest is missing, or None.
+    /// Reason why the end of the recording is missing, or None.
     #[getter]
     fn cut(&self) -> Option<&str> {
         self.inner.cut.as_deref()

@@ -6,9 +6,9 @@ use tactnet_channel::Packet;
 use tactnet_skin::packets::{ModelNames, TactileBelief};
 use tactnet_skin::{ReadablePacket, material_names};
 
-/// Returns a packet in words; `None` for one that none can be had of.
+/// Returns a packet as JSON with names; `None` for unknown packets.
 ///
-/// - `network`: which gave the answers, where that is known
+/// - `network`: names of the network that made the packet, if known
 pub(crate) fn in_words<T: Packet + NoUninit + AnyBitPattern>(
     packet: &T,
     network: Option<&ModelNames>,
@@ -17,7 +17,7 @@ pub(crate) fn in_words<T: Packet + NoUninit + AnyBitPattern>(
     serde_json::to_value(words).ok()
 }
 
-/// Returns a belief in words, with the whole posteriors and the names that they are in the order of.
+/// Returns a belief as JSON with names, complete posteriors and the materials in their order.
 pub(crate) fn belief_in_words(
     belief: &TactileBelief,
     network: Option<&ModelNames>,

@@ -327,7 +327,7 @@ def test_a_folder_is_opened_by_the_class_of_its_classifier(data, tmp_path):
         loaded = type(fitted).load(tmp_path / str(number))
         assert loaded.get_params() == fitted.get_params()
         assert (loaded.predict(own.X[test]) == fitted.predict(own.X[test])).all()
-        with pytest.raises(tactnet.TactnetError, match=f"{type(fitted).__name__}.load opens it"):
+        with pytest.raises(tactnet.TactnetError, match=f"use {type(fitted).__name__}.load"):
             tactnet.TactNetClassifier.load(tmp_path / str(number))
 
 
@@ -348,7 +348,7 @@ def test_a_folder_of_any_class_is_opened_by_the_base_class(data, tmp_path):
     loaded = tactnet.SweepClassifier.load(tmp_path / "means")
     assert type(loaded) is tactnet.SweepClassifier
     assert (loaded.predict(own.X[test]) == means.predict(own.X[test])).all()
-    with pytest.raises(tactnet.TactnetError, match="found means; SweepClassifier.load opens it"):
+    with pytest.raises(tactnet.TactnetError, match="found means; use SweepClassifier.load"):
         tactnet.LdaClassifier.load(tmp_path / "means")
 
 

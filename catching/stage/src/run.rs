@@ -17,7 +17,7 @@ use tactnet_process::ReadyProcess;
 use tactnet_skin::ServeConfig;
 
 use crate::run_recorder::RunRecorder;
-use crate::run_report::Heard;
+use crate::run_report::LivePacket;
 use crate::throw_report::HeardThrows;
 use crate::world_role::WorldReport;
 use crate::{RunReport, StageError, WorldSettings};
@@ -400,7 +400,7 @@ struct Watched {
     backs: GetPort<ThrownBack>,
     holds: GetPort<CalibrationState>,
     orders: PutPort<ControllerCommand>,
-    heard: Heard,
+    heard: LivePacket,
     throws: HeardThrows,
     /// Time of the last held ball or finished throw.
     busy: Instant,
@@ -420,7 +420,7 @@ impl Watched {
             backs: bus.get_port("throw/outcome", Start::Now)?,
             holds: bus.get_port("calibration/state", Start::Now)?,
             orders: bus.put_port("controller/command", Priority::High)?,
-            heard: Heard::default(),
+            heard: LivePacket::default(),
             throws: HeardThrows::default(),
             busy: Instant::now(),
             mode: None,

@@ -13,7 +13,7 @@ use crate::{HeldReport, PairReport, ThrowBackReport};
 
 /// Packets that the report summarises.
 #[derive(Debug, Default)]
-pub(crate) struct Heard {
+pub(crate) struct LivePacket {
     pub outcomes: Vec<CatchOutcome>,
     pub no_plans: u64,
     pub times: CatchTimes,
@@ -24,7 +24,7 @@ pub(crate) struct Heard {
     refusals: BTreeMap<String, u64>,
 }
 
-impl Heard {
+impl LivePacket {
     pub fn braked(&mut self, why: &str) {
         *self.brakes.entry(why.into()).or_default() += 1;
     }
@@ -125,7 +125,7 @@ pub struct RunReport {
 
 impl RunReport {
     pub(crate) fn of(
-        heard: &Heard,
+        heard: &LivePacket,
         parts: Vec<(&'static str, RoleReport)>,
         world: WorldReport,
         restarts: u64,
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn rates_are_of_the_catch_space_and_ages_of_the_path_that_was_followed() {
-        let mut heard = Heard::default();
+        let mut heard = LivePacket::default();
         let path = |arm: u64, start_ns: u64| ArmPath {
             arm,
             start_ns,

@@ -1,5 +1,7 @@
-//! Packets described once, in Rust, for every language that reads them: [`packets!`](crate::packets) keeps names, types, offsets and
-//! documentation of a packet's fields, and a [`Description`] writes them as C, C++, Python, Protocol Buffers and Markdown.
+//! Descriptions of packets for other languages.
+//!
+//! [`packets!`](crate::packets) keeps names, types, offsets and documentation of a packet's fields. A [`Description`]
+//! writes them as C, C++, Python, Protocol Buffers and Markdown.
 
 mod c;
 mod markdown;
@@ -23,16 +25,16 @@ pub enum FieldType {
     I64,
     F32,
     F64,
-    /// UTF-8 in so many bytes, filled up with zeros.
+    /// UTF-8 text of this many bytes, padded with zeros.
     Text(usize),
-    /// So many values.
+    /// Array of a type and its length.
     Array(&'static FieldType, usize),
     /// Fields within a field.
     Packet(&'static Layout),
 }
 
 impl FieldType {
-    /// Bytes of one value.
+    /// Returns the size of one value, in bytes.
     pub const fn size(&self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,
@@ -48,7 +50,7 @@ impl FieldType {
 
 /// A type that fields can have.
 pub trait IsField {
-    /// Which one.
+    /// Its description.
     const TYPE: FieldType;
 }
 
@@ -68,62 +70,62 @@ impl<T: IsField, const N: usize> IsField for [T; N] {
 /// A field of a packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Field {
-    /// Its name.
+    /// Name of the field.
     pub name: &'static str,
-    /// Its documentation, in lines.
+    /// Documentation, by line.
     pub docs: &'static [&'static str],
-    /// Where it begins, bytes.
+    /// Offset in the packet, in bytes.
     pub offset: usize,
-    /// Its type.
+    /// Type of the field.
     pub kind: FieldType,
-    /// Its number in recordings, which never changes; `None` where it is not recorded, or its own fields are.
+    /// Number in recordings, which never changes. `None` if the field is not recorded or its parts have numbers.
     pub number: Option<u32>,
-    /// The field that says how many values of this one are valid; recordings hold those alone.
+    /// Name of the field with the number of valid values; only these are recorded.
     pub counted_by: Option<&'static str>,
 }
 
-/// How a packet lies in memory.
+/// Memory layout of a packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layout {
-    /// Its name.
+    /// Name of the packet.
     pub name: &'static str,
-    /// Raised whenever layout or meaning changes; 0 for a part of other packets.
+    /// Increased whenever layout or meaning changes; 0 for a part of other packets.
     pub version: u32,
-    /// Its documentation, in lines.
+    /// Documentation, by line.
     pub docs: &'static [&'static str],
-    /// Its size.
+    /// Size, in bytes.
     pub bytes: usize,
-    /// Its fields by offset.
+    /// Fields, ordered by offset.
     pub fields: &'static [Field],
 }
 
-/// Numbers with names, of which a field holds one.
+/// A set of named numbers for a field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
-    /// Its name.
+    /// Name of the set.
     pub name: &'static str,
-    /// Its documentation, in lines.
+    /// Documentation, by line.
     pub docs: &'static [&'static str],
-    /// Name, documentation, number.
+    /// Name, documentation and number of each value.
     pub values: &'static [(&'static str, &'static [&'static str], u32)],
 }
 
-/// The packets of a project.
+/// Packets of a project.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Description {
-    /// What names in C and Protocol Buffers begin with.
+    /// Prefix of names in C and Protocol Buffers.
     pub project: &'static str,
-    /// Where packets are described, for those who read what is generated.
+    /// Source file of the descriptions, named in generated files.
     pub source: &'static str,
-    /// Name, documentation, value.
+    /// Name, documentation and value of each constant.
     pub constants: &'static [(&'static str, &'static str, usize)],
-    /// Numbers with names.
+    /// Sets of named numbers.
     pub choices: &'static [Choice],
-    /// Packets and their parts; parts come before what they are parts of.
+    /// Packets and their parts; parts come before the packets that contain them.
     pub packets: &'static [Layout],
 }
 
-/// `SkinFrame` as `skin_frame`.
+/// Converts `SkinFrame` to `skin_frame`.
 fn snake(name: &str) -> String {
     let mut snake = String::new();
     for (at, letter) in name.char_indices() {
@@ -135,7 +137,7 @@ fn snake(name: &str) -> String {
     snake
 }
 
-/// Documentation as one text: `see [`Command`]` as ``see `Command` ``.
+/// Joins documentation into one text; ``[`Command`]`` becomes `` `Command` ``.
 fn prose(docs: &[&str]) -> String {
     let text = docs
         .iter()
@@ -145,12 +147,12 @@ fn prose(docs: &[&str]) -> String {
     text.replace("[`", "`").replace("`]", "`")
 }
 
-/// As [`prose`], for a comment of C or a string of Python.
+/// Like [`prose`], for a comment in C or a string in Python.
 fn plain(docs: &[&str]) -> String {
     prose(docs).replace("::", " ").replace(['`', '\\', '"'], "")
 }
 
-/// Text in lines of at most `width` characters.
+/// Breaks text into lines of at most `width` characters.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {
@@ -168,7 +170,7 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
 }
 
 impl Layout {
-    /// Whether it travels on channels by itself.
+    /// Returns true if it can be sent by itself, false for a part of other packets.
     pub fn is_packet(&self) -> bool {
         self.version > 0
     }

@@ -1,4 +1,4 @@
-//! A packet's fields by name, where its type is known only when the program runs.
+//! Access to a packet's fields by name, for types that are known only at run time.
 
 use std::fmt;
 
@@ -7,10 +7,10 @@ use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 use crate::{Field, FieldType, Layout};
 
-/// Values of an array that are printed.
+/// Maximum number of array values that are printed.
 const PRINTED: usize = 8;
 
-/// A packet's fields: `Serialize` writes an object of them, `Display` a line for people. Of arrays only what is valid.
+/// Fields of a packet. `Serialize` writes an object and `Display` one line; both omit invalid array values.
 ///
 /// ```
 /// tactnet_packet::packets! {
@@ -35,13 +35,13 @@ pub struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// Returns the fields of the first item in `bytes`; `None` if they are fewer than it has.
+    /// Returns the fields of the first item in `bytes`; `None` if the bytes are too few.
     pub fn of(layout: &'static Layout, bytes: &'a [u8]) -> Option<Self> {
         let bytes = bytes.get(..layout.bytes)?;
         Some(Self { layout, bytes })
     }
 
-    /// Valid values of a field that is an array; `None` where all are.
+    /// Returns the number of valid values of an array; `None` if all are valid.
     fn count(&self, field: &Field) -> Option<usize> {
         let name = field.counted_by?;
         let counter = self.layout.fields.iter().find(|field| field.name == name)?;
@@ -62,17 +62,17 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// A field's value.
+/// Value of a field.
 struct Value<'a> {
     kind: FieldType,
-    /// From its first byte.
+    /// Bytes from the value's first byte on.
     bytes: &'a [u8],
-    /// Valid values, of an array.
+    /// Number of valid values of an array.
     most: usize,
 }
 
 impl<'a> Value<'a> {
-    /// Values of an array; `None` if it is none.
+    /// Returns the values of an array; `None` for other types.
     fn values(&self) -> Option<impl Iterator<Item = Self> + use<'a>> {
         let FieldType::Array(of, length) = self.kind else {
             return None;
@@ -184,7 +184,7 @@ impl fmt::Display for Value<'_> {
     }
 }
 
-/// Not more digits than eyes compare.
+/// Rounds to four decimals for printing; smaller values stay as they are.
 fn rounded(value: f64) -> f64 {
     let rounded = (value * 1e4).round() / 1e4;
     if rounded == 0.0 && value != 0.0 {
@@ -199,25 +199,25 @@ mod tests {
     use crate::{Described, Text};
 
     crate::packets! {
-        /// A part.
+        /// Part of the packet below.
         pub struct Circle {
-            /// px
+            /// Position, px.
             pub at: [f32; 2],
         }
 
-        /// Everything that fields can be.
+        /// A packet with every type of field.
         #[version(1)]
         pub struct Seen {
-            /// How many.
+            /// Number of valid circles.
             pub count: u64,
             /// Circles.
             #[recorded(1, count)]
             pub circles: [Circle; 3],
-            /// Why.
+            /// Reason.
             pub reason: Text<8>,
-            /// Row by row.
+            /// Row-major.
             pub covariance: [[f64; 2]; 2],
-            /// Below zero.
+            /// Negative.
             pub level: i32,
             /// Zero.
             pub reserved: u32,

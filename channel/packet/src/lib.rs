@@ -1,8 +1,9 @@
-//! Packets: plain little-endian data without padding, described once, in Rust. [`packets!`] declares them and keeps their [`Layout`];
-//! from that come headers of C and C++, dataclasses of Python, Protocol Buffers, a page ([`Description`]), and any packet's fields as
-//! JSON ([`Fields`]).
+//! Packets: plain little-endian data without padding, declared once, in Rust.
 //!
-//! No transport and no clock: whoever only fills in or reads packets needs nothing else.
+//! [`packets!`] declares packets and keeps their [`Layout`]. A [`Description`] turns it into C and C++ headers, Python
+//! dataclasses, Protocol Buffers and a page of tables; [`Fields`] turns any packet into JSON.
+//!
+//! This crate has neither transport nor clock: programs that only fill in or read packets need nothing else.
 
 mod description;
 mod fields;

@@ -1,10 +1,11 @@
-//! Packets: plain data that is read where it was written, without a serialisation step.
+//! Packets: plain data that is read where it was written, without serialization.
 
 use bytemuck::{AnyBitPattern, NoUninit};
 
-/// A packet's item: plain `#[repr(C)]` data without padding or pointers. A packet holds one or more of them.
+/// Item of a packet: plain `#[repr(C)]` data without padding or pointers. A packet holds one or more items.
 ///
-/// Name, size and version are compared with the channel's when a port opens, so two programs that disagree never exchange a byte.
+/// A port compares name, size and version with the channel when it opens, so programs that disagree never exchange
+/// data.
 ///
 /// ```
 /// use bytemuck::{Pod, Zeroable};
@@ -17,9 +18,9 @@ use bytemuck::{AnyBitPattern, NoUninit};
 /// }
 /// ```
 pub trait Packet: AnyBitPattern + NoUninit + Send + Sync {
-    /// Name that both ends know it by.
+    /// Name that both ends use.
     const NAME: &'static str;
-    /// Raised whenever layout or meaning changes.
+    /// Increased whenever layout or meaning changes.
     const VERSION: u32;
 }
 

@@ -1,10 +1,17 @@
-//! Text of a packet.
+//! Text in a packet.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{FieldType, IsField};
 
-/// Up to `BYTES` bytes of UTF-8, filled up with zeros.
+/// Up to `BYTES` bytes of UTF-8, padded with zeros.
+///
+/// ```
+/// use tactnet_packet::Text;
+///
+/// assert_eq!(Text::<8>::new("cork").as_str(), "cork");
+/// assert_eq!(Text::<4>::new("sandpaper").as_str(), "sand");
+/// ```
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Text<const BYTES: usize>([u8; BYTES]);
@@ -19,7 +26,7 @@ impl<const BYTES: usize> IsField for Text<BYTES> {
 }
 
 impl<const BYTES: usize> Text<BYTES> {
-    /// As much of `text` as there is room for.
+    /// Returns a text, truncated at a character boundary if it is too long.
     pub fn new(text: &str) -> Self {
         let mut end = text.len().min(BYTES);
         while !text.is_char_boundary(end) {
@@ -30,7 +37,7 @@ impl<const BYTES: usize> Text<BYTES> {
         Self(bytes)
     }
 
-    /// The text; empty if a sender that runs amok put other bytes.
+    /// Returns the text; empty if a faulty sender put other bytes.
     pub fn as_str(&self) -> &str {
         let end = self.0.iter().position(|b| *b == 0).unwrap_or(BYTES);
         std::str::from_utf8(&self.0[..end]).unwrap_or("")

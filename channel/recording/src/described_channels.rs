@@ -1,4 +1,4 @@
-//! All channels of a table whose packets are described, followed by one thread.
+//! All channels of a table whose packets have a description, followed by one thread.
 
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -11,7 +11,7 @@ use tactnet_skin::packets::ModelNames;
 use crate::RecordingError;
 use crate::messages::{Kind, kind};
 
-/// Packets of a channel in one go.
+/// Maximum number of packets taken from a channel before the next channel has its turn.
 const MAX_PACKETS: usize = 256;
 
 /// A channel with its port.
@@ -21,19 +21,19 @@ pub(crate) struct Channel {
     port: GetPort<u8>,
 }
 
-/// Follows channels; when somebody is too slow, the channels' own rings keep the newest packets and count what was lost.
+/// Follows channels. If the caller is too slow, the rings keep the newest packets and count lost ones.
 pub(crate) struct DescribedChannels {
     group: SyncGroup,
     channels: Vec<Channel>,
-    /// Nanoseconds since 1970 when the channels' clock was zero.
+    /// Zero of the channels' clock, in nanoseconds since 1970.
     pub epoch_ns: u64,
 }
 
 impl DescribedChannels {
-    /// Opens them. Pictures, which are bytes without a description, are left out.
+    /// Opens the channels. Images are skipped: they are bytes without a description.
     ///
     /// # Errors
-    /// No hub; no channel with packets that are described.
+    /// No hub runs; no channel has packets with a description.
     pub fn open(bus: &Bus, table: &Table) -> Result<Self, RecordingError> {
         let mut channels = Vec::new();
         for (id, config) in &table.channels {
@@ -45,7 +45,8 @@ impl DescribedChannels {
                 version: kind.layout.version,
                 item_bytes: kind.layout.bytes,
             };
-            // Names of materials were put when the classifier began, and are needed to read its beliefs.
+            // The classifier puts the names of its materials once, when it starts; they are needed to read its
+            // beliefs.
             let start = if kind.layout.name == ModelNames::NAME {
                 Start::History(1)
             } else {
@@ -71,19 +72,20 @@ impl DescribedChannels {
         })
     }
 
-    /// Returns them, by id.
+    /// Returns the channels, ordered by id.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
     }
 
-    /// Waits for packets; returns after `patience` at the latest.
+    /// Waits for packets, at most for `patience`.
     pub fn wait(&mut self, patience: Duration) -> Result<(), RecordingError> {
         let wait = Wait::Block { timeout: patience };
         Ok(self.group.wait(wait).map(drop)?)
     }
 
-    /// Hands on what has come, at most so much of every channel that none waits long for the others: the channel's place, when the packet was
-    /// put (nanoseconds since 1970), and its bytes.
+    /// Passes on received packets: index of the channel, time of the put in nanoseconds since 1970, and bytes.
+    ///
+    /// Takes a limited number of packets from each channel, so that no channel waits long for the others.
     pub fn follow(&self, mut each: impl FnMut(usize, u64, &[u8])) -> Result<(), RecordingError> {
         for (place, channel) in self.channels.iter().enumerate() {
             for _ in 0..MAX_PACKETS {
@@ -91,7 +93,7 @@ impl DescribedChannels {
                     break;
                 };
                 let header = *packets.header();
-                // Another host's clock says nothing here.
+                // The clock of another host has another zero.
                 let put_ns = if header.remote == 0 {
                     header.put_ns
                 } else {
@@ -105,7 +107,7 @@ impl DescribedChannels {
         Ok(())
     }
 
-    /// Packets that were put and never came.
+    /// Returns the number of packets that were put and never arrived.
     pub fn lost(&self) -> u64 {
         self.channels
             .iter()

@@ -2,107 +2,145 @@
 
 use std::path::PathBuf;
 
-/// Errors of recordings; each is one line for people.
+/// Errors of recordings.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
-    /// The channels.
+    /// Error of the channels.
     #[error(transparent)]
     Channel(#[from] tactnet_channel::ChannelError),
-    /// The table's section of the classifier.
+    /// Error in the table's section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
-    /// The table of channels, as text.
+    /// The table of channels cannot be written as text.
     #[error("the table of channels: {0}")]
     Table(#[from] toml::ser::Error),
-    /// The data set that was to be made.
+    /// Error of the data set to be created.
     #[error(transparent)]
     Data(#[from] tactnet_data::DataError),
-    /// The system refused something.
+    /// The operating system refused an operation.
     #[error("{}: {source}", path.display())]
     Io {
-        /// The file or folder.
+        /// Path of the file or folder.
         path: PathBuf,
-        /// Answer of the system.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The file cannot be written.
-    #[error("{}: cannot go on recording: {source}", path.display())]
+    #[error("{}: cannot continue the recording: {source}", path.display())]
     Write {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Expected and found, or the cause.
+        /// Error of the MCAP library.
         source: mcap::McapError,
     },
-    /// No weights of a trained network.
-    #[error("{}: no run directory of a trained network", path.display())]
+    /// The folder has no weights of a trained network.
+    #[error("{}: expected the run directory of a trained network", path.display())]
     NotARun {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
     },
-    /// A channel of the recording that the table does not name.
-    #[error("no channel `{channel}` in this table")]
+    /// The recording has a channel that the table lacks.
+    #[error("the table has no channel `{channel}`")]
     NoChannel {
-        /// Its id.
+        /// Id of the channel.
         channel: String,
     },
-    /// Only channels of bytes, or of packets of other programs.
-    #[error(
-        "no channel of this table has packets that can be recorded: their types are those of `tactnet channel packets`"
-    )]
+    /// No channel has packets with a description: all are bytes or packets of other programs.
+    #[error("no channel of this table has packets of a type that can be recorded")]
     NothingDescribed,
-    /// Nobody puts status.
+    /// No classifier puts its status.
     #[error("no classifier serves on these channels")]
     NoClassifier,
-    /// Nobody puts status any more.
+    /// The classifier stopped putting its status.
     #[error("the classifier has ended")]
     ClassifierGone,
-    /// A material that the data set does not have.
-    #[error("--material: no `{material}` in this data set; it has {known}")]
+    /// The data set lacks a material.
+    #[error("no material `{material}` in this data set; its materials are {known}")]
     NoMaterial {
-        /// The material asked for.
+        /// Requested material.
         material: String,
-        /// Those of the data set.
+        /// Materials of the data set, separated by commas.
         known: String,
     },
-    /// There is no viewer to start.
-    #[error(
-        "no program `rerun` here; install it with `pip install rerun-sdk==0.36.3`, or write a file with `--save`"
-    )]
+    /// The viewer's program is not installed.
+    #[error("the program `rerun` was not found; install it with `pip install rerun-sdk==0.36.3`")]
     NoViewer,
-    /// Nobody answers there.
+    /// No viewer answers at this address.
     #[error("{url}: no Rerun viewer ({reason})")]
     NoViewerAt {
-        /// Where it was looked for.
+        /// Address of the viewer.
         url: String,
-        /// Answer of the viewer's library.
+        /// Error of the viewer's library.
         reason: String,
     },
-    /// The viewer or its library refuses.
+    /// The viewer or its library reports an error.
     #[error("the Rerun viewer: {0}")]
     Viewer(String),
-    /// The viewer was closed, or does not answer.
+    /// The viewer was closed or does not reply.
     #[error("the Rerun viewer has gone ({0})")]
     ViewerGone(String),
     /// A file for the viewer cannot be written.
     #[error("{}: {reason}", path.display())]
     Unwritten {
-        /// Its path.
+        /// Path of the file.
         path: PathBuf,
-        /// Answer of the viewer's library.
+        /// Error of the viewer's library.
         reason: String,
     },
-    /// No recording, or not one of ours.
+    /// The frames have another number of taxels than rows times columns.
+    #[error("{}: frames of {taxels} taxels, expected {rows} x {cols}", path.display())]
+    WrongShape {
+        /// Path of the file.
+        path: PathBuf,
+        /// Taxels of a frame.
+        taxels: usize,
+        /// Expected rows.
+        rows: usize,
+        /// Expected columns.
+        cols: usize,
+    },
+    /// The recording does not contain the frame rate, and it cannot be estimated.
+    #[error("{}: unknown frame rate: no model in the recording, and too few frames to estimate it", path.display())]
+    UnknownRate {
+        /// Path of the file.
+        path: PathBuf,
+    },
+    /// The file is not a recording, or is not one of channels.
     #[error("{}: {reason}", path.display())]
     Unreadable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Expected and found, or the cause.
         reason: String,
     },
 }
 
+/// Action that cures an error. Front ends name the command, flag or argument for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RecordingRemedy {
+    /// Use packets of a type with a description.
+    UseDescribedPackets,
+    /// Write a file for the viewer instead.
+    WriteFile,
+    /// Give rows and columns of the taxels.
+    NameShape,
+    /// Give the frames per second.
+    NameRate,
+}
+
 impl RecordingError {
-    /// Returns true where the call must be corrected (exit code 2), false where something broke (exit code 1).
+    /// Returns the action that cures the error, where one is known. [`RecordingError::Channel`] has its own.
+    pub fn remedy(&self) -> Option<RecordingRemedy> {
+        match self {
+            Self::NothingDescribed => Some(RecordingRemedy::UseDescribedPackets),
+            Self::NoViewer => Some(RecordingRemedy::WriteFile),
+            Self::WrongShape { .. } => Some(RecordingRemedy::NameShape),
+            Self::UnknownRate { .. } => Some(RecordingRemedy::NameRate),
+            _ => None,
+        }
+    }
+
+    /// Returns true if the caller must correct the call (exit code 2), false for a failure at run time (exit code 1).
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Channel(error) => error.is_usage(),
@@ -115,6 +153,8 @@ impl RecordingError {
             | Self::NothingDescribed
             | Self::NoMaterial { .. }
             | Self::NoViewer
+            | Self::WrongShape { .. }
+            | Self::UnknownRate { .. }
             | Self::Unreadable { .. } => true,
             Self::Table(_)
             | Self::Write { .. }

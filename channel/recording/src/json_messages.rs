@@ -1,4 +1,4 @@
-//! MCAP files whose messages are JSON, for what is no packet of a channel.
+//! MCAP files with JSON messages, for data that are not packets of a channel.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,12 +11,12 @@ use mcap::{Compression, WriteOptions, parse_record};
 use crate::RecordingError;
 use crate::records::each_record;
 
-/// A message.
+/// A JSON message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JsonMessage {
-    /// What kind of message it is; viewers show the messages of a topic together.
+    /// Kind of the message; viewers show the messages of a topic together.
     pub topic: String,
-    /// When it was recorded, nanoseconds.
+    /// Time of the recording, in nanoseconds.
     pub time_ns: u64,
     /// A JSON object.
     pub text: String,
@@ -25,7 +25,7 @@ pub struct JsonMessage {
 /// Writes messages into a new file.
 ///
 /// # Errors
-/// A file that is there already or cannot be written.
+/// The file exists or cannot be written.
 pub fn write_json_messages(
     path: &Path,
     messages: impl IntoIterator<Item = JsonMessage>,
@@ -72,10 +72,10 @@ pub fn write_json_messages(
     })
 }
 
-/// Reads the JSON messages of a file in their order; others are passed over.
+/// Reads the JSON messages of a file in their order, and skips others.
 ///
 /// # Errors
-/// A file that cannot be read, that is no MCAP file, that is damaged or was not ended.
+/// The file cannot be read, is not an MCAP file, is damaged, or has no proper end.
 pub fn read_json_messages(path: &Path) -> Result<Vec<JsonMessage>, RecordingError> {
     let mut topics: BTreeMap<u16, String> = BTreeMap::new();
     let (mut messages, mut ended) = (Vec::new(), false);
@@ -104,7 +104,7 @@ pub fn read_json_messages(path: &Path) -> Result<Vec<JsonMessage>, RecordingErro
         None if ended => Ok(messages),
         cut => Err(RecordingError::Unreadable {
             path: path.into(),
-            reason: cut.unwrap_or_else(|| "it was not ended properly".into()),
+            reason: cut.unwrap_or_else(|| "the file has no proper end".into()),
         }),
     }
 }
@@ -146,7 +146,7 @@ mod tests {
             std::fs::write(&path, &whole[..cut]).unwrap();
             assert!(read_json_messages(&path).is_err(), "{cut}");
         }
-        std::fs::write(&path, "text, and not a little of it, that is none").unwrap();
+        std::fs::write(&path, "some text of more than a few bytes that is not MCAP").unwrap();
         let refused = read_json_messages(&path).unwrap_err().to_string();
         assert!(refused.contains("not an MCAP file"), "{refused}");
     }

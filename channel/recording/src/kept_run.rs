@@ -1,4 +1,4 @@
-//! The run directory of the classifier that served, kept in a recording.
+//! Run directory of the serving classifier, kept in a recording.
 
 use std::path::{Path, PathBuf};
 
@@ -16,15 +16,15 @@ const FILES: [&str; 7] = [
     WEIGHTS,
     "known.safetensors",
 ];
-/// Without these nothing can serve.
+/// Required file: without weights nothing can serve.
 const WEIGHTS: &str = "weights.safetensors";
-/// Folder of those in a recording.
+/// Folder of these files in a recording.
 const FOLDER: &str = "run/";
 
-/// Reads the files of a run directory, with the names that they have in a recording.
+/// Reads the files of a run directory. Returns their names in a recording and their contents.
 ///
 /// # Errors
-/// A file that cannot be read; no weights of a trained network.
+/// A file cannot be read; the folder has no weights of a trained network.
 pub fn files_of_run(run: &Path) -> Result<Vec<(String, Vec<u8>)>, RecordingError> {
     let mut files = Vec::new();
     for name in FILES {
@@ -44,11 +44,12 @@ pub fn files_of_run(run: &Path) -> Result<Vec<(String, Vec<u8>)>, RecordingError
     Ok(files)
 }
 
-/// Writes the run directory that a recording keeps into `folder`, and returns its path; `None` where it keeps none, or lost some of it with its
-/// end.
+/// Writes the run directory of a recording into `folder`, and returns its path.
+///
+/// Returns `None` if the recording keeps no run or has lost a part of it.
 ///
 /// # Errors
-/// A folder that cannot be written.
+/// The folder cannot be written.
 pub fn unpack_run(recording: &Recording, folder: &Path) -> Result<Option<PathBuf>, RecordingError> {
     let run = folder.join("run");
     std::fs::create_dir(&run).map_err(|source| RecordingError::Io {
@@ -57,7 +58,7 @@ pub fn unpack_run(recording: &Recording, folder: &Path) -> Result<Option<PathBuf
     })?;
     let mut whole = false;
     for (name, bytes) in &recording.files {
-        // Names with a path in them are not ours.
+        // Skips names that contain a path: the recorder does not write them.
         if let Some(name) = name.strip_prefix(FOLDER)
             && Path::new(name).components().count() == 1
             && Path::new(name).file_name().is_some()

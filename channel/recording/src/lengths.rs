@@ -1,9 +1,10 @@
-//! Whether the lengths in a record of an MCAP file add up: mcap 0.26 reserves what a length says before it looks whether there is as much,
-//! and panics at an attachment that is shorter than it says.
+//! Check of the lengths in a record of an MCAP file.
+//!
+//! mcap 0.26 reserves memory for a length before it checks that the data exist, and panics at a too short attachment.
 
 use mcap::records::op;
 
-/// Returns true if every text, map and block of a record ends in it; records without any do.
+/// Returns true if every text, map and block of a record ends within the record. Records without lengths pass.
 pub(crate) fn lengths_fit(opcode: u8, data: &[u8]) -> bool {
     let mut rest = Rest(data);
     let ends = match opcode {
@@ -31,7 +32,7 @@ pub(crate) fn lengths_fit(opcode: u8, data: &[u8]) -> bool {
     ends.is_some()
 }
 
-/// What is still to be looked at.
+/// Bytes that are not checked yet.
 struct Rest<'a>(&'a [u8]);
 
 impl Rest<'_> {
@@ -46,20 +47,20 @@ impl Rest<'_> {
         usize::try_from(u32::from_le_bytes(*number)).ok()
     }
 
-    /// Four bytes that say how many follow.
+    /// Skips a text: a length of four bytes, then as many bytes.
     fn text(&mut self) -> Option<()> {
         let bytes = self.number()?;
         self.skip(bytes)
     }
 
-    /// Eight bytes that say how many follow.
+    /// Skips a block: a length of eight bytes, then as many bytes.
     fn block(&mut self) -> Option<()> {
         let (number, rest) = self.0.split_first_chunk()?;
         self.0 = rest;
         self.skip(usize::try_from(u64::from_le_bytes(*number)).ok()?)
     }
 
-    /// Four bytes that say how many follow, and as many bytes of texts.
+    /// Skips a map: a length of four bytes, then as many bytes of texts.
     fn map(&mut self) -> Option<()> {
         let bytes = self.number()?;
         let mut texts = Rest(self.0.get(..bytes)?);
@@ -95,7 +96,7 @@ mod tests {
                 assert!(!lengths_fit(opcode, &record[..end]), "{opcode} {end}");
             }
             for at in 0..record.len() - 4 {
-                // A length that was small.
+                // The high bytes of a small length.
                 if record[at + 1..at + 4] == [0; 3] && record[at] > 2 {
                     let mut damaged = record.clone();
                     damaged[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
@@ -103,6 +104,6 @@ mod tests {
                 }
             }
         }
-        assert!(lengths_fit(op::MESSAGE, &[]), "it has no lengths");
+        assert!(lengths_fit(op::MESSAGE, &[]), "a message has no lengths");
     }
 }

@@ -1,7 +1,8 @@
-//! Recordings of channels: MCAP files (<https://mcap.dev>) with Protocol Buffers messages, as Foxglove and its tools read them.
+//! Recordings of channels: MCAP files (<https://mcap.dev>) with Protocol Buffers messages, which Foxglove and its
+//! tools can read.
 //!
-//! [`Recorder`] writes what travels on the channels, [`Recording`] reads it back as far as it goes, [`sweeps`] makes a data set of it, [`play`] puts it back onto
-//! channels.
+//! [`Recorder`] writes the packets of all channels to a file, and [`Recording`] reads them back. [`sweeps`] turns a
+//! recording into a data set, and [`play`] puts its packets onto channels again.
 
 mod described_channels;
 mod error;
@@ -18,10 +19,10 @@ mod sweeps;
 #[cfg(feature = "rerun")]
 pub mod view;
 
-pub use error::RecordingError;
+pub use error::{RecordingError, RecordingRemedy};
 pub use json_messages::{JsonMessage, read_json_messages, write_json_messages};
 pub use kept_run::{files_of_run, unpack_run};
-pub use listener::{Heard, Listener};
+pub use listener::{Listener, LivePacket};
 pub use messages::{PlainPacket, Recordable};
 pub use recorder::{About, Counts, Recorder};
 pub use recording::{Entry, RecordedPacket, Recording};
@@ -30,5 +31,5 @@ pub use sweeps::{SweepSettings, Sweeps, sweeps};
 
 /// Name of the metadata record with the table of channels.
 const METADATA: &str = "tactnet";
-/// Its entry with the nanoseconds since 1970 when the channels' clock was zero.
+/// Metadata entry with the zero of the channels' clock, in nanoseconds since 1970.
 const EPOCH: &str = "channel_clock_zero_ns";

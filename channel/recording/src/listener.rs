@@ -10,10 +10,11 @@ use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, 
 use crate::messages::Recordable;
 use crate::{RecordedPacket, RecordingError};
 
-/// Packets of a channel in one go.
+/// Maximum number of packets taken from a channel before the next channel has its turn.
 const MAX_PACKETS: usize = 256;
 
-/// Follows the channels of the classifier; when somebody is too slow, the channels' own rings keep the newest packets and count what was lost.
+/// Follows the channels of the classifier. If the caller is too slow, the rings keep the newest packets and count lost
+/// ones.
 pub struct Listener {
     group: SyncGroup,
     fingers: Vec<GetPort<SkinFrame>>,
@@ -22,16 +23,16 @@ pub struct Listener {
     status: GetPort<TactileStatus>,
     model: GetPort<ModelNames>,
     channels: Vec<(Arc<str>, &'static str)>,
-    /// Nanoseconds since 1970 when the channels' clock was zero.
+    /// Zero of the channels' clock, in nanoseconds since 1970.
     epoch_ns: u64,
 }
 
-/// One packet that has come.
+/// A received packet.
 #[derive(Debug, Clone)]
-pub struct Heard {
-    /// Place of its channel in [`Listener::channels`].
+pub struct LivePacket {
+    /// Index of its channel in [`Listener::channels`].
     pub channel: usize,
-    /// When it was put, nanoseconds since 1970.
+    /// Time of the put, in nanoseconds since 1970.
     pub put_ns: u64,
     /// The packet.
     pub packet: RecordedPacket,
@@ -41,7 +42,7 @@ impl Listener {
     /// Opens the channels.
     ///
     /// # Errors
-    /// No hub; channels missing in the table.
+    /// No hub runs; the table lacks a channel.
     pub fn open(bus: &Bus, table: &Table) -> Result<Self, RecordingError> {
         let config = ServeConfig::of(table)?;
         let fingers = config
@@ -52,7 +53,7 @@ impl Listener {
         let commands = bus.get_port(config.command.as_str(), Start::Now)?;
         let beliefs = bus.get_port(config.belief.as_str(), Start::Now)?;
         let status = bus.get_port(config.status.as_str(), Start::Now)?;
-        // It was put when the service began.
+        // The classifier puts it once, when it starts.
         let model = bus.get_port(config.model.as_str(), Start::History(1))?;
         let mut sides: Vec<&dyn GetSide> = fingers.iter().map(|f| f as &dyn GetSide).collect();
         sides.extend([&commands as &dyn GetSide, &beliefs, &status, &model]);
@@ -82,20 +83,20 @@ impl Listener {
         })
     }
 
-    /// Ids of the channels, the fingers' first, and the full names of their messages.
+    /// Returns the ids of the channels (fingers first) and the full names of their messages.
     pub fn channels(&self) -> &[(Arc<str>, &'static str)] {
         &self.channels
     }
 
-    /// The time of day by the channels' clock, nanoseconds since 1970.
+    /// Returns the time of day by the channels' clock, in nanoseconds since 1970.
     pub fn now_ns(&self) -> u64 {
         self.epoch_ns + now_ns()
     }
 
-    /// Waits for packets; returns after `patience` at the latest.
+    /// Waits for packets, at most for `patience`.
     ///
     /// # Errors
-    /// The channels have broken down.
+    /// The channels have failed.
     pub fn wait(&mut self, patience: Duration) -> Result<(), RecordingError> {
         Ok(self
             .group
@@ -103,13 +104,13 @@ impl Listener {
             .map(drop)?)
     }
 
-    /// Hands on what has come, at most so much of every channel that none waits long for the others.
+    /// Passes on received packets, a limited number of each channel, so that no channel waits long for the others.
     ///
     /// # Errors
-    /// The channels have broken down.
-    pub fn follow(&self, mut each: impl FnMut(Heard)) -> Result<(), RecordingError> {
+    /// The channels have failed.
+    pub fn follow(&self, mut each: impl FnMut(LivePacket)) -> Result<(), RecordingError> {
         let fingers = self.fingers.len();
-        // What a command or a belief is about comes before it or with it, and names before all.
+        // Ordered by cause: names first, then commands, frames and beliefs.
         let model = |packet: ModelNames| RecordedPacket::Model(packet.into());
         self.take(fingers + 3, &self.model, model, &mut each)?;
         self.take(fingers, &self.commands, RecordedPacket::Command, &mut each)?;
@@ -128,21 +129,21 @@ impl Listener {
         channel: usize,
         port: &GetPort<T>,
         of: impl Fn(T) -> RecordedPacket,
-        each: &mut impl FnMut(Heard),
+        each: &mut impl FnMut(LivePacket),
     ) -> Result<(), RecordingError> {
         for _ in 0..MAX_PACKETS {
             let Some(packets) = port.try_get()? else {
                 break;
             };
             let header = *packets.header();
-            // Another host's clock says nothing here.
+            // The clock of another host has another zero.
             let put_ns = if header.remote == 0 {
                 header.put_ns
             } else {
                 now_ns()
             };
             for packet in &*packets {
-                each(Heard {
+                each(LivePacket {
                     channel,
                     put_ns: self.epoch_ns + put_ns,
                     packet: of(*packet),
@@ -152,7 +153,7 @@ impl Listener {
         Ok(())
     }
 
-    /// Packets that were put and never came.
+    /// Returns the number of packets that were put and never arrived.
     pub fn lost(&self) -> u64 {
         self.fingers.iter().map(GetPort::lost).sum::<u64>()
             + self.commands.lost()

@@ -1,4 +1,4 @@
-//! Packets as Protocol Buffers messages, and back, by the description of their fields.
+//! Conversion between packets and Protocol Buffers messages, by the description of their fields.
 
 mod decode;
 mod encode;
@@ -19,16 +19,16 @@ pub trait Recordable: Packet + Described + Pod + Zeroable {
     /// Full name of its message.
     const MESSAGE: &'static str;
 
-    /// Its fields by number.
+    /// Returns its fields, ordered by number.
     #[doc(hidden)]
     fn fields() -> &'static Recorded;
 
-    /// Its message as bytes.
+    /// Returns its message as bytes.
     fn to_message(&self) -> Vec<u8> {
         encode::encode(Self::fields(), bytes_of(self))
     }
 
-    /// The packet of a message; `None` for bytes that are none, or hold more than a packet can.
+    /// Returns the packet of a message; `None` for bytes that are not such a message or exceed the packet.
     fn from_message(bytes: &[u8]) -> Option<Self> {
         let mut packet = Self::zeroed();
         decode::decode(Self::fields(), bytes, bytes_of_mut(&mut packet))?;
@@ -36,12 +36,12 @@ pub trait Recordable: Packet + Described + Pod + Zeroable {
     }
 }
 
-/// What is recorded of a packet.
+/// Recorded fields of a packet.
 #[derive(Debug)]
 pub struct Recorded {
-    /// By number.
+    /// Fields, ordered by number.
     fields: Vec<RecordedField>,
-    /// Where numbers of valid values stand, by offset, and the field that they are of.
+    /// Offsets of the counts of valid values, and the index of the field that each count belongs to.
     counts: Vec<(usize, usize)>,
 }
 
@@ -49,13 +49,13 @@ pub struct Recorded {
 struct RecordedField {
     number: u32,
     offset: usize,
-    /// Of one value.
+    /// Type of one value.
     kind: FieldType,
-    /// Where values are messages themselves: what is recorded of them.
+    /// Recorded fields of the values, if these are messages themselves.
     part: Option<Recorded>,
-    /// Values; `None` for a field that is no array.
+    /// Number of values; `None` for a field that is not an array.
     most: Option<usize>,
-    /// Offset of the number of those that are valid, in units of `unit` values.
+    /// Offset of the number of valid values, in units of `unit` values.
     count: Option<usize>,
     unit: usize,
 }
@@ -120,7 +120,7 @@ mod tests {
 
     use super::*;
 
-    /// Whatever a packet holds comes back, bit by bit.
+    /// Asserts that a packet survives the conversion bit by bit.
     fn comes_back<T: Recordable>(packet: T) {
         let message = packet.to_message();
         let back = T::from_message(&message).unwrap();
@@ -176,13 +176,13 @@ mod tests {
         let mut pose = HeadPose::zeroed();
         pose.covariance[3][4] = -0.0;
         pose.covariance[14][14] = 1e-300;
-        // Key and length of each list, and its values; a number of zero is left out.
+        // Key and length of each list, and its values; the number zero is omitted.
         comes_back(&pose, 4 * (2 + 24) + (2 + 32) + (3 + 8 * 225));
         let mut balls = BallPredictions::zeroed();
         (balls.exposure_ns, balls.count) = (1, 1);
         balls.balls[0].covariance[9][0] = f64::from_bits(0x7ff8_0000_dead_beef);
         balls.balls[0].frames = u32::MAX;
-        // Of two balls the one that is valid.
+        // Only the first of two balls is valid.
         let ball = 2 * (2 + 24) + (2 + 24) + (3 + 800) + 6;
         comes_back(&balls, 2 + 3 + ball);
         let mut answer = PlanResult::zeroed();
@@ -200,7 +200,7 @@ mod tests {
         comes_back(&status, 2);
     }
 
-    /// A list that a damaged file makes longer than its packet, and a packet within that is cut.
+    /// A damaged file can make a list longer than its packet, and can cut a packet within it.
     #[test]
     fn a_packet_within_that_is_too_long_is_none() {
         use tactnet_catching_packets::packets::Gaze;
@@ -214,7 +214,7 @@ mod tests {
         assert!(PlainPacket::from_message(kind, &[0x12, 1, 0x08]).is_none());
     }
 
-    /// Recordings of former versions, whose messages prost-build's code wrote, are still read, and new ones are the same bytes.
+    /// Recordings of earlier versions, written by prost-build's code, stay readable, and new ones have the same bytes.
     #[test]
     fn messages_are_those_of_former_versions() {
         let mut belief = TactileBelief::zeroed();
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!(names.to_message(), bytes);
     }
 
-    /// A text of which nothing is left before its zero is no text; attacks found it written where an empty one is not.
+    /// A text that begins with zero is recorded like an empty text (regression test of an attack).
     #[test]
     fn a_text_that_begins_with_zero_is_empty() {
         let command = SweepCommand::from_message(&[0x2a, 3, 0, 0xc3, 0xbc]).unwrap();
@@ -256,7 +256,7 @@ mod tests {
         };
         assert!(SkinFrame::from_message(&message(MAX_TAXELS)).is_some());
         assert!(SkinFrame::from_message(&message(MAX_TAXELS + 1)).is_none());
-        // In two lists, and value by value.
+        // Both in one list and value by value.
         let twice = [message(MAX_TAXELS), message(1)].concat();
         assert!(SkinFrame::from_message(&twice).is_none());
         let mut single = vec![0x1d, 0, 0, 0x80, 0x3f];

@@ -1,11 +1,11 @@
-//! Channels into a file: one thread follows the channels, one compresses and writes.
+//! Recorder of channels: one thread follows the channels, one compresses and writes.
 //!
 //! ```text
 //! channels whose packets are described ──> Recorder::step ── at most 8192 messages wait ──> writer ──> FILE.mcap
 //! ```
 //!
-//! A chunk is ended every second at the latest, so that much is lost when the recorder is killed, besides what waits for a slow disk. When the disk
-//! is slower for long, the channels' own rings keep the newest packets and count what was lost.
+//! A chunk lasts at most one second. A killed recorder loses that much, plus the messages that wait for a slow disk.
+//! If the disk is too slow for long, the rings of the channels keep the newest packets and count lost ones.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -23,35 +23,35 @@ use tactnet_skin::packets::{SkinFrame, TactileBelief};
 use crate::described_channels::DescribedChannels;
 use crate::{EPOCH, METADATA, RecordingError};
 
-/// Messages that wait for the writer.
+/// Maximum number of messages that wait for the writer.
 const WAITING: usize = 8192;
-/// A chunk is ended after this time at the latest.
+/// Maximum duration of a chunk.
 const CHUNK_EVERY: Duration = Duration::from_secs(1);
-/// And when it is so large, bytes.
+/// Size at which a chunk ends, in bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
-/// Facts about a recording that are known before it begins.
+/// Metadata of a recording.
 #[derive(Debug, Clone, Default)]
 pub struct About {
-    /// The material that is swept over, where it is one material only.
+    /// Material under the fingers, if it is the same all the time.
     pub material: Option<String>,
-    /// Commit of the program.
+    /// Git commit of the program.
     pub git: String,
-    /// Files that are kept with it, by name: the classifier that serves.
+    /// Files to keep in the recording, by name: those of the serving classifier.
     pub files: Vec<(String, Vec<u8>)>,
 }
 
-/// Counts of what has been recorded.
+/// Counts of recorded messages.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Channels that are followed.
+    /// Number of followed channels.
     pub channels: usize,
-    /// Messages on all of them.
+    /// Messages on all channels.
     pub messages: u64,
-    /// Frames of the skin among them.
+    /// Frames of the skin.
     pub frames: u64,
-    /// Beliefs among them.
+    /// Beliefs.
     pub beliefs: u64,
-    /// Packets that were put and never came.
+    /// Packets that were put and never arrived.
     pub lost: u64,
 }
 
@@ -63,12 +63,12 @@ struct Piece {
     data: Vec<u8>,
 }
 
-/// Follows all channels of a table whose packets are described, and writes what travels on them.
+/// Writes the packets of all described channels of a table to a file.
 pub struct Recorder {
     followed: DescribedChannels,
-    /// Of each channel its number in the file and how many messages have come.
+    /// Channel id in the file and number of messages so far, for each channel.
     channels: Vec<(u16, u32)>,
-    /// Nanoseconds since 1970.
+    /// Start of the recording, in nanoseconds since 1970.
     begun_ns: u64,
     counts: Counts,
     path: PathBuf,
@@ -76,10 +76,10 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Opens the channels and begins a file.
+    /// Opens the channels and creates the file.
     ///
     /// # Errors
-    /// A file that is there already or cannot be written; no hub; no channel in the table that can be recorded.
+    /// The file exists or cannot be written; no hub runs; no channel of the table can be recorded.
     pub fn start(
         bus: &Bus,
         table: &Table,
@@ -98,7 +98,7 @@ impl Recorder {
         let options = WriteOptions::new()
             .compression(Some(Compression::Zstd))
             .compression_level(1)
-            // In the writer's own thread.
+            // No extra threads: the writer's thread compresses.
             .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             .library(concat!("tactnet ", env!("CARGO_PKG_VERSION")));
@@ -151,10 +151,10 @@ impl Recorder {
         })
     }
 
-    /// Waits for packets and hands on all that have come; returns after `patience` at the latest.
+    /// Waits for packets, at most for `patience`, and passes them to the writer.
     ///
     /// # Errors
-    /// The channels have broken down; the file cannot be written any more, for example because the disk is full.
+    /// The channels have failed; the file cannot be written, for example because the disk is full.
     pub fn step(&mut self, patience: Duration) -> Result<(), RecordingError> {
         self.followed.wait(patience)?;
         self.follow()
@@ -172,7 +172,7 @@ impl Recorder {
             let piece = Piece {
                 channel: *channel,
                 sequence: *came,
-                // What was put before, as history, does not stretch the recording.
+                // Packets from the history must not extend the recording to the past.
                 log_time: put_ns.max(self.begun_ns),
                 publish_time: put_ns,
                 data: kind.to_message(packet),
@@ -197,10 +197,10 @@ impl Recorder {
         }
     }
 
-    /// Takes what is still there, and ends the file properly.
+    /// Records the remaining packets and ends the file properly.
     ///
     /// # Errors
-    /// As [`Recorder::step`].
+    /// The same as [`Recorder::step`].
     pub fn finish(mut self) -> Result<Counts, RecordingError> {
         self.follow()?;
         self.end()?;
@@ -223,7 +223,7 @@ impl Recorder {
 }
 
 impl Drop for Recorder {
-    /// Keeps all that has come, however it ends.
+    /// Ends the file properly in every case, so that all recorded messages stay readable.
     fn drop(&mut self) {
         let _ = self.end();
     }

@@ -1,4 +1,4 @@
-//! A recording read back, as far as it goes.
+//! Reader of recordings, including incomplete ones.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -18,51 +18,51 @@ use crate::{EPOCH, METADATA, RecordingError};
 pub struct Entry {
     /// Id of its channel.
     pub channel: Arc<str>,
-    /// When it was put, nanoseconds since 1970; not before the recording began.
+    /// Time of the put, in nanoseconds since 1970; not before the start of the recording.
     pub time_ns: u64,
     /// The packet.
     pub packet: RecordedPacket,
 }
 
-/// The packets that a recording may hold.
+/// Packets of a recording.
 #[derive(Debug, Clone)]
 pub enum RecordedPacket {
-    /// Of a finger's skin.
+    /// Frame of a finger's skin.
     Frame(Box<SkinFrame>),
-    /// Of the motion controller or a person.
+    /// Command of the motion controller or a user.
     Command(SweepCommand),
-    /// Of the classifier.
+    /// Belief of the classifier.
     Belief(Box<TactileBelief>),
-    /// Of the classifier.
+    /// Status of the classifier.
     Status(Box<TactileStatus>),
-    /// Of the classifier.
+    /// Names of the classifier's materials.
     Model(Box<ModelNames>),
-    /// Any other, of the catching stack for example.
+    /// Any other packet, for example of the catching stack.
     Plain(PlainPacket),
 }
 
-/// The contents of a file, in memory: about 0.5 GB for an hour of one finger at 750 Hz.
+/// Content of a recording in memory: about 0.5 GB for an hour of one finger at 750 Hz.
 #[derive(Debug, Clone)]
 pub struct Recording {
-    /// In the order of the times at which they were put.
+    /// Packets, ordered by the time of their put.
     pub entries: Vec<Entry>,
-    /// The table of channels.
+    /// Table of channels.
     pub table: Table,
-    /// When the channels' clock was zero, nanoseconds since 1970; `None` in recordings that do not tell.
+    /// Zero of the channels' clock, in nanoseconds since 1970; `None` in old recordings.
     pub channel_clock_zero_ns: Option<u64>,
-    /// The material that was swept over, where it was one material only.
+    /// Material under the fingers, if it was the same all the time.
     pub material: Option<String>,
-    /// Files that were kept with it.
+    /// Kept files by name.
     pub files: BTreeMap<String, Vec<u8>>,
-    /// Why the rest is missing, if it is: the recorder was killed, the disk was full, the file was damaged.
+    /// Reason why the end is missing, if it is: a killed recorder, a full disk, a damaged file.
     pub cut: Option<String>,
-    /// Messages that are none of ours, or more than a packet can hold; they are left out.
+    /// Number of skipped messages: of an unknown type, or too long for their packet.
     pub foreign: usize,
 }
 
-/// The contents read so far.
+/// Content read so far.
 #[derive(Default)]
-struct Found {
+struct Contents {
     entries: Vec<Entry>,
     table: Option<Table>,
     channel_clock_zero_ns: Option<u64>,
@@ -70,32 +70,32 @@ struct Found {
     files: BTreeMap<String, Vec<u8>>,
     foreign: usize,
     ended: bool,
-    /// Names by id.
+    /// Names of message types by id.
     schemas: HashMap<u16, String>,
-    /// Topic and schema by id.
+    /// Topic and message type by id.
     channels: HashMap<u16, (Arc<str>, u16)>,
 }
 
 impl Recording {
-    /// Reads a file, wherever it ends. A chunk whose checksum is wrong ends it, too.
+    /// Reads a file up to its end or the first chunk with a wrong checksum.
     ///
     /// # Errors
-    /// No MCAP file; one without the table of channels.
+    /// The file is not an MCAP file, or has no table of channels.
     pub fn read(path: &Path) -> Result<Self, RecordingError> {
         let unreadable = |reason: String| RecordingError::Unreadable {
             path: path.into(),
             reason,
         };
-        let mut found = Found::default();
+        let mut found = Contents::default();
         let mut cut = each_record(path, |opcode, data| found.take(opcode, data))?;
         if !found.ended && cut.is_none() {
-            cut = Some("it was not ended properly".into());
+            cut = Some("the file has no proper end".into());
         }
         let table = found.table.ok_or_else(|| {
             let why = cut.as_deref().unwrap_or("no table of channels in it");
-            unreadable(format!("no recording of `tactnet record`: {why}"))
+            unreadable(format!("not a recording of channels: {why}"))
         })?;
-        // Channels are looked at in turns while they are recorded.
+        // The recorder writes channel by channel.
         found.entries.sort_by_key(|entry| entry.time_ns);
         Ok(Self {
             entries: found.entries,
@@ -109,8 +109,8 @@ impl Recording {
     }
 }
 
-impl Found {
-    /// Takes one record; gives why nothing behind it can be trusted.
+impl Contents {
+    /// Reads one record. Returns the reason if the rest of the file is unreadable.
     fn take(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
         match parse_record(opcode, data).map_err(|error| error.to_string())? {
             Record::Schema { header, .. } => {
@@ -149,7 +149,7 @@ impl Found {
                 self.files.insert(header.name, data.into_owned());
             }
             Record::Footer(_) => self.ended = true,
-            // Other programs' own records have larger numbers.
+            // Records of other programs have larger numbers.
             Record::Unknown { opcode, .. } if opcode < 0x80 => {
                 return Err(format!("a record of unknown kind {opcode:#04x}"));
             }

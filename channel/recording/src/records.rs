@@ -1,4 +1,4 @@
-//! The records of an MCAP file, one after the other, as far as they can be trusted.
+//! Reader of the records of an MCAP file, up to the first damaged one.
 
 use std::io::Read;
 use std::path::Path;
@@ -9,7 +9,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use crate::RecordingError;
 use crate::lengths::lengths_fit;
 
-/// Records may always be so long, bytes; longer ones only in longer files.
+/// Maximum length of a record that is always accepted, in bytes. Longer records need a longer file.
 const LONGEST_RECORD: u64 = 64 << 20;
 const NOT_NEEDED: [u8; 7] = [
     op::MESSAGE_INDEX,
@@ -21,13 +21,15 @@ const NOT_NEEDED: [u8; 7] = [
     op::DATA_END,
 ];
 
-/// Passes every record to `take` but indices and statistics, which are not needed and would be read at the word of what they say of
-/// themselves. Returns why nothing behind a place can be trusted, if that is so.
+/// Passes every record to `take`, except indices and statistics. Returns the reason if the rest of the file is
+/// unreadable.
+///
+/// Indices and statistics are not needed, and reading them would mean to trust their lengths.
 ///
 /// - `take`: gets the kind of a record and its bytes; its error ends the reading
 ///
 /// # Errors
-/// A file that cannot be read, or that is no MCAP file.
+/// The file cannot be read, or is not an MCAP file.
 pub(crate) fn each_record(
     path: &Path,
     mut take: impl FnMut(u8, &[u8]) -> Result<(), String>,
@@ -49,7 +51,7 @@ pub(crate) fn each_record(
     while let Some(event) = reader.next_event() {
         match event {
             Ok(LinearReadEvent::ReadRequest(bytes)) => {
-                // As much memory as a record says it needs, but no more than the file can fill.
+                // Reserves the memory that the record claims, but at most what the file can fill.
                 let bytes = bytes.min(usize::try_from(unread).unwrap_or(bytes));
                 let read = file.read(reader.insert(bytes)).map_err(failed)?;
                 unread = unread.saturating_sub(read as u64);

@@ -1,4 +1,4 @@
-//! A recording back onto channels, and whether the classifier believes the same again.
+//! Replay of a recording onto channels, and comparison of the beliefs.
 
 mod frame_losses;
 mod sweep_beliefs;
@@ -17,71 +17,72 @@ use crate::{Entry, RecordedPacket, Recording, RecordingError};
 pub use frame_losses::FrameLosses;
 pub use sweep_beliefs::SweepBeliefs;
 
-/// No belief comes so long after its last frame.
+/// Time after the last frame at which the replay stops waiting for beliefs.
 const SILENCE: Duration = Duration::from_millis(500);
 
-/// A longer pause is a damaged time stamp or an idle robot, and is cut to this, seconds.
+/// Maximum pause, in seconds. Longer ones (damaged time stamps, idle robot) are shortened to it.
 const LONGEST_PAUSE_S: f64 = 60.0;
 
-/// Counts of the packets that were put onto the channels, and the beliefs that came.
+/// Counts of the replayed packets, and the beliefs about them.
 #[derive(Debug)]
 pub struct Played {
-    /// How long it took.
+    /// Duration of the replay, in seconds.
     pub seconds: f64,
-    /// Frames that were put.
+    /// Number of frames that were put.
     pub frames: usize,
-    /// Commands that were put.
+    /// Number of commands that were put.
     pub commands: usize,
-    /// Pauses of over a minute that were cut to one.
+    /// Number of pauses over one minute that were shortened.
     pub pauses_cut: usize,
-    /// Sequence of the last frame that was put, by finger.
+    /// Sequence number of the last frame of each finger.
     pub last_frames: BTreeMap<u32, u64>,
-    /// In the order in which they came.
+    /// Beliefs in order of arrival.
     pub beliefs: Vec<TactileBelief>,
 }
 
-/// Result of a replay, as `tactnet replay --json` prints it.
+/// Result of a replay.
 #[derive(Debug, Serialize)]
 pub struct ReplayReport {
-    /// 1.
+    /// Version of this document: 1.
     pub schema_version: u32,
-    /// Commit of the program.
+    /// Git commit of the program.
     pub git: &'static str,
-    /// How long it took.
+    /// Duration of the replay, in seconds.
     pub seconds: f64,
-    /// How much faster than it happened.
+    /// Speed relative to the recording.
     pub speed: f64,
-    /// Frames that were put.
+    /// Number of frames that were put.
     pub frames: usize,
-    /// Frames of those that the classifier never got.
+    /// Number of these frames that the classifier lost.
     pub frames_lost: u64,
-    /// Commands that were put.
+    /// Number of commands that were put.
     pub commands: usize,
-    /// Pauses of over a minute that were cut to one: a damaged time stamp, or a robot that did nothing.
+    /// Number of pauses over one minute that were shortened: damaged time stamps or an idle robot.
     pub pauses_cut: usize,
-    /// Beliefs that came now.
+    /// Beliefs of the replay.
     #[serde(flatten)]
     pub replayed: SweepBeliefs,
-    /// Beliefs of the recording about what was played.
+    /// Beliefs of the recording about the replayed frames.
     pub recorded: SweepBeliefs,
-    /// Every recorded belief came again, bit by bit, with label, verdict and strangeness; `null`: there was none to compare.
+    /// True if every recorded belief was reproduced bit by bit, with label, verdict and strangeness; `null` without
+    /// recorded beliefs.
     pub identical: Option<bool>,
-    /// Recorded beliefs that did not come again.
+    /// Number of recorded beliefs that were not reproduced.
     pub differing: usize,
-    /// Another network than the one that the recording keeps was asked for.
+    /// True if another network than the recorded one was requested.
     pub another_asked: bool,
-    /// Why the recording's end is missing, if it is.
+    /// Reason why the end of the recording is missing, if it is.
     pub cut: Option<String>,
 }
 
 impl ReplayReport {
-    /// Compares what came with what was recorded.
+    /// Compares replayed with recorded beliefs.
     ///
-    /// - `git`: commit of the program
-    /// - `another_asked`: another network than the one that the recording keeps was asked for
+    /// - `git`: git commit of the program
+    /// - `another_asked`: true if another network than the recorded one was requested
     ///
     /// # Errors
-    /// A wrong section of the classifier in the recorded table.
+    /// The recorded table has a wrong section of the classifier.
     pub fn new(
         git: &'static str,
         recording: &Recording,
@@ -92,7 +93,7 @@ impl ReplayReport {
     ) -> Result<Self, RecordingError> {
         let mut recorded = SweepBeliefs::recorded(recording)?;
         let replayed = SweepBeliefs::of(&played.beliefs);
-        // What was not played cannot come again.
+        // Sweeps that were not replayed cannot be compared.
         recorded.about.retain(|belief| {
             played
                 .last_frames
@@ -122,8 +123,8 @@ impl ReplayReport {
 impl fmt::Display for ReplayReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let alike: String = match self.identical {
-            None => "the recording has none to compare".into(),
-            Some(true) => "bit by bit as recorded".into(),
+            None => "the recording contains none to compare".into(),
+            Some(true) => "identical to the recorded ones".into(),
             Some(false) => format!(
                 "{} of {} recorded ones differ{}",
                 self.differing,
@@ -144,19 +145,21 @@ impl fmt::Display for ReplayReport {
             0 => Ok(()),
             more => write!(
                 f,
-                "; {more} more in the recording, about sweeps that lack their beginning or end, are not compared"
+                "; {more} more recorded ones are not compared since the beginning or end of their sweep is missing"
             ),
         }
     }
 }
 
-/// Puts frames and commands onto the channels at their times, and listens to the beliefs about them. Pauses of over a minute are cut to one.
+/// Puts frames and commands onto the channels at their recorded times, and collects the beliefs about them.
 ///
-/// - `speed`: how much faster than it happened
-/// - `stopped`: ends it early when it returns true
+/// Pauses of over one minute are shortened to one minute.
+///
+/// - `speed`: speed relative to the recording
+/// - `stopped`: ends the replay when it returns true
 ///
 /// # Errors
-/// Channels that are not there, or have broken down.
+/// A channel is missing or has failed.
 pub fn play(
     recording: &Recording,
     bus: &Bus,
@@ -204,7 +207,7 @@ pub fn play(
         let mut before_ns = entries().next().map_or(0, |entry| entry.time_ns);
         let mut due = 0.0;
         for entry in entries() {
-            // They are in the order of their times.
+            // Entries are ordered by time.
             let pause = entry.time_ns.saturating_sub(before_ns) as f64 / 1e9;
             before_ns = entry.time_ns;
             pauses_cut += usize::from(pause > LONGEST_PAUSE_S);
@@ -245,7 +248,7 @@ pub fn play(
     })
 }
 
-/// Waits until `due` seconds after `begun`; returns false when `stopped` does first.
+/// Waits until `due` seconds after `begun`. Returns false if `stopped` returns true first.
 fn wait_until(begun: Instant, due: f64, stopped: &dyn Fn() -> bool) -> bool {
     loop {
         if stopped() {
@@ -259,7 +262,7 @@ fn wait_until(begun: Instant, due: f64, stopped: &dyn Fn() -> bool) -> bool {
     }
 }
 
-/// Ends the listener, also when something went wrong.
+/// Ends the listener when dropped, also after an error.
 struct EndOnDrop<'a>(&'a AtomicBool);
 
 impl Drop for EndOnDrop<'_> {

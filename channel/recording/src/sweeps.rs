@@ -1,4 +1,4 @@
-//! From recorded frames to a data set.
+//! Conversion of recorded frames into a data set.
 
 use std::path::Path;
 
@@ -9,39 +9,39 @@ use tactnet_skin::{Frame, Segmentation, ServeConfig, SweepChange, SweepSegmenter
 use crate::RecordingError;
 use crate::recording::{RecordedPacket, Recording};
 
-/// Shape and rate of the sweeps of a recording, where it does not say.
+/// Shape and rate of the sweeps, for recordings that do not contain them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SweepSettings {
-    /// Frames of a sweep [default: those of the recorded model, or else 1000].
+    /// Frames per sweep [default: as in the recorded model, otherwise 1000].
     pub steps: Option<usize>,
-    /// Frames a second [default: those of the recorded model, or else by the frames' own clock].
+    /// Frames per second [default: as in the recorded model, otherwise estimated from the frames' clock].
     pub rate_hz: Option<f64>,
-    /// Rows and columns of taxels [default: those of the recorded model, or else a square].
+    /// Rows and columns of taxels [default: as in the recorded model, otherwise a square].
     pub rows_cols: Option<(usize, usize)>,
 }
 
-/// Sweeps that were found, and what became of the others.
+/// Sweeps of a recording.
 #[derive(Debug)]
 pub struct Sweeps {
-    /// With a label each.
+    /// Labelled sweeps.
     pub dataset: Dataset,
-    /// Sweeps that cannot be used, and why.
+    /// Reasons why sweeps were rejected, one per sweep.
     pub rejected: Vec<String>,
-    /// Whole sweeps of which nobody said what was swept over.
+    /// Number of complete sweeps without a label.
     pub unlabelled: usize,
 }
 
-/// A whole sweep.
-struct Found {
+/// A complete sweep.
+struct CompleteSweep {
     material: String,
     digits: Vec<f32>,
 }
 
-/// Cuts a recording into sweeps as the online classifier would, and labels them by the material of their start command, or else by the
-/// recording's.
+/// Cuts a recording into sweeps like the online classifier. The label is the material of the start command, otherwise
+/// that of the recording.
 ///
 /// # Errors
-/// No sweep with a label; frames whose taxels form no square where no model says how they lie.
+/// No sweep has a label; the number of taxels is not a square number and no model gives their rows and columns.
 pub fn sweeps(
     path: &Path,
     recording: &Recording,
@@ -77,24 +77,29 @@ pub fn sweeps(
         .rate_hz
         .or(model.map(|model| model.sample_rate_hz))
         .or_else(|| rate_of(recording))
-        .ok_or_else(|| unreadable("its frames do not say how many there are a second".into()))?;
+        .ok_or_else(|| RecordingError::UnknownRate { path: path.into() })?;
     let (rows, cols) = settings
         .rows_cols
         .or(model.map(|model| (model.rows as usize, model.cols as usize)))
         .unwrap_or((taxels.isqrt(), taxels.isqrt()));
     if rows * cols != taxels {
-        return Err(unreadable(format!(
-            "frames of {taxels} taxels, expected {rows} x {cols}; `--shape` names rows and columns"
-        )));
+        return Err(RecordingError::WrongShape {
+            path: path.into(),
+            taxels,
+            rows,
+            cols,
+        });
     }
     let frames = recording.entries.len();
     if steps == 0 || steps > frames {
         return Err(unreadable(format!(
-            "sweeps of {steps} frames, where {frames} messages were recorded"
+            "expected at least {steps} frames for one sweep, found {frames} messages"
         )));
     }
     if !(rate_hz.is_finite() && rate_hz > 0.0) {
-        return Err(unreadable(format!("{rate_hz} frames a second")));
+        return Err(unreadable(format!(
+            "expected a positive frame rate, found {rate_hz} Hz"
+        )));
     }
     let fallback = material.or(recording.material.as_deref());
     let by_command = config.segmenter.segmentation == Segmentation::Command;
@@ -108,7 +113,7 @@ pub fn sweeps(
             )
         })
         .collect();
-    let mut found: Vec<Found> = Vec::new();
+    let mut found: Vec<CompleteSweep> = Vec::new();
     let mut rejected = Vec::new();
     let mut unlabelled = 0;
     for entry in &recording.entries {
@@ -148,7 +153,7 @@ pub fn sweeps(
                 let (segmenter, material) = &fingers[number];
                 let label = material.as_deref().or(fallback);
                 match (label, segmenter.window().sweep()) {
-                    (Some(label), Some(digits)) => found.push(Found {
+                    (Some(label), Some(digits)) => found.push(CompleteSweep {
                         material: label.into(),
                         digits: digits.to_vec(),
                     }),
@@ -167,7 +172,8 @@ pub fn sweeps(
             rejected.len()
         )));
     }
-    // Labels that the recorded model knows keep their order, so that a network trained on these sweeps can take its place.
+    // Materials that the recorded model knows keep their order, so that a network trained on these sweeps can replace
+    // it.
     let mut names: Vec<&str> = Vec::new();
     if let Some(model) = model {
         let known = model.names.iter().take(model.materials as usize);
@@ -197,7 +203,7 @@ pub fn sweeps(
         counts[label] += 1;
     }
     let labels = LabelSet::new(names)?;
-    // Digits of an eight-bit skin stay bytes.
+    // The digits of an eight-bit skin stay bytes.
     let is_byte = |digit: &f32| digit.fract() == 0.0 && (0.0..=255.0).contains(digit);
     let digits = found.iter().flat_map(|sweep| &sweep.digits);
     let samples = if digits.clone().all(is_byte) {
@@ -221,7 +227,7 @@ pub fn sweeps(
     })
 }
 
-/// Returns the limits of a raw 8-bit skin where every frame is within them; the skin's values are not known otherwise.
+/// Returns 0 and 255 if all digits are in that range, which is that of a raw eight-bit skin. Other ranges are unknown.
 fn raw_digits(recording: &Recording) -> Option<[f32; 2]> {
     let ranges = recording
         .entries
@@ -235,7 +241,7 @@ fn raw_digits(recording: &Recording) -> Option<[f32; 2]> {
     (first == ValueRange::DIGITS && limits.all(|other| other == first)).then_some(first)
 }
 
-/// Frames a second, by numbers and times of the first and the last frame of a finger.
+/// Returns the frames per second, from numbers and times of the first and last frame of a finger.
 fn rate_of(recording: &Recording) -> Option<f64> {
     let frames = recording
         .entries

@@ -1,16 +1,17 @@
-//! The tactile channels in the Rerun viewer (<https://rerun.io>): live, from a recording, or the sweeps of a data set.
+//! Tactile channels in the Rerun viewer (<https://rerun.io>): live, from a recording, or the sweeps of a data set.
 //!
 //! | entity | content |
 //! |---|---|
 //! | `FINGER/heatmap` | `[rows, cols]` digits, 25 times a second |
-//! | `FINGER/traces` | one line a taxel, every frame, digits |
-//! | `FINGER/belief/bars/length`, `…/name` | the likeliest materials of the newest belief |
-//! | `FINGER/belief/posterior` | one line a material, of every belief |
-//! | `FINGER/belief/text` | the belief in words |
-//! | `FINGER/latency/plain`, `…/dropout` | from the last frame to the belief, ms |
-//! | `events` | what the classifier and the motion controller say |
+//! | `FINGER/traces` | one line per taxel, every frame, digits |
+//! | `FINGER/belief/bars/length`, `…/name` | the most likely materials of the newest belief |
+//! | `FINGER/belief/posterior` | one line per material, every belief |
+//! | `FINGER/belief/text` | the belief as text |
+//! | `FINGER/latency/plain`, `…/dropout` | time from the last frame to the belief, ms |
+//! | `events` | events of the classifier and the motion controller |
 //!
-//! `FINGER` is the id of its channel. All of it lies on the timeline `time`, frames also on `frame`, their sequence number.
+//! `FINGER` is the id of its channel. All entities use the timeline `time`; frames also use `frame`, their sequence
+//! number.
 
 mod bars;
 mod beliefs;

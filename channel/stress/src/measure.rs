@@ -12,7 +12,7 @@ use serde::Serialize;
 use tactnet_channel::percentile;
 use tactnet_process::ReadyProcess;
 
-use tactnet_channel::own_bus_name;
+use tactnet_channel::temporary_bus_name;
 
 use crate::plan::{Cell, StressDomain, Transport};
 use crate::{ClientTask, END, Failure, Master, PATIENCE, channel, futex, iceoryx, unix};
@@ -139,7 +139,7 @@ impl Cell {
         program: &Path,
         arguments: &[&str],
     ) -> Result<(Vec<Duration>, usize), Failure> {
-        let name = own_bus_name("stress");
+        let name = temporary_bus_name("stress");
         let mut open = Opened::open(self, &name)?;
         let mut clients = Clients::start(self, &name, &open, program, arguments)?;
         let master = &mut *open.master;

@@ -221,7 +221,7 @@ pub fn packets_that_are_too_large_are_refused(world: &World) {
     let error = put.loan(5).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "channel `a`: a packet holds at most 4 items, asked for were 5"
+        "channel `a`: expected at most 4 items in a packet, found 5"
     );
     // Largest and empty packets travel.
     let get = ends.far.get_port::<Reading>("a", Start::Now).unwrap();
@@ -247,12 +247,11 @@ pub fn ports_of_another_type_are_refused(world: &World) {
         .unwrap_err();
     assert_eq!(
         put.to_string(),
-        "channel `a`: it carries `Reading` version 3 of 72 bytes, asked for was `f32` version 1 of 4 bytes"
+        "channel `a`: expected packets of `Reading` version 3 of 72 bytes, found `f32` version 1 of 4 bytes"
     );
     let get = ends.far.get_port::<Newer>("a", Start::Now).unwrap_err();
     assert!(
-        get.to_string()
-            .contains("asked for was `Reading` version 4"),
+        get.to_string().contains("found `Reading` version 4"),
         "{get}"
     );
     let none = ends.far.get_port::<Newer>("b", Start::Now).unwrap_err();

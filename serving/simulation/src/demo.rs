@@ -3,7 +3,7 @@
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 
-use tactnet_channel::{Bus, Domain, Table, own_bus_name, remove_bus};
+use tactnet_channel::{Bus, Domain, Table, remove_bus, temporary_bus_name};
 use tactnet_serving::web::Dashboard;
 use tactnet_skin::ServeConfig;
 
@@ -46,7 +46,7 @@ impl Demo {
         listener: TcpListener,
     ) -> Result<Self, SimulationError> {
         let config = ServeConfig::default();
-        let table = config.table(&own_bus_name("demo"));
+        let table = config.table(&temporary_bus_name("demo"));
         let path = write_table(&table, folder)?;
         let (run, sweeps) = (run.display().to_string(), sweeps.display().to_string());
         let mut demo = Self {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tactnet_channel::{Bus, Domain, Hub, Network, OwnBus, Table, own_bus_name};
+use tactnet_channel::{Bus, Domain, Hub, Network, Table, TemporaryBus, temporary_bus_name};
 use tactnet_recording::{Played, Recording, play};
 use tactnet_serving::ServeReport;
 
@@ -29,7 +29,7 @@ pub fn replay_alone(
     stopped: &dyn Fn() -> bool,
 ) -> Result<(Played, u64), SimulationError> {
     let mut table = Table {
-        bus: own_bus_name("replay"),
+        bus: temporary_bus_name("replay"),
         network: Network::default(),
         ..recording.table.clone()
     };
@@ -37,7 +37,7 @@ pub fn replay_alone(
         channel.distributed = false;
     }
     let path = write_table(&table, folder)?;
-    let _own = OwnBus(&table);
+    let _own = TemporaryBus(&table);
     let hub = Hub::spawn(&table)?;
     let run = run.display().to_string();
     let serve = ["serve", "--json", "--metrics", "off", "--run", &run];

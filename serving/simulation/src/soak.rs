@@ -7,7 +7,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use tactnet_channel::{Bus, Domain, Hub, OwnBus, Start, Table, Wait, now_ns, own_bus_name};
+use tactnet_channel::{
+    Bus, Domain, Hub, Start, Table, TemporaryBus, Wait, now_ns, temporary_bus_name,
+};
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Stage, TactileBelief};
 
@@ -59,10 +61,10 @@ impl Soak<'_> {
         stopped: &dyn Fn() -> bool,
     ) -> Result<SoakReport, SimulationError> {
         let config = ServeConfig::default();
-        let table = config.table(&own_bus_name("soak"));
+        let table = config.table(&temporary_bus_name("soak"));
         let table = self.company.channels(table, self.program)?;
         let path = write_table(&table, self.folder)?;
-        let _own = OwnBus(&table);
+        let _own = TemporaryBus(&table);
         let hub = Hub::spawn(&table)?;
         let measured = self.measure(played, &table, &path, &mut on_turn, stopped);
         drop(hub);

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::bail;
 use tactnet_catching_roles::RoleSettings;
 use tactnet_catching_stage::{CatchRun, Feel, StageError, WorldSettings};
-use tactnet_channel::{Bus, Domain, Hub, OwnBus, own_bus_name};
+use tactnet_channel::{Bus, Domain, Hub, TemporaryBus, temporary_bus_name};
 use tactnet_serving::web::Dashboard;
 use tactnet_skin::ServeConfig;
 
@@ -54,10 +54,10 @@ pub fn run(
         priority: None,
     };
     let config = ServeConfig::default();
-    let channels = catch.channels(config.table(&own_bus_name("demo")))?;
+    let channels = catch.channels(config.table(&temporary_bus_name("demo")))?;
     let path = folder.join("robot.toml");
     std::fs::write(&path, channels.to_toml())?;
-    let _own = OwnBus(&channels);
+    let _own = TemporaryBus(&channels);
     let hub = Hub::spawn(&channels)?;
     let bus = Bus::open(Domain::Host, &table::load(&path)?)?;
     let mut page = Dashboard::open(&bus, &config, listener)?;

@@ -1,4 +1,4 @@
-// The robot's channels for C++17: channel.h with ports, loans and packets that give themselves back, and failures as exceptions.
+// The robot's channels for C++17: ports, loans and packets as move-only types that release themselves, and errors as exceptions.
 //
 //   tactnet::bus bus("robot.toml");
 //   auto skin = bus.put_port<tactnet_skin_frame>("skin/right", TACTNET_PRIORITY_HIGH);
@@ -6,7 +6,7 @@
 //   frame->sequence = 1;
 //   skin.put(std::move(frame));
 //
-// A packet of one's own needs `template <> struct tactnet::packet_traits<mine>` with `name` and `version`. Thread rules are those of channel.h.
+// A custom packet needs `template <> struct tactnet::packet_traits<mine>` with `name` and `version`. The thread rules of channel.h apply.
 #ifndef TACTNET_CHANNEL_HPP
 #define TACTNET_CHANNEL_HPP
 
@@ -26,7 +26,7 @@
 
 namespace tactnet {
 
-/// A failure of the channels; `what` is its text.
+/// Error of the channels; `what()` returns its text.
 class error : public std::runtime_error {
 public:
   explicit error(tactnet_outcome outcome) : std::runtime_error(tactnet_last_error()), outcome_(outcome) {}
@@ -36,9 +36,9 @@ private:
   tactnet_outcome outcome_;
 };
 
-/// How long to wait.
+/// Maximum time to wait; negative: no timeout.
 using timeout = std::chrono::nanoseconds;
-/// Waits until something comes.
+/// No timeout.
 inline constexpr timeout for_ever{-1};
 
 namespace detail {
@@ -47,7 +47,7 @@ inline void check(tactnet_outcome outcome) {
   if (outcome != TACTNET_OUTCOME_OK) throw error(outcome);
 }
 
-/// Whether something came in time.
+/// Returns false after a timeout; throws for errors.
 inline bool came(tactnet_outcome outcome) {
   if (outcome == TACTNET_OUTCOME_TIMEOUT) return false;
   check(outcome);
@@ -74,7 +74,7 @@ tactnet_packet packet() {
 template <class T>
 class put_port;
 
-/// A packet that is being written in shared memory; it goes back unsent unless it is put.
+/// A packet that is being written in shared memory. If it is not put, it is released unsent.
 template <class T>
 class loan {
 public:
@@ -102,7 +102,7 @@ private:
   tactnet_loaned loaned_{};
 };
 
-/// A packet where its sender wrote it; keep it for a short while only.
+/// A received packet in its sender's memory. Release it soon: a port holds only a few.
 template <class T>
 class received {
 public:
@@ -126,11 +126,11 @@ public:
   const T *operator->() const noexcept { return begin(); }
   /// Random number of the put-port that sent it.
   std::uint64_t sender() const noexcept { return received_.sender; }
-  /// Counts that put-port's packets from 0.
+  /// Sequence number of the packet at that put-port, from 0.
   std::uint64_t sequence() const noexcept { return received_.sequence; }
-  /// When it was put, by the sender's `tactnet_now_ns`.
+  /// Time of the put, by the sender's `tactnet_now_ns`.
   std::uint64_t put_ns() const noexcept { return received_.put_ns; }
-  /// Whether it came from another host.
+  /// Returns true if it came from another host.
   bool remote() const noexcept { return received_.remote != 0; }
 
 private:
@@ -141,14 +141,14 @@ private:
 template <class T>
 class put_port {
 public:
-  /// A packet of `count` items to be written in place; what it holds a former packet left.
+  /// Returns a packet of `count` items to be written in place. Its content is undefined.
   tactnet::loan<T> loan(std::size_t count = 1) const { return tactnet::loan<T>(port_.get(), count); }
   /// Sends a loaned packet.
   void put(tactnet::loan<T> &&loan) const { detail::check(tactnet_put_loan(port_.get(), &loan.loaned_)); }
   /// Sends a copy.
   void put(const T &item) const { put(&item, 1); }
   void put(const T *items, std::size_t count) const { detail::check(tactnet_put(port_.get(), items, count)); }
-  /// Connects to get-ports that came since the last packet.
+  /// Connects to new get-ports now. Otherwise the next put does so, and allocates.
   void connect() const { detail::check(tactnet_put_port_connect(port_.get())); }
 
 private:
@@ -161,15 +161,15 @@ private:
 template <class T>
 class get_port {
 public:
-  /// The next packet, waited for until the timeout; nothing after it.
+  /// Waits for the next packet. Returns nothing after the timeout.
   std::optional<received<T>> get(timeout patience = for_ever) {
     tactnet_received packet;
     if (!detail::came(tactnet_get(port_.get(), patience.count(), &packet))) return std::nullopt;
     return received<T>(packet);
   }
-  /// The next packet, where there is one.
+  /// Returns the next packet if there is one.
   std::optional<received<T>> try_get() { return get(timeout::zero()); }
-  /// Packets that were put but never got here.
+  /// Number of packets that were put but did not arrive.
   std::uint64_t lost() const noexcept { return tactnet_get_port_lost(port_.get()); }
   const tactnet_get_port *handle() const noexcept { return port_.get(); }
 
@@ -182,7 +182,7 @@ private:
 /// Get-ports that are waited for together.
 class sync_group {
 public:
-  /// The place of a port that has a packet; nothing after the timeout.
+  /// Waits until a port has a packet. Returns its index in the group, or nothing after the timeout.
   std::optional<std::size_t> wait(timeout patience = for_ever) {
     std::size_t port = 0;
     if (!detail::came(tactnet_sync_group_wait(group_.get(), patience.count(), &port))) return std::nullopt;
@@ -195,7 +195,7 @@ private:
   detail::handle<tactnet_sync_group, tactnet_sync_group_close> group_;
 };
 
-/// Access to the channels of a table, which a hub of this host holds.
+/// Access to the channels of a table that a hub of this host holds.
 class bus {
 public:
   explicit bus(const std::string &table) {
@@ -212,7 +212,7 @@ public:
     return tactnet::put_port<T>(opened);
   }
 
-  /// With the last `history` packets of every sender first, where the channel keeps them.
+  /// Opens a port that first gets the last `history` packets of every sender, if the channel keeps them.
   template <class T>
   tactnet::get_port<T> get_port(const std::string &channel, std::size_t history = 0) const {
     const tactnet_packet packet = detail::packet<T>();

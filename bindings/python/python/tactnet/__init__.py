@@ -1,17 +1,17 @@
-"""Which material did the fingertip sweep over, and how sure is that?
+"""Material classification from tactile sweeps, with probabilities.
 
-Sweeps are NumPy arrays ``X`` of shape ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, with a material ``y`` for each.
+Sweeps are NumPy arrays ``X`` of shape ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``; ``y`` has one material per sweep.
 
 >>> import tactnet
 >>> classifier = tactnet.TactNetClassifier(rate=750).fit(X, y)     # doctest: +SKIP
 >>> classifier.predict_proba(X_new)                                # doctest: +SKIP
 
-- :class:`Dataset`: sweeps with materials, rate and recording blocks; files of any format, checks, folds.
-- :func:`read_sweeps`: sweeps without materials, from files.
-- :class:`TactNetClassifier`, :class:`MiniRocketClassifier`, …: estimators of scikit-learn.
-- :mod:`tactnet.aeon`: the same for collections of aeon, ``(cases, channels, timepoints)``.
-- :mod:`tactnet.channel`: frames and beliefs on the robot's channels.
-- :class:`Recording`: MCAP files of ``tactnet record``.
+- :class:`Dataset`: labelled sweeps with rate and recording blocks; reads all formats, checks data, makes folds.
+- :func:`read_sweeps`: sweeps without labels, from files.
+- :class:`TactNetClassifier`, :class:`MiniRocketClassifier`, …: scikit-learn estimators.
+- :mod:`tactnet.aeon`: the same classifiers for aeon collections, ``(cases, channels, timepoints)``.
+- :mod:`tactnet.channel`: frames, commands and beliefs on the robot's channels.
+- :class:`Recording`: recordings of channels (MCAP files).
 """
 
 from ._dataset import Dataset, Finding, Sweeps, read_sweeps

@@ -14,20 +14,20 @@ from ._tactnet import TactnetError
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong or odd about a data set."""
+    """One finding of the check of a data set."""
 
     severity: str
-    """``error``, ``warning`` or ``note``; ``tactnet train`` refuses errors."""
+    """``error``, ``warning`` or ``note``."""
     kind: str
     """``not_finite``, ``dead_taxel``, ``assumed_rate``, …"""
     message: str
-    """A sentence: material, sweep, taxels, numbers."""
+    """Message with material, sweep, taxels and numbers."""
 
 
 def native_values(X: Any) -> np.ndarray:
-    """Returns ``X`` as ``(sweeps, steps, rows, cols)`` of a type that is kept: uint8, uint16 or float32.
+    """Returns ``X`` as ``(sweeps, steps, rows, cols)`` of a supported type: uint8, uint16 or float32.
 
-    Raises TactnetError for arrays of other axes, for words, and for numbers that a 32-bit float cannot hold.
+    Raises TactnetError for arrays with other axes, for text, and for numbers out of the range of a 32-bit float.
     """
     X = np.asarray(X)
     if X.ndim == 3:
@@ -49,11 +49,11 @@ def native_values(X: Any) -> np.ndarray:
         elif max(-low, high) <= 1 << 24:
             X = X.astype(np.float32)
         else:
-            raise TactnetError(f"X: expected values that a 32-bit float holds, found {low} to {high}")
+            raise TactnetError(f"X: expected values in the range of a 32-bit float, found {low} to {high}")
     elif X.dtype.kind == "f":
         finite = np.isfinite(X)
         if X.dtype.itemsize > 4 and (np.abs(X, where=finite, out=np.zeros_like(X)) > np.finfo(np.float32).max).any():
-            raise TactnetError("X: expected values that a 32-bit float holds, found larger ones")
+            raise TactnetError("X: expected values in the range of a 32-bit float, found larger ones")
         X = X.astype(np.float32, copy=False)
     elif X.dtype not in (np.uint8, np.uint16):
         raise TactnetError(f"X: expected numbers, found {X.dtype}")
@@ -61,9 +61,7 @@ def native_values(X: Any) -> np.ndarray:
 
 
 class Dataset:
-    """Sweeps of a tactile skin, each with its material.
-
-    Made by :meth:`from_arrays`, :meth:`read` or :meth:`twin`.
+    """Labelled sweeps of a tactile skin, from :meth:`from_arrays`, :meth:`read` or :meth:`twin`.
     """
 
     def __init__(self, native: _tactnet.Dataset):
@@ -78,16 +76,16 @@ class Dataset:
         blocks: Sequence[int] | None = None,
         name: str = "arrays",
     ) -> Dataset:
-        """Puts a data set together.
+        """Creates a data set from arrays.
 
-        X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, any numbers; copied once.
-        y: a material for each sweep, names or numbers.
-        rate: frames a second; None: 750 is assumed, and :attr:`rate_is_assumed` says so.
-        blocks: the recording block of each sweep, for :meth:`folds` that leave blocks out.
+        X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, any numeric type; copied once.
+        y: one material per sweep, as names or numbers.
+        rate: frames per second; None: 750, and :attr:`rate_is_assumed` is true.
+        blocks: recording block of each sweep, for the scheme ``leave-block-out`` of :meth:`folds`.
         """
         y = np.asarray(y)
         if y.ndim != 1:
-            raise TactnetError(f"y: expected a material for each sweep, found shape {y.shape}")
+            raise TactnetError(f"y: expected one material per sweep, found shape {y.shape}")
         materials, labels = np.unique(y, return_inverse=True)
         native = _tactnet.Dataset.from_arrays(
             native_values(X),
@@ -101,11 +99,9 @@ class Dataset:
 
     @classmethod
     def read(cls, path: Any, rate: float | None = None) -> Dataset:
-        """Reads HDF5, npz, CSV, Parquet or a folder of CSV, as ``tactnet data import`` does.
+        """Reads HDF5, npz, CSV, Parquet or a folder of CSV. :func:`read_sweeps` reads files without labels.
 
-        rate: frames a second, for files that do not say.
-
-        Sweeps without materials need no data set: :func:`read_sweeps` opens them, ``predict`` of a classifier takes arrays.
+        rate: frames per second, for files that do not contain it.
         """
         return cls(_tactnet.Dataset.read(path, rate))
 
@@ -113,7 +109,7 @@ class Dataset:
     def twin(cls, **settings: Any) -> Dataset:
         """Generates the synthetic twin of TactMat.
 
-        settings: ``materials``, ``sweeps`` of each, ``steps``, ``seed``, ``version``.
+        settings: ``materials``, ``sweeps`` per material, ``steps``, ``seed``, ``version``.
         """
         return cls(_tactnet.Dataset.twin(**settings))
 
@@ -122,34 +118,34 @@ class Dataset:
         self._native.write(path)
 
     def check(self) -> list[Finding]:
-        """Returns what is wrong or odd, errors first."""
+        """Checks the data and returns the findings, errors first."""
         found = json.loads(self._native.check_json())["findings"]
         return [Finding(entry["severity"], entry["kind"], entry["message"]) for entry in found]
 
     def folds(
         self, scheme: str = "default", folds: int | None = None, seed: int = 1, repeat: int = 0
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Returns ``(train, test)`` indices of every fold: those of the command line for equal seeds. Serves as ``cv`` in scikit-learn.
+        """Returns ``(train, test)`` indices of every fold, usable as ``cv`` in scikit-learn. Equal seeds give the folds of the command line.
 
-        scheme: ``default`` (the file's own test sweeps, else stratified folds), ``k-fold`` or ``leave-block-out``.
-        folds: how many of ``k-fold``, which it stands for where no scheme is named; None: 5.
+        scheme: ``default`` (the file's own test sweeps, otherwise stratified folds), ``k-fold`` or ``leave-block-out``.
+        folds: number of folds; implies ``k-fold`` for the default scheme; None: 5.
         """
         if not isinstance(scheme, str):
-            raise TactnetError(f"scheme: expected default, k-fold or leave-block-out, found {scheme!r}; a number of folds is named, folds={scheme!r}")
+            raise TactnetError(f"scheme: expected default, k-fold or leave-block-out, found {scheme!r}; pass a number of folds as `folds={scheme!r}`")
         if folds is not None and scheme == "default":
             scheme = "k-fold"
         if folds is not None and scheme != "k-fold":
-            raise TactnetError(f"folds: expected none with {scheme}, which has as many as the data, found {folds}")
+            raise TactnetError(f"folds: expected None with {scheme}, whose folds follow from the data, found {folds}")
         return self._native.folds(scheme, 5 if folds is None else folds, seed, repeat)
 
     @property
     def X(self) -> np.ndarray:
-        """``(sweeps, steps, rows, cols)``, a copy; uint8, uint16 or float32, the smallest type that holds the values."""
+        """Copy of the sweeps, ``(sweeps, steps, rows, cols)``, in the smallest type that holds the values: uint8, uint16 or float32."""
         return self._native.samples
 
     @property
     def y(self) -> np.ndarray:
-        """``(sweeps,)``: the names of the materials."""
+        """Material of each sweep, ``(sweeps,)``."""
         return np.asarray(self.materials)[self._native.labels]
 
     @property
@@ -159,22 +155,22 @@ class Dataset:
 
     @property
     def blocks(self) -> np.ndarray | None:
-        """``(sweeps,)``: recording blocks, or None."""
+        """Recording block of each sweep, ``(sweeps,)``, or None."""
         return self._native.blocks
 
     @property
     def rate(self) -> float:
-        """Frames a second."""
+        """Frames per second."""
         return self._native.rate_hz
 
     @property
     def rate_is_assumed(self) -> bool:
-        """True if nobody said the rate."""
+        """True if the rate is unknown and 750 is assumed."""
         return self._native.rate_is_assumed
 
     @property
     def sha256(self) -> str:
-        """SHA-256 over the content, whatever file it came in."""
+        """SHA-256 of the content, independent of the file format."""
         return self._native.sha256
 
     def __len__(self) -> int:
@@ -185,23 +181,23 @@ class Dataset:
 
 
 class Sweeps(NamedTuple):
-    """Sweeps without materials, as ``predict`` takes them."""
+    """Unlabelled sweeps, for ``predict``."""
 
     X: np.ndarray
     """``(sweeps, steps, rows, cols)``."""
     names: list[str]
-    """``(sweeps,)``: names of files or of sweeps in a table; numbers from 0 where there are none."""
+    """Names of files or of sweeps in a table, ``(sweeps,)``; otherwise numbers from 0."""
     rate: float
-    """Frames a second."""
+    """Frames per second."""
     rate_is_assumed: bool
-    """True if nobody said the rate."""
+    """True if the rate is unknown and 750 is assumed."""
 
 
 def read_sweeps(path: Any, rate: float | None = None, steps: int | None = None) -> Sweeps:
-    """Reads sweeps whose materials nobody needs to name: any file that :meth:`Dataset.read` takes, npz with ``X`` alone, CSV and Parquet without a column of materials.
+    """Reads unlabelled sweeps: all files of :meth:`Dataset.read`, npz with ``X`` only, CSV and Parquet without a column of materials.
 
-    rate: frames a second, for files that do not say.
-    steps: frames of every sweep that are kept, from its beginning; None: all.
+    rate: frames per second, for files that do not contain it.
+    steps: number of frames to keep, from the beginning of every sweep; None: all.
     """
     native, names = _tactnet.Dataset.read_unlabelled(path, rate, steps)
     return Sweeps(native.samples, names, native.rate_hz, native.rate_is_assumed)

@@ -1,4 +1,4 @@
-"""Classifiers as estimators of scikit-learn; without scikit-learn they work on their own."""
+"""Classifiers as scikit-learn estimators. They also work without scikit-learn."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ except ImportError:
     from ._without_sklearn import BaseEstimator, ClassifierMixin, check_classification_targets, check_is_fitted, validate_data
 
 
-#: What a saved network is called.
+#: Name of a saved network in error messages.
 NETWORK = "a network"
 
 
 def fuse(log_proba: Any) -> np.ndarray:
-    """Returns ``(materials,)``: the posterior of one object from several sweeps, by Bayes's rule from equal priors.
+    """Returns ``(materials,)``: the posterior of one object from several sweeps, by Bayes' rule with equal priors.
 
-    log_proba: ``(sweeps, materials)``, natural logarithms, as ``predict_log_proba`` returns; probabilities are refused.
+    log_proba: ``(sweeps, materials)``, natural logarithms from ``predict_log_proba``. Raises TactnetError for probabilities.
     """
     log_proba = np.ascontiguousarray(log_proba, dtype=np.float64)
     if log_proba.ndim != 2 or log_proba.shape[1] == 0:
         raise TactnetError(f"log_proba: expected (sweeps, materials), found shape {log_proba.shape}")
-    # Logarithms of probabilities are at most 0, and only those of a single certain material are all 0 or more.
+    # Logarithms of probabilities are negative, except for a single certain material.
     if log_proba.size and log_proba.shape[1] > 1 and (log_proba >= 0).all() and np.allclose(log_proba.sum(axis=1), 1, atol=1e-3):
-        raise TactnetError("log_proba: expected logarithms, found probabilities; predict_log_proba returns them, or np.log")
+        raise TactnetError("log_proba: expected logarithms, found probabilities; use predict_log_proba or np.log")
     return _tactnet.fuse(log_proba)
 
 
 def refuse_gaps(X: Any) -> None:
-    """Raises TactnetError where sweeps have values that are not finite; what is no array of sweeps is left to others."""
+    """Raises TactnetError for sweeps with values that are not finite. Other arrays are checked elsewhere."""
     values = np.asarray(X)
     if values.ndim < 3 or values.dtype.kind != "f":
         return
@@ -52,24 +52,24 @@ def refuse_gaps(X: Any) -> None:
         raise TactnetError(f"X: expected finite numbers, found NaN or infinity in {odd.sum()} of {len(values)} sweeps, the first X[{odd.argmax()}]")
 
 
-#: Errors of :meth:`Dataset.check` that the command line refuses and ``fit`` refuses, too.
+#: Findings of :meth:`Dataset.check` that are errors in ``fit``.
 REFUSED = ("not_finite", "constant_sweep")
 
-#: Findings that ``fit`` warns of. Equal sweeps are an error of the check because of test sweeps, of which ``fit`` knows nothing: a bootstrap
-#: repeats sweeps. Too few sweeps of a material for folds are no matter of ``fit`` either.
+#: Findings that are warnings in ``fit``. Equal sweeps are an error of the check, since one of them may be a test sweep, but a bootstrap
+#: sample contains them legitimately.
 WARNED = {
     "axis_order": "{message}",
-    "identical_sweeps": "{message}; if one of two equal sweeps is a test sweep, the accuracy means nothing",
+    "identical_sweeps": "{message}; if one of two equal sweeps is a test sweep, the accuracy is invalid",
 }
 
 
 class SweepClassifier(ClassifierMixin, BaseEstimator):
-    """What all classifiers of sweeps share.
+    """Base class of all classifiers.
 
     X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, finite numbers in the skin's unit.
-    y: a material for each sweep.
+    y: one material per sweep.
 
-    Attributes after ``fit``: ``classes_`` ``(materials,)``, in the order of the columns of probabilities.
+    Attributes after ``fit``: ``classes_`` ``(materials,)``, in the order of the probability columns.
     """
 
     def __init__(self, *, rate: float | None = None, seed: int = 1):
@@ -91,8 +91,8 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
     def fit(self, X: Any, y: Any) -> SweepClassifier:
         """Fits to all sweeps.
 
-        Raises TactnetError, a ValueError, for sweeps that cannot be learnt from: values that are not finite, sweeps in which no taxel
-        changes. Warns where the axes seem to be in another order, and of equal sweeps. Ctrl-C stops a network's training at the next batch.
+        Raises TactnetError, a ValueError, for values that are not finite and for sweeps in which no taxel changes. Warns if the axes seem
+        to be in another order, and of equal sweeps. Ctrl-C stops the training of a network at the next batch.
         """
         refuse_gaps(X)
         X, y = validate_data(self, X, y, allow_nd=True, dtype=None)
@@ -111,7 +111,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         return None
 
     def _check_sweeps(self, data: Dataset) -> None:
-        """Refuses training sweeps that cannot be learnt from, and warns of odd ones, once for each kind of finding."""
+        """Raises TactnetError for unusable training sweeps, and warns once per kind of other findings."""
         told = set()
         for finding in json.loads(data._native.check_json())["findings"]:
             kind, message, sweep = finding["kind"], finding["message"], finding["at"]["sweep"]
@@ -124,12 +124,12 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
                 warnings.warn(WARNED[kind].format(message=message), UserWarning, stacklevel=3)
 
     def _sweeps(self, X: np.ndarray) -> np.ndarray:
-        """Returns the sweeps that validated input stands for."""
+        """Returns the sweeps of validated input; the tests override it."""
         return X
 
     def _dataset(self, X: Any) -> Any:
         check_is_fitted(self, "classifier_")
-        # Of more than two axes the error below says what was expected; scikit-learn would call steps features.
+        # For more than two axes the error below is clearer: scikit-learn would call steps features.
         many_axes = np.asarray(X).ndim > 2
         if many_axes:
             refuse_gaps(X)
@@ -147,7 +147,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         return _tactnet.Dataset.from_arrays(values, labels, ["unlabelled"], self.classifier_.rate_hz)
 
     def predict_log_proba(self, X: Any) -> np.ndarray:
-        """Returns ``(sweeps, materials)``, the natural log of the probabilities."""
+        """Returns ``(sweeps, materials)``, the natural logarithms of the probabilities."""
         data = self._dataset(X)
         return self.classifier_.predict_log_proba(data)
 
@@ -156,13 +156,12 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         return np.exp(self.predict_log_proba(X))
 
     def predict(self, X: Any) -> np.ndarray:
-        """Returns ``(sweeps,)``, the most probable material of each."""
+        """Returns ``(sweeps,)``, the most probable material of each sweep."""
         best = np.argmax(self.predict_log_proba(X), axis=1)
         return self.classes_[best]
 
     def predict_table(self, X: Any) -> Any:
-        """Returns a pandas DataFrame with a row per sweep: ``material``, ``probability``, and a column per material; ``to_parquet``,
-        ``to_csv`` and ``pyarrow.Table.from_pandas`` go on from there."""
+        """Returns a pandas DataFrame with a row per sweep: ``material``, ``probability``, and one probability column per material."""
         import pandas
 
         probabilities = self.predict_proba(X)
@@ -172,28 +171,27 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         return pandas.DataFrame(columns)
 
     def save(self, folder: Any) -> None:
-        """Saves into a new folder, which the command line opens, too: ``tactnet eval``, ``predict``, ``serve``, ``export``.
+        """Saves into a new folder, which the command line can open as well.
 
-        Raises TactnetError for a folder that holds anything already; nothing is replaced.
+        Raises TactnetError if the folder contains files; nothing is overwritten.
         """
         check_is_fitted(self, "classifier_")
         folder = Path(folder)
         if folder.is_dir() and any(folder.iterdir()):
-            raise TactnetError(f"{folder}: expected a new or an empty folder, found files; name another, or remove it first")
+            raise TactnetError(f"{folder}: expected a new or an empty folder, found files; choose another folder or remove this one")
         self.classifier_.save(folder)
 
     @classmethod
     def _settings_of(cls, model: str) -> dict[str, Any] | None:
-        """Returns the settings that a saved model of this class had, None where it is of another class."""
+        """Returns the settings of a saved model of this class; None for models of other classes."""
         return {}
 
     @classmethod
     def load(cls, folder: Any) -> SweepClassifier:
-        """Opens a folder of :meth:`save`, ``tactnet train`` or ``tactnet enroll``; ``classes_`` are then names.
+        """Opens a folder of :meth:`save` or a run directory of the command line; ``classes_`` are then names.
 
-        ``SweepClassifier.load`` opens any and returns it with its own class; a baseline of a recipe that no class stands for, as
-        ``means``, is then a SweepClassifier, which predicts and cannot be fitted anew. Raises TactnetError where a folder holds a
-        classifier of another class than the one it is opened by.
+        ``SweepClassifier.load`` opens any classifier and returns an object of its class. A baseline without a class, such as ``means``,
+        becomes a SweepClassifier that can predict, but not fit. Other classes raise TactnetError for a classifier of another class.
         """
         native = _tactnet.Classifier.load(folder)
         described = json.loads((Path(folder) / "config.json").read_text())["classifier"]["model"]
@@ -203,7 +201,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
             cls = own
         settings = cls._settings_of(model)
         if settings is None:
-            raise TactnetError(f"{folder}: expected a classifier of {cls.__name__}, found {model}; {own.__name__}.load opens it")
+            raise TactnetError(f"{folder}: expected a classifier of {cls.__name__}, found {model}; use {own.__name__}.load")
         loaded = cls(rate=native.rate_hz, **settings)
         loaded.classifier_ = native
         loaded.classes_ = np.asarray(native.materials)
@@ -235,14 +233,14 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
 
 
 class TactNetClassifier(SweepClassifier):
-    """A network: TactNet-II (Tulbure & Bäuml, Humanoids 2018), or a smaller one on the spectra of short windows (``recipe="spectra"``).
+    """A network: TactNet-II (Tulbure & Bäuml, Humanoids 2018), or a smaller one on spectra of short windows (``recipe="spectra"``).
 
-    recipe: ``fast``, ``spectra``, ``thesis`` (200 adversarial epochs, as published), or a TOML file (``tactnet train --print-recipe fast`` prints one).
-    epochs: passes over the sweeps instead of the recipe's.
-    levels: ``kept`` or ``removed``: whether a taxel's mean over the sweep may be used; None: as the recipe says.
-    rate: frames a second; None: not known, and sweeps of any rate are taken.
-    seed: names every random choice; equal seeds give equal bits, also on the command line.
-    progress: shows a bar of batches (with tqdm, where it is installed).
+    recipe: ``fast``, ``spectra``, ``thesis`` (200 adversarial epochs, as published), or the path of a TOML file.
+    epochs: number of epochs instead of the recipe's.
+    levels: ``kept`` or ``removed``: use of a taxel's mean over the sweep; None: as in the recipe.
+    rate: frames per second; None: unknown, and sweeps of any rate are accepted.
+    seed: seed of all random numbers; equal seeds give identical results, also on the command line.
+    progress: shows a progress bar of batches (with tqdm if installed).
     """
 
     def __init__(
@@ -295,15 +293,15 @@ class TactNetClassifier(SweepClassifier):
         return {} if model == NETWORK else None
 
     def unknown_score(self, X: Any) -> np.ndarray:
-        """Returns ``(sweeps,)``: larger for sweeps that are less like a known material.
+        """Returns ``(sweeps,)``, a score that is larger for sweeps unlike any known material.
 
-        The mutual information of material and dropout masks, nats (Gal & Ghahramani, 2016).
+        It is the mutual information of material and dropout masks in nats (Gal & Ghahramani, 2016).
         """
         data = self._dataset(X)
         return self.classifier_.unknown_scores(data)
 
     def enroll(self, X: Any, material: Any) -> TactNetClassifier:
-        """Returns a classifier that knows one material more, from a few sweeps of it; this one stays as it is."""
+        """Returns a classifier with one more material, learned from a few sweeps of it. This object is unchanged."""
         data = self._dataset(X)
         grown = copy_without_classifier(self)
         grown.classifier_ = self.classifier_.enroll(str(material), data)
@@ -311,13 +309,13 @@ class TactNetClassifier(SweepClassifier):
         return grown
 
     def online(self) -> OnlineClassifier:
-        """Returns the same network for one sweep as it happens, frame by frame."""
+        """Returns the same network for frame-by-frame classification."""
         check_is_fitted(self, "classifier_")
         return OnlineClassifier(self.classifier_.online(), self.classes_)
 
 
 def copy_without_classifier(estimator: SweepClassifier) -> SweepClassifier:
-    """Returns a fitted estimator's copy that lacks the native classifier."""
+    """Returns a copy of a fitted estimator without the native classifier."""
     copied = type(estimator)(**estimator.get_params())
     for name, value in vars(estimator).items():
         if name != "classifier_":
@@ -326,7 +324,7 @@ def copy_without_classifier(estimator: SweepClassifier) -> SweepClassifier:
 
 
 class OnlineClassifier:
-    """Follows one sweep at a time, and fuses the sweeps of one object.
+    """Classifies one sweep at a time, frame by frame, and fuses the sweeps of one object.
 
     Attributes: ``classes_``, in the order of probabilities.
     """
@@ -340,29 +338,29 @@ class OnlineClassifier:
         self._native.begin()
 
     def push(self, digits: Any) -> None:
-        """Takes the next frame, ``(taxels,)`` or ``(rows, cols)``, as recorded."""
+        """Adds the next frame, ``(taxels,)`` or ``(rows, cols)``, in raw digits."""
         self._native.push(np.ascontiguousarray(digits, dtype=np.float32).reshape(-1))
 
     def predict_proba(self, dropout: bool = False) -> np.ndarray:
-        """Returns ``(materials,)`` from the sweep so far.
+        """Returns ``(materials,)``, the probabilities given the sweep so far.
 
-        dropout: the mean over Monte Carlo dropout masks, as ``TactNetClassifier.predict_proba`` returns for a recipe with them; after the
-        last frame the two agree to rounding.
+        dropout: mean over Monte Carlo dropout masks, like ``TactNetClassifier.predict_proba`` for a recipe with them. After the last
+            frame the two agree up to rounding.
         """
         return self._native.classify(dropout)
 
     def fuse(self) -> np.ndarray:
-        """Adds the newest prediction to those of former sweeps of the object, and returns ``(materials,)`` of all together."""
+        """Fuses the newest prediction with those of earlier sweeps of the object, and returns ``(materials,)``."""
         self._native.fuse()
         return self._native.fused()
 
     def reset(self) -> None:
-        """The next sweep is of another object."""
+        """Forgets the fused sweeps; the next sweep is of another object."""
         self._native.reset()
 
     @property
     def frames(self) -> int:
-        """Frames of this sweep so far."""
+        """Number of frames of this sweep so far."""
         return self._native.frames
 
     @property
@@ -372,7 +370,7 @@ class OnlineClassifier:
 
 
 class MiniRocketClassifier(SweepClassifier):
-    """MiniRocket's convolutions and a ridge classifier (Dempster et al., 2021)."""
+    """MiniRocket features with a ridge classifier (Dempster et al., 2021)."""
 
     def _recipe(self) -> str:
         return "minirocket"
@@ -383,7 +381,7 @@ class MiniRocketClassifier(SweepClassifier):
 
 
 class MultiRocketHydraClassifier(SweepClassifier):
-    """MultiRocket and Hydra together, and a ridge classifier (Dempster et al., 2023)."""
+    """MultiRocket and Hydra features with a ridge classifier (Dempster et al., 2023)."""
 
     def _recipe(self) -> str:
         return "multirocket-hydra"
@@ -394,7 +392,7 @@ class MultiRocketHydraClassifier(SweepClassifier):
 
 
 class LdaClassifier(SweepClassifier):
-    """Linear discriminant on levels and logarithmic spectra of every taxel."""
+    """Linear discriminant analysis of levels and logarithmic spectra of every taxel."""
 
     def _recipe(self) -> str:
         return "lda"
@@ -439,5 +437,5 @@ class KnnClassifier(_OnFeatures):
     _KINDS = {"h": "knn-h", "l": "knn-l"}
 
 
-#: Classes that a folder may hold a classifier of.
+#: Classes of saved classifiers.
 ALL = (TactNetClassifier, MiniRocketClassifier, MultiRocketHydraClassifier, LdaClassifier, SvmClassifier, KnnClassifier)

@@ -1,4 +1,4 @@
-"""What all packets of ``tactnet.packets`` can do."""
+"""Base class of the packets in ``tactnet.packets``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ T = TypeVar("T", bound="Packet")
 
 
 class Packet:
-    """Plain data of a channel: a dataclass whose bytes are those of Rust and C.
+    """A packet: a dataclass with the same bytes as in Rust and C.
 
-    Arrays of which a field says how many values are valid hold the valid ones alone, and that field follows from them when packed.
+    Arrays with a count of valid values hold only these values; packing sets the count.
     """
 
     NAME: ClassVar[str]
@@ -22,7 +22,7 @@ class Packet:
     COUNTED_BY: ClassVar[dict[str, str]]
 
     def to_bytes(self) -> bytes:
-        """Returns the packet as the channels carry it; raises ``ValueError`` for what it cannot hold."""
+        """Returns the bytes of the packet; raises ``ValueError`` for values out of range."""
         record = np.zeros((), self.DTYPE)
         self._write(record)
         return record.tobytes()
@@ -58,7 +58,7 @@ class Packet:
 
     @classmethod
     def from_bytes(cls: type[T], data: Any) -> T:
-        """Returns the packet of bytes; raises ``ValueError`` where there are too few or too many."""
+        """Returns the packet of ``data``; raises ``ValueError`` for a wrong number of bytes."""
         data = memoryview(data).cast("B")
         if data.nbytes != cls.DTYPE.itemsize:
             raise ValueError(f"{cls.__name__}: expected {cls.DTYPE.itemsize} bytes, found {data.nbytes}")

@@ -1,4 +1,4 @@
-"""What estimators need of scikit-learn, where it is not installed."""
+"""Replacement of the scikit-learn parts that estimators need, for systems without scikit-learn."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class BaseEstimator:
-    """Parameters by name, as scikit-learn keeps them."""
+    """Access to parameters by name, like in scikit-learn."""
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         names = inspect.signature(type(self).__init__).parameters
@@ -19,7 +19,7 @@ class BaseEstimator:
         known = self.get_params()
         for name, value in params.items():
             if name not in known:
-                raise ValueError(f"no parameter {name!r}; there are {', '.join(known)}")
+                raise ValueError(f"unknown parameter {name!r}; expected one of {', '.join(known)}")
             setattr(self, name, value)
         return self
 
@@ -31,7 +31,7 @@ class BaseEstimator:
 
 
 class ClassifierMixin:
-    """The mean accuracy as score."""
+    """Mean accuracy as score."""
 
     def score(self, X: Any, y: Any) -> float:
         return float(np.mean(self.predict(X) == np.asarray(y)))
@@ -44,13 +44,13 @@ def check_is_fitted(estimator: Any, attribute: str) -> None:
 
 
 def check_classification_targets(y: np.ndarray) -> None:
-    """Raises ValueError for numbers that name no classes."""
+    """Raises ValueError for targets that are not classes."""
     if y.ndim != 1 or (y.dtype.kind == "f" and (y != np.floor(y)).any()):
-        raise ValueError("y: expected a material for each sweep, by words or whole numbers")
+        raise ValueError("y: expected one material per sweep, as text or integers")
 
 
 def validate_data(estimator: Any, X: Any, y: Any = None, **_: Any) -> Any:
-    """Returns arrays of finite numbers and as many labels."""
+    """Returns arrays of finite numbers and equally many labels; raises ValueError otherwise."""
     X = np.asarray(X)
     if X.dtype.kind == "f" and not np.isfinite(X).all():
         raise ValueError("X: expected finite numbers, found NaN or infinity")
@@ -58,5 +58,5 @@ def validate_data(estimator: Any, X: Any, y: Any = None, **_: Any) -> Any:
         return X
     y = np.asarray(y)
     if len(y) != len(X):
-        raise ValueError(f"y: expected a material for each of {len(X)} sweeps, found {len(y)}")
+        raise ValueError(f"y: expected one material for each of {len(X)} sweeps, found {len(y)}")
     return X, y

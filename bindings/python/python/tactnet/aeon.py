@@ -1,4 +1,4 @@
-"""The classifiers for collections of aeon: ``(cases, channels, timepoints)``. Needs ``pip install aeon``."""
+"""Classifiers for aeon collections, ``(cases, channels, timepoints)``. Needs ``pip install aeon``."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["TactnetAeonClassifier"]
 
 
 class TactnetAeonClassifier(BaseClassifier):
-    """An estimator of this package on equally long series of several channels.
+    """An estimator of this package for multivariate series of equal length.
 
-    estimator: for example ``tactnet.TactNetClassifier(rate=750)``; None: that one.
+    estimator: for example ``tactnet.TactNetClassifier(rate=750)``; None: ``TactNetClassifier()``.
     """
 
     _tags = {

@@ -1,6 +1,6 @@
-"""The robot's channels: frames in, commands in, beliefs out.
+"""The robot's channels: puts frames and commands, gets beliefs.
 
->>> with Hub(bus="lab") as hub:                                 # on a robot: `tactnet channel hub --table robot.toml`
+>>> with Hub(bus="lab") as hub:                                 # on a robot the hub is a separate program
 ...     bus = Bus(hub.table)
 ...     skin, beliefs = bus.skin(), bus.beliefs()
 ...     skin.put(digits)                                        # (taxels,), written in place in shared memory
@@ -34,34 +34,34 @@ class SkinPort:
     def put(self, digits: Any, sequence: int | None = None, sensor_time_ns: int | None = None) -> None:
         """Puts a frame.
 
-        digits: taxels row by row, 1024 at most. The port does not know how many the skin has: a frame of another number than the network's
-            makes the classifier reject the sweep, which ``tactile/status`` tells.
-        sequence: number of the frame, where a gap is a lost frame; None: one more than the last.
-        sensor_time_ns: by the sensor's clock; None: now.
+        digits: taxels in row-major order, at most 1024. If the network expects another number, the classifier rejects the sweep and
+            reports it on ``tactile/status``.
+        sequence: number of the frame, where a gap counts as lost frames; None: one more than the last.
+        sensor_time_ns: time of the measurement by the sensor's clock; None: now.
         """
         digits = np.ascontiguousarray(digits, dtype=np.float32).reshape(-1)
         self._native.put(digits, sequence, sensor_time_ns)
 
 
 class CommandPort:
-    """Puts commands of sweeps, as a motion controller does."""
+    """Puts sweep commands, like a motion controller."""
 
     def __init__(self, native: _tactnet.CommandPort):
         self._native = native
 
     def start(self, finger: int = 0, motion: int = 0, material: str = "") -> None:
-        """The finger begins to move; the next frame is the first of the sweep.
+        """Starts a sweep with the next frame.
 
-        material: what is swept over, where that is known; it is recorded, the classifier does not look.
+        material: material under the finger, if known. It is recorded; the classifier ignores it.
         """
         self._native.put("start", finger, motion, 0, material)
 
     def stop(self, finger: int = 0, motion: int = 0) -> None:
-        """The finger has stopped."""
+        """Ends the sweep."""
         self._native.put("stop", finger, motion)
 
     def reset(self, finger: int = 0) -> None:
-        """The next sweep is of another object."""
+        """Announces that the next sweep is of another object."""
         self._native.put("reset", finger)
 
     def enroll(self, material: str, sweeps: int, finger: int = 0) -> None:
@@ -79,14 +79,14 @@ class BeliefPort:
         """Waits for the next belief; returns None after ``timeout`` seconds.
 
         A belief is a dict: ``stage`` (``anytime`` during a sweep, ``plain`` after it, ``dropout`` after it as a mean over dropout masks),
-        ``provisional`` (the sweep goes on, so that the answer may change), ``frames`` of ``sweep_frames``, ``sweep_says`` and
+        ``provisional`` (true during a sweep, while the result may change), ``frames`` of ``sweep_frames``, ``sweep_says`` and
         ``object_says`` with ``material``, ``probability`` and ``verdict``, ``posterior`` and ``fused`` in the order of ``materials``, ``latency_ms``.
         """
         found = self._native.get_json(timeout)
         return None if found is None else json.loads(found)
 
     async def get_async(self, timeout: float | None = None) -> dict[str, Any] | None:
-        """The same without blocking the event loop: it waits in a thread."""
+        """Like ``get``, in a thread, so that the event loop is not blocked."""
         return await asyncio.to_thread(self.get, timeout)
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
@@ -97,14 +97,14 @@ class BeliefPort:
 
     async def __aiter__(self) -> AsyncIterator[dict[str, Any]]:
         while True:
-            # Short waits, so that a cancelled task's thread soon ends.
+            # Short waits, so that the thread of a cancelled task ends soon.
             belief = await self.get_async(0.1)
             if belief is not None:
                 yield belief
 
     @property
     def lost(self) -> int:
-        """Packets that were lost."""
+        """Number of lost packets."""
         return self._native.lost
 
 
@@ -115,7 +115,7 @@ class PutPort(Generic[P]):
         self._native, self._packet = native, packet
 
     def put(self, *packets: P) -> int:
-        """Puts one packet, or several that travel as one; returns how many get-ports have them."""
+        """Puts one or more items as one packet. Returns the number of get-ports that have it."""
         for packet in packets:
             if not isinstance(packet, self._packet):
                 raise TypeError(f"expected {self._packet.__name__}, found {type(packet).__name__}")
@@ -140,7 +140,7 @@ class GetPort(Generic[P]):
         return self._waiting.popleft() if self._waiting else None
 
     async def get_async(self, timeout: float | None = None) -> P | None:
-        """The same without blocking the event loop: it waits in a thread."""
+        """Like ``get``, in a thread, so that the event loop is not blocked."""
         return await asyncio.to_thread(self.get, timeout)
 
     def __iter__(self) -> Iterator[P]:
@@ -157,14 +157,14 @@ class GetPort(Generic[P]):
 
     @property
     def lost(self) -> int:
-        """Packets that were lost."""
+        """Number of lost packets."""
         return self._native.lost
 
 
 class Bus:
     """Access to the channels that a hub holds.
 
-    table: the hub's file, or its text.
+    table: path of the hub's table, or its text as TOML.
     """
 
     def __init__(self, table: str):
@@ -172,30 +172,30 @@ class Bus:
 
     @property
     def fingers(self) -> list[str]:
-        """Channels of skin frames; a finger's number is its place here."""
+        """Ids of the channels of skin frames, indexed by finger."""
         return self._native.fingers
 
     def skin(self, finger: int = 0) -> SkinPort:
-        """Returns a port to put the frames of one finger."""
+        """Returns a port that puts the frames of one finger."""
         return SkinPort(self._native.skin(finger))
 
     def commands(self) -> CommandPort:
-        """Returns a port to put commands."""
+        """Returns a port that puts sweep commands."""
         return CommandPort(self._native.commands())
 
     def put_port(self, channel: str, packet: type[P]) -> PutPort[P]:
-        """Returns a port to put packets of a type of ``tactnet.packets``, or of one's own, into a channel."""
+        """Returns a port that puts packets of a type of ``tactnet.packets``, or of a custom one, into a channel."""
         native = self._native.put_port(channel, packet.NAME, packet.VERSION, packet.DTYPE.itemsize)
         return PutPort(native, packet)
 
     def get_port(self, channel: str, packet: type[P], history: int = 0) -> GetPort[P]:
-        """Returns a port to get packets of a type from a channel.
+        """Returns a port that gets packets of a type from a channel.
 
-        history: how many packets of before to get of every sender, where the channel keeps them.
+        history: number of earlier packets to get from every sender, if the channel keeps them.
         """
         native = self._native.get_port(channel, packet.NAME, packet.VERSION, packet.DTYPE.itemsize, history)
         return GetPort(native, packet)
 
     def beliefs(self) -> BeliefPort:
-        """Returns a port to get beliefs."""
+        """Returns a port that gets beliefs."""
         return BeliefPort(self._native.beliefs())

@@ -1,16 +1,16 @@
-"""Beliefs for ROS 2, and frames and commands from it, over DDS.
+"""Bridge to ROS 2 over DDS: publishes beliefs, receives frames and commands.
 
-    python -m tactnet.ros2 --table robot.toml            beside `tactnet channel hub` and `tactnet serve`; needs `pip install cyclonedds`
+    python -m tactnet.ros2 --table robot.toml            needs a running hub and classifier, and `pip install cyclonedds`
 
 | topic | type | direction |
 |---|---|---|
-| `/tactile/material` | `std_msgs/msg/String` | the material of a whole sweep, `unknown` where it is none of them |
-| `/tactile/belief` | `std_msgs/msg/String` | every belief as JSON, as `tactnet.channel.BeliefPort.get` returns it |
-| `/<channel of a finger>` | `sensor_msgs/msg/Image` | frames of a skin, `32FC1`, `16UC1` or `8UC1`; the stamp is the time of the measurement |
+| `/tactile/material` | `std_msgs/msg/String` | material of a complete sweep, or `unknown` |
+| `/tactile/belief` | `std_msgs/msg/String` | every belief as JSON, see `tactnet.channel.BeliefPort.get` |
+| `/<channel of a finger>` | `sensor_msgs/msg/Image` | frames of a skin, `32FC1`, `16UC1` or `8UC1`, stamped with the time of the measurement |
 | `/sweep/command` | `std_msgs/msg/String` | `start [MOTION [MATERIAL]]`, `stop`, `reset`, `enroll SWEEPS MATERIAL` |
 """
 
-# Without `from __future__ import annotations`: Cyclone DDS reads the types of fields.
+# No `from __future__ import annotations`: Cyclone DDS reads the types of fields at run time.
 import argparse
 import json
 import os
@@ -34,7 +34,7 @@ LOOPBACK = (
     '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces></General>'
     '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
 )
-"""Settings of Cyclone DDS that keep to this machine."""
+"""Cyclone DDS settings that restrict it to this machine."""
 
 
 @dataclass
@@ -77,7 +77,7 @@ ENCODINGS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2", "8UC1": "u1", "mono8"
 
 
 def digits_of(image: Image) -> np.ndarray:
-    """Returns the taxels of an image, row by row; raises ``ValueError`` for one that is no frame."""
+    """Returns the taxels of an image, row by row; raises ``ValueError`` for other images."""
     kind = ENCODINGS.get(image.encoding)
     if kind is None:
         raise ValueError(f"encoding: expected one of {', '.join(ENCODINGS)}, found {image.encoding!r}")
@@ -91,7 +91,7 @@ def digits_of(image: Image) -> np.ndarray:
 
 
 def put_command(port: channel.CommandPort, text: str) -> None:
-    """Puts what a string asks for; raises ``ValueError`` for one that is no command."""
+    """Puts the command in ``text``; raises ``ValueError`` for other texts."""
     words = text.split()
     match words:
         case ["start"]:
@@ -109,7 +109,7 @@ def put_command(port: channel.CommandPort, text: str) -> None:
 
 
 class Bridge:
-    """Carries packets between a bus and the topics of a DDS domain, until it is stopped."""
+    """Forwards packets between a bus and the topics of a DDS domain until stopped."""
 
     def __init__(self, bus: channel.Bus, domain: int = 0, prefix: str = ""):
         from cyclonedds.core import Policy, Qos
@@ -119,7 +119,7 @@ class Bridge:
         from cyclonedds.topic import Topic
         from cyclonedds.util import duration
 
-        # The defaults of ROS 2; frames also from drivers that send as best they can.
+        # The defaults of ROS 2; best effort also accepts frames of best-effort drivers.
         reliable = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(10))
         best_effort = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(256))
         self._participant = DomainParticipant(domain)
@@ -136,7 +136,7 @@ class Bridge:
         self.frames = self.beliefs = self.refused = 0
 
     def run(self) -> None:
-        """Carries packets until ``stop``; what cannot be carried is counted and said once a kind."""
+        """Forwards packets until ``stop``. Refused messages are counted, and the first ten are reported."""
         threads = [threading.Thread(target=self._frames, args=finger, daemon=True) for finger in self._fingers]
         threads.append(threading.Thread(target=self._take_commands, daemon=True))
         for thread in threads:
@@ -194,7 +194,7 @@ def main() -> int:
     parser.add_argument("--table", required=True, metavar="FILE", help="the hub's table of channels")
     parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID") or 0), metavar="N", help="ROS_DOMAIN_ID (default: %(default)s)")
     parser.add_argument("--prefix", default="", metavar="NAME", help="namespace of the topics, like /left_hand")
-    parser.add_argument("--network", action="store_true", help="reach other machines too: whoever is in the domain may put frames and commands")
+    parser.add_argument("--network", action="store_true", help="communicate with other machines, which can then put frames and commands")
     arguments = parser.parse_args()
     if not arguments.network:
         os.environ.setdefault("CYCLONEDDS_URI", LOOPBACK)
@@ -207,7 +207,7 @@ def main() -> int:
         signal.signal(number, lambda *_: bridge.stop())
     print("ready", flush=True)
     bridge.run()
-    print(f"{bridge.frames} frames and {bridge.beliefs} beliefs carried, {bridge.refused} messages refused", file=sys.stderr)
+    print(f"{bridge.frames} frames and {bridge.beliefs} beliefs forwarded, {bridge.refused} messages refused", file=sys.stderr)
     return 0
 
 

@@ -1,4 +1,4 @@
-//! The description in C11 and C++17.
+//! Description in C11 and C++17.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use super::{Description, Field, FieldType, Layout, plain, snake, wrapped};
 
 const WIDTH: usize = 110;
 
-/// Type and what stands behind the name.
+/// Returns the type and the suffix behind the name.
 fn declared(project: &str, kind: &FieldType) -> (String, String) {
     let number = match kind {
         FieldType::U8 => "uint8_t",
@@ -48,7 +48,7 @@ fn field_docs(field: &Field) -> String {
 }
 
 impl Description {
-    /// Returns the packets as a header for C11 and C++, with assertions of size and offset.
+    /// Returns the packets as a header for C11 and C++, with assertions of size and offsets.
     pub fn c_header(&self) -> String {
         let Self { project, .. } = self;
         let upper = project.to_ascii_uppercase();
@@ -116,7 +116,7 @@ impl Description {
         text
     }
 
-    /// Returns what C++ templates need to know of the packets of [`Description::c_header`].
+    /// Returns the traits that C++ templates need for the packets of [`Description::c_header`].
     pub fn cpp_traits(&self) -> String {
         let Self { project, .. } = self;
         let upper = project.to_ascii_uppercase();

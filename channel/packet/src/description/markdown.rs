@@ -1,4 +1,4 @@
-//! The description as a page.
+//! Description as a page of tables.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ fn kind(field: &FieldType) -> String {
 }
 
 impl Description {
-    /// Returns the packets as tables.
+    /// Returns the packets as Markdown tables.
     pub fn markdown(&self) -> String {
         let mut text = format!(
             "# Packets\n\nGenerated from `{}`. Plain data, little endian, without padding; text is UTF-8, filled up with zeros. `no.` is a \

@@ -1,4 +1,4 @@
-//! The description as Protocol Buffers.
+//! Description as Protocol Buffers.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use super::{Description, Field, FieldType, Layout, plain, wrapped};
 
 const WIDTH: usize = 110;
 
-/// Type in a message.
+/// Returns the type in a message.
 fn declared(kind: &FieldType) -> String {
     match kind {
         FieldType::U8 | FieldType::U16 | FieldType::U32 => "uint32".into(),
@@ -25,7 +25,8 @@ fn declared(kind: &FieldType) -> String {
 }
 
 impl Layout {
-    /// Returns the fields that are recorded, those of parts among them, with their offsets in this packet, by number.
+    /// Returns the recorded fields, including those of parts, as number, offset in this packet, and field; ordered by
+    /// number.
     pub fn recorded(&self) -> Vec<(u32, usize, Field)> {
         let mut recorded = Vec::new();
         for field in self.fields {
@@ -45,7 +46,7 @@ impl Layout {
 }
 
 impl FieldType {
-    /// Returns the part of which it is one or several; `None` for numbers and texts.
+    /// Returns the part that a field holds once or as an array; `None` for numbers and texts.
     pub fn part(&self) -> Option<&'static Layout> {
         match self {
             Self::Packet(layout) => Some(layout),
@@ -56,7 +57,7 @@ impl FieldType {
 }
 
 impl Description {
-    /// Returns what is a message of its own in recordings: packets, and parts that are fields of others by a number.
+    /// Returns the layouts that have a separate message: packets, and parts that are numbered fields of others.
     pub fn messages(&self) -> impl Iterator<Item = &'static Layout> + use<> {
         let packets = self.packets;
         let fields = || packets.iter().flat_map(|layout| layout.fields);
@@ -70,10 +71,10 @@ impl Description {
             .filter(move |layout| layout.is_packet() || is_field(layout))
     }
 
-    /// Returns the messages of recordings, one a packet.
+    /// Returns the messages of recordings, one per packet.
     pub fn proto(&self) -> String {
         let mut text = format!(
-            "// What a recording holds, one message a packet. Generated from {}; do not edit.\nsyntax = \"proto3\";\n\npackage {};\n",
+            "// Messages of recordings, one per packet. Generated from {}; do not edit.\nsyntax = \"proto3\";\n\npackage {};\n",
             self.source, self.project
         );
         for layout in self.messages() {

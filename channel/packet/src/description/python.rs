@@ -1,4 +1,4 @@
-//! The description in Python, over NumPy.
+//! Description in Python, based on NumPy.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use super::{Description, FieldType, Layout, plain, snake, wrapped};
 
 const WIDTH: usize = 110;
 
-/// Format and shape for NumPy.
+/// Returns format and shape for NumPy.
 fn format(kind: &FieldType) -> String {
     let number = match kind {
         FieldType::U8 => "u1",
@@ -26,7 +26,7 @@ fn format(kind: &FieldType) -> String {
     format!("\"{number}\"")
 }
 
-/// Type and default of a dataclass's field.
+/// Returns type and default of a dataclass field.
 fn declared(kind: &FieldType) -> (String, String) {
     let (kind, default) = match kind {
         FieldType::F32 | FieldType::F64 => ("float", "0.0"),
@@ -86,7 +86,7 @@ fn class(text: &mut String, layout: &Layout) {
 }
 
 impl Description {
-    /// Returns the packets as dataclasses of Python over NumPy; they inherit `Packet` of `base`.
+    /// Returns the packets as Python dataclasses that inherit `Packet` of the module `base`.
     pub fn python(&self, base: &str) -> String {
         let mut names = vec!["Packet".to_string()];
         names.extend(self.constants.iter().map(|(name, ..)| name.to_string()));

@@ -1,17 +1,18 @@
-//! The description in Rust.
+//! Declaration of packets in Rust.
 
 use super::{IsField, Layout};
 
-/// A packet, or a part of one, whose fields are known to other languages.
+/// A packet, or a part of one, with a description for other languages.
 pub trait Described: IsField + Copy {
-    /// How it lies in memory.
+    /// Memory layout.
     const LAYOUT: Layout;
 }
 
 /// Declares packets: plain little-endian data without padding, known to all languages.
 ///
-/// Types derive `Debug`, `Clone`, `Copy`, `Pod` and `Zeroable`, and whatever else is asked for; a struct with `#[version(N)]` is a [`Packet`](crate::Packet), one without it is a part of others.
-/// `#[recorded(N)]` gives a field its number in recordings, `#[recorded(N, count)]` says which field holds the number of valid values.
+/// Types derive `Debug`, `Clone`, `Copy`, `Pod` and `Zeroable`, and the given traits. A struct with `#[version(N)]` is
+/// a [`Packet`](crate::Packet); without it, it is a part of others. `#[recorded(N)]` sets a field's number in
+/// recordings, and `#[recorded(N, count)]` also names the field with the number of valid values.
 ///
 /// ```
 /// tactnet_packet::packets! {
@@ -86,13 +87,13 @@ macro_rules! packets {
     (@first $first:expr $(, $rest:expr)*) => { $first };
 }
 
-/// Declares enums of numbers that fields hold.
+/// Declares enums whose numbers are values of fields.
 ///
 /// ```
 /// tactnet_packet::choices! {
 ///     /// Known material or not.
 ///     pub enum Verdict {
-///         /// Not yet.
+///         /// No verdict yet.
 ///         NotTold = 0,
 ///         /// One of the materials.
 ///         Known = 1,
@@ -116,14 +117,14 @@ macro_rules! choices {
         }
 
         impl $name {
-            /// The description for other languages.
+            /// Description for other languages.
             pub const CHOICE: $crate::Choice = $crate::Choice {
                 name: stringify!($name),
                 docs: &[$($doc),*],
                 values: &[$( (stringify!($value), &[$($value_doc),*], $number), )*],
             };
 
-            /// Returns the choice of a number; `None` for a number that is none.
+            /// Returns the choice of a number; `None` for other numbers.
             pub fn of(number: u32) -> Option<Self> {
                 match number {
                     $( $number => Some(Self::$value), )*

@@ -5,7 +5,8 @@ use tactnet_channel::FieldType;
 
 use super::{Recorded, RecordedField};
 
-/// Reads a message into the bytes of a packet that is zero; `None` for bytes that are no message, or hold more than the packet can.
+/// Reads a message into the bytes of a zeroed packet. Returns `None` for bytes that are not a message or exceed the
+/// packet.
 pub(super) fn decode(recorded: &Recorded, mut message: &[u8], packet: &mut [u8]) -> Option<()> {
     let mut found = vec![0; recorded.fields.len()];
     while !message.is_empty() {
@@ -48,7 +49,7 @@ pub(super) fn decode(recorded: &Recorded, mut message: &[u8], packet: &mut [u8])
     Some(())
 }
 
-/// The values of a field, one after the other.
+/// Bytes of a field's values, in order.
 struct Values<'a> {
     field: &'a RecordedField,
     packet: &'a mut [u8],
@@ -56,7 +57,7 @@ struct Values<'a> {
 }
 
 impl Values<'_> {
-    /// Bytes of the next `values` values; of a field that is no array the last value counts.
+    /// Returns the bytes of the next `values` values. For a field that is not an array, the last value counts.
     fn next(&mut self, values: usize) -> Option<&mut [u8]> {
         let size = self.field.kind.size();
         let at = match self.field.most {
@@ -117,7 +118,7 @@ impl Values<'_> {
                     FieldType::U16 => u16::try_from(value).is_ok(),
                     FieldType::I8 => i8::try_from(signed).is_ok(),
                     FieldType::I16 => i16::try_from(signed).is_ok(),
-                    // Larger ones are cut, as Protocol Buffers ask.
+                    // Larger numbers are truncated, as Protocol Buffers require.
                     _ => true,
                 };
                 let into = fits.then(|| self.next(1))??;

@@ -6,7 +6,7 @@ use tactnet_channel::FieldType;
 
 use super::Recorded;
 
-/// Message of a packet's bytes. Numbers of zero and empty texts are left out, as proto3 has it.
+/// Returns the message of a packet's bytes. Zero numbers and empty texts are omitted, as in proto3.
 pub(super) fn encode(recorded: &Recorded, packet: &[u8]) -> Vec<u8> {
     let mut message = Vec::new();
     for field in &recorded.fields {
@@ -61,7 +61,7 @@ pub(super) fn encode(recorded: &Recorded, packet: &[u8]) -> Vec<u8> {
     message
 }
 
-/// A message, or a text, within another.
+/// Appends a message or a text within another message.
 fn inner(number: u32, content: &[u8], message: &mut Vec<u8>) {
     encode_key(number, WireType::LengthDelimited, message);
     encode_varint(content.len() as u64, message);
@@ -86,7 +86,7 @@ fn one(number: u32, kind: &FieldType, value: &[u8], message: &mut Vec<u8>) {
     }
 }
 
-/// The text of so many bytes; empty where a sender that runs amok put other bytes.
+/// Returns the text of a fixed-size field; empty if a faulty sender put bytes that are not text.
 fn text(value: &[u8]) -> &str {
     let end = value.iter().position(|byte| *byte == 0);
     std::str::from_utf8(&value[..end.unwrap_or(value.len())]).unwrap_or("")
@@ -96,7 +96,7 @@ fn read<T: AnyBitPattern>(value: &[u8]) -> T {
     pod_read_unaligned(&value[..size_of::<T>()])
 }
 
-/// A whole number as the wire has it: negative ones in 64 bits.
+/// Returns an integer in its wire form; negative ones have 64 bits.
 fn whole(kind: &FieldType, value: &[u8]) -> u64 {
     match kind {
         FieldType::U8 => read::<u8>(value).into(),
@@ -107,6 +107,6 @@ fn whole(kind: &FieldType, value: &[u8]) -> u64 {
         FieldType::I16 => i64::from(read::<i16>(value)) as u64,
         FieldType::I32 => i64::from(read::<i32>(value)) as u64,
         FieldType::I64 => read::<i64>(value) as u64,
-        other => unreachable!("{other:?} is no whole number"),
+        other => unreachable!("{other:?} is not an integer"),
     }
 }

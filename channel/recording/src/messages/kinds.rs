@@ -1,4 +1,4 @@
-//! The packets that recordings hold, whose types are known only when the program runs.
+//! Packet types that recordings can hold, known only at run time.
 
 use std::sync::LazyLock;
 
@@ -8,13 +8,13 @@ use tactnet_channel::{Description, Fields, Layout, Packet};
 
 use super::{Recorded, decode, encode, schema};
 
-/// A packet's type.
+/// A packet type.
 #[derive(Debug)]
 pub(crate) struct Kind {
     pub layout: &'static Layout,
     /// Full name of its message.
     pub message: String,
-    /// Of all messages of its description.
+    /// Schema of all messages of its description.
     pub schema: &'static [u8],
     recorded: Recorded,
 }
@@ -43,25 +43,25 @@ fn of(description: &'static Description) -> Vec<Kind> {
         .collect()
 }
 
-/// Returns the type of a channel's packets; `None` for packets that nothing describes.
+/// Returns the type of a channel's packets; `None` for packets without a description.
 pub(crate) fn kind(name: &str, version: u32) -> Option<&'static Kind> {
     let is = |kind: &&Kind| kind.layout.name == name && kind.layout.version == version;
     KINDS.iter().find(is)
 }
 
-/// Returns the type of a message, by its full name.
+/// Returns the type of a message by its full name.
 pub(crate) fn kind_of_message(name: &str) -> Option<&'static Kind> {
     KINDS.iter().find(|kind| kind.message == name)
 }
 
 impl Kind {
-    /// The message of a packet's bytes.
+    /// Returns the message of a packet's bytes.
     pub(crate) fn to_message(&self, packet: &[u8]) -> Vec<u8> {
         encode::encode(&self.recorded, packet)
     }
 }
 
-/// A packet of a type that is known only when the program runs.
+/// A packet whose type is known only at run time.
 #[derive(Debug, Clone)]
 pub struct PlainPacket {
     kind: &'static Kind,
@@ -69,23 +69,24 @@ pub struct PlainPacket {
 }
 
 impl PlainPacket {
-    /// The first item of a packet's bytes; `None` where nothing describes such packets, or they are too short.
+    /// Reads the first item of a packet's bytes. Returns `None` if the bytes are too few or the type has no
+    /// description.
     ///
-    /// - `packet`, `version`: as the table of channels says
+    /// - `packet`, `version`: as in the table of channels
     pub fn new(packet: &str, version: u32, bytes: &[u8]) -> Option<Self> {
         let kind = kind(packet, version)?;
         let bytes = bytes.get(..kind.layout.bytes)?.into();
         Some(Self { kind, bytes })
     }
 
-    /// The packet of a message; `None` for bytes that are none, or hold more than a packet can.
+    /// Returns the packet of a message; `None` for bytes that are not such a message or exceed the packet.
     pub(crate) fn from_message(kind: &'static Kind, message: &[u8]) -> Option<Self> {
         let mut bytes = vec![0; kind.layout.bytes].into_boxed_slice();
         decode::decode(&kind.recorded, message, &mut bytes)?;
         Some(Self { kind, bytes })
     }
 
-    /// Returns it as what it is; `None` if it is another packet.
+    /// Returns the packet as `T`; `None` if it has another type.
     pub fn get<T: Packet>(&self) -> Option<T> {
         let layout = self.kind.layout;
         let is = layout.name == T::NAME && layout.version == T::VERSION;
@@ -97,13 +98,13 @@ impl PlainPacket {
         Fields::of(self.kind.layout, &self.bytes).expect("as many bytes as its layout says")
     }
 
-    /// Its message as bytes.
+    /// Returns its message as bytes.
     pub fn to_message(&self) -> Vec<u8> {
         self.kind.to_message(&self.bytes)
     }
 }
 
-/// As an object of its fields, with its name as `type`.
+/// Serializes an object of the fields, plus the name of the packet as `type`.
 impl Serialize for PlainPacket {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]

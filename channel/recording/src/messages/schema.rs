@@ -1,11 +1,11 @@
-//! The messages' own description, as MCAP files hold it.
+//! Schemas of messages in MCAP files.
 
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use tactnet_channel::{Description, FieldType, Layout};
 
-/// A `FileDescriptorSet` of all messages of a description, as MCAP schemas of encoding `protobuf` hold it.
+/// Returns the `FileDescriptorSet` of all messages of a description: an MCAP schema of encoding `protobuf`.
 pub(super) fn schema(described: &Description) -> Vec<u8> {
     let file = FileDescriptorProto {
         name: Some(format!("{}.proto", described.project)),
@@ -61,7 +61,7 @@ fn wire_type(kind: FieldType) -> Type {
     }
 }
 
-/// `sensor_time_ns` as `sensorTimeNs`, as JSON names it.
+/// Converts `sensor_time_ns` to `sensorTimeNs`, its name in JSON.
 fn camel(name: &str) -> String {
     let mut words = name.split('_');
     let first = words.next().unwrap_or_default().to_string();
@@ -76,7 +76,7 @@ fn camel(name: &str) -> String {
 mod tests {
     use super::*;
 
-    /// As a compiler of Protocol Buffers reads the committed files.
+    /// The generated schemas equal those that a Protocol Buffers compiler reads from the committed files.
     #[test]
     fn descriptions_are_those_of_the_committed_files() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/proto");

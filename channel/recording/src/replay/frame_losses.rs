@@ -1,4 +1,4 @@
-//! Frames that a classifier elsewhere has lost.
+//! Frames lost by a classifier in another process.
 
 use std::time::Duration;
 
@@ -8,17 +8,17 @@ use tactnet_skin::packets::TactileStatus;
 
 use crate::RecordingError;
 
-/// Frames that the classifier on a bus has lost since this was opened, by its status.
+/// Counter of the frames that the classifier has lost since this was opened, from its status.
 pub struct FrameLosses {
     status: GetPort<TactileStatus>,
     before: u64,
 }
 
 impl FrameLosses {
-    /// Reads the count so far.
+    /// Reads the current count.
     ///
     /// # Errors
-    /// Nobody serves on these channels.
+    /// No classifier serves on these channels.
     pub fn open(bus: &Bus, table: &Table) -> Result<Self, RecordingError> {
         let config = ServeConfig::of(table)?;
         let status = bus.get_port(config.status.as_str(), Start::Now)?;
@@ -27,7 +27,7 @@ impl FrameLosses {
         Ok(losses)
     }
 
-    /// Returns how many frames were lost since.
+    /// Returns the number of frames lost since then.
     ///
     /// # Errors
     /// The classifier has ended.

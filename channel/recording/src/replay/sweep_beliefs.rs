@@ -1,4 +1,4 @@
-//! Beliefs about whole sweeps, and whether they came again.
+//! Beliefs about complete sweeps, and their comparison.
 
 use std::collections::BTreeMap;
 
@@ -10,36 +10,38 @@ use tactnet_skin::{Segmentation, ServeConfig};
 
 use crate::{RecordedPacket, Recording, RecordingError};
 
-/// Beliefs about sweeps that were classified as a whole.
+/// Beliefs about complete sweeps.
 #[derive(Debug, Clone, Serialize)]
 pub struct SweepBeliefs {
-    /// Such sweeps.
+    /// Number of complete sweeps.
     pub sweeps: usize,
-    /// Beliefs about them, anytime beliefs included.
+    /// Number of beliefs about them, including anytime beliefs.
     pub beliefs: usize,
-    /// Beliefs about sweeps whose beginning or end is missing, which are not compared.
+    /// Number of beliefs about incomplete sweeps, which are not compared.
     pub unfinished: usize,
-    /// Of finger, stage, frames, last frame and posterior of each, in order.
+    /// SHA-256 of finger, stage, frames, last frame and posterior of all beliefs, in order.
     pub posterior_sha256: String,
-    /// By finger, in the order in which they came.
+    /// Beliefs ordered by finger, then by arrival.
     #[serde(skip)]
     pub(super) about: Vec<TactileBelief>,
 }
 
 impl SweepBeliefs {
-    /// - `beliefs`: in the order in which they came
+    /// Groups beliefs by sweep.
+    ///
+    /// - `beliefs`: in order of arrival
     pub fn of(beliefs: &[TactileBelief]) -> Self {
         let last = if beliefs.iter().any(|b| b.stage == Stage::Dropout as u32) {
             Stage::Dropout
         } else {
             Stage::Plain
         };
-        // By finger: the beliefs about the sweep that is going on.
+        // Beliefs about the current sweep, by finger.
         let mut open: BTreeMap<u32, Vec<TactileBelief>> = BTreeMap::new();
         let mut whole: BTreeMap<u32, Vec<Vec<TactileBelief>>> = BTreeMap::new();
         for belief in beliefs {
             let sweep = open.entry(belief.finger).or_default();
-            // Another one has begun, perhaps of a service that was started anew.
+            // Another sweep has begun, perhaps after a restart of the classifier.
             if sweep
                 .last()
                 .is_some_and(|before| before.sweep != belief.sweep)
@@ -73,9 +75,10 @@ impl SweepBeliefs {
         }
     }
 
-    /// Returns how many of these are not among `others`, bit by bit, with label, verdict and strangeness.
+    /// Returns the number of beliefs without an equal one in `others`, bit by bit, with label, verdict and
+    /// strangeness.
     pub fn missing_in(&self, others: &Self) -> usize {
-        // A skin that was started anew counts its frames from the beginning: several beliefs may have one key.
+        // Several beliefs may have the same key, since a restarted skin counts its frames from zero again.
         let key = |b: &TactileBelief| (b.finger, b.last_frame, b.stage);
         let mut by_key: BTreeMap<_, Vec<&TactileBelief>> = BTreeMap::new();
         for belief in &others.about {
@@ -96,16 +99,16 @@ impl SweepBeliefs {
                     && floats(belief) == floats(other)
                     && bits(belief) == bits(other)
             });
-            // Each is found once.
+            // Each belief of `others` matches once.
             same.map(|place| left.remove(place)).is_none()
         });
         missing.count()
     }
 
-    /// Those of a recording about sweeps whose beginning was recorded, too.
+    /// Returns the beliefs of a recording about sweeps that were recorded from their beginning.
     ///
     /// # Errors
-    /// A wrong section of the classifier in the recorded table.
+    /// The recorded table has a wrong section of the classifier.
     pub fn recorded(recording: &Recording) -> Result<Self, RecordingError> {
         let config = ServeConfig::of(&recording.table)?;
         let by_command = config.segmenter.segmentation == Segmentation::Command;
@@ -155,7 +158,7 @@ mod tests {
     fn only_whole_sweeps_count_and_one_changed_bit_is_noticed() {
         let came = [
             belief(1, Stage::Anytime, 5),
-            // Its end never came.
+            // A sweep without an end.
             belief(2, Stage::Anytime, 25),
             belief(2, Stage::Plain, 29),
             belief(2, Stage::Dropout, 29),
@@ -164,7 +167,7 @@ mod tests {
         assert_eq!((beliefs.sweeps, beliefs.beliefs), (1, 3));
         assert_eq!(beliefs.unfinished, came.len() - 3);
         assert_eq!(beliefs.missing_in(&SweepBeliefs::of(&came)), 0);
-        // Two skins, one after the other, whose frames have the same numbers.
+        // Two skins in succession with the same frame numbers.
         let mut other = came.map(|mut belief| {
             belief.sweep += 10;
             belief.posterior[0] = 0.25;
@@ -180,7 +183,7 @@ mod tests {
         let changed = SweepBeliefs::of(&changed);
         assert_eq!(beliefs.missing_in(&changed), 1);
         assert_ne!(beliefs.posterior_sha256, changed.posterior_sha256);
-        // Fewer come again in more, not the other way round.
+        // `missing_in` is not symmetric.
         let fewer = SweepBeliefs::of(&[]);
         assert_eq!(
             (fewer.missing_in(&beliefs), beliefs.missing_in(&fewer)),

@@ -1,24 +1,24 @@
-//! A belief as bars and in words.
+//! Belief as bars and as text.
 
 use re_sdk_types::archetypes::LineStrips2D;
 use re_sdk_types::components::Color;
 use re_sdk_types::datatypes::Rgba32;
 use tactnet_skin::packets::{Stage, TactileBelief, Verdict};
 
-/// Materials that are drawn.
+/// Maximum number of materials in the picture.
 const SHOWN: usize = 8;
-/// Length of a bar of probability one, in heights of a bar.
+/// Length of a bar for probability one, in heights of a bar.
 const LENGTH: f32 = 8.0;
-/// Where the names begin.
+/// Left edge of the names, in heights of a bar.
 const LEFT: f32 = -10.0;
 const BAR: Color = Color(Rgba32(0x5e81_acff));
 const LIKELIEST: Color = Color(Rgba32(0xf0a0_3cff));
-/// Of what is written before a bar.
+/// Color of the names before the bars.
 pub(super) const NAME: Color = Color(Rgba32(0xc8c8_c8ff));
-/// Half of a bar's width.
+/// Half of a bar's height.
 pub(super) const RADIUS: f32 = 0.3;
 
-/// The likeliest materials first: names and probabilities.
+/// Returns names and probabilities of the most likely materials, in descending order.
 pub(super) fn likeliest(posterior: &[f32], names: &[String]) -> Vec<(String, f32)> {
     let mut materials: Vec<(String, f32)> = posterior
         .iter()
@@ -30,7 +30,7 @@ pub(super) fn likeliest(posterior: &[f32], names: &[String]) -> Vec<(String, f32
     materials
 }
 
-/// Label of a material whose name has not come yet, too.
+/// Returns the name of a material, or a placeholder before the names have arrived.
 pub(super) fn name(number: usize, names: &[String]) -> String {
     names
         .get(number)
@@ -38,27 +38,27 @@ pub(super) fn name(number: usize, names: &[String]) -> String {
         .unwrap_or_else(|| format!("material {number}"))
 }
 
-/// Middle of a row of the picture.
+/// Returns the vertical middle of a row.
 fn row(place: usize) -> f32 {
     place as f32 + 0.5
 }
 
-/// A bar from the left.
+/// Returns the bar of a row, from the left.
 pub(super) fn strip(place: usize, p: f32) -> [(f32, f32); 2] {
     [(0.0, row(place)), (LENGTH * p.max(0.002), row(place))]
 }
 
-/// Where the name of a bar stands, its middle.
+/// Returns the middle of the name before a bar.
 pub(super) fn before(place: usize) -> (f32, f32) {
     (LEFT / 2.0, row(place))
 }
 
-/// The likeliest stands out.
+/// Returns the color of a bar; that of the most likely material differs.
 pub(super) fn color(place: usize) -> Color {
     if place == 0 { LIKELIEST } else { BAR }
 }
 
-/// The outline of all bars, which keeps the picture's size.
+/// Returns the outline of all bars, which keeps the size of the picture constant.
 pub(super) fn outline() -> LineStrips2D {
     let bottom = SHOWN as f32;
     LineStrips2D::new([[
@@ -72,7 +72,7 @@ pub(super) fn outline() -> LineStrips2D {
     .with_colors([Color::from_rgb(60, 60, 60)])
 }
 
-/// The belief in words, Markdown.
+/// Returns the belief as Markdown text.
 pub(super) fn words(belief: &TactileBelief, names: &[String]) -> String {
     let stage = if belief.stage == Stage::Anytime as u32 {
         format!("{} frames so far, provisional", belief.frames)

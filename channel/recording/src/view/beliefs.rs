@@ -1,4 +1,4 @@
-//! Beliefs as columns: bars, words, a line a material, latency.
+//! Beliefs as columns: bars, text, one line per material, latency.
 
 use re_sdk_types::archetypes::{LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument};
 use re_sdk_types::components::MediaType;
@@ -8,7 +8,7 @@ use super::bars;
 use super::scene::Stream;
 use crate::RecordingError;
 
-/// The beliefs about a finger's sweeps that wait, with the names they had.
+/// Beliefs about a finger's sweeps that are not sent yet, with the names of the materials at that time.
 #[derive(Default)]
 pub(super) struct BeliefColumns {
     waiting: Vec<Row>,
@@ -19,20 +19,20 @@ struct Row {
     bars: Vec<(String, f32)>,
     words: String,
     posterior: Vec<f64>,
-    /// Of whole sweeps: how they were classified, and how long that took, ms.
+    /// Stage and latency in ms, for complete sweeps.
     latency: Option<(&'static str, f64)>,
 }
 
-/// Stages of whole sweeps, and what their latency is called.
+/// Stages of complete sweeps, and the names of their latencies.
 const WHOLE: [(Stage, &str); 2] = [(Stage::Plain, "plain"), (Stage::Dropout, "dropout")];
 
-/// The probabilities that count.
+/// Returns the valid probabilities.
 pub(super) fn posterior(belief: &TactileBelief) -> &[f32] {
     &belief.posterior[..(belief.materials as usize).min(belief.posterior.len())]
 }
 
 impl BeliefColumns {
-    /// Sends what holds at all times.
+    /// Sends the static parts.
     pub(super) fn prepare(stream: &Stream, id: &str) -> Result<(), RecordingError> {
         stream.send_static(format!("{id}/belief/bars/outline"), &bars::outline())?;
         let names = Points2D::update_fields()
@@ -72,7 +72,7 @@ impl BeliefColumns {
         });
     }
 
-    /// Sends what waits.
+    /// Sends all waiting beliefs.
     pub(super) fn send(&mut self, stream: &Stream, id: &str) -> Result<(), RecordingError> {
         let rows = std::mem::take(&mut self.waiting);
         if rows.is_empty() {

@@ -1,4 +1,4 @@
-//! Which picture is where: the viewer's blueprint.
+//! Layout of the pictures: the viewer's blueprint.
 
 use re_sdk::blueprint::{
     Blueprint, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView, Tabs,
@@ -8,7 +8,7 @@ use re_sdk_types::blueprint::components::{PanelState, PlayState};
 
 use super::{Play, TimeOrigin};
 
-/// Of all fingers, a tab each.
+/// Returns the layout with one tab per finger.
 pub(super) fn blueprint(fingers: &[&str], origin: TimeOrigin, play: Play) -> Blueprint {
     let play = match play {
         Play::Following => PlayState::Following,
@@ -34,7 +34,7 @@ fn finger(id: &str, origin: TimeOrigin) -> ContainerLike {
     let words = TextDocumentView::new("belief").with_origin(format!("{id}/belief/text"));
     let events = TextLogView::new("events").with_origin("events");
     match origin {
-        // Nobody believes anything of a data set's sweeps.
+        // There are no beliefs about the sweeps of a data set.
         TimeOrigin::Begin => Vertical::new([
             Horizontal::new([heatmap.into(), events.into()]).into(),
             traces.into(),

@@ -1,4 +1,4 @@
-//! Channels on the screen while things happen, without anybody waiting for the screen.
+//! Live view of channels that never blocks the caller.
 
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
@@ -9,27 +9,29 @@ use tactnet_channel::Table;
 use super::{Play, Scene, Target};
 use crate::{Entry, RecordedPacket, RecordingError};
 
-/// Batches that wait for the viewer; at twenty a second three seconds, about 0.5 MB a finger.
+/// Maximum number of batches that wait for the viewer: three seconds at twenty a second, about 0.5 MB per finger.
 const WAITING: usize = 64;
-/// Packets other than frames that wait beside them when it is slow.
+/// Maximum number of other packets than frames that are kept for a slow viewer.
 const KEPT: usize = 1024;
-/// How often the viewer is asked whether it is still there, and how long it may take to say so.
+/// Interval at which the connection to the viewer is checked, and timeout of its reply.
 const ASKED_EVERY: Duration = Duration::from_secs(1);
 
-/// A viewer that is fed by a thread of its own. Frames that it is too slow for are left out and counted: memory stays bounded.
+/// A viewer with its own thread. Frames are left out and counted if the viewer is too slow, so memory stays bounded.
 pub struct LiveView {
     batches: Option<SyncSender<Vec<Entry>>>,
     thread: Option<JoinHandle<Result<(), RecordingError>>>,
-    /// Of batches that were refused, all but the frames.
+    /// Packets of refused batches, except frames.
     kept: Vec<Entry>,
     left_out: u64,
 }
 
 impl LiveView {
-    /// - `table`: of the channels that are shown
+    /// Starts the view.
+    ///
+    /// - `table`: table of the channels
     ///
     /// # Errors
-    /// No viewer there; a file that is there already; a table without the classifier's section.
+    /// No viewer can be reached; the file exists; the table has no section of the classifier.
     pub fn start(target: &Target, title: &str, table: &Table) -> Result<Self, RecordingError> {
         let scene = Scene::of_channels(target, title, table, Play::Following)?;
         let (sender, batches) = sync_channel(WAITING);
@@ -52,7 +54,7 @@ impl LiveView {
         }
     }
 
-    /// Hands a batch on; never waits.
+    /// Passes a batch on. Never waits.
     ///
     /// # Errors
     /// The viewer has gone; the file cannot be written.
@@ -77,17 +79,17 @@ impl LiveView {
         }
     }
 
-    /// Packets that were left out because the viewer was too slow.
+    /// Returns the number of packets that were left out because the viewer was too slow.
     pub fn left_out(&self) -> u64 {
         self.left_out
     }
 
-    /// Shows what still waits and `last`.
+    /// Shows the waiting batches and `last`.
     ///
-    /// - `patience`: how long that may take; `None`: as long as it takes
+    /// - `patience`: timeout; `None`: no timeout
     ///
     /// # Errors
-    /// The viewer has gone, or takes too long; the file cannot be written.
+    /// The viewer has gone or exceeds the timeout; the file cannot be written.
     pub fn finish(
         &mut self,
         last: Vec<Entry>,
@@ -114,7 +116,7 @@ impl LiveView {
         }
         while self.thread.as_ref().is_some_and(|t| !t.is_finished()) {
             if !waits() {
-                let reason = "it does not take what is left".into();
+                let reason = "it did not accept the remaining packets in time".into();
                 return Err(RecordingError::ViewerGone(reason));
             }
             std::thread::sleep(Duration::from_millis(5));
@@ -140,7 +142,7 @@ fn show(mut scene: Scene, batches: &Receiver<Vec<Entry>>) -> Result<(), Recordin
         }
         scene.flush()?;
         if asked.elapsed() > ASKED_EVERY {
-            // A slow viewer is none that has gone.
+            // A slow viewer is not an error.
             scene.has_arrived(ASKED_EVERY)?;
             asked = Instant::now();
         }
@@ -175,7 +177,7 @@ mod tests {
         let (sender, batches) = sync_channel::<Vec<Entry>>(WAITING);
         let (go_on, gate) = sync_channel::<()>(0);
         let thread = std::thread::spawn(move || {
-            // It takes none until somebody says so.
+            // The writer blocks until the gate opens.
             gate.recv().unwrap();
             let names = batches.iter().flatten();
             let names = names.filter(|e| matches!(e.packet, RecordedPacket::Model(_)));

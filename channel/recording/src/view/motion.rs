@@ -1,11 +1,11 @@
-//! Bodies that move: capsules, balls and curves over time.
+//! Moving bodies: capsules, balls and curves over time.
 //!
 //! | entity | content |
 //! |---|---|
 //! | `world/bodies/NAME` | a capsule, m |
-//! | `world/balls/NAME` | a ball, m, where there is one |
-//! | `world/paths/NAME` | its whole way |
-//! | `world/points/NAME`, `world/lines/NAME` | what stands still, m |
+//! | `world/balls/NAME` | a ball while it exists, m |
+//! | `world/paths/NAME` | its whole path |
+//! | `world/points/NAME`, `world/lines/NAME` | static points and lines, m |
 //! | `curves/NAME` | lines of numbers |
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -26,49 +26,49 @@ use super::Target;
 use super::scene::{Stream, TimeOrigin};
 use crate::RecordingError;
 
-/// Of balls.
+/// Color of balls.
 const BRIGHT: u32 = 0xf0_8c_00_ff;
-/// Of the ways they took.
+/// Color of the balls' paths.
 const FAINT: u32 = 0xf0_8c_00_60;
-/// Of capsules, by turns.
+/// Alternating colors of capsules.
 const BODIES: [u32; 3] = [0x3b_82_c4_ff, 0x6f_b4_f0_ff, 0x2a_5f_94_ff];
-/// Of what stands still, by turns.
+/// Alternating colors of static points and lines.
 const STILL: [u32; 4] = [0xc0_50_50_ff, 0x4f_9d_69_ff, 0xd0_a0_30_ff, 0x80_80_80_ff];
 
-/// What moves; all lists over time are as long as `times_ns`.
+/// Motion of bodies. All lists over time have the length of `times_ns`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Motion {
-    /// Since the beginning, ascending.
+    /// Times since the beginning, ascending, in nanoseconds.
     pub times_ns: Vec<i64>,
     /// Links of a robot.
     pub capsules: Vec<Capsule>,
-    /// What is thrown.
+    /// Thrown balls.
     pub balls: Vec<Ball>,
-    /// What stands still.
+    /// Static points.
     pub points: Vec<Points>,
-    /// What stands still.
+    /// Static lines.
     pub lines: Vec<Lines>,
-    /// Drawn below, one picture each.
+    /// Curves below the picture, one plot each.
     pub curves: Vec<Curves>,
 }
 
-/// Points that stand still.
+/// Static points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Points {
     /// Name in the viewer, without spaces.
     pub name: String,
-    /// m.
+    /// Radius, in m.
     pub radius: f32,
-    /// m, z up.
+    /// Positions in m, z up.
     pub places: Vec<[f64; 3]>,
 }
 
-/// Lines that stand still.
+/// Static lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines {
     /// Name in the viewer, without spaces.
     pub name: String,
-    /// Corners of each, m, z up.
+    /// Corners of each line in m, z up.
     pub strips: Vec<Vec<[f64; 3]>>,
 }
 
@@ -77,38 +77,38 @@ pub struct Lines {
 pub struct Capsule {
     /// Name in the viewer, without spaces.
     pub name: String,
-    /// m.
+    /// Radius, in m.
     pub radius: f32,
-    /// Middles of both ends at each time, m, z up.
+    /// Centers of both ends at each time, in m, z up.
     pub ends: Vec<[[f64; 3]; 2]>,
 }
 
-/// A ball that comes and goes.
+/// A ball that exists for a part of the time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ball {
     /// Name in the viewer, without spaces.
     pub name: String,
-    /// m.
+    /// Radius, in m.
     pub radius: f32,
-    /// Where it is at each time, m, z up.
+    /// Position at each time in m, z up; `None` while it does not exist.
     pub places: Vec<Option<[f64; 3]>>,
 }
 
-/// Lines over time.
+/// Curves over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curves {
     /// Name in the viewer, with the unit.
     pub name: String,
-    /// Name and times of each line, with its values.
+    /// Name of each line, with its times and values.
     pub lines: Vec<(String, Vec<(i64, f64)>)>,
 }
 
-/// Shows a motion, and waits until the viewer has all of it.
+/// Shows a motion, and waits until the viewer has received it.
 ///
-/// - `title`: what the viewer calls it
+/// - `title`: title in the viewer
 ///
 /// # Errors
-/// No viewer there; a file that is there already.
+/// No viewer can be reached; the file exists.
 pub fn show_motion(target: &Target, title: &str, motion: &Motion) -> Result<(), RecordingError> {
     let builder = RecordingStreamBuilder::new("tactnet")
         .recording_name(title)
@@ -170,7 +170,7 @@ fn send_capsule(
     stream.send_static(entity.as_str(), &fixed)?;
     let along = |[a, b]: &[[f64; 3]; 2]| Vector3::from(*b) - Vector3::from(*a);
     let turns = capsule.ends.iter().map(|ends| {
-        // The viewer's capsules stand upright.
+        // The viewer's capsules are upright.
         let turn = UnitQuaternion::rotation_between(&Vector3::z(), &along(ends));
         let turn = turn.unwrap_or(UnitQuaternion::from_axis_angle(
             &Vector3::x_axis(),

@@ -1,4 +1,4 @@
-//! The contents of one viewer or file: its time, its fingers, its events.
+//! Content of one viewer or file: time, fingers and events.
 
 use std::time::Duration;
 
@@ -18,39 +18,39 @@ use super::skin::SkinColumns;
 use super::{Stretch, Target, layout};
 use crate::{Entry, RecordedPacket, RecordingError};
 
-/// Bytes that the viewer's library may hold back.
+/// Maximum number of bytes that the viewer's library may buffer.
 const HELD_BACK: u64 = 8 << 20;
-/// How long a viewer may take to answer for the first time.
+/// Timeout of the viewer's first reply.
 const FIRST: Duration = Duration::from_secs(30);
-/// How often a slow viewer is asked whether it is still there.
+/// Interval at which the connection to a slow viewer is checked.
 const ASKED_EVERY: Duration = Duration::from_secs(5);
 
-/// The meaning of zero on the timeline.
+/// Zero of the timeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TimeOrigin {
-    /// The year 1970: things happened at a time of day.
+    /// The year 1970, for events at a time of day.
     Epoch,
-    /// The first sweep.
+    /// The start of the first sweep.
     Begin,
 }
 
-/// How the viewer's time goes.
+/// Playback of the viewer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Play {
-    /// With what comes.
+    /// Follows new data.
     Following,
-    /// From the first to the last.
+    /// Plays from the first to the last entry.
     FromBeginning,
 }
 
-/// A finger as it is drawn.
+/// Columns of a finger.
 struct Finger {
     id: String,
     skin: SkinColumns,
     beliefs: BeliefColumns,
 }
 
-/// The contents of one viewer or file.
+/// Content of one viewer or file.
 pub struct Scene {
     stream: Stream,
     target: Target,
@@ -58,7 +58,7 @@ pub struct Scene {
     materials: Vec<String>,
 }
 
-/// The viewer's library, on one timeline.
+/// Stream to the viewer's library, on one timeline.
 pub(super) struct Stream {
     recording: RecordingStream,
     origin: TimeOrigin,
@@ -69,6 +69,8 @@ impl Stream {
         Self { recording, origin }
     }
 
+    /// Returns the column of times.
+    ///
     /// - `times_ns`: nanoseconds since the origin
     pub(super) fn times(&self, times_ns: Vec<i64>) -> TimeColumn {
         match self.origin {
@@ -77,7 +79,7 @@ impl Stream {
         }
     }
 
-    /// Sends many rows of one entity.
+    /// Sends several rows of one entity.
     pub(super) fn send<C: IntoIterator<Item = SerializedComponentColumn>>(
         &self,
         entity: impl Into<EntityPath>,
@@ -88,7 +90,7 @@ impl Stream {
         Ok(self.recording.send_columns(entity, indexes, columns)?)
     }
 
-    /// Sends what holds at all times.
+    /// Sends static data of one entity.
     pub(super) fn send_static(
         &self,
         entity: impl Into<EntityPath>,
@@ -97,7 +99,7 @@ impl Stream {
         Ok(self.recording.log_static(entity, what)?)
     }
 
-    /// Waits until `target` has got everything, however slow it is.
+    /// Waits until `target` has received everything, without a timeout.
     pub(super) fn finish(self, target: &Target) -> Result<(), RecordingError> {
         if let Err(error) = self.recording.flush_with_timeout(FIRST) {
             let absent = target.absent(&error.to_string());
@@ -107,18 +109,20 @@ impl Stream {
         Ok(())
     }
 
-    /// Forgets it without waiting for the viewer.
+    /// Drops the stream without waiting for the viewer.
     fn abandon(self) {
         std::mem::forget(self.recording);
     }
 }
 
 impl Scene {
-    /// - `title`: what the viewer calls it
+    /// Opens a viewer or file.
+    ///
+    /// - `title`: title in the viewer
     /// - `fingers`: ids of their channels
     ///
     /// # Errors
-    /// No viewer there; a file that is there already.
+    /// No viewer can be reached; the file exists.
     pub fn open(
         target: &Target,
         title: &str,
@@ -159,10 +163,10 @@ impl Scene {
         }
     }
 
-    /// Of the classifier's channels.
+    /// Opens a scene of the classifier's channels.
     ///
     /// # Errors
-    /// As [`Scene::open`]; a table without the classifier's section.
+    /// The same as [`Scene::open`]; the table has no section of the classifier.
     pub fn of_channels(
         target: &Target,
         title: &str,
@@ -174,14 +178,14 @@ impl Scene {
         Self::open(target, title, &fingers, TimeOrigin::Epoch, play)
     }
 
-    /// Rows and columns of taxels; a square or a row is guessed where nobody says.
+    /// Sets rows and columns of the taxels. The default is a square or a single row.
     pub fn set_shape(&mut self, rows: usize, cols: usize) {
         for finger in &mut self.fingers {
             finger.skin.set_shape(rows, cols);
         }
     }
 
-    /// Shows a packet; frames and beliefs are sent together, at the latest by [`Scene::flush`].
+    /// Shows a packet. Frames and beliefs are buffered until [`Scene::flush`] at the latest.
     ///
     /// # Errors
     /// The viewer's library refuses it.
@@ -208,9 +212,9 @@ impl Scene {
         }
     }
 
-    /// Shows many frames of a finger at once; its lines end behind them.
+    /// Shows consecutive frames of a finger. The lines are interrupted after them.
     ///
-    /// - `finger`: its place among the scene's fingers
+    /// - `finger`: index among the scene's fingers
     ///
     /// # Errors
     /// The viewer's library refuses it.
@@ -229,7 +233,7 @@ impl Scene {
             .send("events", [self.stream.times(vec![time_ns])], line)
     }
 
-    /// Sends what waits.
+    /// Sends all buffered data.
     ///
     /// # Errors
     /// The viewer's library refuses it.
@@ -241,7 +245,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Returns true if the viewer, or the file, has got what was sent within `patience`.
+    /// Returns true if the viewer or the file has received everything within `patience`.
     ///
     /// # Errors
     /// The viewer has gone; the file cannot be written.
@@ -253,10 +257,10 @@ impl Scene {
         }
     }
 
-    /// Sends what is left and waits until it has arrived, however slow the viewer is.
+    /// Sends all buffered data and waits until it has arrived, without a timeout.
     ///
     /// # Errors
-    /// As [`Scene::has_arrived`].
+    /// The same as [`Scene::has_arrived`].
     pub fn finish(mut self) -> Result<(), RecordingError> {
         self.flush()?;
         while !self.has_arrived(ASKED_EVERY)? {}
@@ -264,7 +268,7 @@ impl Scene {
     }
 
     fn show_model(&mut self, model: &ModelNames) -> Result<(), RecordingError> {
-        // Former beliefs have the former names.
+        // Earlier beliefs keep the earlier names.
         self.flush()?;
         self.materials = model.names[..(model.materials as usize).min(model.names.len())]
             .iter()
@@ -280,7 +284,7 @@ impl Scene {
     fn show_status(&self, time_ns: i64, status: &TactileStatus) -> Result<(), RecordingError> {
         let text = match status.text.as_str() {
             "" if status.event == Event::Classified as u32 => "classified",
-            // Once a second, or told by others.
+            // A periodic status is not an event.
             "" => return Ok(()),
             text => text,
         };

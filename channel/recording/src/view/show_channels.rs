@@ -1,4 +1,4 @@
-//! Channels as things happen, or a recording, into a viewer or a file.
+//! Live channels or a recording in a viewer or file.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -9,25 +9,25 @@ use tactnet_channel::{Bus, Table};
 use super::{LiveView, Play, Scene, Target};
 use crate::{Entry, Listener, RecordedPacket, Recording, RecordingError};
 
-/// How often the viewer gets something new.
+/// Interval at which the viewer gets new data.
 const EVERY: Duration = Duration::from_millis(50);
-/// How long it may take for what is left.
+/// Timeout for the remaining data at the end.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Packets that were shown, as `tactnet view --json` prints them.
+/// Counts of the packets that were shown.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Viewed {
-    /// 1.
+    /// Version of this document: 1.
     pub schema_version: u32,
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
-    /// Beliefs.
+    /// Number of beliefs.
     pub beliefs: u64,
-    /// Packets that were put and never came here.
+    /// Packets that were put and never arrived.
     pub lost: u64,
-    /// Packets that came and that the viewer was too slow for.
+    /// Packets that were left out because the viewer was too slow.
     pub left_out: u64,
-    /// How the viewer went before the end, if it did: somebody has seen enough.
+    /// Reason why the viewer ended early, if it did.
     #[serde(skip)]
     pub gone: Option<String>,
 }
@@ -68,10 +68,10 @@ impl fmt::Display for Viewed {
     }
 }
 
-/// Shows a recording from its beginning, and waits until the viewer has all of it.
+/// Shows a recording from its beginning, and waits until the viewer has received it.
 ///
 /// # Errors
-/// No viewer there; a file that is there already.
+/// No viewer can be reached; the file exists.
 pub fn show_recording(
     recording: &Recording,
     title: &str,
@@ -79,7 +79,7 @@ pub fn show_recording(
 ) -> Result<Viewed, RecordingError> {
     let mut scene = Scene::of_channels(target, title, &recording.table, Play::FromBeginning)?;
     let mut viewed = Viewed::default();
-    // The names come first, wherever the service said them.
+    // Names of materials come first, at whatever time they were recorded.
     let is_model = |entry: &&Entry| matches!(entry.packet, RecordedPacket::Model(_));
     if let Some(model) = recording.entries.iter().find(is_model) {
         scene.show(model)?;
@@ -92,13 +92,13 @@ pub fn show_recording(
     Ok(viewed)
 }
 
-/// Shows the channels of `table` as things happen, until `stopped` returns true or the viewer has gone.
+/// Shows the channels of `table` live, until `stopped` returns true or the viewer has gone.
 ///
-/// - `time`: how long at most
-/// - `on_ready`: called when it listens
+/// - `time`: maximum duration
+/// - `on_ready`: called when the channels are open
 ///
 /// # Errors
-/// No hub; channels missing in the table; no viewer there; a file that is there already.
+/// No hub runs; the table lacks a channel; no viewer can be reached; the file exists.
 pub fn show_channels(
     bus: &Bus,
     table: &Table,
@@ -107,7 +107,7 @@ pub fn show_channels(
     on_ready: impl FnOnce(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<Viewed, RecordingError> {
-    // All channels must be there before a viewer starts; what comes until it has started is not shown.
+    // Checks the channels before a viewer starts. Packets until it has started are not shown.
     drop(Listener::open(bus, table)?);
     let mut view = LiveView::start(target, &table.bus, table)?;
     let mut listener = Listener::open(bus, table)?;
@@ -138,7 +138,7 @@ pub fn show_channels(
             }
         }
     }
-    // A file gets everything.
+    // A file gets all data, without a timeout.
     let patience = match target {
         Target::File { .. } => None,
         Target::Viewer { .. } | Target::Connect { .. } => Some(PATIENCE),
@@ -150,7 +150,7 @@ pub fn show_channels(
     Ok(viewed)
 }
 
-/// Returns the words for a viewer that was closed or does not answer; other errors stay errors.
+/// Returns the message of a viewer that was closed or does not reply. Other errors stay errors.
 fn gone(outcome: Result<(), RecordingError>) -> Result<Option<String>, RecordingError> {
     match outcome {
         Ok(()) => Ok(None),

@@ -1,21 +1,21 @@
-//! The sweeps of a data set, one after the other.
+//! Sweeps of a data set, one after the other.
 
 use tactnet_data::{Dataset, known_names};
 
 use super::{Play, Scene, Stretch, Target, TimeOrigin};
 use crate::RecordingError;
 
-/// Between two sweeps, s.
+/// Pause between two sweeps, in s.
 const PAUSE: f64 = 0.25;
 /// Name of the skin in the viewer.
 const SKIN: &str = "skin";
 
-/// Shows sweeps in this order, and waits until the viewer has all of them.
+/// Shows sweeps in the given order, and waits until the viewer has received all of them.
 ///
-/// - `sweeps`: their numbers
+/// - `sweeps`: indices in the data set
 ///
 /// # Errors
-/// No viewer there; a file that is there already.
+/// No viewer can be reached; the file exists.
 pub fn show_sweeps(
     dataset: &Dataset,
     sweeps: &[usize],
@@ -48,12 +48,12 @@ pub fn show_sweeps(
     scene.finish()
 }
 
-/// Returns the numbers of the first `sweeps` sweeps of each material, material by material.
+/// Returns the indices of the first `sweeps` sweeps of each material, material by material.
 ///
-/// - `materials`: names; without any, all materials
+/// - `materials`: names; if empty, all materials
 ///
 /// # Errors
-/// A material that the data set does not have.
+/// The data set lacks a material.
 pub fn first_sweeps(
     dataset: &Dataset,
     materials: &[String],

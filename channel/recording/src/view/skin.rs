@@ -1,4 +1,4 @@
-//! Frames as columns: a line a taxel, and heatmaps.
+//! Frames as columns: one line per taxel, and heatmaps.
 
 use re_sdk::log::TimeColumn;
 use re_sdk_types::archetypes::{Scalars, SeriesLines, Tensor};
@@ -9,23 +9,23 @@ use tactnet_skin::packets::SkinFrame;
 use super::scene::Stream;
 use crate::RecordingError;
 
-/// Frames that wait at most until they are sent together.
+/// Maximum number of frames that are sent together.
 const TOGETHER: usize = 4096;
-/// Between two heatmaps, nanoseconds.
+/// Interval of the heatmaps, in nanoseconds.
 const HEATMAP_EVERY: i64 = 40_000_000;
 
-/// Frames of one finger that follow each other.
+/// Consecutive frames of one finger.
 #[derive(Debug, Clone, Default)]
 pub struct Stretch {
     /// `[frames]`, nanoseconds since the scene's origin.
     pub times_ns: Vec<i64>,
-    /// `[frames]`.
+    /// Sequence numbers, `[frames]`.
     pub sequences: Vec<i64>,
-    /// `[frames][taxels]`.
+    /// Digits, `[frames][taxels]`.
     pub digits: Vec<f32>,
 }
 
-/// The frames of a finger that wait.
+/// Frames of a finger that are not sent yet.
 #[derive(Default)]
 pub(super) struct SkinColumns {
     waiting: Stretch,
@@ -62,7 +62,7 @@ impl SkinColumns {
         Ok(())
     }
 
-    /// Lines end behind it.
+    /// Adds consecutive frames; the lines are interrupted after them.
     pub(super) fn show_stretch(
         &mut self,
         stream: &Stream,
@@ -86,7 +86,7 @@ impl SkinColumns {
         )
     }
 
-    /// Sends what waits: all traces, some heatmaps.
+    /// Sends all traces and some heatmaps.
     pub(super) fn send(&mut self, stream: &Stream, id: &str) -> Result<(), RecordingError> {
         let waiting = std::mem::take(&mut self.waiting);
         let (frames, taxels) = (waiting.times_ns.len(), self.taxels);
@@ -108,7 +108,7 @@ impl SkinColumns {
         let (mut times_ns, mut tensors, mut ranges) = (Vec::new(), Vec::new(), Vec::new());
         for (&time_ns, digits) in waiting.times_ns.iter().zip(waiting.digits.chunks(taxels)) {
             let range = self.range_with(digits);
-            // Time may have been set back.
+            // The clock may have been set back.
             let due = self
                 .drawn_ns
                 .is_none_or(|drawn_ns| time_ns < drawn_ns || time_ns - drawn_ns >= HEATMAP_EVERY);
@@ -136,7 +136,7 @@ impl SkinColumns {
         stream.send(format!("{id}/heatmap"), [stream.times(times_ns)], heatmaps)
     }
 
-    /// Of all digits so far, these included; what is no number does not count.
+    /// Returns the range of all digits so far, including these. Values that are not numbers are ignored.
     fn range_with(&mut self, digits: &[f32]) -> ValueRange {
         for &digit in digits.iter().filter(|digit| digit.is_finite()) {
             let [low, high] = self.range.unwrap_or([digit, digit]);
@@ -147,7 +147,7 @@ impl SkinColumns {
     }
 }
 
-/// Rows and columns of so many taxels.
+/// Returns rows and columns: a square if possible, otherwise one row.
 fn square(taxels: usize) -> [usize; 2] {
     let side = taxels.isqrt();
     if side * side == taxels {

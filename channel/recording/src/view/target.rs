@@ -1,4 +1,4 @@
-//! Where the pictures go: a viewer or a file.
+//! Destination of the pictures: a viewer or a file.
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -14,35 +14,35 @@ use re_sdk::{RecordingStream, RecordingStreamBuilder};
 use super::Play;
 use crate::RecordingError;
 
-/// The viewer's program.
+/// Program of the viewer.
 const PROGRAM: &str = "rerun";
-/// Memory that its server keeps for viewers that join later.
+/// Memory limit of its server, which keeps data for viewers that join later.
 const SERVER_KEEPS: &str = "256MB";
-/// A viewer on a busy machine has started by then.
+/// Timeout of a viewer's start, enough for a busy machine.
 const STARTED: Duration = Duration::from_secs(60);
 
-/// Where the pictures go.
+/// Destination of the pictures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
-    /// A viewer that is started for it, on loopback; needs the program `rerun`.
+    /// A viewer that is started on loopback; needs the program `rerun`.
     Viewer {
-        /// Above this the viewer forgets the oldest, for example `2GB`.
+        /// Memory limit above which the viewer drops the oldest data, for example `2GB`.
         memory_limit: String,
     },
-    /// A viewer that runs already, for example `rerun+http://127.0.0.1:9876/proxy`.
+    /// A running viewer, for example `rerun+http://127.0.0.1:9876/proxy`.
     Connect {
-        /// Its address.
+        /// Address of the viewer.
         url: String,
     },
-    /// A file that the viewer opens.
+    /// A file that the viewer can open.
     File {
-        /// Its path, `.rrd`; must not be there yet.
+        /// Path ending in `.rrd`; must not exist.
         path: PathBuf,
     },
 }
 
 impl Target {
-    /// Begins a stream.
+    /// Opens a stream.
     pub(super) fn open(
         &self,
         builder: RecordingStreamBuilder,
@@ -59,7 +59,8 @@ impl Target {
                     path: path.clone(),
                     source,
                 })?;
-                // A table of contents is kept in memory until the end; what goes on for hours has none.
+                // No manifest at the end of the file: it is kept in memory until then, which long recordings cannot
+                // afford.
                 let options = FileSinkOptions {
                     write_footer: play == Play::FromBeginning,
                 };
@@ -76,7 +77,7 @@ impl Target {
         Ok(stream)
     }
 
-    /// Nobody takes what is sent.
+    /// Returns the error of a viewer or file that stopped accepting data.
     pub(super) fn broken(&self, reason: &str) -> RecordingError {
         match self {
             Self::File { path } => RecordingError::Unwritten {
@@ -87,7 +88,7 @@ impl Target {
         }
     }
 
-    /// There has never been anybody.
+    /// Returns the error of a viewer or file that never accepted data.
     pub(super) fn absent(&self, reason: &str) -> RecordingError {
         match self {
             Self::Connect { url } => RecordingError::NoViewerAt {
@@ -99,7 +100,7 @@ impl Target {
     }
 }
 
-/// Starts a viewer that goes on when this program ends, and waits until it listens; gives its port.
+/// Starts a viewer that survives this program, waits until it listens, and returns its port.
 fn start_viewer(memory_limit: &str) -> Result<u16, RecordingError> {
     let failed = |reason: String| RecordingError::Viewer(reason);
     let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0));
@@ -117,7 +118,7 @@ fn start_viewer(memory_limit: &str) -> Result<u16, RecordingError> {
     #[cfg(unix)]
     {
         use std::os::unix::process::CommandExt;
-        // Ctrl-C ends this program, not the viewer.
+        // Ctrl-C ends this program, but not the viewer.
         command.process_group(0);
     }
     let mut viewer = command.spawn().map_err(|error| match error.kind() {
@@ -127,7 +128,7 @@ fn start_viewer(memory_limit: &str) -> Result<u16, RecordingError> {
     let begun = Instant::now();
     while TcpStream::connect((Ipv4Addr::LOCALHOST, port)).is_err() {
         if let Ok(Some(status)) = viewer.try_wait() {
-            return Err(failed(format!("it ended at once ({status})")));
+            return Err(failed(format!("it exited at once ({status})")));
         }
         if begun.elapsed() > STARTED {
             let _ = viewer.kill();
