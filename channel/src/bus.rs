@@ -1,16 +1,16 @@
 //! Bus: opens channels and creates ports.
 
 use std::collections::BTreeMap;
-use std::path::{Path as FilePath, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
 use iceoryx2::prelude::*;
-use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
 use crate::memory_folder::bus_folder;
-use crate::packet::{Block, Header};
+use crate::service::{
+    check_attributes, create, crowd_file, iceoryx_config, node, open, wake_event_file,
+};
 use crate::table::describe;
 use crate::transport::{AnyChannel, AnyNode, Either, both};
 use crate::wake_event::WakeEvent;
@@ -19,8 +19,6 @@ use crate::{
     PutPort, Start, SyncGroup, Table,
 };
 
-/// Maximum time until the hub has freed the places of dead clients.
-pub(crate) const CLEARING_UP: Duration = Duration::from_secs(4);
 /// Set of components that a bus connects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Domain {
@@ -373,174 +371,4 @@ impl AsChannelId for ChannelId {
     fn channel_id(self) -> Result<ChannelId, ChannelError> {
         Ok(self)
     }
-}
-
-/// Returns the settings of iceoryx2; configuration files of the machine are ignored.
-///
-/// - `folder`: folder of its files; empty for memory of the process
-pub(crate) fn iceoryx_config(folder: &FilePath, prefix: &str) -> Result<Config, ChannelError> {
-    let mut config = Config::default();
-    if !folder.as_os_str().is_empty() {
-        let root = Path::new(folder.as_os_str().as_encoded_bytes())
-            .map_err(|error| ChannelError::transport(folder.display(), format!("{error:?}")))?;
-        config.global.set_root_path(&root);
-    }
-    config.global.prefix = FileName::new(format!("{prefix}_").as_bytes())
-        .map_err(|error| ChannelError::transport(prefix, format!("{error:?}")))?;
-    // Only the hub cleans up, so that clients are not delayed by the remains of others.
-    config.global.node.cleanup_dead_nodes_on_creation = false;
-    config.global.node.cleanup_dead_nodes_on_destruction = false;
-    config.global.service.cleanup_dead_nodes_on_open = false;
-    Ok(config)
-}
-
-pub(crate) fn node<S: Service>(config: &Config) -> Result<Node<S>, ChannelError> {
-    NodeBuilder::new()
-        .signal_handling_mode(SignalHandlingMode::Disabled)
-        .config(config)
-        .create::<S>()
-        .map_err(|error| ChannelError::transport("node", format!("{error:?}")))
-}
-
-pub(crate) type Channel<S> =
-    iceoryx2::service::port_factory::publish_subscribe::PortFactory<S, [Block], Header>;
-
-pub(crate) fn service_name(id: ChannelId) -> Result<ServiceName, ChannelError> {
-    ServiceName::new(id.as_str()?)
-        .map_err(|error| ChannelError::transport(id, format!("{error:?}")))
-}
-
-/// Opens a channel that the hub has created.
-fn open<S: Service>(node: &Node<S>, id: ChannelId, bus: &str) -> Result<Channel<S>, ChannelError> {
-    let begun = Instant::now();
-    loop {
-        let opened = node
-            .service_builder(&service_name(id)?)
-            .publish_subscribe::<[Block]>()
-            .user_header::<Header>()
-            .open();
-        match opened {
-            Ok(channel) => return Ok(channel),
-            // The hub needs some time to free the places of dead clients.
-            Err(PublishSubscribeOpenError::ExceedsMaxNumberOfNodes)
-                if begun.elapsed() < CLEARING_UP =>
-            {
-                std::thread::sleep(Duration::from_millis(10));
-            }
-            Err(PublishSubscribeOpenError::ExceedsMaxNumberOfNodes) => {
-                return Err(ChannelError::transport(
-                    id,
-                    "more clients than its ports allow",
-                ));
-            }
-            Err(PublishSubscribeOpenError::DoesNotExist) => {
-                return Err(ChannelError::NoHub { bus: bus.into() });
-            }
-            Err(error) => return Err(ChannelError::transport(id, format!("{error:?}"))),
-        }
-    }
-}
-
-/// Creates a channel, or opens it if it exists and agrees with the table.
-pub(crate) fn create<S: Service>(
-    node: &Node<S>,
-    id: ChannelId,
-    config: &ChannelConfig,
-) -> Result<Channel<S>, ChannelError> {
-    let define = |attributes: AttributeSpecifier, (key, value): (&str, String)| {
-        let key = key
-            .try_into()
-            .unwrap_or_else(|error| panic!("{key} is a valid key: {error:?}"));
-        let value = value
-            .as_str()
-            .try_into()
-            .map_err(|error| ChannelError::transport(id, format!("{error:?}")))?;
-        attributes
-            .define(&key, &value)
-            .map_err(|error| ChannelError::transport(id, format!("{error:?}")))
-    };
-    let attributes = attributes(config)
-        .into_iter()
-        .try_fold(AttributeSpecifier::new(), define)?;
-    let (puts, gets) = (config.total_put_ports(), config.total_get_ports());
-    let builder = || -> Result<_, ChannelError> {
-        Ok(node
-            .service_builder(&service_name(id)?)
-            .publish_subscribe::<[Block]>()
-            .user_header::<Header>()
-            .enable_safe_overflow(true)
-            .history_size(config.history)
-            .subscriber_max_buffer_size(config.depth)
-            .subscriber_max_borrowed_samples(config.held)
-            .max_publishers(puts)
-            .max_subscribers(gets)
-            // Clients, the hub, and up to eight tools.
-            .max_nodes(puts + gets + 8))
-    };
-    let created = builder()?.create_with_attributes(&attributes);
-    let channel = match created {
-        Ok(channel) => channel,
-        Err(iceoryx2::service::builder::publish_subscribe::PublishSubscribeCreateError::AlreadyExists) => open(node, id, "")?,
-        Err(error) => return Err(ChannelError::transport(id, format!("{error:?}"))),
-    };
-    check_attributes(&channel, id, config)?;
-    Ok(channel)
-}
-
-/// Returns the properties of a channel that a port compares when it opens.
-fn attributes(config: &ChannelConfig) -> [(&'static str, String); 2] {
-    let ChannelConfig {
-        items,
-        depth,
-        put_ports,
-        get_ports,
-        history,
-        held,
-        distributed,
-        ..
-    } = config;
-    [
-        ("packet", config.describe()),
-        (
-            "resources",
-            format!(
-                "{items} items, depth {depth}, {put_ports} put-ports, {get_ports} get-ports, history {history}, {held} held{}",
-                if *distributed { ", other hosts" } else { "" }
-            ),
-        ),
-    ]
-}
-
-fn check_attributes<S: Service>(
-    channel: &Channel<S>,
-    id: ChannelId,
-    config: &ChannelConfig,
-) -> Result<(), ChannelError> {
-    for (key, found) in attributes(config) {
-        let name = key
-            .try_into()
-            .unwrap_or_else(|error| panic!("{key} is a valid key: {error:?}"));
-        let expected = channel
-            .attributes()
-            .key_value(&name, 0)
-            .map(ToString::to_string);
-        if expected.as_deref() != Some(found.as_str()) {
-            return Err(ChannelError::Type {
-                id,
-                expected: expected.unwrap_or_else(|| "something else".into()),
-                found: format!("{found} (another table?)"),
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Returns the file of a channel's wake event.
-pub(crate) fn wake_event_file(folder: &FilePath, id: ChannelId) -> Result<PathBuf, ChannelError> {
-    Ok(folder.join(format!("wake_{}", id.as_str()?.replace('/', "+"))))
-}
-
-/// Returns the file of the wake event for large groups. It exists while a hub runs and after a hub has ended.
-pub(crate) fn crowd_file(folder: &FilePath) -> PathBuf {
-    folder.join("wake+")
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::{CallbackProgression, NodeState, PortFactory};
 use iceoryx2::service::Service;
 
-use crate::bus::{CLEARING_UP, Channel};
+use crate::service::{CLEARING_UP, Channel};
 
 /// Time that the hub needs to clean up after one dead client on an idle machine. The client's node is no longer listed
 /// during that time.

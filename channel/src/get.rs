@@ -27,6 +27,21 @@ pub enum Start {
     History(usize),
 }
 
+impl Start {
+    /// Returns the number of earlier packets to get.
+    fn history(self, id: ChannelId, config: &ChannelConfig) -> Result<usize, ChannelError> {
+        match self {
+            Self::Now => Ok(0),
+            Self::History(packets) if packets > config.history => Err(ChannelError::History {
+                id,
+                most: config.history,
+                found: packets,
+            }),
+            Self::History(packets) => Ok(packets),
+        }
+    }
+}
+
 /// Strategy for waiting for a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wait {
@@ -108,17 +123,7 @@ impl<T: Packet> GetPort<T> {
                 "packets are aligned to 64 bytes at most"
             )
         };
-        let history = match start {
-            Start::Now => 0,
-            Start::History(packets) if packets > config.history => {
-                return Err(ChannelError::History {
-                    id,
-                    most: config.history,
-                    found: packets,
-                });
-            }
-            Start::History(packets) => packets,
-        };
+        let history = start.history(id, &config)?;
         let failed = FailedConnections::default();
         macro_rules! subscriber {
             ($channel:expr) => {{

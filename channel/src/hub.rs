@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
-use crate::bus::{create, crowd_file, iceoryx_config, node, wake_event_file};
 use crate::memory_folder::{bus_folder, own_folder};
 use crate::own_file::own_file;
 use crate::packet::{Block, Header};
+use crate::service::{create, crowd_file, iceoryx_config, node, wake_event_file};
 use crate::transport::Ipc;
 use crate::wake_event::WakeEvent;
 use crate::{ChannelError, ChannelId, Table};

@@ -30,6 +30,7 @@ mod put;
 mod rate;
 mod rate_limit;
 mod received_summary;
+mod service;
 mod shared;
 mod sync_group;
 mod table;

@@ -1,7 +1,5 @@
 //! List of the channels of a bus, for tools.
 
-use std::fmt;
-
 use serde::Serialize;
 
 use crate::{Bus, ChannelError, Table};
@@ -29,36 +27,6 @@ pub struct ListedChannel {
     pub put_port_bytes: u64,
     /// True for a channel that is shared with other hosts.
     pub distributed: bool,
-}
-
-impl ListedChannel {
-    /// Returns the line of names above channels that are printed with [`fmt::Display`].
-    pub fn heading() -> String {
-        format!(
-            "{:<24} {:<16} {:>12} {:>8} {:>8} {:>16}",
-            "channel", "packet", "bytes", "putting", "getting", "memory of a put"
-        )
-    }
-}
-
-impl fmt::Display for ListedChannel {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{:<24} {:<16} {:>12} {:>8} {:>8} {:>16}{}",
-            self.id,
-            self.packet,
-            self.packet_bytes,
-            format!("{}/{}", self.put_ports, self.max_put_ports),
-            format!("{}/{}", self.get_ports, self.max_get_ports),
-            format!("{:.1} KiB", self.put_port_bytes as f64 / 1024.0),
-            if self.distributed {
-                "  other hosts"
-            } else {
-                ""
-            },
-        )
-    }
 }
 
 /// Returns the channels of `table`, in its order.

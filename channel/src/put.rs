@@ -71,16 +71,11 @@ impl<T: Packet> PutPort<T> {
                 "packets are aligned to 64 bytes at most"
             )
         };
-        let full = || ChannelError::TooManyPorts {
-            id,
-            side: "put",
-            most: config.put_ports,
-        };
         let slots = config.slots();
         let failed = FailedConnections::default();
-        let no_memory = || {
-            let free = files.as_ref().map_or(0, |(folder, _)| free_memory(folder));
-            memory_error(id, &config, free)
+        let error = |error| {
+            let free = || files.as_ref().map_or(0, |(folder, _)| free_memory(folder));
+            creation_error(id, &config, error, free)
         };
         macro_rules! publisher {
             ($channel:expr) => {{
@@ -97,11 +92,7 @@ impl<T: Packet> PutPort<T> {
                         .override_sample_preallocation(move |_| slots)
                         .create()
                 })
-                .map_err(|error| match error {
-                    PublisherCreateError::ExceedsMaxSupportedPublishers => full(),
-                    PublisherCreateError::UnableToCreateDataSegment => no_memory(),
-                    error => ChannelError::transport(id, error),
-                })?
+                .map_err(error)?
             }};
         }
         let publisher = match channel {
@@ -374,6 +365,23 @@ fn reserve_segment(
         id,
         "no file with its memory in the folder of the bus",
     ))
+}
+
+fn creation_error(
+    id: ChannelId,
+    config: &ChannelConfig,
+    error: PublisherCreateError,
+    free: impl Fn() -> u64,
+) -> ChannelError {
+    match error {
+        PublisherCreateError::ExceedsMaxSupportedPublishers => ChannelError::TooManyPorts {
+            id,
+            side: "put",
+            most: config.put_ports,
+        },
+        PublisherCreateError::UnableToCreateDataSegment => memory_error(id, config, free()),
+        error => ChannelError::transport(id, error),
+    }
 }
 
 fn memory_error(id: ChannelId, config: &ChannelConfig, free: u64) -> ChannelError {

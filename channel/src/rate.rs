@@ -1,6 +1,5 @@
 //! Rate, latency and losses of a channel.
 
-use std::fmt;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -25,21 +24,6 @@ pub struct PacketRate {
     pub latency_max_us: f64,
     /// Packets that were put and did not arrive.
     pub lost: u64,
-}
-
-impl fmt::Display for PacketRate {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{:.1} Hz, {:.2} MB/s; latency {:.1} us, 99 % below {:.1}, at most {:.1}; {} lost",
-            self.hz,
-            self.megabytes_per_s,
-            self.latency_p50_us,
-            self.latency_p99_us,
-            self.latency_max_us,
-            self.lost
-        )
-    }
 }
 
 /// Gets packets for `time`, or until `stopped` returns true, and returns their statistics.

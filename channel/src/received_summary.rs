@@ -1,7 +1,5 @@
 //! Summary of a received packet, for tools.
 
-use std::fmt;
-
 use serde::Serialize;
 
 use crate::{GetPort, Received, now_ns};
@@ -40,24 +38,6 @@ impl ReceivedSummary {
             bytes: packet.len(),
             begins: packet.iter().take(24).map(|b| format!("{b:02x}")).collect(),
             lost: port.lost(),
-        }
-    }
-}
-
-impl fmt::Display for ReceivedSummary {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} #{:<8} {:>8.1} us {:>10} bytes {} …",
-            &self.sender[..8],
-            self.sequence,
-            self.latency_us,
-            self.bytes,
-            self.begins
-        )?;
-        match self.lost {
-            0 => Ok(()),
-            lost => write!(f, "  lost so far: {lost}"),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `tactnet channel`: the hub, and what people need to look at a bus.
+//! `tactnet channel`: the hub, and tools to inspect a bus.
 
 mod command;
 mod look;
@@ -23,36 +23,36 @@ use crate::table;
 #[derive(Subcommand)]
 #[command(after_help = "Examples:\n  \
     tactnet channel hub --table channels.toml &                hold the channels of this host\n  \
-    tactnet channel put skin/right --table channels.toml       something to look at, 200 packets a second\n  \
-    tactnet channel list --table channels.toml                 what is there, who is connected\n  \
+    tactnet channel put skin/right --table channels.toml       test packets, 200 per second\n  \
+    tactnet channel list --table channels.toml                 channels and connected ports\n  \
     tactnet channel hz skin/right --table channels.toml        rate, latency, losses\n  \
-    tactnet channel command reset --table robot.toml           to the online classifier: the next sweep is of another object\n  \
-    tactnet channel stress --against iceoryx2,unix             how fast it is on this machine")]
+    tactnet channel command reset --table robot.toml           tell the classifier that the next sweep is of another object\n  \
+    tactnet channel stress --against iceoryx2                  round trips on this machine")]
 pub enum ChannelCommand {
-    /// Hold all channels of the table on this host, clean up after dead clients, connect to other hosts
+    /// Run the hub: hold all channels of the table on this host, clean up after dead clients, connect to other hosts
     Hub(HubArgs),
-    /// Show the table's channels, who is connected, and what memory they take
+    /// List the channels of the table with connected ports and memory
     List(look::ListArgs),
-    /// Print packets of a channel as they come: beliefs, frames, commands and events in words, others as bytes
+    /// Print the packets of a channel as they arrive; packets of unknown types as bytes
     Echo(look::EchoArgs),
     /// Measure rate, latency and losses of a channel
     Hz(look::HzArgs),
-    /// Tell the online classifier that a sweep starts or stops, to forget an object, or to learn a material
+    /// Command the online classifier: start or stop a sweep, forget the object, learn a material
     Command(command::CommandArgs),
     /// Put packets of zeros into a channel at a steady rate
     Put(put::PutArgs),
-    /// Print what packets hold, as a page or as code for C, C++, Python and Protocol Buffers
+    /// Print packet descriptions as a page, C, C++, Python or Protocol Buffers
     Packets(packets::PacketsArgs),
-    /// Measure how fast packets travel, beside other transports
+    /// Measure round trips of packets, compared with other transports
     Stress(stress::StressArgs),
-    /// A client of the stress test: what `stress` starts
+    /// Run a client of the stress test (started by `stress`)
     #[command(hide = true)]
     StressClient,
 }
 
 #[derive(Args)]
 pub struct TableArgs {
-    /// The table of channels; `tactnet serve --print-table` prints one
+    /// Table of channels; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
     table: PathBuf,
 }
@@ -86,7 +86,7 @@ fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
     let endpoints = table.network.listen.len() + table.network.connect.len();
     if distributed && endpoints > 0 && !cfg!(feature = "zenoh") {
         anyhow::bail!(
-            "{}: it has channels between hosts, and {}",
+            "{}: the table has channels between hosts; {}",
             arguments.table.table.display(),
             left_out("zenoh")
         );

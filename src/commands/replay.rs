@@ -100,11 +100,39 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&report)?;
     } else {
-        output::print(report)?;
+        output::print(summary(&report))?;
     }
     Ok(if stop.asked() {
         ExitCode::from(failure::INTERRUPTED)
     } else {
         ExitCode::SUCCESS
     })
+}
+
+/// Returns the result in one line.
+fn summary(report: &ReplayReport) -> String {
+    let comparison = match report.identical {
+        None => "the recording contains none to compare".into(),
+        Some(true) => "identical to the recorded ones".into(),
+        Some(false) => format!(
+            "{} of {} recorded ones differ{}",
+            report.differing,
+            report.recorded.beliefs,
+            if report.another_asked {
+                ": another network, as requested"
+            } else {
+                " (another network, or another version?)"
+            }
+        ),
+    };
+    let not_compared = match report.recorded.unfinished {
+        0 => String::new(),
+        more => format!(
+            "; {more} more recorded ones are not compared since the beginning or end of their sweep is missing"
+        ),
+    };
+    format!(
+        "{} frames, {} lost; {} sweeps, {} beliefs, {comparison}{not_compared}",
+        report.frames, report.frames_lost, report.replayed.sweeps, report.replayed.beliefs
+    )
 }

@@ -17,7 +17,7 @@ pub(super) fn words_of_channels(cause: &(dyn Error + 'static)) -> Option<&'stati
 }
 
 /// Returns the channel error that a cause is or wraps without a text of its own.
-fn channel_error(cause: &(dyn Error + 'static)) -> Option<&ChannelError> {
+fn channel_error<'a>(cause: &'a (dyn Error + 'static)) -> Option<&'a ChannelError> {
     if let Some(ServeError::Channel(error)) = cause.downcast_ref() {
         return Some(error);
     }

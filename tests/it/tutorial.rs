@@ -42,7 +42,7 @@ fn the_tutorial_runs_as_it_stands() {
     let last = out.trim().lines().last().unwrap();
     assert!(last.contains(" 0 lost; 30 sweeps, "), "{last}\n{errors}");
     assert!(
-        last.ends_with("differ: another network, as asked"),
+        last.ends_with("differ: another network, as requested"),
         "{last}"
     );
 }

@@ -1,4 +1,4 @@
-# Targets tactnet::channel (shared) and tactnet::channel_static, beside the headers <tactnet/channel.h>, <tactnet/channel.hpp>,
+# Defines the targets tactnet::channel (shared) and tactnet::channel_static for the headers <tactnet/channel.h>, <tactnet/channel.hpp>,
 # <tactnet/packets.h>:
 #
 #   find_package(tactnet_channel REQUIRED)

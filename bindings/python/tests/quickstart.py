@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Trains on the synthetic twin, predicts, and asks scikit-learn whether the estimators keep its rules.
+"""Trains on the synthetic twin, predicts, and runs scikit-learn's checks of estimators.
 
     python -m venv v && v/bin/pip install ./bindings/python scikit-learn aeon && v/bin/python bindings/python/tests/quickstart.py
 
@@ -14,13 +14,14 @@ import warnings
 import numpy as np
 import tactnet
 
-# Checks that cannot pass, and why.
+# Checks that cannot pass, with reasons.
 EXPECTED_FAILURES = {}
 
 
 class Flat(tactnet.SweepClassifier):
-    """A classifier of tables: each row is a sweep of sixteen equal frames, so that scikit-learn's checks, which know tables alone, run
-    through everything that the estimators of sweeps share. The nearest neighbour on the taxels' means decides."""
+    """A nearest-neighbour classifier of tables: each row becomes a sweep of sixteen equal frames.
+
+    scikit-learn's checks support tables only; this class passes them through the code that all classifiers of sweeps share."""
 
     def _recipe(self):
         return "means"
@@ -29,7 +30,7 @@ class Flat(tactnet.SweepClassifier):
         return np.repeat(np.asarray(X, dtype=float)[:, None, :], 16, axis=1)
 
     def _check_sweeps(self, data):
-        """Equal frames are sweeps in which no taxel changes, and the tables have equal rows."""
+        """Skips the checks of sweeps: no taxel changes in equal frames, and the tables have equal rows."""
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -39,7 +40,7 @@ class Flat(tactnet.SweepClassifier):
 
 
 def check(estimator):
-    """Returns how many checks passed, were skipped and failed, and prints the failures that nobody expected."""
+    """Returns the numbers of passed, skipped and failed checks, and prints unexpected failures."""
     from sklearn.utils.estimator_checks import check_estimator
 
     with warnings.catch_warnings():

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Trains the first fold of the twin in Python and by the command line, in turns, and prints both accuracies and times.
+"""Trains the first fold of the twin alternately in Python and on the command line, and prints accuracies and times.
 
     TACTNET=target/release/tactnet python bindings/python/tests/same_as_command_line.py [--rounds 3] [--materials 36] [--sweeps 100]
 

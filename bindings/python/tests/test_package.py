@@ -1,4 +1,4 @@
-"""The package beside what it stands on: the command line, scikit-learn, aeon, real channels.
+"""Tests of the package with the command line, scikit-learn, aeon and real channels.
 
     TACTNET=target/release/tactnet python -m pytest bindings/python/tests
 """
@@ -27,7 +27,7 @@ def cli(*arguments, **options):
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    """A small twin as NumPy users have theirs, with the split of the command line."""
+    """A small twin as NumPy arrays, with the split of the command line."""
     twin = tactnet.Dataset.twin(materials=4, sweeps=15, steps=300)
     file = tmp_path_factory.mktemp("data") / "own.npz"
     np.savez_compressed(file, X=twin.X, y=twin.y, sample_rate_hz=750)
@@ -83,7 +83,7 @@ def test_equal_seeds_give_the_bits_of_the_command_line(data, network, tmp_path):
     assert np.abs(theirs - network.predict_proba(own.X)).max() < 1e-12
     split = json.loads((run / "split.json").read_text())
     assert split["train"] == train.tolist() and split["test"] == test.tolist()
-    # And a run of the command line opens here.
+    # The package opens a run of the command line.
     loaded = tactnet.TactNetClassifier.load(run)
     assert np.abs(loaded.predict_proba(own.X) - theirs).max() < 1e-12
 
@@ -235,7 +235,7 @@ print(fitted.score(own.X, own.y))
 
 @pytest.fixture
 def robot(network, tmp_path):
-    """A hub in this process, and a classifier and a recorder beside it."""
+    """Starts a hub in this process, and a classifier and a recorder as processes."""
     network.save(tmp_path / "run")
     table = tmp_path / "robot.toml"
     processes = []
@@ -263,8 +263,8 @@ def test_frames_go_in_and_beliefs_come_out(data, network, robot):
     assert bus.fingers == ["skin/right"]
     assert beliefs.get(timeout=0.05) is None
     sweep = own.X[test[0]]
-    # A skin is on long before a finger moves: a second of rest, in which the service finds the new ports; the 250 frames of a motion that
-    # the table skips; the sweep; a little more.
+    # One second of rest, in which the service connects to the new ports; the 250 frames of a motion that the table skips; the sweep; some
+    # more frames.
     frames = np.concatenate([np.zeros((1000, 4, 4)), sweep, np.zeros((30, 4, 4))])
     begun, first = time.monotonic(), time.time_ns()
     for number, frame in enumerate(frames):
@@ -386,7 +386,7 @@ def test_sweeps_without_materials_come_from_any_file(data, tmp_path):
     sweeps = tactnet.read_sweeps(folder, steps=50)
     assert sweeps.names == ["a", "b"] and sweeps.rate_is_assumed
     assert (sweeps.X.reshape(2, 50, -1) == own.X[[1, 0], :50].reshape(2, 50, -1)).all()
-    # A data set with materials is read, too.
+    # It also reads a labelled data set.
     own.write(tmp_path / "own.h5")
     assert (tactnet.read_sweeps(tmp_path / "own.h5").X == tactnet.Dataset.read(tmp_path / "own.h5").X).all()
 
@@ -398,12 +398,12 @@ def test_training_sweeps_are_checked(data):
     still[5] = still[5, 0]
     with pytest.raises(tactnet.TactnetError, match=r"^X\[5\], .* no taxel ever changes$"):
         tactnet.LdaClassifier(rate=750).fit(still, y)
-    # A bootstrap repeats sweeps.
+    # A bootstrap sample repeats sweeps.
     again = np.r_[0 : len(X), 0, 1]
     with pytest.warns(UserWarning, match="has the same values as") as told:
         tactnet.LdaClassifier(rate=750).fit(X[again], y[again])
     assert len(told) == 1 and told[0].filename == __file__
-    # Of two sweeps of a material, a fold leaves one to train with.
+    # With two sweeps per material, a fold leaves one for training.
     kept = np.delete(np.arange(len(X)), np.flatnonzero(y == y[0])[1:])
     with warnings.catch_warnings():
         warnings.simplefilter("error")

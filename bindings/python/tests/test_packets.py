@@ -1,4 +1,4 @@
-"""Packets beside those of Rust, and on real channels.
+"""Comparison of packets with those of Rust, and exchange on real channels.
 
     TACTNET=target/release/tactnet PACKET_BYTES=target/release/examples/packet_bytes python -m pytest bindings/python/tests
 """
@@ -15,10 +15,10 @@ from tactnet import channel, packets
 
 
 def known():
-    """The packets of bindings/c/examples/packet_bytes.rs."""
+    """Returns the packets of bindings/c/examples/packet_bytes.rs."""
     digits = np.zeros(packets.MAX_TAXELS, np.float32)
     digits[[0, 1, -1]] = 1.5, -0.25, 3.0
-    # All values are given, so that the one behind the valid ones is there too.
+    # All values are given, including those after the valid ones.
     frame = packets.SkinFrame(sequence=1, sensor_time_ns=0x0102030405060708, digits=digits)
     command = packets.SweepCommand(kind=packets.Command.ENROLL, finger=1, motion=9, sweeps=3, material="grüner Filz")
     fused = np.zeros(packets.MAX_MATERIALS)
@@ -44,7 +44,7 @@ def test_bytes_are_those_of_rust():
         data = bytearray(packet.to_bytes())
         assert (packet.NAME, packet.DTYPE.itemsize, len(data)) == (name, int(size), int(size))
         if name == "SkinFrame":
-            # Rust counts two of the values as valid.
+            # Rust marks two of the values as valid.
             assert data[16:18] == (1024).to_bytes(2, "little")
             data[16:18] = (2).to_bytes(2, "little")
         assert data.hex() == content, name
@@ -69,7 +69,7 @@ def test_what_does_not_fit_is_refused():
 
 @dataclass
 class Joint(packets.Packet):
-    """A packet of one's own."""
+    """A custom packet."""
 
     NAME: ClassVar[str] = "Joint"
     VERSION: ClassVar[int] = 1
@@ -98,7 +98,7 @@ def test_any_packet_travels_on_a_channel(tmp_path):
             async for packet in late:
                 return packet
 
-        # A late joiner gets the last packet with the next.
+        # A new get-port receives the history with the next put.
         late = bus.get_port("joints", Joint, history=1)
         put.put(Joint(9.0))
         assert asyncio.run(first()) == Joint(0.0)

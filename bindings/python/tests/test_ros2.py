@@ -1,4 +1,4 @@
-"""The bridge beside what ROS 2 has below: Cyclone DDS, and the encoding of messages as rosbags reads and writes it.
+"""Tests of the bridge with Cyclone DDS, and of its message encoding with rosbags.
 
     pip install cyclonedds rosbags
     TACTNET=target/release/tactnet python -m pytest bindings/python/tests/test_ros2.py

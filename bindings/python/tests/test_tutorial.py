@@ -1,4 +1,4 @@
-"""The tour of docs/python.md runs as it stands."""
+"""Runs the tutorial in docs/python.md."""
 
 import os
 import re

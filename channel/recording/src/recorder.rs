@@ -20,7 +20,7 @@ use mcap::{Attachment, Compression, WriteOptions, Writer};
 use tactnet_channel::{Bus, Packet, Table, now_ns};
 use tactnet_skin::packets::{SkinFrame, TactileBelief};
 
-use crate::described_channels::DescribedChannels;
+use crate::described_channels::{Channel, DescribedChannels};
 use crate::{EPOCH, METADATA, RecordingError};
 
 /// Maximum number of messages that wait for the writer.
@@ -95,14 +95,9 @@ impl Recorder {
             path: path.into(),
             source,
         };
-        let options = WriteOptions::new()
-            .compression(Some(Compression::Zstd))
-            .compression_level(1)
-            // No extra threads: the writer's thread compresses.
-            .compression_threads(0)
-            .chunk_size(Some(CHUNK_BYTES))
-            .library(concat!("tactnet ", env!("CARGO_PKG_VERSION")));
-        let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
+        let mut writer = write_options()
+            .create(BufWriter::new(file))
+            .map_err(failed)?;
         let begun_ns = followed.epoch_ns + now_ns();
         writer
             .write_metadata(&metadata(table, about, followed.epoch_ns)?)
@@ -118,16 +113,7 @@ impl Recorder {
                 })
                 .map_err(failed)?;
         }
-        let channels = followed
-            .channels()
-            .iter()
-            .map(|of| {
-                let schema = writer.add_schema(&of.kind.message, "protobuf", of.kind.schema)?;
-                let channel = writer.add_channel(schema, &of.id, "protobuf", &BTreeMap::new())?;
-                Ok((channel, 0))
-            })
-            .collect::<mcap::McapResult<_>>()
-            .map_err(failed)?;
+        let channels = add_channels(&mut writer, followed.channels()).map_err(failed)?;
         writer.flush().map_err(failed)?;
         let (sender, pieces) = sync_channel(WAITING);
         let thread = std::thread::Builder::new()
@@ -227,6 +213,30 @@ impl Drop for Recorder {
     fn drop(&mut self) {
         let _ = self.end();
     }
+}
+
+fn write_options() -> WriteOptions {
+    WriteOptions::new()
+        .compression(Some(Compression::Zstd))
+        .compression_level(1)
+        // No extra threads: the writer's thread compresses.
+        .compression_threads(0)
+        .chunk_size(Some(CHUNK_BYTES))
+        .library(concat!("tactnet ", env!("CARGO_PKG_VERSION")))
+}
+
+/// Adds schemas and channels to the file. Returns the id of each channel with a message count of zero.
+fn add_channels(
+    writer: &mut Writer<BufWriter<File>>,
+    channels: &[Channel],
+) -> mcap::McapResult<Vec<(u16, u32)>> {
+    let add = |channel: &Channel| {
+        let kind = channel.kind;
+        let schema = writer.add_schema(&kind.message, "protobuf", kind.schema)?;
+        let id = writer.add_channel(schema, &channel.id, "protobuf", &BTreeMap::new())?;
+        Ok((id, 0))
+    };
+    channels.iter().map(add).collect()
 }
 
 fn metadata(table: &Table, about: &About, epoch_ns: u64) -> Result<Metadata, RecordingError> {

@@ -4,12 +4,11 @@ mod frame_losses;
 mod sweep_beliefs;
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use tactnet_channel::{Bus, Priority, PutPort, Start, Table, Wait};
+use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Table, Wait};
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{SkinFrame, SweepCommand, TactileBelief};
 
@@ -24,7 +23,7 @@ const SILENCE: Duration = Duration::from_millis(500);
 const LONGEST_PAUSE_S: f64 = 60.0;
 
 /// Counts of the replayed packets, and the beliefs about them.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Played {
     /// Duration of the replay, in seconds.
     pub seconds: f64,
@@ -120,37 +119,6 @@ impl ReplayReport {
     }
 }
 
-impl fmt::Display for ReplayReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let alike: String = match self.identical {
-            None => "the recording contains none to compare".into(),
-            Some(true) => "identical to the recorded ones".into(),
-            Some(false) => format!(
-                "{} of {} recorded ones differ{}",
-                self.differing,
-                self.recorded.beliefs,
-                if self.another_asked {
-                    ": another network, as asked"
-                } else {
-                    " (another network, or another version?)"
-                }
-            ),
-        };
-        write!(
-            f,
-            "{} frames, {} lost; {} sweeps, {} beliefs, {alike}",
-            self.frames, self.frames_lost, self.replayed.sweeps, self.replayed.beliefs
-        )?;
-        match self.recorded.unfinished {
-            0 => Ok(()),
-            more => write!(
-                f,
-                "; {more} more recorded ones are not compared since the beginning or end of their sweep is missing"
-            ),
-        }
-    }
-}
-
 /// Puts frames and commands onto the channels at their recorded times, and collects the beliefs about them.
 ///
 /// Pauses of over one minute are shortened to one minute.
@@ -169,70 +137,13 @@ pub fn play(
 ) -> Result<Played, RecordingError> {
     let config = ServeConfig::of(table)?;
     let beliefs = bus.get_port::<TactileBelief>(config.belief.as_str(), Start::Now)?;
-    let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
-    let mut skins: BTreeMap<&str, (u32, PutPort<SkinFrame>)> = BTreeMap::new();
-    for (number, finger) in (0..).zip(&config.fingers) {
-        let port = bus.put_port(finger.as_str(), Priority::High)?;
-        skins.insert(finger, (number, port));
-    }
-    let mut last_frames = BTreeMap::new();
+    let mut player = Player::open(bus, &config)?;
     let over = &AtomicBool::new(false);
-    let (mut frames, mut put_commands, mut pauses_cut) = (0, 0, 0);
     let begun = Instant::now();
-    let heard = std::thread::scope(|scope| -> Result<Vec<TactileBelief>, RecordingError> {
+    let beliefs = std::thread::scope(|scope| -> Result<_, RecordingError> {
         let over_now = EndOnDrop(over);
-        let listener = scope.spawn(move || -> Result<Vec<TactileBelief>, RecordingError> {
-            let mut heard = Vec::new();
-            let mut newest = Instant::now();
-            while !over.load(Ordering::Relaxed) || newest.elapsed() < SILENCE {
-                let patience = Wait::Block {
-                    timeout: Duration::from_millis(20),
-                };
-                if let Some(belief) = beliefs.get(patience)? {
-                    heard.extend(belief.first());
-                    newest = Instant::now();
-                } else if !over.load(Ordering::Relaxed) {
-                    newest = Instant::now();
-                }
-            }
-            Ok(heard)
-        });
-        let moves = |entry: &&Entry| {
-            matches!(
-                entry.packet,
-                RecordedPacket::Frame(_) | RecordedPacket::Command(_)
-            )
-        };
-        let entries = || recording.entries.iter().filter(moves);
-        let mut before_ns = entries().next().map_or(0, |entry| entry.time_ns);
-        let mut due = 0.0;
-        for entry in entries() {
-            // Entries are ordered by time.
-            let pause = entry.time_ns.saturating_sub(before_ns) as f64 / 1e9;
-            before_ns = entry.time_ns;
-            pauses_cut += usize::from(pause > LONGEST_PAUSE_S);
-            due += pause.min(LONGEST_PAUSE_S) / speed;
-            if !wait_until(begun, due, stopped) {
-                break;
-            }
-            match &entry.packet {
-                RecordedPacket::Frame(frame) => {
-                    let Some((number, skin)) = skins.get(&*entry.channel) else {
-                        return Err(RecordingError::NoChannel {
-                            channel: entry.channel.to_string(),
-                        });
-                    };
-                    skin.put_copy(&[**frame])?;
-                    last_frames.insert(*number, frame.sequence);
-                    frames += 1;
-                }
-                RecordedPacket::Command(command) => {
-                    commands.put_copy(&[*command])?;
-                    put_commands += 1;
-                }
-                _ => {}
-            }
-        }
+        let listener = scope.spawn(move || collect_beliefs(&beliefs, over));
+        player.play(recording, begun, speed, stopped)?;
         drop(over_now);
         listener
             .join()
@@ -240,12 +151,105 @@ pub fn play(
     })?;
     Ok(Played {
         seconds: begun.elapsed().as_secs_f64(),
-        frames,
-        commands: put_commands,
-        pauses_cut,
-        last_frames,
-        beliefs: heard,
+        beliefs,
+        ..player.played
     })
+}
+
+/// Gets beliefs until `over` is set and none has arrived for a while.
+fn collect_beliefs(
+    port: &GetPort<TactileBelief>,
+    over: &AtomicBool,
+) -> Result<Vec<TactileBelief>, RecordingError> {
+    let mut beliefs = Vec::new();
+    let mut newest = Instant::now();
+    while !over.load(Ordering::Relaxed) || newest.elapsed() < SILENCE {
+        let patience = Wait::Block {
+            timeout: Duration::from_millis(20),
+        };
+        if let Some(belief) = port.get(patience)? {
+            beliefs.extend(belief.first());
+            newest = Instant::now();
+        } else if !over.load(Ordering::Relaxed) {
+            newest = Instant::now();
+        }
+    }
+    Ok(beliefs)
+}
+
+/// Puts recorded frames and commands onto the channels.
+struct Player<'a> {
+    commands: PutPort<SweepCommand>,
+    /// Number and port of each finger, by channel.
+    skins: BTreeMap<&'a str, (u32, PutPort<SkinFrame>)>,
+    played: Played,
+}
+
+impl<'a> Player<'a> {
+    fn open(bus: &Bus, config: &'a ServeConfig) -> Result<Self, RecordingError> {
+        let mut skins = BTreeMap::new();
+        for (number, finger) in (0..).zip(&config.fingers) {
+            let port = bus.put_port(finger.as_str(), Priority::High)?;
+            skins.insert(&**finger, (number, port));
+        }
+        Ok(Self {
+            commands: bus.put_port(config.command.as_str(), Priority::High)?,
+            skins,
+            played: Played::default(),
+        })
+    }
+
+    /// Puts every packet at its time, until `stopped` returns true.
+    fn play(
+        &mut self,
+        recording: &Recording,
+        begun: Instant,
+        speed: f64,
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<(), RecordingError> {
+        let is_input = |entry: &&Entry| {
+            matches!(
+                entry.packet,
+                RecordedPacket::Frame(_) | RecordedPacket::Command(_)
+            )
+        };
+        let entries = || recording.entries.iter().filter(is_input);
+        let mut before_ns = entries().next().map_or(0, |entry| entry.time_ns);
+        let mut due = 0.0;
+        for entry in entries() {
+            // Entries are ordered by time.
+            let pause = entry.time_ns.saturating_sub(before_ns) as f64 / 1e9;
+            before_ns = entry.time_ns;
+            self.played.pauses_cut += usize::from(pause > LONGEST_PAUSE_S);
+            due += pause.min(LONGEST_PAUSE_S) / speed;
+            if !wait_until(begun, due, stopped) {
+                break;
+            }
+            self.put(entry)?;
+        }
+        Ok(())
+    }
+
+    fn put(&mut self, entry: &Entry) -> Result<(), RecordingError> {
+        match &entry.packet {
+            RecordedPacket::Frame(frame) => {
+                let Some((number, skin)) = self.skins.get(&*entry.channel) else {
+                    return Err(RecordingError::NoChannel {
+                        channel: entry.channel.to_string(),
+                    });
+                };
+                skin.put_copy(&[**frame])?;
+                self.played.last_frames.insert(*number, frame.sequence);
+                self.played.frames += 1;
+            }
+            RecordedPacket::Command(command) => {
+                self.commands.put_copy(&[*command])?;
+                self.played.commands += 1;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
 }
 
 /// Waits until `due` seconds after `begun`. Returns false if `stopped` returns true first.

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape, ValueRange};
-use tactnet_skin::packets::Command;
+use tactnet_skin::packets::{Command, ModelNames, SkinFrame, SweepCommand};
 use tactnet_skin::{Frame, Segmentation, ServeConfig, SweepChange, SweepSegmenter};
 
 use crate::RecordingError;
-use crate::recording::{RecordedPacket, Recording};
+use crate::recording::{Entry, RecordedPacket, Recording};
 
 /// Shape and rate of the sweeps, for recordings that do not contain them.
 #[derive(Debug, Clone, Copy, Default)]
@@ -31,7 +31,7 @@ pub struct Sweeps {
     pub unlabelled: usize,
 }
 
-/// A complete sweep.
+/// A complete sweep with its label.
 struct CompleteSweep {
     material: String,
     digits: Vec<f32>,
@@ -48,144 +48,222 @@ pub fn sweeps(
     material: Option<&str>,
     settings: SweepSettings,
 ) -> Result<Sweeps, RecordingError> {
-    let unreadable = |reason: String| RecordingError::Unreadable {
-        path: path.into(),
-        reason,
-    };
     let mut config = ServeConfig::of(&recording.table)?;
     config.segmenter.values = config.segmenter.values.or_else(|| raw_digits(recording));
-    let model = recording
-        .entries
-        .iter()
-        .find_map(|entry| match &entry.packet {
-            RecordedPacket::Model(model) => Some(model),
+    let format = SweepFormat::of(path, recording, settings)?;
+    let fallback = material.or(recording.material.as_deref());
+    let mut cutter = Cutter::new(&config, &format, fallback);
+    for entry in &recording.entries {
+        cutter.take(entry);
+    }
+    let Cutter {
+        complete,
+        rejected,
+        unlabelled,
+        ..
+    } = cutter;
+    if complete.is_empty() {
+        return Err(RecordingError::Unreadable {
+            path: path.into(),
+            reason: format!(
+                "no sweep with a label: {unlabelled} without, {} rejected",
+                rejected.len()
+            ),
+        });
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    Ok(Sweeps {
+        dataset: dataset(&name, &format, &complete)?,
+        rejected,
+        unlabelled,
+    })
+}
+
+/// Shape and rate of the sweeps in a recording.
+struct SweepFormat<'a> {
+    steps: usize,
+    rows: usize,
+    cols: usize,
+    rate_hz: f64,
+    model: Option<&'a ModelNames>,
+}
+
+impl<'a> SweepFormat<'a> {
+    /// Returns the settings, completed from the recorded model and frames.
+    fn of(
+        path: &Path,
+        recording: &'a Recording,
+        settings: SweepSettings,
+    ) -> Result<Self, RecordingError> {
+        let unreadable = |reason: String| RecordingError::Unreadable {
+            path: path.into(),
+            reason,
+        };
+        let packets = || recording.entries.iter().map(|entry| &entry.packet);
+        let model = packets().find_map(|packet| match packet {
+            RecordedPacket::Model(model) => Some(&**model),
             _ => None,
         });
-    let taxels = recording
-        .entries
-        .iter()
-        .find_map(|entry| match &entry.packet {
-            RecordedPacket::Frame(frame) => Some(frame.values().len()),
-            _ => None,
-        })
-        .ok_or_else(|| unreadable("no frame".into()))?;
-    let steps = settings
-        .steps
-        .or(model.map(|model| model.steps as usize))
-        .unwrap_or(1000);
-    let rate_hz = settings
-        .rate_hz
-        .or(model.map(|model| model.sample_rate_hz))
-        .or_else(|| rate_of(recording))
-        .ok_or_else(|| RecordingError::UnknownRate { path: path.into() })?;
-    let (rows, cols) = settings
-        .rows_cols
-        .or(model.map(|model| (model.rows as usize, model.cols as usize)))
-        .unwrap_or((taxels.isqrt(), taxels.isqrt()));
-    if rows * cols != taxels {
-        return Err(RecordingError::WrongShape {
-            path: path.into(),
-            taxels,
+        let taxels = packets()
+            .find_map(|packet| match packet {
+                RecordedPacket::Frame(frame) => Some(frame.values().len()),
+                _ => None,
+            })
+            .ok_or_else(|| unreadable("no frame".into()))?;
+        let steps = settings
+            .steps
+            .or(model.map(|model| model.steps as usize))
+            .unwrap_or(1000);
+        let rate_hz = settings
+            .rate_hz
+            .or(model.map(|model| model.sample_rate_hz))
+            .or_else(|| rate_of(recording))
+            .ok_or_else(|| RecordingError::UnknownRate { path: path.into() })?;
+        let (rows, cols) = settings
+            .rows_cols
+            .or(model.map(|model| (model.rows as usize, model.cols as usize)))
+            .unwrap_or((taxels.isqrt(), taxels.isqrt()));
+        if rows * cols != taxels {
+            return Err(RecordingError::WrongShape {
+                path: path.into(),
+                taxels,
+                rows,
+                cols,
+            });
+        }
+        let frames = recording.entries.len();
+        if steps == 0 || steps > frames {
+            return Err(unreadable(format!(
+                "expected sweeps of 1 to {frames} frames (the number of messages), found {steps}"
+            )));
+        }
+        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+            return Err(unreadable(format!(
+                "expected a positive frame rate, found {rate_hz} Hz"
+            )));
+        }
+        Ok(Self {
+            steps,
             rows,
             cols,
-        });
-    }
-    let frames = recording.entries.len();
-    if steps == 0 || steps > frames {
-        return Err(unreadable(format!(
-            "expected at least {steps} frames for one sweep, found {frames} messages"
-        )));
-    }
-    if !(rate_hz.is_finite() && rate_hz > 0.0) {
-        return Err(unreadable(format!(
-            "expected a positive frame rate, found {rate_hz} Hz"
-        )));
-    }
-    let fallback = material.or(recording.material.as_deref());
-    let by_command = config.segmenter.segmentation == Segmentation::Command;
-    let mut fingers: Vec<(SweepSegmenter, Option<String>)> = config
-        .fingers
-        .iter()
-        .map(|_| {
-            (
-                SweepSegmenter::new(config.segmenter, steps, taxels, rate_hz),
-                None,
-            )
+            rate_hz,
+            model,
         })
-        .collect();
-    let mut found: Vec<CompleteSweep> = Vec::new();
-    let mut rejected = Vec::new();
-    let mut unlabelled = 0;
-    for entry in &recording.entries {
-        let (number, change) = match &entry.packet {
-            RecordedPacket::Frame(frame) => {
-                let Some(number) = config.fingers.iter().position(|id| **id == *entry.channel)
-                else {
-                    continue;
-                };
-                let change = fingers[number].0.push(&Frame {
-                    sequence: frame.sequence,
-                    sensor_time_nanos: frame.sensor_time_ns,
-                    taxels: frame.values(),
-                });
-                (number, change)
-            }
-            RecordedPacket::Command(command) => {
-                let number = command.finger as usize;
-                let Some((segmenter, material)) = fingers.get_mut(number) else {
-                    continue;
-                };
-                match command.command() {
-                    Some(Command::Start) if by_command => {
-                        let change = segmenter.start();
-                        let named = command.material.as_str();
-                        *material = (!named.is_empty()).then(|| named.to_owned());
-                        (number, change)
-                    }
-                    Some(Command::Stop) if by_command => (number, segmenter.stop()),
-                    _ => continue,
-                }
-            }
-            _ => continue,
+    }
+}
+
+/// A finger with the material of its last start command.
+struct Finger {
+    segmenter: SweepSegmenter,
+    material: Option<String>,
+}
+
+/// Cuts the entries of a recording into sweeps.
+struct Cutter<'a> {
+    config: &'a ServeConfig,
+    by_command: bool,
+    /// Label of sweeps whose start command names no material.
+    fallback: Option<&'a str>,
+    fingers: Vec<Finger>,
+    complete: Vec<CompleteSweep>,
+    rejected: Vec<String>,
+    unlabelled: usize,
+}
+
+impl<'a> Cutter<'a> {
+    fn new(config: &'a ServeConfig, format: &SweepFormat<'_>, fallback: Option<&'a str>) -> Self {
+        let taxels = format.rows * format.cols;
+        let finger = |_| Finger {
+            segmenter: SweepSegmenter::new(config.segmenter, format.steps, taxels, format.rate_hz),
+            material: None,
         };
-        match change {
-            SweepChange::Complete => {
-                let (segmenter, material) = &fingers[number];
-                let label = material.as_deref().or(fallback);
-                match (label, segmenter.window().sweep()) {
-                    (Some(label), Some(digits)) => found.push(CompleteSweep {
-                        material: label.into(),
-                        digits: digits.to_vec(),
-                    }),
-                    _ => unlabelled += 1,
-                }
-            }
-            SweepChange::Rejected(reject) | SweepChange::RejectedAndBegun(reject) => {
-                rejected.push(reject.to_string());
-            }
-            SweepChange::Unchanged | SweepChange::Begun | SweepChange::Extended => {}
+        Self {
+            config,
+            by_command: config.segmenter.segmentation == Segmentation::Command,
+            fallback,
+            fingers: config.fingers.iter().map(finger).collect(),
+            complete: Vec::new(),
+            rejected: Vec::new(),
+            unlabelled: 0,
         }
     }
-    if found.is_empty() {
-        return Err(unreadable(format!(
-            "no sweep with a label: {unlabelled} without, {} rejected",
-            rejected.len()
-        )));
+
+    fn take(&mut self, entry: &Entry) {
+        let outcome = match &entry.packet {
+            RecordedPacket::Frame(frame) => self.frame(&entry.channel, frame),
+            RecordedPacket::Command(command) if self.by_command => self.command(command),
+            _ => None,
+        };
+        match outcome {
+            Some((finger, SweepChange::Complete)) => self.complete(finger),
+            Some((_, SweepChange::Rejected(reject) | SweepChange::RejectedAndBegun(reject))) => {
+                self.rejected.push(reject.to_string());
+            }
+            _ => {}
+        }
     }
-    // Materials that the recorded model knows keep their order, so that a network trained on these sweeps can replace
-    // it.
+
+    /// Returns the number of the finger and the change of its sweep.
+    fn frame(&mut self, channel: &str, frame: &SkinFrame) -> Option<(usize, SweepChange)> {
+        let number = self.config.fingers.iter().position(|id| **id == *channel)?;
+        let change = self.fingers[number].segmenter.push(&Frame {
+            sequence: frame.sequence,
+            sensor_time_nanos: frame.sensor_time_ns,
+            taxels: frame.values(),
+        });
+        Some((number, change))
+    }
+
+    /// Returns the number of the finger and the change of its sweep.
+    fn command(&mut self, command: &SweepCommand) -> Option<(usize, SweepChange)> {
+        let number = command.finger as usize;
+        let finger = self.fingers.get_mut(number)?;
+        let change = match command.command()? {
+            Command::Start => {
+                let change = finger.segmenter.start();
+                let named = command.material.as_str();
+                finger.material = (!named.is_empty()).then(|| named.to_owned());
+                change
+            }
+            Command::Stop => finger.segmenter.stop(),
+            _ => return None,
+        };
+        Some((number, change))
+    }
+
+    fn complete(&mut self, number: usize) {
+        let finger = &self.fingers[number];
+        let label = finger.material.as_deref().or(self.fallback);
+        match (label, finger.segmenter.window().sweep()) {
+            (Some(label), Some(digits)) => self.complete.push(CompleteSweep {
+                material: label.into(),
+                digits: digits.to_vec(),
+            }),
+            _ => self.unlabelled += 1,
+        }
+    }
+}
+
+/// Returns the sweeps as a data set.
+///
+/// Materials that the recorded model knows keep their order, so that a network trained on these sweeps can replace it.
+fn dataset(
+    name: &str,
+    format: &SweepFormat<'_>,
+    sweeps: &[CompleteSweep],
+) -> Result<Dataset, RecordingError> {
     let mut names: Vec<&str> = Vec::new();
-    if let Some(model) = model {
+    if let Some(model) = format.model {
         let known = model.names.iter().take(model.materials as usize);
         names.extend(
             known
                 .map(|name| name.as_str())
-                .filter(|name| found.iter().any(|sweep| sweep.material == *name)),
+                .filter(|name| sweeps.iter().any(|sweep| sweep.material == *name)),
         );
     }
     let mut counts: Vec<usize> = vec![0; names.len()];
-    let mut records = Vec::with_capacity(found.len());
-    for sweep in &found {
+    let mut records = Vec::with_capacity(sweeps.len());
+    for sweep in sweeps {
         let label = names
             .iter()
             .position(|name| *name == sweep.material)
@@ -202,29 +280,28 @@ pub fn sweeps(
         });
         counts[label] += 1;
     }
-    let labels = LabelSet::new(names)?;
     // The digits of an eight-bit skin stay bytes.
     let is_byte = |digit: &f32| digit.fract() == 0.0 && (0.0..=255.0).contains(digit);
-    let digits = found.iter().flat_map(|sweep| &sweep.digits);
+    let digits = sweeps.iter().flat_map(|sweep| &sweep.digits);
     let samples = if digits.clone().all(is_byte) {
         Samples::U8(digits.map(|digit| *digit as u8).collect())
     } else {
         Samples::F32(digits.copied().collect())
     };
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let dataset = Dataset::new(
-        &*name,
-        rate_hz,
-        SweepShape { steps, rows, cols },
+    let shape = SweepShape {
+        steps: format.steps,
+        rows: format.rows,
+        cols: format.cols,
+    };
+    let labels = LabelSet::new(names)?;
+    Ok(Dataset::new(
+        name,
+        format.rate_hz,
+        shape,
         labels,
         records,
         samples,
-    )?;
-    Ok(Sweeps {
-        dataset,
-        rejected,
-        unlabelled,
-    })
+    )?)
 }
 
 /// Returns 0 and 255 if all digits are in that range, which is that of a raw eight-bit skin. Other ranges are unknown.

@@ -11,7 +11,7 @@ use tactnet_channel::{
 use crate::plan::{Cell, Configuration, StressDomain};
 use crate::{Client, Failure, Master};
 
-/// Four bytes of a packet: the first of them hold the round, the others stay as they are, as in the thesis.
+/// Four bytes of a packet. The first word holds the round, the others are not written, as in the thesis.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Word(u32);
@@ -21,10 +21,10 @@ impl Packet for Word {
     const VERSION: u32 = 1;
 }
 
-/// TCP ports of the hubs of the distributed domain.
+/// First TCP port of the hubs in the distributed domain.
 const FIRST_PORT: u16 = 17_440;
 
-/// The channels of a cell as one of the hosts sees them.
+/// Returns the channels of a cell for one host.
 fn table(cell: &Cell, name: &str, host: usize) -> Table {
     let distributed = cell.domain == StressDomain::Distributed;
     let channel = |put_ports, get_ports| ChannelConfig {
@@ -42,7 +42,7 @@ fn table(cell: &Cell, name: &str, host: usize) -> Table {
             table = table.with(&back(cell, client), channel(1, 1));
         }
     } else {
-        // Between hosts all answers come from one put-port, the hub's.
+        // Between hosts all answers come from the hub's put-port.
         let depth = if distributed { 2 + 2 * cell.clients } else { 2 };
         table = table.with(
             "back",
@@ -79,7 +79,7 @@ fn back(cell: &Cell, client: usize) -> String {
     }
 }
 
-/// The host of a client: the second or the third.
+/// Returns the host of a client: in the distributed domain the second or third.
 fn host_of(cell: &Cell, client: usize) -> usize {
     match cell.domain {
         StressDomain::Distributed => 1 + client % 2,
@@ -87,11 +87,11 @@ fn host_of(cell: &Cell, client: usize) -> usize {
     }
 }
 
-/// The hubs of a cell; nothing of them stays behind.
+/// Hubs of a cell; their buses are removed when dropped.
 pub(super) struct Hubs(Vec<(Table, HubThread)>);
 
 impl Hubs {
-    /// None in a process, one on a host, three for a master and clients on two other hosts.
+    /// Starts no hub for a process, one for a host, and three for a master and clients on two other hosts.
     pub(super) fn start(cell: &Cell, name: &str) -> Result<Self, Failure> {
         let hosts = match cell.domain {
             StressDomain::Process => 0,
@@ -112,7 +112,7 @@ impl Drop for Hubs {
     fn drop(&mut self) {
         for (table, hub) in self.0.drain(..) {
             drop(hub);
-            // The next cell does not mind what could not be removed.
+            // The next cell has another name.
             let _ = remove_bus(&table);
         }
     }
@@ -134,7 +134,7 @@ fn wait(cell: &Cell, patience: Duration) -> Wait {
     }
 }
 
-/// Sends a packet of the cell's size without touching more than its first word.
+/// Sends a packet of the cell's size and writes only its first word.
 fn put(port: &PutPort<Word>, cell: &Cell, round: u32) -> Result<(), Failure> {
     let mut packet = port.loan(cell.size.div_ceil(4))?;
     packet[0] = Word(round);
@@ -154,7 +154,7 @@ pub(super) struct ChannelMaster {
     there: PutPort<Word>,
     back: Vec<GetPort<Word>>,
     group: Option<SyncGroup>,
-    /// The port to wait for next, where there is one for each client.
+    /// Next port to wait for, with one channel per client.
     next: usize,
 }
 
@@ -217,7 +217,9 @@ pub(super) struct ChannelClient {
 }
 
 impl ChannelClient {
-    /// - `bus`: of the process domain
+    /// Connects to the channels of a cell.
+    ///
+    /// - `bus`: the master's bus, in the process domain
     pub(super) fn open(
         cell: &Cell,
         name: &str,

@@ -5,13 +5,13 @@ use tactnet_plot::{Axes, Axis, Series, figure, key, text_width};
 /// One line of a chart.
 pub(super) struct Line {
     pub(super) name: String,
-    /// `(x, y)`, both above zero, ascending in x.
+    /// `(x, y)`, both positive, ascending in x.
     pub(super) points: Vec<(f64, f64)>,
-    /// `(x, lowest y, highest y)`; may be empty.
+    /// `(x, minimum y, maximum y)`; may be empty.
     pub(super) bars: Vec<(f64, f64, f64)>,
 }
 
-/// Returns a chart for a page; `None` where fewer than two values of x were measured.
+/// Returns a chart as SVG; `None` for fewer than two values of x.
 pub(super) fn log_log(x_name: &str, y_name: &str, lines: &[Line]) -> Option<String> {
     let points = || lines.iter().flat_map(|line| &line.points);
     let first = points().next()?;
@@ -37,10 +37,10 @@ pub(super) fn log_log(x_name: &str, y_name: &str, lines: &[Line]) -> Option<Stri
         content.push_str(&axes.line(series, &line.points, 1));
     }
     let names: Vec<&str> = lines.iter().map(|line| line.name.as_str()).collect();
-    let beside = axes.left + axes.width + 14.0;
-    content.push_str(&key(&names, beside, axes.top));
+    let key_left = axes.left + axes.width + 14.0;
+    content.push_str(&key(&names, key_left, axes.top));
     Some(figure(
-        beside + 46.0 + 1.2 * text_width(&names),
+        key_left + 46.0 + 1.2 * text_width(&names),
         340.0,
         &format!("{y_name} over {x_name}"),
         &content,

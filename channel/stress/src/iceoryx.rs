@@ -1,4 +1,4 @@
-//! The stress test on iceoryx2 as it comes: a publish-subscribe service for the packets and an event service to wake up, each way.
+//! The stress test on plain iceoryx2: in each direction a publish-subscribe service for packets and an event service for wake-ups.
 
 use std::time::{Duration, Instant};
 
@@ -9,11 +9,10 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 
 use crate::plan::Cell;
-use crate::unix::first_word;
-use crate::{Client, Failure, Master};
+use crate::{Client, Failure, Master, first_word};
 
-/// One direction's services, sized for the cell.
-struct Way {
+/// Services of one direction, sized for the cell.
+struct Direction {
     packets:
         iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, [u8], ()>,
     events: iceoryx2::service::port_factory::event::PortFactory<ipc::Service>,
@@ -51,7 +50,7 @@ fn debug(error: impl std::fmt::Debug) -> Failure {
     format!("iceoryx2: {error:?}").into()
 }
 
-impl Way {
+impl Direction {
     fn open(
         node: &Node<ipc::Service>,
         name: &str,
@@ -109,7 +108,7 @@ impl Way {
 impl Put {
     fn put(&self, round: u32) -> Result<(), Failure> {
         let sample = self.publisher.loan_slice_uninit(self.size).map_err(debug)?;
-        // SAFETY: shared memory is zeroed when it is made, and any byte is a `u8`.
+        // SAFETY: new shared memory is zeroed, and any byte is a valid `u8`.
         let mut sample = unsafe { sample.assume_init() };
         sample.payload_mut()[..4].copy_from_slice(&round.to_le_bytes());
         sample.send().map_err(debug)?;
@@ -140,11 +139,11 @@ pub(super) struct IceoryxMaster {
     there: Put,
     back: Get,
     _node: Node<ipc::Service>,
-    /// Last, when the node is closed.
+    /// Last field, so that the node is closed before.
     _segment: ManagementSegment,
 }
 
-/// What iceoryx2 leaves in shared memory for ever: 16 bytes for each prefix, which every user may write to.
+/// Removes a file that iceoryx2 never removes: 16 bytes of shared memory per prefix, writable by every user.
 struct ManagementSegment {
     prefix: String,
 }
@@ -157,7 +156,7 @@ impl Drop for ManagementSegment {
         for entry in entries.flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
             if name.starts_with(&self.prefix) && name.ends_with(".global_mgmt") {
-                // Nothing depends on it.
+                // A file that stays does no harm.
                 let _ = std::fs::remove_file(entry.path());
             }
         }
@@ -168,8 +167,8 @@ impl IceoryxMaster {
     pub(super) fn open(cell: &Cell, name: &str) -> Result<Self, Failure> {
         let node = node(name)?;
         Ok(Self {
-            there: Way::open(&node, "there", cell, 1, cell.clients)?.put()?,
-            back: Way::open(&node, "back", cell, cell.clients, 1)?.get(cell.spin)?,
+            there: Direction::open(&node, "there", cell, 1, cell.clients)?.put()?,
+            back: Direction::open(&node, "back", cell, cell.clients, 1)?.get(cell.spin)?,
             _node: node,
             _segment: ManagementSegment {
                 prefix: prefix(name),
@@ -198,8 +197,8 @@ impl IceoryxClient {
     pub(super) fn open(cell: &Cell, name: &str) -> Result<Self, Failure> {
         let node = node(name)?;
         Ok(Self {
-            there: Way::open(&node, "there", cell, 1, cell.clients)?.get(cell.spin)?,
-            back: Way::open(&node, "back", cell, cell.clients, 1)?.put()?,
+            there: Direction::open(&node, "there", cell, 1, cell.clients)?.get(cell.spin)?,
+            back: Direction::open(&node, "back", cell, cell.clients, 1)?.put()?,
             _node: node,
         })
     }

@@ -1,65 +1,87 @@
-//! The thesis's stress test (section 2.4.1): a master sends to C clients, each answers with a packet of the same size, and the next round
-//! begins when all answers are there. No pause, no work: what is measured is the transport.
+//! The thesis's stress test of the channels (section 2.4.1).
+//!
+//! A master sends a packet to C clients, and each answers with a packet of the same size. The next round begins when all answers have
+//! arrived. There is neither a pause nor work, so the test measures the transport alone.
 //!
 //! ```text
 //!            ┌─ there ─> client 1 ─┐
 //!  master ───┤            …        ├─ back ─> master      round trip = put … last answer
 //!            └─ there ─> client C ─┘
 //! ```
+//!
+//! The example `lower_bounds` measures a bare futex wake-up and Unix sockets in the same way.
 
 mod channel;
 mod chart;
-mod futex;
+mod clients;
 mod iceoryx;
 mod measure;
 mod plan;
 mod put_numbered;
 mod report;
-mod unix;
+mod row;
 #[cfg(feature = "zenoh")]
 mod zenoh;
 
 use std::time::Duration;
 
-pub use measure::{Row, Rows};
-pub use plan::{Cell, Configuration, Plan, StressDomain, Transport};
+pub use clients::ClientProgram;
+pub use measure::{RoundTrips, round_trips};
+pub use plan::{Cell, Configuration, Plan, PlanError, StressDomain, Transport};
 pub use put_numbered::put_numbered;
-pub use report::page;
+pub use report::{Origin, page};
+pub use row::{Row, Rows};
 
-/// An error of a stress test, one line for people.
+/// An error of a stress test, with a text of one line.
 pub type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Number of the round that ends the clients.
 const END: u32 = u32::MAX;
-/// How long an answer may take before the round has failed.
+/// Timeout of an answer, after which the round has failed.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// Timeout of a client without packets, after which it ends.
+const CLIENT_PATIENCE: Duration = Duration::from_secs(60);
 
 /// The master's end of a transport.
-trait Master {
-    /// Sends a packet with the round's number to all clients.
+pub trait Master {
+    /// Sends a packet with the number of the round to all clients.
+    ///
+    /// # Errors
+    /// Errors of the transport.
     fn broadcast(&mut self, round: u32) -> Result<(), Failure>;
-    /// The round of the next answer; `None` if none comes in time.
+    /// Returns the round of the next answer; `None` after the timeout.
+    ///
+    /// # Errors
+    /// Errors of the transport.
     fn answer(&mut self, patience: Duration) -> Result<Option<u32>, Failure>;
 }
 
-/// A client's end.
-trait Client {
-    /// The round of the next packet; `None` if none comes in time.
+/// A client's end of a transport.
+pub trait Client {
+    /// Returns the round of the next packet; `None` after the timeout.
+    ///
+    /// # Errors
+    /// Errors of the transport.
     fn round(&mut self, patience: Duration) -> Result<Option<u32>, Failure>;
-    /// Sends that number back in a packet of the same size.
+    /// Sends the number back in a packet of the same size.
+    ///
+    /// # Errors
+    /// Errors of the transport.
     fn answer(&mut self, round: u32) -> Result<(), Failure>;
 }
 
-/// The task of a client process, from its standard input.
+/// Task of a client process, from its standard input.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct ClientTask {
     cell: Cell,
     number: usize,
-    /// Distinguishes this test from others on the machine.
+    /// Name of this test, to separate it from others on the machine.
     name: String,
 }
 
-/// Runs a client in this process until the master ends it or has been silent for long. `ready` is called when it listens.
+/// Runs a client in this process until the master ends it or is silent for a minute.
+///
+/// - `ready`: called when the client is connected
 ///
 /// # Errors
 /// Errors of the transport.
@@ -68,23 +90,32 @@ pub fn run_client(task: &ClientTask, ready: impl FnOnce()) -> Result<(), Failure
     let mut client: Box<dyn Client> = match cell.transport {
         Transport::Tactnet => Box::new(channel::ChannelClient::open(cell, name, *number, None)?),
         Transport::Iceoryx2 => Box::new(iceoryx::IceoryxClient::open(cell, name)?),
-        Transport::Unix => Box::new(unix::UnixClient::open(cell, name)?),
-        Transport::Futex => Box::new(futex::FutexClient::open(name)?),
         #[cfg(feature = "zenoh")]
         Transport::Zenoh | Transport::ZenohShm => Box::new(zenoh::ZenohClient::open(cell, name)?),
         #[cfg(not(feature = "zenoh"))]
-        Transport::Zenoh | Transport::ZenohShm => return Err(plan::WITHOUT_ZENOH.into()),
+        Transport::Zenoh | Transport::ZenohShm => return Err(PlanError::WithoutZenoh.into()),
     };
     serve(&mut *client, ready)
 }
 
-fn serve(client: &mut dyn Client, ready: impl FnOnce()) -> Result<(), Failure> {
+/// Answers the master's packets until it ends the client or is silent for a minute.
+///
+/// - `ready`: called before the first packet
+///
+/// # Errors
+/// Errors of the transport.
+pub fn serve(client: &mut dyn Client, ready: impl FnOnce()) -> Result<(), Failure> {
     ready();
-    while let Some(round) = client.round(Duration::from_secs(60))? {
+    while let Some(round) = client.round(CLIENT_PATIENCE)? {
         if round == END {
             break;
         }
         client.answer(round)?;
     }
     Ok(())
+}
+
+/// Returns the first four bytes of a packet as a number, little-endian.
+fn first_word(packet: &[u8]) -> u32 {
+    u32::from_le_bytes([packet[0], packet[1], packet[2], packet[3]])
 }

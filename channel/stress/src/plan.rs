@@ -1,13 +1,28 @@
-//! Which cells of the stress test are measured.
+//! Plan of the stress test: the cells to measure.
 
 use serde::{Deserialize, Serialize};
 
-use crate::Failure;
+/// Error in the plan of a stress test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum PlanError {
+    /// Packets that cannot hold the number of the round.
+    #[error("sizes: expected at least 4 bytes, found {found}")]
+    Size {
+        /// Requested size, in bytes.
+        found: usize,
+    },
+    /// Number of clients out of range.
+    #[error("clients: expected 1 to 1000, found {found}")]
+    Clients {
+        /// Requested number.
+        found: usize,
+    },
+    /// The plan needs zenoh, and this build lacks the feature.
+    #[error("this program was built without the feature `zenoh`")]
+    WithoutZenoh,
+}
 
-#[cfg_attr(feature = "zenoh", allow(dead_code))]
-pub(super) const WITHOUT_ZENOH: &str = "this program was built without `zenoh`; in a checkout of the source, `cargo install --path . --features zenoh` builds one that has it";
-
-/// Where master and clients are.
+/// Location of master and clients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StressDomain {
@@ -15,38 +30,43 @@ pub enum StressDomain {
     Process,
     /// Processes of one host.
     Host,
-    /// The master on one host, the clients on two others; the three share this machine, connected by TCP over loopback.
+    /// A master on one host and clients on two others; all three share this machine and use TCP over loopback.
     Distributed,
 }
 
-/// The carrier of the packets.
+impl StressDomain {
+    /// Returns the name in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Process => "process",
+            Self::Host => "host",
+            Self::Distributed => "distributed",
+        }
+    }
+}
+
+/// Transport of the packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Transport {
     /// This project's channels.
     Tactnet,
-    /// Iceoryx2 as it comes: publish-subscribe and event services.
+    /// Plain iceoryx2: publish-subscribe and event services.
     Iceoryx2,
     /// Zenoh over TCP.
     Zenoh,
     /// Zenoh with shared memory.
     ZenohShm,
-    /// A stream socket for each client.
-    Unix,
-    /// Two futex words in shared memory and no packet at all: what waking up costs.
-    Futex,
 }
 
 impl Transport {
-    /// Its name in results.
+    /// Returns the name in results.
     pub fn name(self) -> &'static str {
         match self {
             Self::Tactnet => "tactnet",
             Self::Iceoryx2 => "iceoryx2",
             Self::Zenoh => "zenoh",
             Self::ZenohShm => "zenoh-shm",
-            Self::Unix => "unix",
-            Self::Futex => "futex",
         }
     }
 }
@@ -55,20 +75,20 @@ impl Transport {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Configuration {
-    /// One channel back for all clients; the master waits at its get-port.
+    /// One channel for the answers of all clients; the master waits at its get-port.
     Standard,
-    /// The master waits with a sync group that holds this one get-port.
+    /// Like `Standard`, but the master waits with a sync group of this get-port.
     OneSync,
-    /// Every client waits with a sync group of its own.
+    /// Like `Standard`, but every client waits with a sync group.
     NSync,
-    /// A channel back for each client; the master waits for one after the other.
+    /// One channel per client for its answers; the master waits for one after the other.
     NChannels,
-    /// A channel back for each client; the master waits for any of them.
+    /// One channel per client for its answers; the master waits for all at once with a sync group.
     SyncOnN,
 }
 
 impl Configuration {
-    /// All, in the thesis's order.
+    /// All configurations, in the order of the thesis.
     pub const ALL: [Self; 5] = [
         Self::Standard,
         Self::OneSync,
@@ -77,7 +97,7 @@ impl Configuration {
         Self::SyncOnN,
     ];
 
-    /// Its name in results.
+    /// Returns the name in results.
     pub fn name(self) -> &'static str {
         match self {
             Self::Standard => "standard",
@@ -92,54 +112,54 @@ impl Configuration {
 /// One measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cell {
-    /// The carrier of the packets.
+    /// Transport of the packets.
     pub transport: Transport,
-    /// Where master and clients are.
+    /// Location of master and clients.
     pub domain: StressDomain,
-    /// Channels and sync groups; [`Configuration::Standard`] for other transports.
+    /// Channels and sync groups; always [`Configuration::Standard`] for other transports.
     pub configuration: Configuration,
-    /// Packet size, bytes, at least 4.
+    /// Packet size, in bytes; at least 4.
     pub size: usize,
     /// Number of clients.
     pub clients: usize,
-    /// Look again and again instead of sleeping.
+    /// True to poll instead of sleeping.
     pub spin: bool,
 }
 
-/// Everything to measure.
+/// Lists of everything to measure.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// Where.
+    /// Locations of master and clients.
     pub domains: Vec<StressDomain>,
-    /// Packet sizes, bytes.
+    /// Packet sizes, in bytes.
     pub sizes: Vec<usize>,
     /// Numbers of clients.
     pub clients: Vec<usize>,
     /// Configurations of this project's channels.
     pub configurations: Vec<Configuration>,
-    /// Other transports.
+    /// Transports to compare with.
     pub against: Vec<Transport>,
-    /// Look again and again instead of sleeping.
+    /// True to poll instead of sleeping.
     pub spin: bool,
 }
 
 impl Plan {
-    /// All cells, those to be compared side by side.
+    /// Returns all cells; those to be compared follow each other.
     ///
     /// # Errors
-    /// A size below 4 bytes, no clients, a transport that this build lacks.
-    pub fn cells(&self) -> Result<Vec<Cell>, Failure> {
-        if let Some(size) = self.sizes.iter().find(|size| **size < 4) {
-            return Err(format!("sizes: expected at least 4 bytes, found {size}").into());
+    /// A value is out of range, or the build lacks a transport.
+    pub fn cells(&self) -> Result<Vec<Cell>, PlanError> {
+        if let Some(&found) = self.sizes.iter().find(|size| **size < 4) {
+            return Err(PlanError::Size { found });
         }
-        if let Some(clients) = self.clients.iter().find(|c| !(1..=1000).contains(*c)) {
-            return Err(format!("clients: expected 1 to 1000, found {clients}").into());
+        if let Some(&found) = self.clients.iter().find(|c| !(1..=1000).contains(*c)) {
+            return Err(PlanError::Clients { found });
         }
         let zenoh = |t: &Transport| matches!(t, Transport::Zenoh | Transport::ZenohShm);
         if !cfg!(feature = "zenoh")
             && (self.against.iter().any(zenoh) || self.domains.contains(&StressDomain::Distributed))
         {
-            return Err(WITHOUT_ZENOH.into());
+            return Err(PlanError::WithoutZenoh);
         }
         let mut cells = Vec::new();
         for &domain in &self.domains {
@@ -155,7 +175,7 @@ impl Plan {
                     };
                     let own = self.configurations.iter();
                     cells.extend(own.map(|c| cell(Transport::Tactnet, *c)));
-                    let others = self.against.iter().filter(|t| runs(**t, domain, clients));
+                    let others = self.against.iter().filter(|t| runs(**t, domain));
                     cells.extend(others.map(|t| cell(*t, Configuration::Standard)));
                 }
             }
@@ -165,11 +185,10 @@ impl Plan {
 }
 
 /// Returns true if a transport can be measured in a domain.
-fn runs(transport: Transport, domain: StressDomain, clients: usize) -> bool {
+fn runs(transport: Transport, domain: StressDomain) -> bool {
     match transport {
         Transport::Tactnet => true,
-        Transport::Futex => domain == StressDomain::Host && clients == 1,
-        Transport::Iceoryx2 | Transport::Unix | Transport::ZenohShm => domain == StressDomain::Host,
+        Transport::Iceoryx2 | Transport::ZenohShm => domain == StressDomain::Host,
         Transport::Zenoh => domain != StressDomain::Process,
     }
 }

@@ -1,16 +1,16 @@
-//! A component that puts something to look at.
+//! Source of test packets.
 
 use std::time::{Duration, Instant};
 
 use tactnet_channel::{ChannelError, PutPort};
 
-/// Puts packets of zeros that begin with their number, little endian, until there are `count` or `stopped` returns true.
+/// Puts `count` packets of zeros that begin with their number, little-endian, or until `stopped` returns true.
 ///
-/// - `bytes`: length of a packet
+/// - `bytes`: size of a packet
 /// - `rate_hz`: packets per second; 0: as fast as possible
 ///
 /// # Errors
-/// The channel has broken down.
+/// The transport has failed.
 pub fn put_numbered(
     port: &PutPort<u8>,
     bytes: usize,

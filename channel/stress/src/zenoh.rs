@@ -1,4 +1,4 @@
-//! The stress test on zenoh as it comes, between processes, over TCP or with its shared memory.
+//! The stress test on plain zenoh, between processes, over TCP or with its shared memory.
 
 use std::time::Duration;
 
@@ -12,6 +12,7 @@ use zenoh::shm::{BlockOn, GarbageCollect, ShmProvider, ShmProviderBuilder};
 use crate::plan::{Cell, Transport};
 use crate::{Client, Failure, Master};
 
+/// TCP port of the master.
 const PORT: u16 = 17_480;
 
 fn session(cell: &Cell, role: &str) -> Result<zenoh::Session, Failure> {
@@ -22,7 +23,7 @@ fn session(cell: &Cell, role: &str) -> Result<zenoh::Session, Failure> {
         ("mode", "\"peer\""),
         (role, endpoint.as_str()),
         ("scouting/multicast/enabled", "false"),
-        // Clients speak with the master alone.
+        // Clients connect to the master only.
         ("scouting/gossip/enabled", "false"),
         (
             "transport/shared_memory/enabled",

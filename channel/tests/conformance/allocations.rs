@@ -1,4 +1,4 @@
-//! Packet functions neither allocate nor start threads.
+//! Calls on packets neither allocate nor start threads.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -14,7 +14,7 @@ thread_local! {
 
 struct Counting;
 
-// SAFETY: the system's allocator, counted.
+// SAFETY: the system's allocator with a counter.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let _ = ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
@@ -79,7 +79,7 @@ fn on_a_host() {
 
 #[test]
 fn a_client_has_no_thread_of_its_own() {
-    // Other tests start and end threads meanwhile, so this one asks a process of its own.
+    // Other tests start and end threads in this process, so the test runs in a separate one.
     let me = std::env::current_exe().unwrap();
     if std::env::var_os("ALONE").is_none() {
         let alone = std::process::Command::new(me)

@@ -1,4 +1,4 @@
-//! One suite, run in every domain.
+//! One test suite for all domains.
 
 #![allow(clippy::unwrap_used)]
 
@@ -29,16 +29,16 @@ suite! {
     a_late_joiner_gets_the_history_it_asks_for
     who_starts_now_gets_nothing_old
     a_full_ring_keeps_the_newest_and_counts_the_loss
+    an_id_can_be_sent_over_a_channel
+    priorities_and_times_come_with_the_packet
     packets_that_are_too_large_are_refused
     ports_of_another_type_are_refused
     ports_beyond_the_table_are_refused_until_one_is_dropped
     a_packet_outlives_its_ports
     more_packets_than_allowed_cannot_be_held_or_loaned
-    an_id_can_be_sent_over_a_channel
     a_sync_group_finds_the_port_that_has_a_packet
-    a_busy_port_does_not_starve_the_group
     a_large_group_is_woken_too
+    a_busy_port_does_not_starve_the_group
     blocking_gets_wake_up_and_time_out
     no_wake_up_is_lost
-    priorities_and_times_come_with_the_packet
 }

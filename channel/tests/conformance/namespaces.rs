@@ -1,4 +1,4 @@
-//! Two hosts on this machine: a hub as a process in a network namespace each, one virtual cable between them.
+//! Two hosts on this machine: one hub process in each of two network namespaces, connected by a virtual cable.
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
@@ -6,17 +6,17 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use tactnet_channel::{Congestion, Hub, Network, Table};
 
-/// Says to this program, started anew, which table its hub is to hold.
+/// Environment variable with the table for the hub process.
 const TABLE: &str = "TACTNET_CONFORMANCE_HUB";
 const ADDRESSES: [&str; 2] = ["10.78.0.1", "10.78.0.2"];
 
-/// Removes hubs, namespaces and cable at the end.
+/// Removes hubs, namespaces and cable when dropped.
 pub struct Namespaces {
     names: [String; 2],
     hubs: Vec<Child>,
 }
 
-/// Tried with a namespace of its own.
+/// Returns true if this process can create network namespaces.
 pub fn are_allowed() -> bool {
     let name = format!("tactnet-try-{}-{}", std::process::id(), number());
     let added = ip(&format!("netns add {name}"));
@@ -35,7 +35,7 @@ fn ip(arguments: &str) -> bool {
 }
 
 impl Namespaces {
-    /// Gives the table as each of the two hosts sees it; all its channels are distributed.
+    /// Starts both hubs. Returns the table of each host; all its channels are distributed.
     pub fn with_hubs(table: &Table) -> (Self, [Table; 2]) {
         let number = number();
         let names = ["a", "b"].map(|end| format!("{}{number}{end}", std::process::id()));
@@ -87,7 +87,7 @@ impl Namespaces {
     }
 }
 
-/// This test program again, in the namespace, running nothing but [`hub_of_a_namespace`].
+/// Starts this test program in the namespace, to run [`hub_of_a_namespace`] only.
 fn start_hub(namespace: &str, table: &Table) -> Child {
     let mut hub = Command::new("ip")
         .args(["netns", "exec", namespace])
@@ -104,7 +104,7 @@ fn start_hub(namespace: &str, table: &Table) -> Child {
     hub
 }
 
-/// Not a test: what [`start_hub`] runs. Ends with its standard input.
+/// Not a test: the hub process of [`start_hub`]. Ends with its standard input.
 #[test]
 #[ignore = "a hub for the distributed suite, which starts it"]
 fn hub_of_a_namespace() {

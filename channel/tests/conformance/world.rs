@@ -1,4 +1,4 @@
-//! A domain to test in: where packets are put, and where they are got.
+//! A domain under test, with an end for putting and an end for getting.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -15,7 +15,7 @@ pub const SOON: Wait = Wait::Block {
 enum Kind {
     Process,
     Host,
-    /// Hubs in network namespaces of their own; both buses in this process, told apart by their prefixes in `/dev/shm`.
+    /// Hubs in network namespaces. Both buses are in this process and have different prefixes in `/dev/shm`.
     #[cfg(feature = "zenoh")]
     Distributed,
 }
@@ -24,11 +24,11 @@ pub struct World {
     kind: Kind,
 }
 
-/// Two ends of the channels of one table; in the process and host domain they are the same bus.
+/// Two ends of the channels of one table. In the process and host domain they are the same bus.
 pub struct Ends {
     pub near: Bus,
     pub far: Bus,
-    /// Time for news to travel from one end to the other.
+    /// Maximum time for changes to reach the other end.
     pub travel: Duration,
     hubs: Vec<HubThread>,
     #[cfg(feature = "zenoh")]
@@ -47,7 +47,7 @@ impl Drop for Ends {
 }
 
 impl Ends {
-    /// Waits until both ends know of each other's ports.
+    /// Waits until both ends know each other's ports.
     pub fn settle(&self) {
         std::thread::sleep(self.travel);
     }
@@ -64,7 +64,7 @@ impl World {
         Self { kind: Kind::Host }
     }
 
-    /// `None`, after a word about it, where network namespaces are not allowed.
+    /// Returns `None`, with a message, if network namespaces are not allowed.
     #[cfg(feature = "zenoh")]
     pub fn distributed() -> Option<Self> {
         if !super::namespaces::are_allowed() {
@@ -76,7 +76,7 @@ impl World {
         })
     }
 
-    /// A bus with these channels.
+    /// Opens a bus with these channels.
     pub fn with(&self, channels: &[(&str, ChannelConfig)]) -> Ends {
         static BUSES: AtomicU32 = AtomicU32::new(0);
         let number = BUSES.fetch_add(1, Ordering::Relaxed);

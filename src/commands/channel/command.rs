@@ -1,4 +1,4 @@
-//! `tactnet channel command`: what a motion controller tells the online classifier, by hand.
+//! `tactnet channel command`: manual commands to the online classifier.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -15,22 +15,22 @@ use crate::output;
 use crate::stop::Stop;
 use crate::table;
 
-/// Bytes of a material's name in a command.
+/// Maximum length of a material's name in a command, in bytes.
 const NAME: usize = 56;
 
-/// Time between looks at the status and at Ctrl-C.
+/// Maximum sleep, which bounds the reaction time to Ctrl-C.
 const LOOK: Wait = Wait::Block {
     timeout: Duration::from_millis(50),
 };
 
-/// What is commanded.
+/// Kind of the command.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum CommandChoice {
-    /// A sweep begins with the next frame
+    /// Start a sweep with the next frame
     Start,
-    /// The sweep has ended
+    /// End the sweep
     Stop,
-    /// The next sweep is of another object: forget what was fused
+    /// Forget the fused sweeps: the next sweep is of another object
     Reset,
     /// Learn a new material from the newest sweeps
     Enroll,
@@ -46,7 +46,7 @@ impl CommandChoice {
         }
     }
 
-    /// Returns true if the event tells what became of the command.
+    /// Returns true if the event is the answer to the command.
     fn is_answered_by(self, event: Event) -> bool {
         event == Event::Refused
             || match self {
@@ -63,10 +63,10 @@ impl CommandChoice {
     tactnet channel command start --table robot.toml --motion 1\n  \
     tactnet channel command stop --table robot.toml --motion 1\n  \
     tactnet channel command reset --table robot.toml                                       the next sweep is of another object\n  \
-    tactnet channel command enroll --table robot.toml --material felt --sweeps 5           the newest five sweeps were of felt\n\n\
-    Prints what the classifier answers. Ends with 2 where it refuses or nobody listens, with 1 where it does not answer or the sweep is of no use.")]
+    tactnet channel command enroll --table robot.toml --material felt --sweeps 5           the five newest sweeps were on felt\n\n\
+    Prints the answer of the classifier. Exit code 2: it refuses, or no classifier runs; 1: no answer, or the sweep was rejected.")]
 pub struct CommandArgs {
-    /// What is commanded
+    /// Kind of the command
     #[arg(value_enum, value_name = "COMMAND")]
     command: CommandChoice,
     #[command(flatten)]
@@ -77,13 +77,13 @@ pub struct CommandArgs {
     /// Number of the motion; beliefs repeat it
     #[arg(long, value_name = "N", default_value_t = 0)]
     motion: u64,
-    /// `enroll`: name of the new material; `start`: what is swept over, for recordings and the page
+    /// `enroll`: name of the new material; `start`: material under the finger, for recordings and the page
     #[arg(long, value_name = "NAME", required_if_eq("command", "enroll"))]
     material: Option<String>,
-    /// `enroll`: how many of the newest complete sweeps
+    /// `enroll`: number of the newest complete sweeps to learn from
     #[arg(long, value_name = "N", required_if_eq("command", "enroll"))]
     sweeps: Option<u32>,
-    /// How long to wait for the answer, seconds [default: 5; `enroll`: 60]
+    /// Timeout of the answer, in seconds [default: 5; `enroll`: 60]
     #[arg(long, value_name = "S", value_parser = seconds)]
     wait: Option<Duration>,
 }
@@ -105,7 +105,7 @@ impl CommandArgs {
             );
         }
         if self.sweeps.is_some() && self.command != CommandChoice::Enroll {
-            bail!("--sweeps: it belongs to `enroll`");
+            bail!("--sweeps: expected only with `enroll`");
         }
         Ok(SweepCommand {
             kind: self.command.command() as u32,
@@ -129,7 +129,7 @@ pub fn run(arguments: &CommandArgs) -> anyhow::Result<ExitCode> {
     let commands = bus.put_port::<SweepCommand>(config.command.as_str(), Priority::High)?;
     if commands.put_copy(&[packet])? == 0 {
         bail!(
-            "nobody listens to `{}`: start `tactnet serve --run RUN --table {}`",
+            "no classifier listens to `{}`: start `tactnet serve --run RUN --table {}`",
             config.command,
             arguments.table.table.display()
         );
@@ -143,15 +143,15 @@ pub fn run(arguments: &CommandArgs) -> anyhow::Result<ExitCode> {
         let Some(packets) = status.get(LOOK)? else {
             continue;
         };
-        for said in packets.iter() {
-            let Some(event) = Event::of(said.event) else {
+        for answer in packets.iter() {
+            let Some(event) = Event::of(answer.event) else {
                 continue;
             };
-            if said.finger != arguments.finger || !arguments.command.is_answered_by(event) {
+            if answer.finger != arguments.finger || !arguments.command.is_answered_by(event) {
                 continue;
             }
-            let text = said.text.as_str();
-            let place = format!("finger {}, sweep {}", said.finger, said.sweep);
+            let text = answer.text.as_str();
+            let place = format!("finger {}, sweep {}", answer.finger, answer.sweep);
             if event == Event::Refused {
                 bail!("refused, {place}: {text}");
             }
@@ -164,9 +164,9 @@ pub fn run(arguments: &CommandArgs) -> anyhow::Result<ExitCode> {
         }
     }
     let why = match arguments.command {
-        CommandChoice::Stop => "; perhaps no sweep was under way",
+        CommandChoice::Stop => "; possibly no sweep was in progress",
         CommandChoice::Start => {
-            "; a sweep begins with the skin's next frame, and perhaps none comes"
+            "; a sweep begins with the next frame of the skin, and possibly none arrives"
         }
         CommandChoice::Reset | CommandChoice::Enroll => "",
     };

@@ -21,6 +21,7 @@ use crate::output;
 use crate::stop::Stop;
 use crate::table;
 
+/// Maximum sleep, which bounds the reaction time to Ctrl-C.
 const LOOK: Wait = Wait::Block {
     timeout: Duration::from_millis(100),
 };
@@ -42,11 +43,31 @@ pub fn list(arguments: &ListArgs) -> anyhow::Result<ExitCode> {
         output::print_json(&listed)?;
         return Ok(ExitCode::SUCCESS);
     }
-    output::print(ListedChannel::heading())?;
-    for channel in listed {
-        output::print(channel)?;
+    output::print(format_args!(
+        "{:<24} {:<16} {:>12} {:>8} {:>8} {:>16}",
+        "channel", "packet", "bytes", "putting", "getting", "memory of a put"
+    ))?;
+    for channel in &listed {
+        print_channel(channel)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn print_channel(channel: &ListedChannel) -> anyhow::Result<()> {
+    output::print(format_args!(
+        "{:<24} {:<16} {:>12} {:>8} {:>8} {:>16}{}",
+        channel.id,
+        channel.packet,
+        channel.packet_bytes,
+        format!("{}/{}", channel.put_ports, channel.max_put_ports),
+        format!("{}/{}", channel.get_ports, channel.max_get_ports),
+        format!("{:.1} KiB", channel.put_port_bytes as f64 / 1024.0),
+        if channel.distributed {
+            "  other hosts"
+        } else {
+            ""
+        },
+    ))
 }
 
 #[derive(Args)]
@@ -56,15 +77,15 @@ pub struct EchoArgs {
     channel: String,
     #[command(flatten)]
     table: TableArgs,
-    /// End after N packets [default: go on]
+    /// End after N packets [default: no limit]
     #[arg(long, value_name = "N")]
     count: Option<usize>,
-    /// One JSON document a line
+    /// Print one JSON document per line
     #[arg(long)]
     json: bool,
 }
 
-/// A packet that came, with what is in it where that is known.
+/// A received packet, with its content if the type is known.
 #[derive(Serialize)]
 struct Echoed {
     #[serde(flatten)]
@@ -73,11 +94,11 @@ struct Echoed {
     packet: Option<Contents>,
 }
 
-/// What is in a packet.
+/// Content of a packet.
 #[derive(Serialize)]
 #[serde(untagged)]
 enum Contents {
-    /// In words.
+    /// With names instead of numbers.
     Tactile(ReadablePacket),
     /// Field by field.
     Described(DescribedPacket),
@@ -104,10 +125,18 @@ impl fmt::Display for Contents {
 impl fmt::Display for Echoed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { received, packet } = self;
-        let Some(packet) = packet else {
-            return received.fmt(f);
-        };
-        write!(f, "#{:<8} {packet}", received.sequence)?;
+        match packet {
+            Some(packet) => write!(f, "#{:<8} {packet}", received.sequence)?,
+            None => write!(
+                f,
+                "{} #{:<8} {:>8.1} us {:>10} bytes {} …",
+                &received.sender[..8],
+                received.sequence,
+                received.latency_us,
+                received.bytes,
+                received.begins
+            )?,
+        }
         match received.lost {
             0 => Ok(()),
             lost => write!(f, "  lost so far: {lost}"),
@@ -121,7 +150,7 @@ pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
     let bus = Bus::open(Domain::Host, &table)?;
     let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
     let config = table.channel(&arguments.channel)?;
-    // Names of materials and length of a sweep, where a classifier tells them.
+    // Names of materials and length of a sweep, if a classifier serves.
     let models = ServeConfig::of(&table)
         .ok()
         .and_then(|config| bus.get_port(config.model.as_str(), Start::History(1)).ok());
@@ -158,7 +187,7 @@ pub struct HzArgs {
     channel: String,
     #[command(flatten)]
     table: TableArgs,
-    /// How long to measure
+    /// Duration of the measurement
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     seconds: f64,
     /// Print one JSON document instead of a line
@@ -177,7 +206,15 @@ pub fn hz(arguments: &HzArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&rate)?;
     } else {
-        output::print(rate)?;
+        output::print(format_args!(
+            "{:.1} Hz, {:.2} MB/s; latency {:.1} us, 99 % below {:.1}, at most {:.1}; {} lost",
+            rate.hz,
+            rate.megabytes_per_s,
+            rate.latency_p50_us,
+            rate.latency_p99_us,
+            rate.latency_max_us,
+            rate.lost
+        ))?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,4 +1,4 @@
-//! `tactnet channel packets`: packets for other languages.
+//! `tactnet channel packets`: packet descriptions for other languages.
 
 use std::process::ExitCode;
 
@@ -12,16 +12,15 @@ use crate::output;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet channel packets > packets.md                       offsets, types and what they mean\n  \
-    tactnet channel packets --of catching                      those of the catching stack
-  \
+    tactnet channel packets > packets.md                       offsets, types and meaning\n  \
+    tactnet channel packets --of catching                      packets of the catching stack\n  \
     tactnet channel packets --language c > packets.h           structs for C and C++, with assertions\n  \
-    tactnet channel packets --language python > packets.py     dataclasses over NumPy; they need `pip install tactnet`")]
+    tactnet channel packets --language python > packets.py     NumPy-based dataclasses; they need `pip install tactnet`")]
 pub struct PacketsArgs {
-    /// Which ones
+    /// Group of packets
     #[arg(long, value_enum, default_value_t = Of::Tactile)]
     of: Of,
-    /// What to print them in
+    /// Output language
     #[arg(long, value_enum, default_value_t = Language::Markdown)]
     language: Language,
 }
@@ -36,15 +35,15 @@ enum Of {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Language {
-    /// A page of tables
+    /// Page of tables
     Markdown,
-    /// A header for C11 and C++
+    /// Header for C11 and C++
     C,
-    /// What C++ templates need beside the header of C
+    /// Traits for C++ templates, in addition to the C header
     Cpp,
-    /// Dataclasses over NumPy
+    /// Dataclasses based on NumPy
     Python,
-    /// The Protocol Buffers of recordings
+    /// Protocol Buffers of recordings
     Proto,
 }
 

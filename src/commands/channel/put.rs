@@ -1,4 +1,4 @@
-//! `tactnet channel put`: packets to look at.
+//! `tactnet channel put`: test packets.
 
 use std::process::ExitCode;
 
@@ -13,14 +13,14 @@ use crate::table;
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum PriorityChoice {
-    /// Pictures, recordings
+    /// For images and recordings
     Bulk,
-    /// Everything else
+    /// For everything else
     #[default]
     Normal,
-    /// Commands
+    /// For commands
     High,
-    /// Control loops
+    /// For control loops
     RealTime,
 }
 
@@ -45,10 +45,10 @@ pub struct PutArgs {
     /// Packets per second; 0: as fast as possible
     #[arg(long, value_name = "HZ", default_value_t = 200.0)]
     rate: f64,
-    /// End after N packets [default: go on]
+    /// End after N packets [default: no limit]
     #[arg(long, value_name = "N")]
     count: Option<u64>,
-    /// Communication priority
+    /// Priority between hosts
     #[arg(long, value_enum, default_value_t)]
     priority: PriorityChoice,
 }

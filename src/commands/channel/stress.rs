@@ -1,4 +1,4 @@
-//! `tactnet channel stress`: the thesis's stress test, beside other transports.
+//! `tactnet channel stress`: the stress test of the thesis, compared with other transports.
 
 use std::io::BufRead as _;
 use std::path::PathBuf;
@@ -8,7 +8,8 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
-use tactnet_channel_stress::{Plan, Row, Rows, page, run_client};
+use tactnet_channel_stress::{ClientProgram, Origin, Plan, PlanError, Row, Rows, page, run_client};
+use tactnet_models::left_out;
 use tactnet_pipeline::{Provenance, write_whole};
 
 use super::stress_choices::{
@@ -20,14 +21,14 @@ use crate::{GIT, output};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet channel stress                                              4 B to 1 MB, 1 and 10 clients, on this host\n  \
-    tactnet channel stress --against iceoryx2,unix,futex --json         beside raw iceoryx2, sockets and a bare wake-up\n  \
+    tactnet channel stress --against iceoryx2 --json                    compared with plain iceoryx2\n  \
     tactnet channel stress --domain process --clients 1,10,100,200 --configurations all --html stress.html\n\n\
-    Every cell starts clients of its own. 100 MB packets want some gigabytes of /dev/shm.")]
+    Every cell starts new clients. Packets of 100 MB need some gigabytes of /dev/shm.")]
 pub struct StressArgs {
-    /// Where master and clients are
+    /// Location of master and clients
     #[arg(long, value_enum, value_delimiter = ',', default_value = "host")]
     domain: Vec<DomainChoice>,
-    /// Packet sizes, bytes
+    /// Packet sizes, in bytes
     #[arg(
         long,
         value_delimiter = ',',
@@ -41,19 +42,19 @@ pub struct StressArgs {
     /// Channels and sync groups
     #[arg(long, value_enum, value_delimiter = ',', default_value = "standard")]
     configurations: Vec<ConfigurationChoice>,
-    /// Other transports to measure side by side
+    /// Other transports to compare with
     #[arg(long, value_enum, value_delimiter = ',')]
     against: Vec<TransportChoice>,
-    /// Look again and again instead of sleeping; wants a core for each client
+    /// Poll instead of sleeping; needs one core per client
     #[arg(long)]
     spin: bool,
-    /// Time for each cell
+    /// Duration of each cell
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     seconds: f64,
-    /// Measure everything N times, in turns; rows of one cell then are to be compared by their medians
+    /// Measure everything N times, alternating; compare the rows of a cell by their medians
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
-    /// Write the thesis's figures 2.6 to 2.9 as a page
+    /// Write figures 2.6 to 2.9 of the thesis as an HTML page
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Print one JSON document instead of a table
@@ -89,26 +90,27 @@ impl StressArgs {
 
 pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
-    let cells = arguments
-        .plan()
-        .cells()
-        .map_err(anyhow::Error::from_boxed)?;
+    let cells = arguments.plan().cells().map_err(with_feature)?;
     let program = std::env::current_exe().context("cannot find this program")?;
+    let client = ClientProgram {
+        path: &program,
+        arguments: &["channel", "stress-client"],
+    };
     let time = Duration::from_secs_f64(arguments.seconds.clamp(0.01, 3600.0));
     let total = cells.len() * arguments.repeat as usize;
     let mut rows = Rows::new();
     for _ in 0..arguments.repeat {
         for cell in &cells {
             if stop.asked() {
-                say!("stopped; what was measured so far follows");
+                say!("stopped; the results so far follow");
                 break;
             }
-            let row = cell.measure(time, &program, &["channel", "stress-client"]);
-            let what = row.failure.clone().unwrap_or_else(|| {
+            let row = cell.measure(time, client);
+            let result = row.failure.clone().unwrap_or_else(|| {
                 format!("{:.1} us, 99 % below {:.1}", row.median_us, row.p99_us)
             });
             say!(
-                "{}/{total} {:<10} {:<12} {:>10} B {:>4} clients: {what}",
+                "{}/{total} {:<10} {:<12} {:>10} B {:>4} clients: {result}",
                 rows.len() + 1,
                 row.transport,
                 row.configuration,
@@ -129,14 +131,52 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
         })?;
         return write_page(&arguments, &rows, &provenance);
     }
-    output::print(Row::heading())?;
-    for row in &rows {
-        output::print(row)?;
-    }
+    print_table(&rows)?;
     write_page(&arguments, &rows, &provenance)
 }
 
-/// Last, so that no result is lost when it fails.
+/// Adds the build flag of a missing feature.
+fn with_feature(error: PlanError) -> anyhow::Error {
+    match error {
+        PlanError::WithoutZenoh => anyhow::anyhow!("{}", left_out("zenoh")),
+        error => error.into(),
+    }
+}
+
+/// Prints rows as a table, with a heading.
+fn print_table(rows: &[Row]) -> anyhow::Result<()> {
+    output::print(format_args!(
+        "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10} {:>10} {:>10} {:>10}",
+        "transport",
+        "channels",
+        "size [B]",
+        "clients",
+        "rounds",
+        "median [us]",
+        "p99 [us]",
+        "max [us]",
+        "MB/s"
+    ))?;
+    for row in rows {
+        let failure = row.failure.as_ref();
+        output::print(format_args!(
+            "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10.1} {:>10.1} {:>10.1} {:>10.1}{}",
+            row.transport,
+            row.configuration,
+            row.size,
+            row.clients,
+            row.rounds,
+            row.median_us,
+            row.p99_us,
+            row.max_us,
+            row.bandwidth_mb_s,
+            failure.map_or(String::new(), |failure| format!("  {failure}"))
+        ))?;
+    }
+    Ok(())
+}
+
+/// Writes the page, after everything else: its failure must not lose results.
 fn write_page(
     arguments: &StressArgs,
     rows: &Rows,
@@ -150,18 +190,23 @@ fn write_page(
         "commit {GIT}, {}, {} threads",
         provenance.processor, provenance.threads
     );
-    let page = page(rows, &format!("tactnet {}", words.join(" ")), &machine);
+    let origin = Origin {
+        command: &format!("tactnet {}", words.join(" ")),
+        machine: &machine,
+    };
+    let page = page(rows, origin);
     write_whole(file, page.as_bytes())?;
     say!("{} written", file.display());
     Ok(ExitCode::SUCCESS)
 }
 
-/// A client process: its task comes on standard input, and it says `ready` or what is wrong.
+/// Runs a client process: reads its task from standard input and prints `ready` or an error.
 pub fn client() -> anyhow::Result<ExitCode> {
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line)?;
-    let task = serde_json::from_str(&line)
-        .context("a client of the stress test is started by `tactnet channel stress`")?;
+    let task = serde_json::from_str(&line).context(
+        "expected the task of a client on standard input; `tactnet channel stress` starts clients",
+    )?;
     let served = run_client(&task, || drop(output::print(format_args!("ready"))));
     if let Err(failure) = served {
         output::print(format_args!("{failure}"))?;

@@ -1,4 +1,4 @@
-//! Words of the flags of `tactnet channel stress`.
+//! Values of the flags of `tactnet channel stress`.
 
 use clap::ValueEnum;
 use tactnet_channel_stress::{Configuration, StressDomain, Transport};
@@ -9,37 +9,33 @@ pub(super) enum DomainChoice {
     Process,
     /// Processes of this host
     Host,
-    /// Three hosts, which share this machine and speak over loopback (needs a build with `--features zenoh`)
+    /// Three hosts on this machine, connected over loopback (needs a build with `--features zenoh`)
     Distributed,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub(super) enum ConfigurationChoice {
-    /// One channel there, one back
+    /// One channel for packets, one for answers
     Standard,
     /// The master waits with a sync group
     #[value(name = "1-sync")]
     OneSync,
     /// Every client waits with a sync group
     NSync,
-    /// A channel back for each client, waited for one after the other
+    /// One answer channel per client; the master waits for one after the other
     NChannels,
-    /// A channel back for each client, waited for together
+    /// One answer channel per client; the master waits for all with a sync group
     SyncOnN,
-    /// All of them
+    /// All configurations
     All,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub(super) enum TransportChoice {
-    /// Iceoryx2 as it comes
+    /// Plain iceoryx2
     Iceoryx2,
-    /// Zenoh as it comes, over TCP and with shared memory (needs a build with `--features zenoh`)
+    /// Plain zenoh, over TCP and with shared memory (needs a build with `--features zenoh`)
     Zenoh,
-    /// A Unix socket for each client
-    Unix,
-    /// A bare wake-up, no packet
-    Futex,
 }
 
 impl DomainChoice {
@@ -57,13 +53,11 @@ impl TransportChoice {
         match self {
             Self::Iceoryx2 => &[Transport::Iceoryx2],
             Self::Zenoh => &[Transport::Zenoh, Transport::ZenohShm],
-            Self::Unix => &[Transport::Unix],
-            Self::Futex => &[Transport::Futex],
         }
     }
 }
 
-/// The configurations of `choices`; `all` replaces those before it.
+/// Returns the configurations of `choices`; `all` replaces those before it.
 pub(super) fn configurations_of(choices: &[ConfigurationChoice]) -> Vec<Configuration> {
     let mut configurations = Vec::new();
     for choice in choices {

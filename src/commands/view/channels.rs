@@ -54,7 +54,7 @@ pub fn run(arguments: &ViewArgs) -> anyhow::Result<ExitCode> {
     if arguments.target.json {
         output::print_json(&viewed)?;
     } else {
-        output::print(arguments.target.describe(&viewed.to_string()))?;
+        output::print(arguments.target.describe(&summary(&viewed)))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -86,4 +86,16 @@ fn view_channels(path: &Path, target: &Target, seconds: f64) -> anyhow::Result<V
         on_ready,
         &|| stop.asked(),
     )?)
+}
+
+/// Returns the counts in one line.
+fn summary(viewed: &Viewed) -> String {
+    let mut text = format!("{} frames, {} beliefs", viewed.frames, viewed.beliefs);
+    if viewed.lost > 0 {
+        text.push_str(&format!(", {} lost", viewed.lost));
+    }
+    if viewed.left_out > 0 {
+        text.push_str(&format!(", {} left out for a slow viewer", viewed.left_out));
+    }
+    text
 }

@@ -1,13 +1,13 @@
 /*
- * The robot's channels for C11: put and get packets between processes of a host without copies, and through the hub to other hosts.
+ * The robot's channels for C11: zero-copy packets between processes of a host, and through the hub to other hosts.
  *
- * Every function that can fail returns a tactnet_outcome; tactnet_last_error() has the text, for each thread its own.
+ * Every function that can fail returns a tactnet_outcome; tactnet_last_error() returns the text of the calling thread's last error.
  *
- * Threads: a bus and a put-port are for any number of threads at once. A get-port and a sync group are for one thread at a time. A packet
- * that is loaned or received is given back by the thread that has it. Nothing here starts a thread.
+ * Threads: a bus and a put-port can be used by several threads at once, a get-port and a sync group by one thread at a time. The thread
+ * that loaned or received a packet must release it. The library starts no threads.
  *
  * Real time: once ports are connected, tactnet_loan, tactnet_put, tactnet_put_loan, tactnet_get and tactnet_sync_group_wait neither allocate
- * nor lock on success, and sleep only where a timeout asks for it.
+ * nor lock on success, and sleep only for the given timeout.
  *
  * Linux 5.16 or newer; packets are little endian.
  */
@@ -21,33 +21,33 @@
 #include <stdint.h>
 
 /**
- * 64-bit words of a loan that belong to the library.
+ * Number of private 64-bit words in a loan.
  */
 #define TACTNET_LOAN_WORDS 16
 
 /**
- * 64-bit words of a received packet that belong to the library.
+ * Number of private 64-bit words in a received packet.
  */
 #define TACTNET_RECEIVED_WORDS 24
 
 /**
- * How a function ended; `tactnet_last_error` gives the text of one that failed.
+ * Result of a function; `tactnet_last_error` returns the text of an error.
  */
 typedef enum {
   /**
-   * It did what was asked.
+   * Success.
    */
   TACTNET_OUTCOME_OK = 0,
   /**
-   * No packet came in time.
+   * No packet arrived in time.
    */
   TACTNET_OUTCOME_TIMEOUT = 1,
   /**
-   * An argument is null, no UTF-8, or was given back before.
+   * An argument is null, not UTF-8, or already released.
    */
   TACTNET_OUTCOME_ARGUMENT = 2,
   /**
-   * The table cannot be read or used.
+   * The table cannot be read or is wrong.
    */
   TACTNET_OUTCOME_TABLE = 3,
   /**
@@ -59,7 +59,7 @@ typedef enum {
    */
   TACTNET_OUTCOME_NO_HUB = 5,
   /**
-   * The channel carries other packets.
+   * The channel has another packet type.
    */
   TACTNET_OUTCOME_TYPE = 6,
   /**
@@ -67,7 +67,7 @@ typedef enum {
    */
   TACTNET_OUTCOME_FULL = 7,
   /**
-   * The packet holds more items than the channel's do, or more history was asked for than it keeps.
+   * The packet has more items than the channel allows, or the channel keeps less history than requested.
    */
   TACTNET_OUTCOME_TOO_LARGE = 8,
   /**
@@ -75,37 +75,37 @@ typedef enum {
    */
   TACTNET_OUTCOME_HELD = 9,
   /**
-   * Shared memory is short.
+   * Not enough shared memory.
    */
   TACTNET_OUTCOME_MEMORY = 10,
   /**
-   * The system refused something.
+   * The operating system refused an operation.
    */
   TACTNET_OUTCOME_SYSTEM = 11,
   /**
-   * The library is wrong; the text says where.
+   * A defect of the library; the text names the place.
    */
   TACTNET_OUTCOME_INTERNAL = 12,
 } tactnet_outcome;
 
 /**
- * How urgent packets are between hosts.
+ * Priority of packets between hosts.
  */
 typedef enum {
   /**
-   * Pictures, recordings.
+   * For images and recordings.
    */
   TACTNET_PRIORITY_BULK = 0,
   /**
-   * Everything else.
+   * For everything else.
    */
   TACTNET_PRIORITY_NORMAL = 1,
   /**
-   * Commands.
+   * For commands.
    */
   TACTNET_PRIORITY_HIGH = 2,
   /**
-   * Control loops.
+   * For control loops.
    */
   TACTNET_PRIORITY_REAL_TIME = 3,
 } tactnet_priority;
@@ -131,33 +131,33 @@ typedef struct tactnet_put_port tactnet_put_port;
 typedef struct tactnet_sync_group tactnet_sync_group;
 
 /**
- * Which packets a port carries. Both ends of a channel must mean the same.
+ * Packet type of a port. Both ends of a channel must use the same.
  */
 typedef struct {
   /**
-   * Its name, like `SkinFrame`.
+   * Name of the type, like `SkinFrame`.
    */
   const char *name;
   /**
-   * Its version.
+   * Version of the type.
    */
   uint32_t version;
   /**
-   * Size of one item, bytes.
+   * Size of one item, in bytes.
    */
   size_t bytes;
 } tactnet_packet;
 
 /**
- * A packet where its sender wrote it. Give it back soon, with `tactnet_received_release`: a port holds only a few.
+ * A received packet in its sender's memory. Release it soon with `tactnet_received_release`: a port holds only a few.
  */
 typedef struct {
   /**
-   * The items, aligned to 64 bytes, not to be written. Null once it was given back.
+   * Items, aligned to 64 bytes, read-only. Null after the release.
    */
   const void *items;
   /**
-   * How many.
+   * Number of items.
    */
   size_t count;
   /**
@@ -165,41 +165,41 @@ typedef struct {
    */
   uint64_t sender;
   /**
-   * Counts the packets of that put-port from 0.
+   * Sequence number of the packet at that put-port, from 0.
    */
   uint64_t sequence;
   /**
-   * When it was put, by the sender's `tactnet_now_ns`.
+   * Time of the put, by the sender's `tactnet_now_ns`.
    */
   uint64_t put_ns;
   /**
-   * 1 if it came from another host, whose clock `put_ns` is of.
+   * 1 if it came from another host, whose clock `put_ns` then uses; otherwise 0.
    */
   uint32_t remote;
   /**
-   * Its priority.
+   * Priority of the put-port.
    */
   uint32_t priority;
   /**
-   * The library's own.
+   * Private to the library.
    */
   uint64_t opaque[TACTNET_RECEIVED_WORDS];
 } tactnet_received;
 
 /**
- * A packet that is being written, in shared memory. It is put or given back by the thread that loaned it.
+ * A packet that is being written, in shared memory. The thread that loaned it puts or releases it.
  */
 typedef struct {
   /**
-   * The items, aligned to 64 bytes; what they hold a former packet left. Null once it was put or given back.
+   * Items, aligned to 64 bytes, with undefined content. Null after the put or release.
    */
   void *items;
   /**
-   * How many.
+   * Number of items.
    */
   size_t count;
   /**
-   * The library's own.
+   * Private to the library.
    */
   uint64_t opaque[TACTNET_LOAN_WORDS];
 } tactnet_loaned;
@@ -209,15 +209,15 @@ extern "C" {
 #endif // __cplusplus
 
 /**
- * Returns nanoseconds of the host's monotonic clock, of which `put_ns` of a received packet are.
+ * Returns the time of the host's monotonic clock, in nanoseconds; `put_ns` of received packets uses the same clock.
  */
 uint64_t tactnet_now_ns(void);
 
 /**
- * Opens a bus that a hub of this host holds (`tactnet channel hub --table FILE`).
+ * Opens a bus; a hub of this host must run with the same table.
  *
  * - `table`: path of the hub's table
- * - `bus`: is set to the bus; give it back with `tactnet_bus_close`
+ * - `bus`: set to the bus; release it with `tactnet_bus_close`
  *
  * # Safety
  * `table` is a text, `bus` can be written.
@@ -225,20 +225,20 @@ uint64_t tactnet_now_ns(void);
 tactnet_outcome tactnet_bus_open(const char *table, tactnet_bus **bus);
 
 /**
- * Closes a bus; its ports stay open. Null is nothing.
+ * Closes a bus; its ports stay open. Null is ignored.
  *
  * # Safety
- * `bus` is null or was opened, and is not used any more.
+ * `bus` is null or was opened, and is not used afterwards.
  */
 void tactnet_bus_close(tactnet_bus *bus);
 
 /**
- * Opens a port to get packets of a channel.
+ * Opens a port that gets packets of a channel.
  *
- * - `channel`: its id, like `tactile/belief`
- * - `packet`: what it carries
- * - `history`: how many packets of before to get of every sender, where the channel keeps them; 0: only new ones
- * - `port`: is set to the port; give it back with `tactnet_get_port_close`
+ * - `channel`: id, like `tactile/belief`
+ * - `packet`: packet type of the channel
+ * - `history`: number of earlier packets to get from every sender, if the channel keeps them; 0: only new ones
+ * - `port`: set to the port; release it with `tactnet_get_port_close`
  *
  * # Safety
  * The pointers are valid.
@@ -250,17 +250,17 @@ tactnet_outcome tactnet_get_port_open(const tactnet_bus *bus,
                                       tactnet_get_port **port);
 
 /**
- * Closes a port; packets of it are to be given back before. Null is nothing.
+ * Closes a port; release its packets before. Null is ignored.
  *
  * # Safety
- * `port` is null or was opened, and is not used any more.
+ * `port` is null or was opened, and is not used afterwards.
  */
 void tactnet_get_port_close(tactnet_get_port *port);
 
 /**
  * Gets the next packet.
  *
- * - `timeout_ns`: how long to sleep until one comes; 0: look once; below 0: for ever
+ * - `timeout_ns`: maximum sleep; 0: do not wait; negative: no timeout
  *
  * # Safety
  * `port` is open and used by this thread alone, `received` can be written and holds no packet.
@@ -268,7 +268,7 @@ void tactnet_get_port_close(tactnet_get_port *port);
 tactnet_outcome tactnet_get(tactnet_get_port *port, int64_t timeout_ns, tactnet_received *received);
 
 /**
- * Gives a packet back. One that was given back, null, or all zero is nothing.
+ * Releases a packet. A released one, null, or all zeros is ignored.
  *
  * # Safety
  * `received` is null, all zero, or was filled in by `tactnet_get`.
@@ -276,7 +276,7 @@ tactnet_outcome tactnet_get(tactnet_get_port *port, int64_t timeout_ns, tactnet_
 void tactnet_received_release(tactnet_received *received);
 
 /**
- * Returns how many packets were put but never got here, because the ring was full or the network too slow.
+ * Returns the number of packets that were put but did not arrive because the ring was full or the network too slow.
  *
  * # Safety
  * `port` is null or open, and used by this thread alone.
@@ -284,17 +284,18 @@ void tactnet_received_release(tactnet_received *received);
 uint64_t tactnet_get_port_lost(const tactnet_get_port *port);
 
 /**
- * Returns the text of this thread's last failure, one line of UTF-8, empty before the first; it is valid until the next one.
+ * Returns the text of this thread's last error: one line of UTF-8, empty before the first error. It is valid until
+ * the next error.
  */
 const char *tactnet_last_error(void);
 
 /**
- * Opens a port to put packets into a channel.
+ * Opens a port that puts packets into a channel.
  *
- * - `channel`: its id, like `skin/right`
- * - `packet`: what it carries
+ * - `channel`: id, like `skin/right`
+ * - `packet`: packet type of the channel
  * - `priority`: a `tactnet_priority`
- * - `port`: is set to the port; give it back with `tactnet_put_port_close`
+ * - `port`: set to the port; release it with `tactnet_put_port_close`
  *
  * # Safety
  * The pointers are valid.
@@ -306,11 +307,11 @@ tactnet_outcome tactnet_put_port_open(const tactnet_bus *bus,
                                       tactnet_put_port **port);
 
 /**
- * Closes a port; packets on loan are to be put or given back before, and packets that a getter has not looked for yet may be lost to it. Null
- * is nothing.
+ * Closes a port; put or release its loans before. Packets that a getter has not read yet may be lost. Null is
+ * ignored.
  *
  * # Safety
- * `port` is null or was opened, and is not used any more.
+ * `port` is null or was opened, and is not used afterwards.
  */
 void tactnet_put_port_close(tactnet_put_port *port);
 
@@ -318,12 +319,13 @@ void tactnet_put_port_close(tactnet_put_port *port);
  * Sends a copy of `count` items.
  *
  * # Safety
- * `items` points to `count` items of the port's packet.
+ * `items` points to `count` items of the port's packet type.
  */
 tactnet_outcome tactnet_put(const tactnet_put_port *port, const void *items, size_t count);
 
 /**
- * Loans a packet of `count` items to be written in place, without a copy; then `tactnet_put_loan` or `tactnet_loan_release`.
+ * Loans a packet of `count` items to be written in place, without a copy. End the loan with `tactnet_put_loan` or
+ * `tactnet_loan_release`.
  *
  * # Safety
  * `port` is open, `loan` can be written and holds no packet.
@@ -333,7 +335,7 @@ tactnet_outcome tactnet_loan(const tactnet_put_port *port,
                              tactnet_loaned *loan);
 
 /**
- * Sends a loaned packet, which then is no longer the sender's, whatever the outcome.
+ * Sends a loaned packet. The loan ends, whatever the outcome.
  *
  * # Safety
  * `port` is open, `loan` was filled in by `tactnet_loan`.
@@ -341,7 +343,7 @@ tactnet_outcome tactnet_loan(const tactnet_put_port *port,
 tactnet_outcome tactnet_put_loan(const tactnet_put_port *port, tactnet_loaned *loan);
 
 /**
- * Gives a loaned packet back unsent. One that was put, null, or all zero is nothing.
+ * Releases a loaned packet unsent. One that was put, null, or all zeros is ignored.
  *
  * # Safety
  * `loan` is null, all zero, or was filled in by `tactnet_loan`.
@@ -349,7 +351,7 @@ tactnet_outcome tactnet_put_loan(const tactnet_put_port *port, tactnet_loaned *l
 void tactnet_loan_release(tactnet_loaned *loan);
 
 /**
- * Connects to get-ports that came since the last packet, at a time of the caller's choice; else the next put does it, which then allocates.
+ * Connects to new get-ports now. Otherwise the next put does so, and allocates.
  *
  * # Safety
  * `port` is open.
@@ -357,10 +359,10 @@ void tactnet_loan_release(tactnet_loaned *loan);
 tactnet_outcome tactnet_put_port_connect(const tactnet_put_port *port);
 
 /**
- * Puts get-ports of a bus into a group.
+ * Creates a group of get-ports.
  *
  * - `ports`, `count`: the ports, which may be closed before the group
- * - `group`: is set to the group; give it back with `tactnet_sync_group_close`
+ * - `group`: set to the group; release it with `tactnet_sync_group_close`
  *
  * # Safety
  * `ports` points to `count` open ports; the other pointers are valid.
@@ -371,10 +373,10 @@ tactnet_outcome tactnet_sync_group_open(const tactnet_bus *bus,
                                         tactnet_sync_group **group);
 
 /**
- * Waits until any port of a group has a packet, which `tactnet_get` then takes.
+ * Waits until a port of the group has a packet; `tactnet_get` then takes it.
  *
- * - `timeout_ns`: 0: look once; below 0: for ever
- * - `port`: is set to the port's place in the group
+ * - `timeout_ns`: maximum sleep; 0: do not wait; negative: no timeout
+ * - `port`: set to the index of the port in the group
  *
  * # Safety
  * `group` is open and used by this thread alone, `port` can be written.
@@ -382,10 +384,10 @@ tactnet_outcome tactnet_sync_group_open(const tactnet_bus *bus,
 tactnet_outcome tactnet_sync_group_wait(tactnet_sync_group *group, int64_t timeout_ns, size_t *port);
 
 /**
- * Closes a group. Null is nothing.
+ * Closes a group. Null is ignored.
  *
  * # Safety
- * `group` is null or was opened, and is not used any more.
+ * `group` is null or was opened, and is not used afterwards.
  */
 void tactnet_sync_group_close(tactnet_sync_group *group);
 

@@ -2,8 +2,9 @@
 
 use std::fmt::Write;
 
-use super::{Description, Field, FieldType, Layout, plain, snake, wrapped};
+use super::{Choice, Description, Field, FieldType, Layout, plain, snake, wrapped};
 
+/// Line width of the header, in characters.
 const WIDTH: usize = 110;
 
 /// Returns the type and the suffix behind the name.
@@ -66,54 +67,66 @@ impl Description {
             let _ = writeln!(text, "#define {upper}_{name} {value}");
         }
         for choice in self.choices {
-            text.push('\n');
-            comment(&mut text, "", &plain(choice.docs));
-            let name = snake(choice.name);
-            let _ = writeln!(text, "enum {project}_{name} {{");
-            for (value, docs, number) in choice.values {
-                comment(&mut text, "  ", &plain(docs));
-                let value = format!("{upper}_{}_{}", name, snake(value)).to_ascii_uppercase();
-                let _ = writeln!(text, "  {value} = {number},");
-            }
-            text.push_str("};\n");
+            self.write_choice(choice, &mut text);
         }
         for layout in self.packets {
-            text.push('\n');
-            comment(
-                &mut text,
-                "",
-                &format!("{} {} bytes.", plain(layout.docs), layout.bytes),
-            );
-            let name = named(project, layout);
-            let _ = writeln!(text, "typedef struct {name} {{");
-            for field in layout.fields {
-                comment(&mut text, "  ", &field_docs(field));
-                let (kind, behind) = declared(project, &field.kind);
-                let _ = writeln!(text, "  {kind} {}{behind};", field.name);
-            }
-            let _ = writeln!(text, "}} {name};");
-            if layout.is_packet() {
-                let of = name.to_ascii_uppercase();
-                let _ = writeln!(text, "#define {of}_NAME \"{}\"", layout.name);
-                let _ = writeln!(text, "#define {of}_VERSION {}", layout.version);
-            }
-            let assert = format!("{upper}_STATIC_ASSERT");
-            let _ = writeln!(
-                text,
-                "{assert}(sizeof({name}) == {}, \"size of {name}\");",
-                layout.bytes
-            );
-            for field in layout.fields {
-                let at = format!("{name}.{}", field.name);
-                let _ = writeln!(
-                    text,
-                    "{assert}(offsetof({name}, {}) == {}, \"offset of {at}\");",
-                    field.name, field.offset
-                );
-            }
+            self.write_layout(layout, &mut text);
         }
         let _ = writeln!(text, "\n#endif");
         text
+    }
+
+    fn write_choice(&self, choice: &Choice, text: &mut String) {
+        let project = self.project;
+        let upper = project.to_ascii_uppercase();
+        text.push('\n');
+        comment(text, "", &plain(choice.docs));
+        let name = snake(choice.name);
+        let _ = writeln!(text, "enum {project}_{name} {{");
+        for (value, docs, number) in choice.values {
+            comment(text, "  ", &plain(docs));
+            let value = format!("{upper}_{}_{}", name, snake(value)).to_ascii_uppercase();
+            let _ = writeln!(text, "  {value} = {number},");
+        }
+        text.push_str("};\n");
+    }
+
+    fn write_layout(&self, layout: &Layout, text: &mut String) {
+        let project = self.project;
+        let upper = project.to_ascii_uppercase();
+        text.push('\n');
+        comment(
+            text,
+            "",
+            &format!("{} {} bytes.", plain(layout.docs), layout.bytes),
+        );
+        let name = named(project, layout);
+        let _ = writeln!(text, "typedef struct {name} {{");
+        for field in layout.fields {
+            comment(text, "  ", &field_docs(field));
+            let (kind, behind) = declared(project, &field.kind);
+            let _ = writeln!(text, "  {kind} {}{behind};", field.name);
+        }
+        let _ = writeln!(text, "}} {name};");
+        if layout.is_packet() {
+            let of = name.to_ascii_uppercase();
+            let _ = writeln!(text, "#define {of}_NAME \"{}\"", layout.name);
+            let _ = writeln!(text, "#define {of}_VERSION {}", layout.version);
+        }
+        let assert = format!("{upper}_STATIC_ASSERT");
+        let _ = writeln!(
+            text,
+            "{assert}(sizeof({name}) == {}, \"size of {name}\");",
+            layout.bytes
+        );
+        for field in layout.fields {
+            let at = format!("{name}.{}", field.name);
+            let _ = writeln!(
+                text,
+                "{assert}(offsetof({name}, {}) == {}, \"offset of {at}\");",
+                field.name, field.offset
+            );
+        }
     }
 
     /// Returns the traits that C++ templates need for the packets of [`Description::c_header`].

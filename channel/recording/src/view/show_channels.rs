@@ -1,6 +1,5 @@
 //! Live channels or a recording in a viewer or file.
 
-use std::fmt;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -52,19 +51,6 @@ impl Viewed {
             RecordedPacket::Belief(_) => self.beliefs += 1,
             _ => {}
         }
-    }
-}
-
-impl fmt::Display for Viewed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} frames, {} beliefs", self.frames, self.beliefs)?;
-        if self.lost > 0 {
-            write!(f, ", {} lost", self.lost)?;
-        }
-        if self.left_out > 0 {
-            write!(f, ", {} left out for a slow viewer", self.left_out)?;
-        }
-        Ok(())
     }
 }
 

@@ -1,4 +1,4 @@
-//! The least cost of waking up another process: two futex words, no packet.
+//! Wake-up of another process through two futex words, without a packet: the minimum cost of any transport.
 
 use std::fs::{File, OpenOptions};
 use std::os::fd::AsRawFd;
@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use crate::{Client, Failure, Master};
+use tactnet_channel_stress::{Client, Failure, Master};
 
-/// Two words on cache lines of their own, in a file of shared memory.
+/// Two words on separate cache lines, in a file of shared memory.
 struct Words {
     there: &'static AtomicU32,
     back: &'static AtomicU32,
@@ -20,7 +20,7 @@ fn path(name: &str) -> PathBuf {
 
 impl Words {
     fn map(file: &File) -> Result<Self, Failure> {
-        // SAFETY: a new shared mapping of a page that the file has; it is never unmapped, so the references are good until the end.
+        // SAFETY: a new shared mapping of a page that the file has; it is never unmapped, so the references stay valid.
         unsafe {
             let page = libc::mmap(
                 std::ptr::null_mut(),
@@ -47,7 +47,7 @@ fn wake(word: &AtomicU32, value: u32) {
     unsafe { libc::syscall(libc::SYS_futex, word.as_ptr(), libc::FUTEX_WAKE, i32::MAX) };
 }
 
-/// Sleeps until the word is another one than `seen`.
+/// Sleeps until the word differs from `seen`, and returns it. Returns `None` after the timeout.
 fn sleep(word: &AtomicU32, seen: u32, patience: Duration) -> Option<u32> {
     let time = libc::timespec {
         tv_sec: patience.as_secs() as i64,
@@ -105,7 +105,7 @@ impl Drop for FutexMaster {
 
 impl Master for FutexMaster {
     fn broadcast(&mut self, round: u32) -> Result<(), Failure> {
-        // Zero is the word before the first round.
+        // The word is zero before the first round.
         wake(self.words.there, round.wrapping_add(1));
         Ok(())
     }

@@ -1,12 +1,11 @@
-//! The stress test over a Unix stream socket for each client.
+//! One Unix stream socket per client.
 
 use std::io::{Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::plan::Cell;
-use crate::{Client, Failure, Master};
+use tactnet_channel_stress::{Client, Failure, Master};
 
 fn path(name: &str) -> PathBuf {
     std::env::temp_dir().join(format!("{name}.socket"))
@@ -22,15 +21,15 @@ pub(super) struct UnixMaster {
 }
 
 impl UnixMaster {
-    pub(super) fn open(cell: &Cell, name: &str) -> Result<Self, Failure> {
+    pub(super) fn open(name: &str, size: usize, clients: usize) -> Result<Self, Failure> {
         let path = path(name);
         let _ = std::fs::remove_file(&path);
         Ok(Self {
             listener: UnixListener::bind(&path)?,
             path,
             clients: Vec::new(),
-            expected: cell.clients,
-            packet: vec![0; cell.size],
+            expected: clients,
+            packet: vec![0; size],
             next: 0,
         })
     }
@@ -70,10 +69,10 @@ pub(super) struct UnixClient {
 }
 
 impl UnixClient {
-    pub(super) fn open(cell: &Cell, name: &str) -> Result<Self, Failure> {
+    pub(super) fn open(name: &str, size: usize) -> Result<Self, Failure> {
         Ok(Self {
             stream: UnixStream::connect(path(name))?,
-            packet: vec![0; cell.size],
+            packet: vec![0; size],
         })
     }
 }
@@ -90,6 +89,6 @@ impl Client for UnixClient {
     }
 }
 
-pub(super) fn first_word(packet: &[u8]) -> u32 {
+fn first_word(packet: &[u8]) -> u32 {
     u32::from_le_bytes([packet[0], packet[1], packet[2], packet[3]])
 }
