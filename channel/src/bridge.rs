@@ -217,10 +217,10 @@ impl Wire {
             declare(WirePriority::RealTime)?,
         ];
         let wanted = Arc::new(AtomicBool::new(false));
-        let told = wanted.clone();
+        let listener = wanted.clone();
         publishers[0]
             .matching_listener()
-            .callback(move |status| told.store(status.matching(), Ordering::Release))
+            .callback(move |status| listener.store(status.matching(), Ordering::Release))
             .background()
             .wait()
             .map_err(failed)?;

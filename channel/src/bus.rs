@@ -198,7 +198,8 @@ impl Bus {
     /// let left = bus.get_port::<f32>("left", Start::Now)?;
     /// let right = bus.get_port::<f32>("right", Start::Now)?;
     /// let mut group = bus.sync_group(&[&left, &right])?;
-    /// bus.put_port::<f32>("right", Priority::Normal)?.put_copy(&[0.5])?;
+    /// let put = bus.put_port::<f32>("right", Priority::Normal)?;
+    /// put.put_copy(&[0.5])?;
     /// assert_eq!(group.wait(Wait::Spin)?, Some(1));
     /// # Ok::<_, tactnet_channel::ChannelError>(())
     /// ```

@@ -147,7 +147,7 @@ impl ChannelError {
     /// ```
     /// use tactnet_channel::{Bus, Domain, Remedy, Table};
     ///
-    /// let no_hub = Bus::open(Domain::Host, &Table::new("nobody-holds-it")).unwrap_err();
+    /// let no_hub = Bus::open(Domain::Host, &Table::new("without-a-hub")).unwrap_err();
     /// assert_eq!(no_hub.remedy(), Some(Remedy::StartHub));
     /// ```
     pub fn remedy(&self) -> Option<Remedy> {

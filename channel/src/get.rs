@@ -199,7 +199,8 @@ impl<T: Packet> GetPort<T> {
     /// # let bus = Bus::open(Domain::Process, &table)?;
     /// let get = bus.get_port::<f32>("force", Start::Now)?;
     /// assert!(get.try_get()?.is_none());
-    /// bus.put_port("force", Priority::Normal)?.put_copy(&[2.5_f32])?;
+    /// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+    /// put.put_copy(&[2.5])?;
     /// assert_eq!(get.try_get()?.unwrap()[0], 2.5);
     /// # Ok::<_, tactnet_channel::ChannelError>(())
     /// ```
@@ -312,6 +313,19 @@ pub struct Received<T> {
 
 impl<T: Packet> Received<T> {
     /// Returns the header with sender, sequence number and time.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table, now_ns};
+    /// # let table = Table::new("lab").with("force", ChannelConfig::of::<f32>(1));
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let get = bus.get_port::<f32>("force", Start::Now)?;
+    /// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+    /// put.put_copy(&[2.5])?;
+    /// let packet = get.try_get()?.unwrap();
+    /// assert_eq!(packet.header().sequence, 0);
+    /// assert!(packet.header().put_ns <= now_ns());
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn header(&self) -> &Header {
         &self.header
     }

@@ -37,7 +37,7 @@ type Channel = publish_subscribe::PortFactory<Ipc, [Block], Header>;
 /// ```
 /// use tactnet_channel::{Bus, ChannelConfig, Domain, Hub, Priority, Table, TemporaryBus, temporary_bus_name};
 ///
-/// let table = Table::new(&temporary_bus_name("doc")).with("force", ChannelConfig::of::<f32>(3));
+/// let table = Table::new(&temporary_bus_name("doc-hub")).with("force", ChannelConfig::of::<f32>(3));
 /// let _remove_at_the_end = TemporaryBus(&table);
 /// let mut hub = Hub::start(&table)?;
 /// // Other processes open the bus in the same way.

@@ -24,7 +24,7 @@ impl Hub {
     /// ```
     /// use tactnet_channel::{Hub, Table, TemporaryBus, temporary_bus_name};
     ///
-    /// let table = Table::new(&temporary_bus_name("doc"));
+    /// let table = Table::new(&temporary_bus_name("doc-thread"));
     /// let _remove_at_the_end = TemporaryBus(&table);
     /// let hub = Hub::spawn(&table)?;
     /// assert!(Hub::start(&table).is_err()); // one hub a bus

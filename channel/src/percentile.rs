@@ -5,6 +5,10 @@
 ///
 /// - `sorted`: ascending
 /// - `share`: 0 to 1
+///
+/// ```
+/// assert_eq!(tactnet_channel::percentile(&[1, 2, 3, 4], 0.5), Some(2));
+/// ```
 pub fn percentile<T: Copy>(sorted: &[T], share: f64) -> Option<T> {
     let rank = (sorted.len() as f64 * share).ceil() as usize;
     sorted.get(rank.max(1) - 1).copied()

@@ -3,6 +3,17 @@
 use crate::now_ns;
 
 /// Sleeps until the next tick of a fixed period of the host's monotonic clock, without drift.
+///
+/// ```
+/// use tactnet_channel::{Ticker, now_ns};
+///
+/// let begun = now_ns();
+/// let mut ticker = Ticker::new(1000.0);
+/// for _ in 0..3 {
+///     ticker.wait();
+/// }
+/// assert!(now_ns() - begun >= 2_000_000);
+/// ```
 #[derive(Debug)]
 pub struct Ticker {
     period_ns: f64,

@@ -165,7 +165,13 @@ fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
         let name = dataset.name();
         if finding.kind == FindingKind::AssumedRate {
             let rate_hz = dataset.sample_rate_hz();
-            say!("warning: {}", assumed_rate_text(AssumedRate { data: name, rate_hz }));
+            say!(
+                "warning: {}",
+                assumed_rate_text(AssumedRate {
+                    data: name,
+                    rate_hz
+                })
+            );
         }
         source::review(Some(name), finding, arguments.axes_are_right)
     })?;

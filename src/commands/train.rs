@@ -13,8 +13,8 @@ use tactnet_pipeline::{
 };
 use tactnet_skin::packets::unfit;
 
-use super::experiment::run_text::{advice, next_steps, run_text};
 use super::choices::{ModelChoice, TrainDeviceChoice};
+use super::experiment::run_text::{advice, next_steps, run_text};
 use crate::output::{self, OutputFormat};
 use crate::stop::Stop;
 use crate::{GIT, device_times, failure, source};

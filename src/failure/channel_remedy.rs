@@ -70,8 +70,14 @@ mod tests {
         let no_hub = || ChannelError::NoHub { bus: "a".into() };
         let expected = "start `tactnet channel hub --table FILE` with the same table";
         assert_eq!(words_of_channels(&no_hub()), Some(expected));
-        assert_eq!(words_of_channels(&ServeError::Channel(no_hub())), Some(expected));
-        assert_eq!(words_of_channels(&SimulationError::Channel(no_hub())), Some(expected));
+        assert_eq!(
+            words_of_channels(&ServeError::Channel(no_hub())),
+            Some(expected)
+        );
+        assert_eq!(
+            words_of_channels(&SimulationError::Channel(no_hub())),
+            Some(expected)
+        );
         assert_eq!(words_of_channels(&ChannelError::EmptyGroup), None);
     }
 }

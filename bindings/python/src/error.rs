@@ -61,8 +61,8 @@ fn words_of(remedy: &Remedy) -> String {
         }
         Remedy::KeepSteps { steps } => format!("`X[:, :{steps}]` keeps the first {steps} steps"),
         Remedy::ChooseFolds => "pass `folds=`".into(),
-        Remedy::ListFindings { data } => format!("`tactnet data check {data}` lists all"),
-        Remedy::ConvertRecording => "`tactnet data import` converts it to a data set".into(),
+        Remedy::ListFindings { data } => format!("`Dataset.read({data:?}).check()` lists all"),
+        Remedy::ConvertRecording => "open it with `tactnet.Recording`".into(),
         Remedy::PassDownloadedFile => "pass its path".into(),
     }
 }

@@ -112,7 +112,7 @@ impl Clients {
         Ok(())
     }
 
-    /// Waits a moment for clients that were told to end.
+    /// Waits a moment for the end of clients that received the last round.
     pub(crate) fn end(&mut self) {
         let deadline = Instant::now() + END;
         while Instant::now() < deadline && self.processes.iter_mut().any(runs) {

@@ -35,7 +35,7 @@ pub struct Row {
     pub failures: usize,
     /// Bytes of all packets of a round over the median round trip, 2 C P / t, in megabytes per second (thesis, section 2.4.2).
     pub bandwidth_mb_s: f64,
-    /// Reason why there are no measurements, if there are none.
+    /// Reason why the cell could not be measured, if so.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
 }

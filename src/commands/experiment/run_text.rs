@@ -8,7 +8,6 @@ use tactnet_pipeline::{
     TrainingSteps, quoted,
 };
 
-
 /// Accuracy from which no advice is given.
 const GOOD: f64 = 0.95;
 /// The default recipe of a training.
@@ -153,7 +152,10 @@ pub fn next_steps(session: &Session, fits_serving: bool) -> Result<String, Pipel
         .spec
         .epochs
         .map_or(String::new(), |epochs| format!(" --set epochs={epochs}"));
-    let report = match comparison_settings(config.recipe.name(), &session.dataset().sweeps_per_label()) {
+    let report = match comparison_settings(
+        config.recipe.name(),
+        &session.dataset().sweeps_per_label(),
+    ) {
         Some(settings) => format!(
             "\n      `tactnet experiment run {COMPARISON}{data}{rate}{epochs}{settings}` reports a comparison of models"
         ),
@@ -224,7 +226,10 @@ mod tests {
 
     #[test]
     fn few_sweeps_make_few_folds_of_models_that_can_learn_from_them() {
-        assert_eq!(comparison_settings("fast", &[3, 9]).unwrap(), " --set folds=3");
+        assert_eq!(
+            comparison_settings("fast", &[3, 9]).unwrap(),
+            " --set folds=3"
+        );
         assert_eq!(
             comparison_settings("fast", &[2; 5]).unwrap(),
             " --set folds=2 --set 'models=[\"knn-l\", \"knn-h\", \"fast\"]' --set 'probes=[\"means\"]'"

@@ -10,7 +10,13 @@ pub struct StatusText<'a>(pub &'a Status);
 impl fmt::Display for StatusText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(status) = self;
-        let count = |state| status.tasks.iter().filter(|task| task.state == state).count();
+        let count = |state| {
+            status
+                .tasks
+                .iter()
+                .filter(|task| task.state == state)
+                .count()
+        };
         write!(
             f,
             "{}: {} task{}, {} done, {} running, {} interrupted, {} open",

@@ -112,15 +112,15 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
 
     def _check_sweeps(self, data: Dataset) -> None:
         """Raises TactnetError for unusable training sweeps, and warns once per kind of other findings."""
-        told = set()
+        warned = set()
         for finding in json.loads(data._native.check_json())["findings"]:
             kind, message, sweep = finding["kind"], finding["message"], finding["at"]["sweep"]
             if sweep is not None:
                 message = f"X[{sweep}], {message}"
             if kind in REFUSED:
                 raise TactnetError(message)
-            if kind in WARNED and kind not in told:
-                told.add(kind)
+            if kind in WARNED and kind not in warned:
+                warned.add(kind)
                 warnings.warn(WARNED[kind].format(message=message), UserWarning, stacklevel=3)
 
     def _sweeps(self, X: np.ndarray) -> np.ndarray:

@@ -148,8 +148,8 @@ class Bridge:
             self.beliefs += 1
             self._belief.write(String(json.dumps(belief)))
             if belief["stage"] != "anytime":
-                said = belief["sweep_says"]
-                self._material.write(String("unknown" if said["verdict"] == "unknown" else said["material"]))
+                sweep = belief["sweep_says"]
+                self._material.write(String("unknown" if sweep["verdict"] == "unknown" else sweep["material"]))
         for thread in threads:
             thread.join()
 
