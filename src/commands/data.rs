@@ -195,40 +195,42 @@ fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
     }
     findings.sort_by_key(|finding| (finding.severity, finding.kind));
     let report = CheckReport::of(findings);
-    let CheckReport {
-        findings, errors, ..
-    } = &report;
     if arguments.file.json {
         output::print_json(&report)?;
     } else {
+        let materials = if labelled {
+            output::counted(dataset.labels().len(), "material")
+        } else {
+            "materials not named".into()
+        };
         output::print(format_args!(
-            "{}: {} sweeps of {} at {} Hz, {}",
+            "{}: {} sweeps of {} at {} Hz, {materials}",
             arguments.file.data,
             dataset.len(),
             dataset.shape(),
             dataset.sample_rate_hz(),
-            if labelled {
-                output::counted(dataset.labels().len(), "material")
-            } else {
-                "materials not named".into()
-            }
         ))?;
-        let shown = if arguments.all { findings.len() } else { 3 };
-        for group in group_findings(findings) {
-            output::print(group_text(&group, shown))?;
-        }
-        output::print(format_args!(
-            "{}: {}, {}",
-            arguments.file.data,
-            output::counted(report.errors, "error"),
-            output::counted(report.warnings, "warning")
-        ))?;
+        print_report(arguments, &report)?;
     }
-    Ok(ExitCode::from(if *errors > 0 {
+    Ok(ExitCode::from(if report.errors > 0 {
         failure::FAILED
     } else {
         0
     }))
+}
+
+fn print_report(arguments: &CheckArgs, report: &CheckReport) -> anyhow::Result<()> {
+    let findings = &report.findings;
+    let shown = if arguments.all { findings.len() } else { 3 };
+    for group in group_findings(findings) {
+        output::print(group_text(&group, shown))?;
+    }
+    output::print(format_args!(
+        "{}: {}, {}",
+        arguments.file.data,
+        output::counted(report.errors, "error"),
+        output::counted(report.warnings, "warning")
+    ))
 }
 
 /// Returns a heading and the messages of the first `shown` findings, one a line.

@@ -4,7 +4,7 @@
 mod catching_demo;
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
@@ -59,45 +59,7 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     let listener = web::listen(arguments.listen)?;
     let folder = tempfile::Builder::new().prefix("tactnet-demo-").tempdir()?;
     let program = std::env::current_exe()?;
-    let made = folder.path().join("sweeps.h5");
-    let (run, sweeps) = match &arguments.run {
-        Some(run) => {
-            let opened = RunDir::open(run)?;
-            let config = opened.config()?;
-            config.require_network(run, "be served")?;
-            if arguments.data.is_none() {
-                for added in opened.enrolled()? {
-                    say!(
-                        "note: `{}` was enrolled from other data; add `--data FILE` to play its sweeps",
-                        added.material
-                    );
-                }
-            }
-            let data = config.spec.place_of_data(arguments.data.as_deref())?;
-            let sweeps = match DataSource::named(data) {
-                DataSource::Twin(_) => {
-                    make_twin(&program, &made, ALL_MATERIALS, SMALL_SWEEPS)?;
-                    made
-                }
-                DataSource::File(path) => {
-                    // The skin process reads the file again, but its messages do not reach the terminal.
-                    let mut spec = config.spec.clone();
-                    spec.rate_hz = arguments.rate.or(spec.rate_hz);
-                    let read = source::load_as(&spec, data, LabelOrder::True)
-                        .map_err(|error| source::in_file(data, arguments.rate, error.into()))?;
-                    check_fit(&read, data, &config.classifier)?;
-                    path
-                }
-            };
-            (run.clone(), sweeps)
-        }
-        None => {
-            say!("training a small network on {SMALL_MATERIALS} materials of the twin …");
-            let run = train_small_network(&program, folder.path())?;
-            make_twin(&program, &made, SMALL_MATERIALS + UNTAUGHT, SMALL_SWEEPS)?;
-            (run, made)
-        }
-    };
+    let (run, sweeps) = network_and_sweeps(arguments, &program, folder.path())?;
     if stop.asked() {
         return Ok(ExitCode::SUCCESS);
     }
@@ -132,4 +94,51 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     demo.end()?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the run directory to serve and the file of the sweeps to play; trains a small network if the arguments name no run.
+fn network_and_sweeps(
+    arguments: &DemoArgs,
+    program: &Path,
+    folder: &Path,
+) -> anyhow::Result<(PathBuf, PathBuf)> {
+    let made = folder.join("sweeps.h5");
+    match &arguments.run {
+        Some(run) => {
+            let opened = RunDir::open(run)?;
+            let config = opened.config()?;
+            config.require_network(run, "be served")?;
+            if arguments.data.is_none() {
+                for added in opened.enrolled()? {
+                    say!(
+                        "note: `{}` was enrolled from other data; add `--data FILE` to play its sweeps",
+                        added.material
+                    );
+                }
+            }
+            let data = config.spec.place_of_data(arguments.data.as_deref())?;
+            let sweeps = match DataSource::named(data) {
+                DataSource::Twin(_) => {
+                    make_twin(program, &made, ALL_MATERIALS, SMALL_SWEEPS)?;
+                    made
+                }
+                DataSource::File(path) => {
+                    // The skin process reads the file again, but its messages do not reach the terminal.
+                    let mut spec = config.spec.clone();
+                    spec.rate_hz = arguments.rate.or(spec.rate_hz);
+                    let read = source::load_as(&spec, data, LabelOrder::True)
+                        .map_err(|error| source::in_file(data, arguments.rate, error.into()))?;
+                    check_fit(&read, data, &config.classifier)?;
+                    path
+                }
+            };
+            Ok((run.clone(), sweeps))
+        }
+        None => {
+            say!("training a small network on {SMALL_MATERIALS} materials of the twin …");
+            let run = train_small_network(program, folder)?;
+            make_twin(program, &made, SMALL_MATERIALS + UNTAUGHT, SMALL_SWEEPS)?;
+            Ok((run, made))
+        }
+    }
 }

@@ -8,11 +8,11 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use clap::Args;
 use serde::Serialize;
-use tactnet_data::{SweepView, known_names, refuse_errors};
+use tactnet_data::{Dataset, SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Calibration, Classifier, Enrolled, EnrolledMaterial, EnrolmentCost, PredictionMethod, RowPrior,
-    RunConfig, RunDir, TestSweeps, enroll,
+    RunConfig, RunDir, TestSweeps, Thresholds, enroll,
 };
 
 use super::choices::{DeviceChoice, rate};
@@ -84,60 +84,11 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let known = run.train_embeddings()?;
     let device = Compute::from(arguments.device).open()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
-    let known_sweeps = &config.classifier;
-    source::announce(&arguments.data);
-    let mut spec = config.spec.clone();
-    spec.rate_hz = arguments.rate;
-    if let Some(steps) = arguments.steps {
-        spec.steps = Some(steps as usize);
-    }
-    let in_file = |error| source::in_file(&arguments.data, arguments.rate, error);
-    let read = spec
-        .read_to_classify(
-            &arguments.data,
-            known_sweeps.shape,
-            known_sweeps.sample_rate_hz,
-        )
-        .map_err(|error| in_file(error.into()))?;
-    let dataset = read.dataset;
-    if read.labelled {
-        refuse_errors(&dataset, &arguments.data)?;
-    }
-    // Without labels all sweeps count as the named material.
-    let found = match read.labelled {
-        false => Some(0),
-        true => dataset
-            .labels()
-            .names()
-            .position(|name| name == arguments.material),
-    };
-    let Some(label) = found else {
-        bail!(
-            "{}: no material `{}`; it holds {}",
-            arguments.data,
-            arguments.material,
-            known_names(&arguments.material, dataset.labels().names())
-        );
-    };
-    let own = (0..dataset.len()).filter(|index| dataset.records()[*index].label == label);
-    let sweeps: Vec<usize> = match arguments.sweeps {
-        None => own.collect(),
-        Some(wanted) => {
-            let found = own.clone().count();
-            if found < wanted as usize {
-                bail!(
-                    "{}: `{}` has {found} sweeps, {wanted} were requested",
-                    arguments.data,
-                    arguments.material
-                );
-            }
-            own.take(wanted as usize).collect()
-        }
-    };
+    let (dataset, sweeps) = read_sweeps(arguments, &config)?;
     let begun = Instant::now();
-    let view = SweepView::new(&dataset, sweeps.clone());
+    let view = SweepView::new(&dataset, sweeps);
     let thresholds = run.thresholds(&classifier)?;
-    let taken_for = taken_for(&classifier, &view);
+    let predicted_before = most_predicted(&classifier, &view);
     let enrolled = enroll(
         &classifier,
         &known,
@@ -145,7 +96,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         &view,
         &arguments.material,
     )
-    .map_err(in_file)?;
+    .map_err(|error| source::in_file(&arguments.data, arguments.rate, error))?;
     let material = EnrolledMaterial::new(&arguments.material, &view, &weights, GIT)?;
     run.create_enrolled(&arguments.out, &enrolled, material.clone())
         .context("cannot write the new classifier")?;
@@ -154,43 +105,9 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         None => cost_on_test_sweeps(&run, &config, &classifier, &enrolled),
         Some(_) => None,
     };
-    if let Some(cost) = enrolled.cost.or(test_cost) {
-        say!(
-            "of {} of the known materials {} are predicted correctly, {} were before; {} predicted as `{}`",
-            match enrolled.cost {
-                Some(_) => format!("{} held out", output::counted(cost.held_out, "sweep")),
-                None => output::counted(cost.held_out, "test sweep"),
-            },
-            cost.right_after,
-            cost.right_before,
-            match cost.claimed {
-                1 => "1 is".into(),
-                claimed => format!("{claimed} are"),
-            },
-            arguments.material
-        );
-    } else if thresholds.is_none() {
-        say!(
-            "hint: the effect on the known materials is unknown, because the run's data set is not available; measure it on test sweeps with `tactnet eval {} --data FILE`",
-            arguments.out.display()
-        );
-    }
-    if thresholds.is_some_and(|thresholds| thresholds.held_out.is_none()) {
-        say!(
-            "the thresholds for \"unknown\" are unchanged and probably too strict now, because this run did not keep the sweeps they were fitted to; \
-                         train again with --calibrate"
-        );
-    }
-    warn_of_known_material(&run, &config, &view, taken_for);
-    if let Some(note) = enrolled.prior.note() {
-        say!("note: {note}");
-    }
-    if let Some(caution) = enrolled.cost.or(test_cost).and_then(|cost| cost.caution()) {
-        say!("warning: {caution}");
-    }
-    if let Some(caution) = enrolled.calibration.as_ref().and_then(Calibration::caution) {
-        say!("hint: {caution}");
-    }
+    print_cost(arguments, &enrolled, test_cost, thresholds.as_ref());
+    warn_of_known_material(&run, &config, &view, predicted_before);
+    print_notes(&enrolled, test_cost);
     let materials = enrolled.config.labels.len();
     if arguments.json {
         output::print_json(&EnrollResult {
@@ -218,8 +135,101 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Returns the data set with the indices of the sweeps to enroll.
+fn read_sweeps(
+    arguments: &EnrollArgs,
+    config: &RunConfig,
+) -> anyhow::Result<(Dataset, Vec<usize>)> {
+    let (data, material) = (&arguments.data, &arguments.material);
+    source::announce(data);
+    let mut spec = config.spec.clone();
+    spec.rate_hz = arguments.rate;
+    if let Some(steps) = arguments.steps {
+        spec.steps = Some(steps as usize);
+    }
+    let known = &config.classifier;
+    let read = spec
+        .read_to_classify(data, known.shape, known.sample_rate_hz)
+        .map_err(|error| source::in_file(data, arguments.rate, error.into()))?;
+    let dataset = read.dataset;
+    if read.labelled {
+        refuse_errors(&dataset, data)?;
+    }
+    // Without labels all sweeps count as the named material.
+    let found = match read.labelled {
+        false => Some(0),
+        true => dataset.labels().names().position(|name| name == material),
+    };
+    let Some(label) = found else {
+        bail!(
+            "{data}: no material `{material}`; it holds {}",
+            known_names(material, dataset.labels().names())
+        );
+    };
+    let own = (0..dataset.len()).filter(|index| dataset.records()[*index].label == label);
+    let mut sweeps: Vec<usize> = own.collect();
+    if let Some(wanted) = arguments.sweeps {
+        if sweeps.len() < wanted as usize {
+            bail!(
+                "{data}: `{material}` has {} sweeps, {wanted} were requested",
+                sweeps.len()
+            );
+        }
+        sweeps.truncate(wanted as usize);
+    }
+    Ok((dataset, sweeps))
+}
+
+/// Prints the accuracy change of the known materials, and a warning about unchanged thresholds.
+fn print_cost(
+    arguments: &EnrollArgs,
+    enrolled: &Enrolled,
+    test_cost: Option<EnrolmentCost>,
+    thresholds: Option<&Thresholds>,
+) {
+    if let Some(cost) = enrolled.cost.or(test_cost) {
+        let kind = match enrolled.cost {
+            Some(_) => "held-out sweep",
+            None => "test sweep",
+        };
+        say!(
+            "{} of the known materials: {} predicted correctly ({} before), {} predicted as `{}`",
+            output::counted(cost.held_out, kind),
+            cost.right_after,
+            cost.right_before,
+            cost.claimed,
+            arguments.material
+        );
+    } else if thresholds.is_none() {
+        say!(
+            "hint: the effect on the known materials is unknown, because the run's data set is not available; measure it on test sweeps with \
+             `tactnet eval {} --data FILE`",
+            arguments.out.display()
+        );
+    }
+    if thresholds.is_some_and(|thresholds| thresholds.held_out.is_none()) {
+        say!(
+            "the thresholds for \"unknown\" are unchanged and probably too strict now, because this run did not keep the sweeps they were fitted to; \
+             train again with --calibrate"
+        );
+    }
+}
+
+/// Prints notes about the prior, the cost and the calibration.
+fn print_notes(enrolled: &Enrolled, test_cost: Option<EnrolmentCost>) {
+    if let Some(note) = enrolled.prior.note() {
+        say!("note: {note}");
+    }
+    if let Some(caution) = enrolled.cost.or(test_cost).and_then(|cost| cost.caution()) {
+        say!("warning: {caution}");
+    }
+    if let Some(caution) = enrolled.calibration.as_ref().and_then(Calibration::caution) {
+        say!("hint: {caution}");
+    }
+}
+
 /// Returns the known material predicted for most of the sweeps, and their number.
-fn taken_for(classifier: &Classifier, view: &SweepView<'_>) -> Option<(String, usize)> {
+fn most_predicted(classifier: &Classifier, view: &SweepView<'_>) -> Option<(String, usize)> {
     let found = classifier
         .log_probabilities(view, PredictionMethod::Plain)
         .ok()?;
@@ -240,9 +250,9 @@ fn warn_of_known_material(
     run: &RunDir,
     config: &RunConfig,
     view: &SweepView<'_>,
-    taken_for: Option<(String, usize)>,
+    predicted: Option<(String, usize)>,
 ) {
-    let Some((known, count)) = taken_for.filter(|(_, count)| 5 * count >= 4 * view.len()) else {
+    let Some((known, count)) = predicted.filter(|(_, count)| 5 * count >= 4 * view.len()) else {
         return;
     };
     let all = output::counted(view.len(), "sweep");

@@ -84,8 +84,29 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     if !tested.training_sweeps_known {
         say!("{}: {}", dataset.name(), tested.description);
     }
+    if arguments.data.is_none() {
+        note_enrolled(arguments, &run)?;
+    }
+    let evaluation = Reevaluation {
+        fused: arguments.sweeps as usize,
+        mc_samples: arguments.mc.map(|mc| mc as usize),
+        runtime: arguments.runtime.map(RuntimeKind::from),
+    };
+    let result = evaluation
+        .of(&run, &classifier, &dataset, tested, GIT)
+        .map_err(in_file)?;
+    if arguments.json {
+        output::print_json(&result)?;
+    } else {
+        output::print(result)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Notes that the run's test sweeps contain no enrolled material.
+fn note_enrolled(arguments: &EvalArgs, run: &RunDir) -> anyhow::Result<()> {
     let enrolled = run.enrolled()?;
-    if arguments.data.is_none() && !enrolled.is_empty() {
+    if !enrolled.is_empty() {
         let names: Vec<String> = enrolled
             .iter()
             .map(|of| format!("`{}`", of.material))
@@ -97,18 +118,5 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
             quoted(&arguments.run.dir().display().to_string())
         );
     }
-    let how = Reevaluation {
-        fused: arguments.sweeps as usize,
-        mc_samples: arguments.mc.map(|mc| mc as usize),
-        runtime: arguments.runtime.map(RuntimeKind::from),
-    };
-    let result = how
-        .of(&run, &classifier, &dataset, tested, GIT)
-        .map_err(in_file)?;
-    if arguments.json {
-        output::print_json(&result)?;
-    } else {
-        output::print(result)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

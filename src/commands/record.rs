@@ -57,6 +57,21 @@ struct RecordReport {
     bytes: u64,
 }
 
+impl RecordReport {
+    fn new(counts: &Counts, duration: Duration, bytes: u64) -> Self {
+        Self {
+            schema_version: 1,
+            seconds: duration.as_secs_f64(),
+            channels: counts.channels,
+            messages: counts.messages,
+            frames: counts.frames,
+            beliefs: counts.beliefs,
+            lost: counts.lost,
+            bytes,
+        }
+    }
+}
+
 /// Describes the recorded packets.
 fn describe(counts: &Counts) -> String {
     if counts.frames + counts.beliefs > 0 {
@@ -112,16 +127,8 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
         }
     }
     let recorded = recorder.finish()?;
-    let report = RecordReport {
-        schema_version: 1,
-        seconds: begun.elapsed().as_secs_f64(),
-        channels: recorded.channels,
-        messages: recorded.messages,
-        frames: recorded.frames,
-        beliefs: recorded.beliefs,
-        lost: recorded.lost,
-        bytes: std::fs::metadata(&arguments.out)?.len(),
-    };
+    let bytes = std::fs::metadata(&arguments.out)?.len();
+    let report = RecordReport::new(&recorded, begun.elapsed(), bytes);
     if arguments.json {
         output::print_json(&report)?;
     } else {

@@ -88,15 +88,7 @@ pub fn run(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
     if stop.asked() {
         say!("stopped before the end");
     }
-    if report.pauses_cut > 0 {
-        say!(
-            "{} of over a minute shortened to one minute: a damaged timestamp, or an idle robot",
-            counted(report.pauses_cut, "pause")
-        );
-    }
-    if recording.foreign > 0 {
-        say!("skipped: {} messages of other types", recording.foreign);
-    }
+    print_notes(&recording, &report);
     if arguments.json {
         output::print_json(&report)?;
     } else {
@@ -135,4 +127,17 @@ fn summary(report: &ReplayReport) -> String {
         "{} frames, {} lost; {} sweeps, {} beliefs, {comparison}{not_compared}",
         report.frames, report.frames_lost, report.replayed.sweeps, report.replayed.beliefs
     )
+}
+
+/// Prints notes about shortened pauses and skipped messages.
+fn print_notes(recording: &Recording, report: &ReplayReport) {
+    if report.pauses_cut > 0 {
+        say!(
+            "{} of over a minute shortened to one minute: a damaged timestamp, or an idle robot",
+            counted(report.pauses_cut, "pause")
+        );
+    }
+    if recording.foreign > 0 {
+        say!("skipped: {} messages of other types", recording.foreign);
+    }
 }

@@ -21,23 +21,7 @@ pub fn play_order(
     seed: Seed,
 ) -> Result<Vec<usize>, SimulationError> {
     let names: Vec<&str> = dataset.labels().names().collect();
-    let labels: Vec<usize> = if materials.is_empty() {
-        // All materials with at least one sweep.
-        let has_sweep = |label: &usize| {
-            let mut sweeps = sweeps.iter();
-            sweeps.any(|sweep| dataset.records()[*sweep].label == *label)
-        };
-        (0..names.len()).filter(has_sweep).collect()
-    } else {
-        let label_of = |material: &String| {
-            let found = names.iter().position(|name| name == material);
-            found.ok_or_else(|| SimulationError::NoMaterial {
-                material: material.clone(),
-                known: known_names(material, names.iter().copied()),
-            })
-        };
-        materials.iter().map(label_of).collect::<Result<_, _>>()?
-    };
+    let labels = labels_of(dataset, sweeps, materials)?;
     let mut sweeps: Vec<Vec<usize>> = labels
         .iter()
         .map(|label| {
@@ -74,6 +58,32 @@ pub fn play_order(
         order.extend(turns.concat());
     }
     Ok(order)
+}
+
+/// Returns the labels of the materials; without names, all labels with at least one sweep.
+fn labels_of(
+    dataset: &Dataset,
+    sweeps: &[usize],
+    materials: &[String],
+) -> Result<Vec<usize>, SimulationError> {
+    let names: Vec<&str> = dataset.labels().names().collect();
+    if materials.is_empty() {
+        // All materials with at least one sweep.
+        let has_sweep = |label: &usize| {
+            let mut sweeps = sweeps.iter();
+            sweeps.any(|sweep| dataset.records()[*sweep].label == *label)
+        };
+        Ok((0..names.len()).filter(has_sweep).collect())
+    } else {
+        let label_of = |material: &String| {
+            let found = names.iter().position(|name| name == material);
+            found.ok_or_else(|| SimulationError::NoMaterial {
+                material: material.clone(),
+                known: known_names(material, names.iter().copied()),
+            })
+        };
+        materials.iter().map(label_of).collect()
+    }
 }
 
 #[cfg(test)]

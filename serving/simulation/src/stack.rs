@@ -1,6 +1,5 @@
 //! Processes of the catching load, and the times of its 1 kHz loop.
 
-use std::fmt;
 use std::path::Path;
 
 use serde::Serialize;
@@ -135,15 +134,5 @@ impl LoopTimes {
             p99_us: at(0.99),
             p999_us: at(0.999),
         }
-    }
-}
-
-impl fmt::Display for LoopTimes {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "1 kHz loop: {:.0} us, 99 % below {:.0}, 99.9 % below {:.0}",
-            self.p50_us, self.p99_us, self.p999_us
-        )
     }
 }

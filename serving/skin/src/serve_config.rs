@@ -85,42 +85,64 @@ impl ServeConfig {
                 })?,
             None => Self::default(),
         };
-        const DEFAULT: f64 = 1.0;
-        let wrong = |setting, reason| Err(SkinError::Setting { setting, reason });
-        if config.fingers.is_empty() {
-            return wrong("fingers", "names no channel of skin frames");
+        config.check_fingers()?;
+        config.check_times()?;
+        config.check_segmenter()?;
+        Ok(config)
+    }
+
+    fn check_fingers(&self) -> Result<(), SkinError> {
+        let wrong = |reason| {
+            Err(SkinError::Setting {
+                setting: "fingers",
+                reason,
+            })
+        };
+        if self.fingers.is_empty() {
+            return wrong("names no channel of skin frames");
         }
-        if !(config.anytime_ms.is_finite() && config.anytime_ms >= 0.0) {
+        let mut fingers = self.fingers.clone();
+        fingers.sort();
+        fingers.dedup();
+        if fingers.len() > MAX_FINGERS {
+            return wrong("more than 16");
+        }
+        if fingers.len() != self.fingers.len() {
+            return wrong("names a channel twice");
+        }
+        Ok(())
+    }
+
+    fn check_times(&self) -> Result<(), SkinError> {
+        let wrong = |setting, reason| Err(SkinError::Setting { setting, reason });
+        if !(self.anytime_ms.is_finite() && self.anytime_ms >= 0.0) {
             return wrong("anytime_ms", "expected a time, or 0");
         }
-        for (setting, time) in [
-            (
-                "plain_deadline_ms",
-                config.plain_deadline_ms.unwrap_or(DEFAULT),
-            ),
-            (
-                "dropout_deadline_ms",
-                config.dropout_deadline_ms.unwrap_or(DEFAULT),
-            ),
-            (
-                "segmenter.clock_tolerance",
-                config.segmenter.clock_tolerance,
-            ),
-            ("segmenter.clock_drift", config.segmenter.clock_drift),
+        let segmenter = &self.segmenter;
+        for (setting, value) in [
+            ("plain_deadline_ms", self.plain_deadline_ms),
+            ("dropout_deadline_ms", self.dropout_deadline_ms),
+            ("segmenter.clock_tolerance", Some(segmenter.clock_tolerance)),
+            ("segmenter.clock_drift", Some(segmenter.clock_drift)),
             (
                 "segmenter.stalled_frames",
-                config.segmenter.stalled_frames as f64,
+                Some(segmenter.stalled_frames as f64),
             ),
             (
                 "segmenter.saturated_frames",
-                config.segmenter.saturated_frames as f64,
+                Some(segmenter.saturated_frames as f64),
             ),
         ] {
-            if !(time.is_finite() && time > 0.0) {
+            if value.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
                 return wrong(setting, "expected more than 0");
             }
         }
-        if let Some([least, greatest]) = config.segmenter.values
+        Ok(())
+    }
+
+    fn check_segmenter(&self) -> Result<(), SkinError> {
+        let wrong = |setting, reason| Err(SkinError::Setting { setting, reason });
+        if let Some([least, greatest]) = self.segmenter.values
             && !(least < greatest && least.is_finite() && greatest.is_finite())
         {
             return wrong(
@@ -128,7 +150,7 @@ impl ServeConfig {
                 "expected `[least, greatest]`, least below greatest",
             );
         }
-        if let Segmentation::Contact(contact) = config.segmenter.segmentation {
+        if let Segmentation::Contact(contact) = self.segmenter.segmentation {
             let apart = contact.begins > contact.ends && contact.ends.is_finite();
             if !apart || contact.frames == 0 {
                 return wrong(
@@ -137,20 +159,9 @@ impl ServeConfig {
                 );
             }
         }
-        let mut fingers = config.fingers.clone();
-        fingers.sort();
-        fingers.dedup();
-        if fingers.len() > MAX_FINGERS {
-            return wrong("fingers", "more than 16");
-        }
-        if fingers.len() != config.fingers.len() {
-            return wrong("fingers", "names a channel twice");
-        }
-        Ok(config)
+        Ok(())
     }
-}
 
-impl ServeConfig {
     /// Returns the deadline from a sweep's last frame to its belief, in ms. The default is one frame period without
     /// dropout masks and three with them.
     ///

@@ -74,12 +74,15 @@ pub fn run(arguments: &CatchingArgs) -> anyhow::Result<ExitCode> {
         std::thread::sleep(Duration::from_millis(20));
     }
     let reports = stack.end()?;
-    let seen = LoopTimes::of(trips(&reports)?, &[(begun_ns, u64::MAX)]);
+    let times = LoopTimes::of(trips(&reports)?, &[(begun_ns, u64::MAX)]);
     if arguments.json {
-        output::print_json(&seen)?;
+        output::print_json(&times)?;
     } else {
         let lost: u64 = reports.iter().map(|report| report.lost).sum();
-        output::print(format_args!("{seen}; {lost} packets lost"))?;
+        output::print(format_args!(
+            "1 kHz loop: {:.0} us, 99 % below {:.0}, 99.9 % below {:.0}; {lost} packets lost",
+            times.p50_us, times.p99_us, times.p999_us
+        ))?;
     }
     Ok(ExitCode::SUCCESS)
 }

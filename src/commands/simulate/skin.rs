@@ -119,14 +119,9 @@ fn refuse_another_skin(
     Ok(())
 }
 
-/// Plays the sweeps.
-pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
-    let stop = Stop::listen_saying("stopping")?;
-    let table = table::load(&arguments.table)?;
-    let config = ServeConfig::of(&table)?;
-    // A missing hub is an error before sweeps are read or generated.
-    let bus = Bus::open(Domain::Host, &table)?;
-    let (dataset, sweeps) = match &arguments.unseen_by {
+/// Returns the data set with the indices of the sweeps that may be played.
+fn load_sweeps(arguments: &SkinArgs) -> anyhow::Result<(Dataset, Vec<usize>)> {
+    match &arguments.unseen_by {
         Some(run) => {
             // Sample rate and number of steps are the run's.
             let config = RunDir::open(run)?.config()?;
@@ -136,30 +131,49 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             let dataset = source::load_as(&spec, data, LabelOrder::True)?;
             check_fit(&dataset, data, &config.classifier)?;
             let unseen = unseen_by(&dataset, run)?;
-            (dataset, unseen)
+            Ok((dataset, unseen))
         }
         None => {
             let dataset = source::load(arguments.data.as_deref().unwrap_or("twin"))?
                 .with_named_rate(arguments.rate)?;
             let all = (0..dataset.len()).collect();
-            (dataset, all)
+            Ok((dataset, all))
         }
-    };
+    }
+}
+
+/// Returns the number of sweeps per object and the order in which sweeps are played.
+fn play_plan(
+    arguments: &SkinArgs,
+    dataset: &Dataset,
+    sweeps: &[usize],
+) -> anyhow::Result<(u64, Vec<usize>)> {
     let order_of = |object_sweeps: u64| {
         let (materials, seed) = (&arguments.materials, Seed(arguments.seed));
-        play_order(&dataset, &sweeps, materials, object_sweeps as usize, seed)
+        play_order(dataset, sweeps, materials, object_sweeps as usize, seed)
     };
-    let (object_sweeps, order) = match arguments.sweeps_per_object {
-        Some(sweeps) => (sweeps, order_of(sweeps)?),
+    match arguments.sweeps_per_object {
+        Some(sweeps) => Ok((sweeps, order_of(sweeps)?)),
         None => {
             let mut shorter = (2..=OBJECT_SWEEPS).rev();
             let found = shorter.find_map(|sweeps| Some((sweeps, order_of(sweeps).ok()?)));
             match found {
-                Some(found) => found,
-                None => (1, order_of(1)?),
+                Some(found) => Ok(found),
+                None => Ok((1, order_of(1)?)),
             }
         }
-    };
+    }
+}
+
+/// Plays the sweeps.
+pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
+    let stop = Stop::listen_saying("stopping")?;
+    let table = table::load(&arguments.table)?;
+    let config = ServeConfig::of(&table)?;
+    // A missing hub is an error before sweeps are read or generated.
+    let bus = Bus::open(Domain::Host, &table)?;
+    let (dataset, sweeps) = load_sweeps(arguments)?;
+    let (object_sweeps, order) = play_plan(arguments, &dataset, &sweeps)?;
     if let Some(path) = &arguments.cycle_out {
         let cycle = PlayCycle::of(order.len(), sweeps.len(), object_sweeps as usize);
         write_whole(path, serde_json::to_string(&cycle)?.as_bytes())?;

@@ -9,7 +9,8 @@ use tactnet_data::DataSource;
 use tactnet_data::twin::{self, TwinConfig};
 use tactnet_pipeline::RunDir;
 use tactnet_simulation::{
-    Company, Played, SMALL_MATERIALS, SMALL_SWEEPS, Scheduling, Soak, train_small_network,
+    Company, Played, SMALL_MATERIALS, SMALL_SWEEPS, Scheduling, Soak, SoakReport,
+    train_small_network,
 };
 
 use super::unseen_by;
@@ -134,7 +135,33 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&report)?;
     } else {
-        output::print(report)?;
+        output::print(summary(&report))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the main results in one line.
+fn summary(report: &SoakReport) -> String {
+    let summary = format!(
+        "frames: {}, lost: {}; beliefs: {}, after the last frame {:.0} us, 99 % below {:.0} (dropout {:.0}, {:.0}); \
+         missed deadlines: {}; allocations per frame: {}; 1 kHz loop with/without: {:.3}",
+        report.frames_sent,
+        report.frames_lost,
+        report.beliefs,
+        report.belief_latency_p50_us,
+        report.belief_latency_p99_us,
+        report.dropout_latency_p50_us,
+        report.dropout_latency_p99_us,
+        report.deadline_misses,
+        report.allocations_per_frame,
+        report.loop_p99_ratio
+    );
+    #[cfg(feature = "catching")]
+    if let Some(catching) = &report.catching {
+        return format!(
+            "{summary}; caught {} of {} catchable balls, {} of {} in total",
+            catching.caught, catching.catchable, catching.caught_of_all, catching.balls
+        );
+    }
+    summary
 }

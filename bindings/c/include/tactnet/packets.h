@@ -17,59 +17,59 @@
 /// Most materials of a classifier that serves.
 #define TACTNET_MAX_MATERIALS 64
 
-/// The request of a SweepCommand.
+/// Kind of a SweepCommand.
 enum tactnet_command {
-  /// The finger begins to move; the next frame is the first of the sweep.
+  /// The finger starts to move; the next frame is the first of the sweep.
   TACTNET_COMMAND_START = 1,
   /// The finger has stopped.
   TACTNET_COMMAND_STOP = 2,
-  /// The next sweep is of another object: forget what was fused.
+  /// The next sweep belongs to another object; the fused sweeps are discarded.
   TACTNET_COMMAND_RESET = 3,
-  /// Learn a new material from the newest sweeps.
+  /// Enroll a new material from the most recent sweeps.
   TACTNET_COMMAND_ENROLL = 4,
 };
 
-/// How far a prediction is.
+/// Stage of a prediction.
 enum tactnet_stage {
-  /// Of a sweep that is going on.
+  /// Prediction during a sweep.
   TACTNET_STAGE_ANYTIME = 1,
-  /// Of a whole sweep, without dropout.
+  /// Prediction of a complete sweep, without dropout.
   TACTNET_STAGE_PLAIN = 2,
-  /// Of a whole sweep, by Monte Carlo dropout; this is the one that is fused, where the service has masks.
+  /// Prediction of a complete sweep with Monte Carlo dropout. If the service has masks, this prediction is fused.
   TACTNET_STAGE_DROPOUT = 3,
 };
 
-/// Known material or not.
+/// Verdict on whether the material is known.
 enum tactnet_verdict {
-  /// The classifier cannot tell, or not yet.
+  /// The classifier is not calibrated, or has not decided yet.
   TACTNET_VERDICT_NOT_TOLD = 0,
-  /// It is one of the materials.
+  /// The material is one of the trained materials.
   TACTNET_VERDICT_KNOWN = 1,
-  /// It is none of them.
+  /// The material is none of the trained materials.
   TACTNET_VERDICT_UNKNOWN = 2,
 };
 
-/// An event of the service.
+/// Kind of event of the service.
 enum tactnet_event {
-  /// Nothing; counters only.
+  /// No event; the packet carries counters only.
   TACTNET_EVENT_ALIVE = 0,
-  /// A sweep began.
+  /// A sweep started.
   TACTNET_EVENT_BEGUN = 1,
   /// A sweep was classified.
   TACTNET_EVENT_CLASSIFIED = 2,
-  /// A sweep cannot be used; the text says why.
+  /// A sweep was rejected; the text gives the reason.
   TACTNET_EVENT_REJECTED = 3,
-  /// The fused sweeps were forgotten.
+  /// The fused sweeps were discarded.
   TACTNET_EVENT_RESET = 4,
-  /// A command cannot be followed; the text says why.
+  /// A command was refused; the text gives the reason.
   TACTNET_EVENT_REFUSED = 5,
   /// Another model serves from now on.
   TACTNET_EVENT_SWAPPED = 6,
-  /// A new model cannot serve; the text says why.
+  /// A new model was refused; the text gives the reason.
   TACTNET_EVENT_MODEL_REJECTED = 7,
-  /// A new material was learnt; the text names it.
+  /// A new material was enrolled; the text names it.
   TACTNET_EVENT_ENROLLED = 8,
-  /// A component cannot be reached; the text says why.
+  /// A component cannot be reached; the text gives the reason.
   TACTNET_EVENT_UNREACHABLE = 9,
 };
 
@@ -77,13 +77,13 @@ enum tactnet_event {
 typedef struct tactnet_skin_frame {
   /// Number of the frame since the sensor started; a gap is a lost frame.
   uint64_t sequence;
-  /// Time of the measurement by the sensor's clock, nanoseconds.
+  /// Measurement time by the sensor's clock, in ns.
   uint64_t sensor_time_ns;
-  /// Number of taxels that are valid.
+  /// Number of valid taxels.
   uint32_t taxels;
-  /// Zero.
+  /// Always zero.
   uint32_t reserved;
-  /// Digits, row by row; the rest is zero. taxels says how many are valid.
+  /// Taxel values in digits, row by row; unused entries are zero. taxels says how many are valid.
   float digits[1024];
 } tactnet_skin_frame;
 #define TACTNET_SKIN_FRAME_NAME "SkinFrame"
@@ -95,20 +95,20 @@ TACTNET_STATIC_ASSERT(offsetof(tactnet_skin_frame, taxels) == 16, "offset of tac
 TACTNET_STATIC_ASSERT(offsetof(tactnet_skin_frame, reserved) == 20, "offset of tactnet_skin_frame.reserved");
 TACTNET_STATIC_ASSERT(offsetof(tactnet_skin_frame, digits) == 24, "offset of tactnet_skin_frame.digits");
 
-/// A wish of the motion controller or a person. 80 bytes.
+/// A command of the motion controller or a person. 80 bytes.
 typedef struct tactnet_sweep_command {
-  /// See Command.
+  /// The command; see Command.
   uint32_t kind;
-  /// Number of the finger, from 0, in the order of the service's table.
+  /// Index of the finger in the service's table, from 0.
   uint32_t finger;
-  /// Number of the motion; comes back with beliefs.
+  /// Number of the motion, which the beliefs repeat.
   uint64_t motion;
-  /// For Command Enroll: number of sweeps to take, the newest that were complete.
+  /// For Command Enroll: number of most recent complete sweeps to enroll.
   uint32_t sweeps;
-  /// Zero.
+  /// Always zero.
   uint32_t reserved;
-  /// For Command Enroll: name of the new material; for Command Start: what is swept over, where that is known (it
-  /// is recorded, the classifier does not look).
+  /// For Command Enroll: name of the new material. For Command Start: the material under the finger, if known. It
+  /// is recorded; the classifier ignores it.
   char material[56];
 } tactnet_sweep_command;
 #define TACTNET_SWEEP_COMMAND_NAME "SweepCommand"
@@ -121,51 +121,51 @@ TACTNET_STATIC_ASSERT(offsetof(tactnet_sweep_command, sweeps) == 16, "offset of 
 TACTNET_STATIC_ASSERT(offsetof(tactnet_sweep_command, reserved) == 20, "offset of tactnet_sweep_command.reserved");
 TACTNET_STATIC_ASSERT(offsetof(tactnet_sweep_command, material) == 24, "offset of tactnet_sweep_command.material");
 
-/// A belief about the material. 632 bytes.
+/// A prediction of the material. 632 bytes.
 typedef struct tactnet_tactile_belief {
   /// Number of the sweep since the service started, from 1.
   uint64_t sweep;
-  /// Number of the motion, as commanded; 0 if nobody commanded.
+  /// Number of the motion from the command; 0 without a command.
   uint64_t motion;
   /// Version of the model.
   uint64_t model_version;
-  /// Sequence of the newest frame that was used.
+  /// Sequence number of the newest frame used.
   uint64_t last_frame;
-  /// From that frame's put to this packet's, nanoseconds.
+  /// Delay between the sending of that frame and the sending of this packet, in ns.
   uint64_t latency_ns;
-  /// See Stage.
+  /// Stage of the prediction; see Stage.
   uint32_t stage;
-  /// Number of the finger.
+  /// Index of the finger.
   uint32_t finger;
-  /// Frames of the window that were used.
+  /// Number of frames of the window used.
   uint32_t frames;
-  /// How many of them were interpolated.
+  /// Number of interpolated frames among them.
   uint32_t filled_in;
-  /// Number of materials that are valid.
+  /// Number of valid materials.
   uint32_t materials;
-  /// Most probable material of this sweep.
+  /// Label of the most probable material of this sweep.
   uint32_t label;
-  /// See Verdict.
+  /// Verdict of this sweep; see Verdict.
   uint32_t verdict;
-  /// Entropy of posterior, nats.
+  /// Entropy of posterior, in nats.
   float entropy;
-  /// How strange the sweep is; meaningless without a verdict.
+  /// Novelty score of the sweep; undefined without a verdict.
   float strangeness;
-  /// What it was compared with.
+  /// Threshold for the novelty score.
   float threshold;
-  /// Number of sweeps in fused; 0: it is flat.
+  /// Number of sweeps in fused. If 0, fused is uniform.
   uint32_t fused_sweeps;
-  /// Most probable material of the fused sweeps.
+  /// Label of the most probable material of the fused sweeps.
   uint32_t fused_label;
-  /// Entropy of fused, nats.
+  /// Entropy of fused, in nats.
   float fused_entropy;
-  /// Whether the object is known, given the mean strangeness of its whole sweeps; see Verdict.
+  /// Verdict of the object, from the mean novelty score of its complete sweeps; see Verdict.
   uint32_t fused_verdict;
-  /// Probabilities given this sweep alone; the rest is zero. materials says how many are valid.
+  /// Probabilities given this sweep alone; unused entries are zero. materials says how many are valid.
   float posterior[64];
-  /// Probabilities given all fused sweeps; the rest is zero. materials says how many are valid.
+  /// Probabilities given all fused sweeps; unused entries are zero. materials says how many are valid.
   float fused[64];
-  /// Zero.
+  /// Always zero.
   uint64_t reserved_end[3];
 } tactnet_tactile_belief;
 #define TACTNET_TACTILE_BELIEF_NAME "TactileBelief"
@@ -194,25 +194,25 @@ TACTNET_STATIC_ASSERT(offsetof(tactnet_tactile_belief, posterior) == 96, "offset
 TACTNET_STATIC_ASSERT(offsetof(tactnet_tactile_belief, fused) == 352, "offset of tactnet_tactile_belief.fused");
 TACTNET_STATIC_ASSERT(offsetof(tactnet_tactile_belief, reserved_end) == 608, "offset of tactnet_tactile_belief.reserved_end");
 
-/// Counters of the service. 72 bytes.
+/// Counters of the service, since its start. 72 bytes.
 typedef struct tactnet_counters {
-  /// Frames that came.
+  /// Number of received frames.
   uint64_t frames;
-  /// Frames that were put and never came.
+  /// Number of frames that were sent but not received.
   uint64_t dropped_frames;
-  /// Beliefs that were put.
+  /// Number of beliefs sent.
   uint64_t beliefs;
-  /// Whole sweeps classified.
+  /// Number of complete sweeps classified.
   uint64_t sweeps;
-  /// Sweeps that were rejected.
+  /// Number of rejected sweeps.
   uint64_t rejected;
-  /// Whole sweeps of unknown materials.
+  /// Number of complete sweeps of unknown materials.
   uint64_t unknown;
-  /// Predictions that took longer than promised.
+  /// Number of predictions that missed their deadline.
   uint64_t deadline_misses;
-  /// Longest time from a frame's put until the service had dealt with it, nanoseconds.
+  /// Maximum time from the sending of a frame to the end of its processing, in ns.
   uint64_t worst_delay_ns;
-  /// Allocations of the thread that follows frames, while it followed them.
+  /// Number of allocations of the frame thread while it processed frames.
   uint64_t allocations;
 } tactnet_counters;
 TACTNET_STATIC_ASSERT(sizeof(tactnet_counters) == 72, "size of tactnet_counters");
@@ -226,21 +226,21 @@ TACTNET_STATIC_ASSERT(offsetof(tactnet_counters, deadline_misses) == 48, "offset
 TACTNET_STATIC_ASSERT(offsetof(tactnet_counters, worst_delay_ns) == 56, "offset of tactnet_counters.worst_delay_ns");
 TACTNET_STATIC_ASSERT(offsetof(tactnet_counters, allocations) == 64, "offset of tactnet_counters.allocations");
 
-/// Events and counters of the service. 296 bytes.
+/// An event of the service, with its counters. 296 bytes.
 typedef struct tactnet_tactile_status {
-  /// See Event.
+  /// The event; see Event.
   uint32_t event;
-  /// Number of the finger.
+  /// Index of the finger.
   uint32_t finger;
   /// Number of the sweep.
   uint64_t sweep;
   /// Number of the motion.
   uint64_t motion;
-  /// Version of the model that serves.
+  /// Version of the serving model.
   uint64_t model_version;
-  /// Since the service started.
+  /// Counters since the service started.
   tactnet_counters counters;
-  /// For people, one line.
+  /// One line of text for people.
   char text[192];
 } tactnet_tactile_status;
 #define TACTNET_TACTILE_STATUS_NAME "TactileStatus"
@@ -254,25 +254,25 @@ TACTNET_STATIC_ASSERT(offsetof(tactnet_tactile_status, model_version) == 24, "of
 TACTNET_STATIC_ASSERT(offsetof(tactnet_tactile_status, counters) == 32, "offset of tactnet_tactile_status.counters");
 TACTNET_STATIC_ASSERT(offsetof(tactnet_tactile_status, text) == 104, "offset of tactnet_tactile_status.text");
 
-/// The materials of the model that serves. 4136 bytes.
+/// Materials and shape of the serving model. 4136 bytes.
 typedef struct tactnet_model_names {
   /// Version of the model.
   uint64_t version;
-  /// Frames per second.
+  /// Sample rate, in frames per second.
   double sample_rate_hz;
-  /// Frames of a window.
+  /// Number of frames in a window.
   uint32_t steps;
-  /// Rows of taxels.
+  /// Number of taxel rows.
   uint32_t rows;
-  /// Columns of taxels.
+  /// Number of taxel columns.
   uint32_t cols;
-  /// Monte Carlo dropout masks.
+  /// Number of Monte Carlo dropout masks.
   uint32_t mc_samples;
-  /// Number of materials that are valid.
+  /// Number of valid materials.
   uint32_t materials;
-  /// Zero.
+  /// Always zero.
   uint32_t reserved;
-  /// Their names. materials says how many are valid.
+  /// Names of the materials, by label. materials says how many are valid.
   char names[64][64];
 } tactnet_model_names;
 #define TACTNET_MODEL_NAMES_NAME "ModelNames"

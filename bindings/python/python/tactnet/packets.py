@@ -20,64 +20,64 @@ MAX_MATERIALS = 64
 
 
 class Command(IntEnum):
-    """The request of a SweepCommand."""
+    """Kind of a SweepCommand."""
 
     START = 1
-    """The finger begins to move; the next frame is the first of the sweep."""
+    """The finger starts to move; the next frame is the first of the sweep."""
     STOP = 2
     """The finger has stopped."""
     RESET = 3
-    """The next sweep is of another object: forget what was fused."""
+    """The next sweep belongs to another object; the fused sweeps are discarded."""
     ENROLL = 4
-    """Learn a new material from the newest sweeps."""
+    """Enroll a new material from the most recent sweeps."""
 
 
 class Stage(IntEnum):
-    """How far a prediction is."""
+    """Stage of a prediction."""
 
     ANYTIME = 1
-    """Of a sweep that is going on."""
+    """Prediction during a sweep."""
     PLAIN = 2
-    """Of a whole sweep, without dropout."""
+    """Prediction of a complete sweep, without dropout."""
     DROPOUT = 3
-    """Of a whole sweep, by Monte Carlo dropout; this is the one that is fused, where the service has
-    masks."""
+    """Prediction of a complete sweep with Monte Carlo dropout. If the service has masks, this prediction
+    is fused."""
 
 
 class Verdict(IntEnum):
-    """Known material or not."""
+    """Verdict on whether the material is known."""
 
     NOT_TOLD = 0
-    """The classifier cannot tell, or not yet."""
+    """The classifier is not calibrated, or has not decided yet."""
     KNOWN = 1
-    """It is one of the materials."""
+    """The material is one of the trained materials."""
     UNKNOWN = 2
-    """It is none of them."""
+    """The material is none of the trained materials."""
 
 
 class Event(IntEnum):
-    """An event of the service."""
+    """Kind of event of the service."""
 
     ALIVE = 0
-    """Nothing; counters only."""
+    """No event; the packet carries counters only."""
     BEGUN = 1
-    """A sweep began."""
+    """A sweep started."""
     CLASSIFIED = 2
     """A sweep was classified."""
     REJECTED = 3
-    """A sweep cannot be used; the text says why."""
+    """A sweep was rejected; the text gives the reason."""
     RESET = 4
-    """The fused sweeps were forgotten."""
+    """The fused sweeps were discarded."""
     REFUSED = 5
-    """A command cannot be followed; the text says why."""
+    """A command was refused; the text gives the reason."""
     SWAPPED = 6
     """Another model serves from now on."""
     MODEL_REJECTED = 7
-    """A new model cannot serve; the text says why."""
+    """A new model was refused; the text gives the reason."""
     ENROLLED = 8
-    """A new material was learnt; the text names it."""
+    """A new material was enrolled; the text names it."""
     UNREACHABLE = 9
-    """A component cannot be reached; the text says why."""
+    """A component cannot be reached; the text gives the reason."""
 
 
 @dataclass
@@ -98,18 +98,18 @@ class SkinFrame(Packet):
     sequence: int = 0
     """Number of the frame since the sensor started; a gap is a lost frame."""
     sensor_time_ns: int = 0
-    """Time of the measurement by the sensor's clock, nanoseconds."""
+    """Measurement time by the sensor's clock, in ns."""
     taxels: int = 0
-    """Number of taxels that are valid."""
+    """Number of valid taxels."""
     reserved: int = 0
-    """Zero."""
+    """Always zero."""
     digits: Any = ()
-    """Digits, row by row; the rest is zero."""
+    """Taxel values in digits, row by row; unused entries are zero."""
 
 
 @dataclass
 class SweepCommand(Packet):
-    """A wish of the motion controller or a person."""
+    """A command of the motion controller or a person."""
 
     NAME: ClassVar[str] = "SweepCommand"
     VERSION: ClassVar[int] = 1
@@ -124,23 +124,23 @@ class SweepCommand(Packet):
     COUNTED_BY: ClassVar[dict[str, str]] = {}
 
     kind: int = 0
-    """See Command."""
+    """The command; see Command."""
     finger: int = 0
-    """Number of the finger, from 0, in the order of the service's table."""
+    """Index of the finger in the service's table, from 0."""
     motion: int = 0
-    """Number of the motion; comes back with beliefs."""
+    """Number of the motion, which the beliefs repeat."""
     sweeps: int = 0
-    """For Command Enroll: number of sweeps to take, the newest that were complete."""
+    """For Command Enroll: number of most recent complete sweeps to enroll."""
     reserved: int = 0
-    """Zero."""
+    """Always zero."""
     material: str = ""
-    """For Command Enroll: name of the new material; for Command Start: what is swept over, where that is
-    known (it is recorded, the classifier does not look)."""
+    """For Command Enroll: name of the new material. For Command Start: the material under the finger, if
+    known. It is recorded; the classifier ignores it."""
 
 
 @dataclass
 class TactileBelief(Packet):
-    """A belief about the material."""
+    """A prediction of the material."""
 
     NAME: ClassVar[str] = "TactileBelief"
     VERSION: ClassVar[int] = 2
@@ -173,52 +173,52 @@ class TactileBelief(Packet):
     sweep: int = 0
     """Number of the sweep since the service started, from 1."""
     motion: int = 0
-    """Number of the motion, as commanded; 0 if nobody commanded."""
+    """Number of the motion from the command; 0 without a command."""
     model_version: int = 0
     """Version of the model."""
     last_frame: int = 0
-    """Sequence of the newest frame that was used."""
+    """Sequence number of the newest frame used."""
     latency_ns: int = 0
-    """From that frame's put to this packet's, nanoseconds."""
+    """Delay between the sending of that frame and the sending of this packet, in ns."""
     stage: int = 0
-    """See Stage."""
+    """Stage of the prediction; see Stage."""
     finger: int = 0
-    """Number of the finger."""
+    """Index of the finger."""
     frames: int = 0
-    """Frames of the window that were used."""
+    """Number of frames of the window used."""
     filled_in: int = 0
-    """How many of them were interpolated."""
+    """Number of interpolated frames among them."""
     materials: int = 0
-    """Number of materials that are valid."""
+    """Number of valid materials."""
     label: int = 0
-    """Most probable material of this sweep."""
+    """Label of the most probable material of this sweep."""
     verdict: int = 0
-    """See Verdict."""
+    """Verdict of this sweep; see Verdict."""
     entropy: float = 0.0
-    """Entropy of posterior, nats."""
+    """Entropy of posterior, in nats."""
     strangeness: float = 0.0
-    """How strange the sweep is; meaningless without a verdict."""
+    """Novelty score of the sweep; undefined without a verdict."""
     threshold: float = 0.0
-    """What it was compared with."""
+    """Threshold for the novelty score."""
     fused_sweeps: int = 0
-    """Number of sweeps in fused; 0: it is flat."""
+    """Number of sweeps in fused. If 0, fused is uniform."""
     fused_label: int = 0
-    """Most probable material of the fused sweeps."""
+    """Label of the most probable material of the fused sweeps."""
     fused_entropy: float = 0.0
-    """Entropy of fused, nats."""
+    """Entropy of fused, in nats."""
     fused_verdict: int = 0
-    """Whether the object is known, given the mean strangeness of its whole sweeps; see Verdict."""
+    """Verdict of the object, from the mean novelty score of its complete sweeps; see Verdict."""
     posterior: Any = ()
-    """Probabilities given this sweep alone; the rest is zero."""
+    """Probabilities given this sweep alone; unused entries are zero."""
     fused: Any = ()
-    """Probabilities given all fused sweeps; the rest is zero."""
+    """Probabilities given all fused sweeps; unused entries are zero."""
     reserved_end: Any = ()
-    """Zero."""
+    """Always zero."""
 
 
 @dataclass
 class Counters(Packet):
-    """Counters of the service."""
+    """Counters of the service, since its start."""
 
     NAME: ClassVar[str] = "Counters"
     VERSION: ClassVar[int] = 0
@@ -236,28 +236,28 @@ class Counters(Packet):
     COUNTED_BY: ClassVar[dict[str, str]] = {}
 
     frames: int = 0
-    """Frames that came."""
+    """Number of received frames."""
     dropped_frames: int = 0
-    """Frames that were put and never came."""
+    """Number of frames that were sent but not received."""
     beliefs: int = 0
-    """Beliefs that were put."""
+    """Number of beliefs sent."""
     sweeps: int = 0
-    """Whole sweeps classified."""
+    """Number of complete sweeps classified."""
     rejected: int = 0
-    """Sweeps that were rejected."""
+    """Number of rejected sweeps."""
     unknown: int = 0
-    """Whole sweeps of unknown materials."""
+    """Number of complete sweeps of unknown materials."""
     deadline_misses: int = 0
-    """Predictions that took longer than promised."""
+    """Number of predictions that missed their deadline."""
     worst_delay_ns: int = 0
-    """Longest time from a frame's put until the service had dealt with it, nanoseconds."""
+    """Maximum time from the sending of a frame to the end of its processing, in ns."""
     allocations: int = 0
-    """Allocations of the thread that follows frames, while it followed them."""
+    """Number of allocations of the frame thread while it processed frames."""
 
 
 @dataclass
 class TactileStatus(Packet):
-    """Events and counters of the service."""
+    """An event of the service, with its counters."""
 
     NAME: ClassVar[str] = "TactileStatus"
     VERSION: ClassVar[int] = 1
@@ -273,24 +273,24 @@ class TactileStatus(Packet):
     COUNTED_BY: ClassVar[dict[str, str]] = {}
 
     event: int = 0
-    """See Event."""
+    """The event; see Event."""
     finger: int = 0
-    """Number of the finger."""
+    """Index of the finger."""
     sweep: int = 0
     """Number of the sweep."""
     motion: int = 0
     """Number of the motion."""
     model_version: int = 0
-    """Version of the model that serves."""
+    """Version of the serving model."""
     counters: Counters = field(default_factory=Counters)
-    """Since the service started."""
+    """Counters since the service started."""
     text: str = ""
-    """For people, one line."""
+    """One line of text for people."""
 
 
 @dataclass
 class ModelNames(Packet):
-    """The materials of the model that serves."""
+    """Materials and shape of the serving model."""
 
     NAME: ClassVar[str] = "ModelNames"
     VERSION: ClassVar[int] = 1
@@ -310,18 +310,18 @@ class ModelNames(Packet):
     version: int = 0
     """Version of the model."""
     sample_rate_hz: float = 0.0
-    """Frames per second."""
+    """Sample rate, in frames per second."""
     steps: int = 0
-    """Frames of a window."""
+    """Number of frames in a window."""
     rows: int = 0
-    """Rows of taxels."""
+    """Number of taxel rows."""
     cols: int = 0
-    """Columns of taxels."""
+    """Number of taxel columns."""
     mc_samples: int = 0
-    """Monte Carlo dropout masks."""
+    """Number of Monte Carlo dropout masks."""
     materials: int = 0
-    """Number of materials that are valid."""
+    """Number of valid materials."""
     reserved: int = 0
-    """Zero."""
+    """Always zero."""
     names: list[str] = field(default_factory=list)
-    """Their names."""
+    """Names of the materials, by label."""

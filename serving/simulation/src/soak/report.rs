@@ -1,7 +1,5 @@
 //! Report of a soak test.
 
-use std::fmt;
-
 use serde::Serialize;
 #[cfg(feature = "catching")]
 use tactnet_catching_stage::RunReport;
@@ -84,37 +82,6 @@ pub struct SoakReport {
     pub catching: Option<RunReport>,
 }
 
-impl fmt::Display for SoakReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "frames: {}, lost: {}; beliefs: {}, after the last frame {:.0} us, 99 % below {:.0} (dropout {:.0}, {:.0}); \
-             deadlines missed: {}; allocations a frame: {}; 1 kHz loop with/without: {:.3}",
-            self.frames_sent,
-            self.frames_lost,
-            self.beliefs,
-            self.belief_latency_p50_us,
-            self.belief_latency_p99_us,
-            self.dropout_latency_p50_us,
-            self.dropout_latency_p99_us,
-            self.deadline_misses,
-            self.allocations_per_frame,
-            self.loop_p99_ratio
-        )?;
-        #[cfg(not(feature = "catching"))]
-        return Ok(());
-        #[cfg(feature = "catching")]
-        match &self.catching {
-            None => Ok(()),
-            Some(catching) => write!(
-                f,
-                "; caught {} of {} balls that could be caught, {} of {} in all",
-                catching.caught, catching.catchable, catching.caught_of_all, catching.balls
-            ),
-        }
-    }
-}
-
 /// Number of plain beliefs within a latency bound.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct LatencyBucket {
@@ -158,21 +125,18 @@ impl Measured {
         ratios.sort_by(f64::total_cmp);
         let loop_with = LoopTimes::of(&self.company.trips, &self.with);
         let loop_without = LoopTimes::of(&self.company.trips, &self.without);
-        let latency_us = &mut self.heard.latency_us;
-        latency_us
-            .iter_mut()
-            .for_each(|stage| stage.sort_by(f64::total_cmp));
+        for latencies in &mut self.heard.latency_us {
+            latencies.sort_by(f64::total_cmp);
+        }
         let latency_us = &self.heard.latency_us;
         let at =
             |stage: Stage, share| percentile(&latency_us[stage as usize - 1], share).unwrap_or(0.0);
+        let windows = self.with.iter();
+        let seconds = windows.map(|(from, to)| (to - from) as f64 / 1e9).sum();
         SoakReport {
             schema_version: 1,
             git: soak.git,
-            seconds: self
-                .with
-                .iter()
-                .map(|(from, to)| (to - from) as f64 / 1e9)
-                .sum(),
+            seconds,
             scheduling: soak.scheduling,
             frames_sent,
             frames_lost: frames_sent.saturating_sub(frames),
