@@ -1,4 +1,4 @@
-//! Classifies sweeps frame by frame, as they would come from a skin, and fuses three of them.
+//! Classifies sweeps frame by frame, as a skin would send them, and fuses the beliefs of three sweeps.
 //!
 //!     cargo run --release --example online -- classifier sweeps.h5
 
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         online.begin();
         for (number, frame) in digits.chunks_exact(shape.taxels()).enumerate() {
             online.push(frame);
-            // A belief may be asked for at any time; a quarter of a sweep already says something.
+            // The belief is available at any time; a quarter of a sweep is already informative.
             if number + 1 == shape.steps / 4 || number + 1 == shape.steps {
                 let belief = online.classify();
                 let label = most_probable(belief.log_probability);

@@ -1,4 +1,4 @@
-//! Opens a classifier and says which material each sweep of a file is, and how sure that is.
+//! Opens a classifier and prints the material and the confidence for each sweep of a file.
 //!
 //!     cargo run --release --example predict -- classifier sweeps.h5
 

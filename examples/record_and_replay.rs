@@ -1,4 +1,4 @@
-//! Records what travels on a robot's channels into an MCAP file, reads it back, and puts it onto the channels again.
+//! Records a robot's channels to an MCAP file, reads it back, and replays it on the channels.
 //!
 //!     cargo run --release --example record_and_replay [FILE.mcap]
 
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .nth(1)
         .map_or(folder.path().join("frames.mcap"), PathBuf::from);
 
-    // Names, sizes and rates of the channels; a hub holds them.
+    // Names, sizes and rates of the channels; a hub owns them.
     let config = ServeConfig::default();
     let table = config.table(&format!("example{}", std::process::id()));
     let hub = Hub::spawn(&table)?;

@@ -1,7 +1,7 @@
-//! Puts frames of a skin and the commands of a motion controller on a robot's channels, as their drivers would.
+//! Sends frames of a skin and commands of a motion controller to a robot's channels, as their drivers would.
 //!
-//!     cargo run --release --example skin_driver                 holds the channels itself, for two sweeps
-//!     cargo run --release --example skin_driver -- robot.toml   beside `tactnet channel hub --table robot.toml` and `tactnet serve`
+//!     cargo run --release --example skin_driver                 owns the channels, for two sweeps
+//!     cargo run --release --example skin_driver -- robot.toml   uses those of `tactnet channel hub --table robot.toml`; `tactnet serve` classifies
 
 use std::time::{Duration, Instant};
 
@@ -11,11 +11,11 @@ use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
 
 const RATE_HZ: f64 = 750.0;
 const TAXELS: usize = 16;
-/// Frames of a sweep, and between two sweeps.
+/// Number of frames of a sweep, and of the pause between two sweeps.
 const SWEEP: u64 = 1100;
 const REST: u64 = 200;
 
-/// Stands in for the sensor: digits of `[TAXELS]`.
+/// Returns simulated digits, `[TAXELS]`, in place of a sensor's.
 fn read_sensor(frame: u64) -> [f32; TAXELS] {
     std::array::from_fn(|taxel| {
         let phase = frame as f32 * 0.1 + taxel as f32;
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 material: Text::new("cork"),
             }])?;
         }
-        // Written in place, in shared memory.
+        // The frame is written in place, in shared memory.
         let mut packet = frames.loan(1)?;
         let mut digits = [0.0; MAX_TAXELS];
         digits[..TAXELS].copy_from_slice(&read_sensor(sequence));

@@ -1,4 +1,4 @@
-//! Trains a classifier and prints its accuracy on sweeps that it has not seen.
+//! Trains a classifier and prints its accuracy on held-out sweeps.
 //!
 //!     cargo run --release --example train                          a small synthetic data set
 //!     cargo run --release --example train -- sweeps.h5 classifier  your own; the classifier is saved
@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         })?,
     };
 
-    // Four fifths of every material's sweeps to learn from, the rest to test on.
+    // Four fifths of every material's sweeps train, the rest test.
     let fold = dataset.folds(Seed(1)).first();
     let recipe = Recipe::named("fast")?;
     let classifier = recipe

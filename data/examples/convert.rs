@@ -1,5 +1,7 @@
-//! Reads a data set (HDF5 or npz) and writes it in the format of the second file's extension:
-//! `cargo run --release -p tactnet-data --example convert -- IN OUT`. Without OUT it only says how long the read took.
+//! Converts a data set (HDF5 or npz) to the format that the output file's extension names.
+//!
+//! `cargo run --release -p tactnet-data --example convert -- IN OUT`. Without OUT it prints only the duration of the
+//! read.
 
 use std::path::Path;
 use std::time::Instant;

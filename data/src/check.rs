@@ -1,27 +1,27 @@
-//! What is suspicious about a data set, sweep by sweep.
+//! Checks of a data set.
 //!
 //! | kind | severity | when |
 //! |---|---|---|
 //! | [`NotFinite`](FindingKind::NotFinite) | error | a NaN or an infinity |
 //! | [`UnequalLengths`](FindingKind::UnequalLengths) | error | sweeps that are longer or shorter than most, see [`check_lengths`] |
-//! | [`ConstantSweep`](FindingKind::ConstantSweep) | error | no taxel ever changes |
-//! | [`IdenticalSweeps`](FindingKind::IdenticalSweeps) | error | equal values in two sweeps: test data that training has seen |
+//! | [`ConstantSweep`](FindingKind::ConstantSweep) | error | all taxels of a sweep are constant |
+//! | [`IdenticalSweeps`](FindingKind::IdenticalSweeps) | error | equal values in two sweeps, which would leak test data into training |
 //! | [`FewSweeps`](FindingKind::FewSweeps) | error; warning below 5 | fewer than two sweeps of a material; fewer than the usual 5 folds |
-//! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | one value in all sweeps |
-//! | [`ConstantTaxel`](FindingKind::ConstantTaxel) | warning; note at 0 | one value throughout a sweep; 0 means no contact |
-//! | [`Saturation`](FindingKind::Saturation) | warning | 1 % of a sweep at the ceiling of the sensor |
-//! | [`OutOfRange`](FindingKind::OutOfRange) | warning | a sweep with values far beyond, or negative unlike, the others |
+//! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | a taxel has the same value in all sweeps |
+//! | [`ConstantTaxel`](FindingKind::ConstantTaxel) | warning; note at 0 | a taxel is constant during a sweep; 0 means no contact |
+//! | [`Saturation`](FindingKind::Saturation) | warning | at least 1 % of a sweep is at the sensor's maximum |
+//! | [`OutOfRange`](FindingKind::OutOfRange) | warning | values far larger than in other sweeps, or negative in few sweeps |
 //! | [`UnbalancedMaterials`](FindingKind::UnbalancedMaterials) | warning | unequal numbers of sweeps |
-//! | [`AssumedRate`](FindingKind::AssumedRate) | warning | the data does not say its sample rate |
-//! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | every material's name is a bare number |
-//! | [`AxisOrder`](FindingKind::AxisOrder) | warning | more than 32 taxels side by side, and more than time steps |
-//! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps under 50 ms |
-//! | [`LongSweeps`](FindingKind::LongSweeps) | warning | sweeps over ten minutes, or fewer than 5 frames a second |
-//! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | the same rising line in all sweeps, or numbers that count on |
-//! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | nothing to tell apart |
-//! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ in nothing but case or blanks |
-//! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row that may be a grid, of a file that does not say |
-//! | [`NotRead`](FindingKind::NotRead) | note | something in the file that is not read |
+//! | [`AssumedRate`](FindingKind::AssumedRate) | warning | the data does not name its sample rate |
+//! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | all names of materials are bare numbers |
+//! | [`AxisOrder`](FindingKind::AxisOrder) | warning | a side of the patch has more than 32 taxels and more taxels than there are steps |
+//! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps shorter than 50 ms |
+//! | [`LongSweeps`](FindingKind::LongSweeps) | warning | sweeps longer than ten minutes, or fewer than 5 frames per second |
+//! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | a taxel rises identically in all sweeps, or counts up |
+//! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | only one material |
+//! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ only in case or white space |
+//! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row, because the data does not name their arrangement |
+//! | [`NotRead`](FindingKind::NotRead) | note | a part of the file that is not read |
 
 mod lengths;
 mod names;
@@ -36,27 +36,39 @@ use std::collections::BTreeMap;
 use std::collections::hash_map::DefaultHasher;
 use std::hash::Hasher;
 
-/// Share of a sweep's values at the ceiling from which it counts as saturated.
+/// Minimum share of a sweep's values at the ceiling for the sweep to count as saturated.
 const SATURATED_SHARE: f64 = 0.01;
-/// The largest value of the data set counts as a ceiling if at least this share of all values equals it.
+/// Minimum share of all values that equal the largest value for that value to count as a ceiling.
 const CEILING_SHARE: f64 = 0.001;
-/// Values of a clipped signal pile up at the ceiling: there are more of them than within this share of the range below.
+/// Width of the range below the ceiling, as a share of the data set's range. A signal is clipped if more values are at
+/// the ceiling than in this range.
 const NEAR_CEILING: f32 = 0.05;
-/// A sweep whose largest value is this many times that of the median sweep is out of range.
+/// Ratio of a sweep's largest value to that of the median sweep above which the sweep is out of range.
 const OUTLIER_FACTOR: f32 = 20.0;
-/// Negative values are odd in a sweep as long as no more than this share of the sweeps has some.
+/// Maximum share of sweeps with negative values for which negative values count as out of range.
 const SIGNED_SHARE: f64 = 0.1;
 
-/// Sweeps of fewer seconds are short: a finger that slides at 50 mm/s has moved 2.5 mm.
+/// Duration below which sweeps count as short, in s: a finger that slides at 50 mm/s has moved 2.5 mm.
 const SHORT_SECONDS: f64 = 0.05;
-/// Sweeps of more seconds are long: their rate is most likely their period.
+/// Duration above which sweeps count as long, in s: most likely the period was given as the rate.
 const LONG_SECONDS: f64 = 600.0;
-/// Frames a second, at least: no texture shows below.
+/// Minimum sample rate, in Hz: slower recordings show no texture.
 const SLOW_HZ: f64 = 5.0;
-/// A side of the patch with more taxels, and more than there are time steps, looks like time.
+/// Number of taxels on one side of the patch above which the side may be the time axis.
 const WIDE_PATCH: usize = 32;
 
-/// Everything suspicious about `dataset`, errors first, then in the order of the sweeps.
+/// Returns all findings about a data set, sorted by severity, kind and sweep.
+///
+/// ```
+/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::{FindingKind, check};
+///
+/// let config = TwinConfig { materials: 2, sweeps: 3, steps: 100, ..TwinConfig::default() };
+/// let findings = check(&twin::generate(&config)?);
+/// // Three sweeps per material are too few for the usual five folds.
+/// assert!(findings.iter().any(|finding| finding.kind == FindingKind::FewSweeps));
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 pub fn check(dataset: &Dataset) -> Vec<Finding> {
     let sweeps: Vec<SweepRange> = (0..dataset.len())
         .into_par_iter()
@@ -74,7 +86,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings.extend(names::that_mislead(dataset));
     findings.extend(clock_taxels(dataset, &sweeps));
     findings.extend(time_axis(dataset));
-    // Where the axes are in doubt, so is the number of taxels.
+    // If the order of the axes is in doubt, so is the number of taxels.
     let axes_in_doubt = findings.iter().any(|of| of.kind == FindingKind::AxisOrder);
     findings.extend(assumed_patch(dataset).filter(|_| !axes_in_doubt));
     findings.extend(not_read(dataset));
@@ -82,7 +94,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     findings
 }
 
-/// As [`check`], of sweeps whose materials nobody named: what is about materials is left out.
+/// Returns the findings of [`check`] that do not concern materials, for unlabelled sweeps.
 pub fn check_unlabelled(dataset: &Dataset) -> Vec<Finding> {
     let mut findings = check(dataset);
     findings.retain(|finding| !finding.kind.is_about_materials());
@@ -93,12 +105,22 @@ pub fn check_unlabelled(dataset: &Dataset) -> Vec<Finding> {
     findings
 }
 
-/// Refuses a data set that has findings of [`Severity::Error`]; returns the other findings.
+/// Returns the findings of a data set without errors.
 ///
-/// - `name`: its name or file, for the message
+/// - `name`: name or file of the data set, for the message
 ///
 /// # Errors
-/// [`DataError::Unsound`].
+/// [`DataError::Unsound`] if there are findings of [`Severity::Error`].
+///
+/// ```
+/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::refuse_errors;
+///
+/// let config = TwinConfig { materials: 2, sweeps: 1, steps: 100, ..TwinConfig::default() };
+/// let error = refuse_errors(&twin::generate(&config)?, "small").unwrap_err();
+/// assert!(error.to_string().starts_with("small: the data set has 2 errors"));
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 pub fn refuse_errors(dataset: &Dataset, name: &str) -> Result<Vec<Finding>, DataError> {
     let findings = check(dataset);
     let mut errors = findings
@@ -114,9 +136,9 @@ pub fn refuse_errors(dataset: &Dataset, name: &str) -> Result<Vec<Finding>, Data
     }
 }
 
-/// What one pass over a sweep tells.
+/// Statistics of one sweep.
 struct SweepRange {
-    /// Smallest and largest finite value of each taxel; infinities the other way round where there is none.
+    /// Smallest and largest finite value of each taxel; positive and negative infinity if all values are not finite.
     taxels: Vec<(f32, f32)>,
     /// Number of values that are not finite, and the index of the first within the sweep.
     not_finite: Option<(usize, usize)>,
@@ -252,7 +274,7 @@ fn not_finite(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
     findings
 }
 
-/// The taxels with one value in all sweeps, and that value; none if everything is constant.
+/// Returns the taxels that have one value in all sweeps, with that value; an empty map if all taxels are constant.
 fn dead_taxels(sweeps: &[SweepRange]) -> BTreeMap<usize, f32> {
     let count = sweeps[0].taxels.len();
     let dead: BTreeMap<usize, f32> = (0..count)
@@ -368,8 +390,8 @@ fn identical(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
     findings
 }
 
-/// Sweeps that stand at the ceiling: the top of the element type, or the largest value of the data set where so many
-/// values pile up that it must be a clip.
+/// Returns the sweeps that reach the ceiling. The ceiling is the maximum of the element type, or the largest value of the
+/// data set if the number of equal values shows that it is clipped.
 fn saturated(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
     let taxels = || sweeps.iter().flat_map(|sweep| &sweep.taxels);
     let ceiling = taxels()
@@ -463,7 +485,7 @@ fn out_of_range(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
     findings
 }
 
-/// A taxel that is the same rising line in all sweeps: most likely a clock or a counter.
+/// Returns the taxels that rise identically in all sweeps, which are most likely clocks or counters.
 fn clock_taxels(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
     let shape = dataset.shape();
     if dataset.len() < 2 || shape.steps < 8 {
@@ -502,7 +524,7 @@ fn clock_taxels(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
         .collect()
 }
 
-/// What is odd about steps and rate.
+/// Returns findings about the number of steps and the sample rate.
 fn time_axis(dataset: &Dataset) -> Vec<Finding> {
     let shape = dataset.shape();
     let mut findings = Vec::new();
@@ -553,13 +575,13 @@ fn time_axis(dataset: &Dataset) -> Vec<Finding> {
     findings
 }
 
-/// Taxels in one row that nobody has arranged and that may be a grid.
+/// Returns a note about taxels in one row that may be a grid.
 fn assumed_patch(dataset: &Dataset) -> Option<Finding> {
     let taxels = dataset.shape().taxels();
     if !dataset.is_patch_assumed() {
         return None;
     }
-    // The most nearly square of the grids that have so many taxels.
+    // The grid closest to a square has the largest side up to the root.
     let sides = (2..taxels).take_while(|side| side * side <= taxels);
     let rows = sides.filter(|side| taxels.is_multiple_of(*side)).last()?;
     let message = format!(

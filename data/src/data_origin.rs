@@ -1,29 +1,29 @@
-//! Where the sweeps of a data set come from.
+//! Origins of sweeps.
 
 use serde::{Deserialize, Serialize};
 
 use crate::twin::TwinVersion;
 use crate::{LabelSet, SweepShape, twin};
 
-/// Where sweeps come from. Decided once, when a data set is read or made, and carried into every result.
+/// Origin of the sweeps of a data set. It is set when the data set is read or generated, and stored with every result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DataOrigin {
-    /// Somebody's recordings.
+    /// Recordings other than TactMat.
     #[default]
     Recorded,
-    /// The recordings that the thesis reports on: its 36 materials, a 4x4 skin.
+    /// The TactMat recordings of the thesis: 36 materials, a 4x4 skin.
     Tactmat,
-    /// Version 1 of the synthetic stand-in for TactMat; the file or the generator says so.
+    /// Version 1 of the synthetic stand-in for TactMat, marked in the file or by the generator.
     #[serde(rename = "twin")]
     Twin1,
-    /// Version 2.
+    /// Version 2 of the synthetic stand-in for TactMat.
     #[serde(rename = "twin-2")]
     Twin2,
 }
 
 impl DataOrigin {
-    /// The origin of recorded sweeps: TactMat has its 36 materials, in any order, and a 4x4 skin.
+    /// Returns the origin of recorded sweeps: TactMat has its 36 materials, in any order, and a 4x4 skin.
     pub(crate) fn of_recording(shape: SweepShape, labels: &LabelSet) -> Self {
         let skin = (shape.rows, shape.cols) == (4, 4);
         let same = labels.len() == twin::NAMES.len()
@@ -37,7 +37,7 @@ impl DataOrigin {
         }
     }
 
-    /// True for TactMat and its twin, whose results may be set beside those published for TactMat.
+    /// Returns true for TactMat and its twins, whose results can be compared with those published for TactMat.
     pub fn is_comparable_to_published(self) -> bool {
         self != Self::Recorded
     }
@@ -51,7 +51,7 @@ impl DataOrigin {
         }
     }
 
-    /// True if a generator made the sweeps.
+    /// Returns true if a generator made the sweeps.
     pub fn is_synthetic(self) -> bool {
         self.twin_version().is_some()
     }

@@ -1,21 +1,29 @@
-//! Where a data set is read from: a file, or the generator of the twin.
+//! Sources of data sets: a file, or the generator of the twin.
 
 use std::path::{Path, PathBuf};
 
 use crate::twin::{self, TwinConfig, TwinVersion};
 use crate::{DataError, Dataset, format, near_name};
 
-/// What a command line or a recipe names as data.
+/// Source of a data set, as a command or a recipe names it.
+///
+/// ```
+/// use tactnet_data::DataSource;
+///
+/// assert!(matches!(DataSource::named("twin"), DataSource::Twin(_)));
+/// assert!(matches!(DataSource::named("sweeps.h5"), DataSource::File(_)));
+/// assert!(DataSource::named("missing.h5").read().is_err());
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DataSource {
-    /// The synthetic stand-in for TactMat with its default settings; nothing is read.
+    /// The synthetic stand-in for TactMat with its default settings.
     Twin(TwinVersion),
-    /// A file in any of the formats of [`mod@crate::format`].
+    /// File or folder in any of the formats of [`mod@crate::format`].
     File(PathBuf),
 }
 
 impl DataSource {
-    /// The source called `name`: `twin`, `twin1`, or else a path.
+    /// Returns the source with this name: `twin`, `twin1`, or a path.
     pub fn named(name: &str) -> Self {
         let twin = [TwinVersion::One, TwinVersion::Two]
             .into_iter()
@@ -26,16 +34,16 @@ impl DataSource {
         }
     }
 
-    /// True if `name` stands for a twin, which no file has to be read for.
+    /// Returns true if `name` is a twin's.
     pub fn is_twin(name: &str) -> bool {
         matches!(Self::named(name), Self::Twin(_))
     }
 
-    /// Returns the name of a data set as it is read from any working folder: `twin`, or the file's absolute path.
+    /// Returns a name that is valid in every working folder: the twin's name, or the file's absolute path.
     pub fn from_anywhere(name: &str) -> String {
         match Self::named(name) {
             Self::Twin(_) => name.into(),
-            // Without a working folder there is nothing better than the path as it was given.
+            // Without a working folder the path stays relative.
             Self::File(path) => std::path::absolute(&path)
                 .map_or_else(|_| name.into(), |path| path.display().to_string()),
         }
@@ -44,15 +52,15 @@ impl DataSource {
     /// Reads the file or generates the twin.
     ///
     /// # Errors
-    /// No such file; one that cannot be read or is damaged.
+    /// A file that is missing, damaged or cannot be read.
     pub fn read(&self) -> Result<Dataset, DataError> {
         self.read_at(None)
     }
 
-    /// The same, recorded at `rate_hz` frames per second if the file does not say.
+    /// Reads the file or generates the twin, and sets the sample rate in Hz if the file does not name one.
     ///
     /// # Errors
-    /// As [`DataSource::read`]; a file that says another rate.
+    /// As [`DataSource::read`], and a file that names another rate.
     pub fn read_at(&self, rate_hz: Option<f64>) -> Result<Dataset, DataError> {
         self.read_whole()?.with_named_rate(rate_hz)
     }
@@ -74,7 +82,7 @@ impl DataSource {
     }
 }
 
-/// Says that there is no such file, and which one beside it may have been meant.
+/// Returns the error of a missing file, with the most similar name in the same folder.
 fn missing(path: &Path) -> String {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,

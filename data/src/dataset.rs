@@ -1,31 +1,31 @@
-//! A data set: ordered sweeps with their material, block and checksum.
+//! Data sets: ordered sweeps with material, block and checksum.
 
 use crate::twin::TwinVersion;
 use crate::{DataError, DataOrigin, LabelSet, Samples, Seed, hex, is_control, shuffle};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-/// Frames per second of a data set that does not say: the 4256E skin of TactMat.
+/// Assumed sample rate of data that names none, in Hz: the rate of TactMat's 4256E skin.
 pub const ASSUMED_RATE_HZ: f64 = 750.0;
 
-/// The shape of every sweep of a data set: time steps by a `rows x cols` patch of taxels.
+/// Shape of all sweeps of a data set: time steps by a `rows x cols` patch of taxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SweepShape {
-    /// Time steps.
+    /// Number of time steps.
     pub steps: usize,
-    /// Rows of taxels.
+    /// Number of rows of taxels.
     pub rows: usize,
-    /// Columns of taxels.
+    /// Number of columns of taxels.
     pub cols: usize,
 }
 
 impl SweepShape {
-    /// Number of taxels.
+    /// Returns the number of taxels.
     pub fn taxels(self) -> usize {
         self.rows * self.cols
     }
 
-    /// Values in one sweep.
+    /// Returns the number of values in one sweep.
     pub fn values(self) -> usize {
         self.steps * self.taxels()
     }
@@ -41,27 +41,42 @@ impl std::fmt::Display for SweepShape {
     }
 }
 
-/// What is known of one sweep besides its values.
+/// Metadata of one sweep.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SweepRecord {
     /// Label of the material, an index into the data set's [`LabelSet`].
     pub label: usize,
     /// Number of the sweep among those of its material, in recording order.
     pub sweep: usize,
-    /// Recording block: sweeps of one block were taken in one go, under the same drift.
+    /// Recording block: sweeps of one block were recorded in one session, under the same drift.
     pub block: Option<u32>,
-    /// True if the data set's author put the sweep into the test set.
+    /// True if the author of the data set assigned the sweep to the test set.
     pub test: Option<bool>,
 }
 
 /// Ordered sweeps of equal shape, each with its material.
+///
+/// ```
+/// use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
+///
+/// let shape = SweepShape { steps: 3, rows: 1, cols: 2 };
+/// let labels = LabelSet::new(["cork", "denim"])?;
+/// let of_label = |label| SweepRecord { label, sweep: 0, block: None, test: None };
+/// let samples = Samples::U8(vec![0, 9, 1, 9, 2, 9, 7, 5, 7, 4, 7, 3]);
+/// let records = vec![of_label(0), of_label(1)];
+/// let dataset = Dataset::new("two sweeps", 100.0, shape, labels, records, samples)?;
+/// assert_eq!(dataset.len(), 2);
+/// assert_eq!(dataset.sweep(1), [7.0, 5.0, 7.0, 4.0, 7.0, 3.0]);
+/// assert_eq!(dataset.describe(1), "`denim` sweep 0");
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Dataset {
     name: String,
     sample_rate_hz: f64,
     rate_assumed: bool,
     patch_assumed: bool,
-    /// What the file holds besides, a sentence each.
+    /// Sentences about parts of the file that are not read.
     left_out: Vec<String>,
     shape: SweepShape,
     labels: LabelSet,
@@ -72,15 +87,15 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Puts a data set together.
+    /// Returns a data set of these parts; see [`Dataset`] for an example.
     ///
-    /// - `name`: what people call it ("twin", a file's stem)
+    /// - `name`: name of the data set ("twin", a file's stem)
     /// - `sample_rate_hz`: frames per second
     /// - `samples`: `[records][steps][rows][cols]`, row-major
     ///
     /// # Errors
-    /// Values that do not fill the shape, labels without a material, a sample rate that is not a positive number, or
-    /// `block`/`test` known for some sweeps only.
+    /// Values that do not match the shape, labels without a material, a sample rate that is not a positive number, or
+    /// `block`/`test` known for only some of the sweeps.
     pub fn new(
         name: impl Into<String>,
         sample_rate_hz: f64,
@@ -135,7 +150,7 @@ impl Dataset {
         let origin = DataOrigin::of_recording(shape, &labels);
         let sha256 = digest(sample_rate_hz, shape, &labels, &records, &samples);
         Ok(Self {
-            // Of a file's name, which may hold anything.
+            // File names may contain control characters.
             name: name.into().replace(is_control, "\u{fffd}"),
             sample_rate_hz,
             rate_assumed: false,
@@ -150,7 +165,7 @@ impl Dataset {
         })
     }
 
-    /// Puts a data set together whose file may not say at what rate it was recorded: without one, [`ASSUMED_RATE_HZ`] is assumed.
+    /// Returns a data set of these parts; without a sample rate [`ASSUMED_RATE_HZ`] is assumed.
     ///
     /// # Errors
     /// As [`Dataset::new`].
@@ -171,10 +186,20 @@ impl Dataset {
         })
     }
 
-    /// Returns the same sweeps, recorded at `rate_hz` frames per second if nobody has said; unchanged without one.
+    /// Sets the sample rate, in Hz, if it was assumed. With `None` the data set does not change.
     ///
     /// # Errors
-    /// A rate that is not a positive number, or another than the data says.
+    /// A rate that is not a positive number, or differs from the one that the data names.
+    ///
+    /// ```
+    /// use tactnet_data::twin::{self, TwinConfig};
+    ///
+    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
+    /// let twin = twin::generate(&config)?;
+    /// assert!(twin.clone().with_named_rate(Some(750.0)).is_ok());
+    /// assert!(twin.with_named_rate(Some(100.0)).is_err());
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
     pub fn with_named_rate(self, rate_hz: Option<f64>) -> Result<Self, DataError> {
         let own = self.sample_rate_hz;
         match rate_hz {
@@ -189,7 +214,7 @@ impl Dataset {
         }
     }
 
-    /// Sets the rate at which the sweeps were recorded, frames per second.
+    /// Sets the sample rate, in Hz.
     ///
     /// # Errors
     /// A rate that is not a positive number.
@@ -214,7 +239,17 @@ impl Dataset {
     /// Arranges the taxels in `rows` by `cols`, row by row.
     ///
     /// # Errors
-    /// Another number of taxels.
+    /// Another number of taxels than `rows * cols`.
+    ///
+    /// ```
+    /// use tactnet_data::twin::{self, TwinConfig};
+    ///
+    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
+    /// let flat = twin::generate(&config)?.with_patch(2, 8)?;
+    /// assert_eq!((flat.shape().rows, flat.shape().cols), (2, 8));
+    /// assert!(flat.with_patch(3, 3).is_err());
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
     pub fn with_patch(self, rows: usize, cols: usize) -> Result<Self, DataError> {
         if rows * cols != self.shape.taxels() {
             return Err(DataError::inconsistent(
@@ -236,7 +271,7 @@ impl Dataset {
         })
     }
 
-    /// Says that the file does not tell how the taxels are arranged, and that they stand in one row for that reason alone.
+    /// Marks the arrangement of the taxels in one row as assumed, because the file does not name one.
     pub(crate) fn with_assumed_patch(self) -> Self {
         Self {
             patch_assumed: true,
@@ -244,14 +279,12 @@ impl Dataset {
         }
     }
 
-    /// Returns true if nobody said how the taxels are arranged: a table has a column for each, and no rows and columns of a skin.
+    /// Returns true if the arrangement of the taxels is assumed, as for tables, which have one column per taxel.
     pub fn is_patch_assumed(&self) -> bool {
         self.patch_assumed
     }
 
-    /// Says what else the file holds that is not read.
-    ///
-    /// - `sentences`: one for each thing
+    /// Sets the sentences about parts of the file that are not read.
     pub(crate) fn leaving_out(self, sentences: Vec<String>) -> Self {
         Self {
             left_out: sentences,
@@ -259,12 +292,12 @@ impl Dataset {
         }
     }
 
-    /// Returns what the file holds that is not read, a sentence for each.
+    /// Returns sentences about the parts of the file that are not read.
     pub fn left_out(&self) -> &[String] {
         &self.left_out
     }
 
-    /// Returns true if nobody said at what rate the sweeps were recorded, and [`ASSUMED_RATE_HZ`] stands in for it.
+    /// Returns true if the sample rate is assumed to be [`ASSUMED_RATE_HZ`], because the data does not name it.
     pub fn is_rate_assumed(&self) -> bool {
         self.rate_assumed
     }
@@ -274,8 +307,8 @@ impl Dataset {
         &self.name
     }
 
-    /// Marks the sweeps as generated by a twin, not recorded. The mark stays with every file they are written to, and a name other
-    /// than the twin's becomes "twin (name)", so that their results are never taken for TactMat's.
+    /// Marks the sweeps as generated by a twin. Files keep the mark, and another name becomes "twin (name)", so results
+    /// on the twin cannot be mistaken for results on TactMat.
     pub fn into_twin(mut self, version: TwinVersion) -> Self {
         if self.name != version.name() {
             self.name = format!("{} ({})", version.name(), self.name);
@@ -284,10 +317,19 @@ impl Dataset {
         self
     }
 
-    /// Keeps the first `steps` time steps of every sweep: what a classifier sees that must decide early.
+    /// Keeps the first `steps` time steps of every sweep, for classifiers that decide early.
     ///
     /// # Errors
-    /// More steps than there are, or none.
+    /// No step, or more steps than a sweep has.
+    ///
+    /// ```
+    /// use tactnet_data::twin::{self, TwinConfig};
+    ///
+    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
+    /// let short = twin::generate(&config)?.first_steps(40)?;
+    /// assert_eq!(short.shape().steps, 40);
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
     pub fn first_steps(self, steps: usize) -> Result<Self, DataError> {
         if steps == 0 || steps > self.shape.steps {
             return Err(DataError::inconsistent(
@@ -308,11 +350,11 @@ impl Dataset {
         self.rebuilt(name, shape, |this| (this.records.clone(), samples))
     }
 
-    /// Deals the labels anew at random among all sweeps. Whatever is learnt from such a data set must score chance; what does
-    /// better has seen its test sweeps (permutation test, Ojala & Garriga, 2010).
+    /// Permutes the labels at random among all sweeps. A sound experiment on the result scores chance; a better score
+    /// shows leaked test sweeps (permutation test, Ojala & Garriga, 2010).
     ///
     /// # Errors
-    /// None that the data set did not have before.
+    /// None for a valid data set.
     pub fn permute_labels(self, seed: Seed) -> Result<Self, DataError> {
         let mut labels: Vec<usize> = self.records.iter().map(|record| record.label).collect();
         shuffle(&mut labels, &mut seed.rng("permuted labels"));
@@ -335,10 +377,19 @@ impl Dataset {
         self.rebuilt(name, shape, |this| (records, this.samples))
     }
 
-    /// The sweeps of some materials alone, labelled anew in the order of `labels`.
+    /// Returns the sweeps of the materials with these labels, relabelled in the order of `labels`.
     ///
     /// # Errors
-    /// No label, a label twice, or one that is not there; materials without any sweep.
+    /// No label, a duplicate or unknown label, or materials without sweeps.
+    ///
+    /// ```
+    /// use tactnet_data::twin::{self, TwinConfig};
+    ///
+    /// let config = TwinConfig { materials: 4, sweeps: 2, steps: 100, ..TwinConfig::default() };
+    /// let part = twin::generate(&config)?.of_materials(&[3, 1])?;
+    /// assert_eq!((part.len(), part.labels().len()), (4, 2));
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
     pub fn of_materials(&self, labels: &[usize]) -> Result<Self, DataError> {
         if let Some(label) = labels.iter().find(|label| **label >= self.labels.len()) {
             return Err(DataError::inconsistent(
@@ -370,10 +421,10 @@ impl Dataset {
         })
     }
 
-    /// The same sweeps, all of one material: of a file that says of none.
+    /// Assigns all sweeps of an unlabelled file to one material.
     ///
     /// # Errors
-    /// A name that is none.
+    /// An invalid name, see [`LabelSet::new`].
     pub fn of_one_material(self, name: &str) -> Result<Self, DataError> {
         let labels = LabelSet::new([name])?;
         let records = self.records.iter().enumerate();
@@ -398,8 +449,8 @@ impl Dataset {
         })
     }
 
-    /// Takes all values for those of one sweep of this shape, with the first material: `[steps][rows][cols]` that was read as
-    /// `[sweeps][steps][taxels]`.
+    /// Reinterprets all values as one sweep of this shape with the first material, for a file of `[steps][rows][cols]`
+    /// that was read as `[sweeps][steps][taxels]`.
     ///
     /// # Errors
     /// Another number of values.
@@ -448,43 +499,43 @@ impl Dataset {
         })
     }
 
-    /// Returns where the sweeps come from.
+    /// Returns the origin of the sweeps.
     pub fn origin(&self) -> DataOrigin {
         self.origin
     }
 
-    /// Frames per second; see [`Dataset::is_rate_assumed`].
+    /// Returns the sample rate, in Hz; see [`Dataset::is_rate_assumed`].
     pub fn sample_rate_hz(&self) -> f64 {
         self.sample_rate_hz
     }
 
-    /// The shape that all sweeps share.
+    /// Returns the shape of all sweeps.
     pub fn shape(&self) -> SweepShape {
         self.shape
     }
 
-    /// The materials in label order.
+    /// Returns the materials in label order.
     pub fn labels(&self) -> &LabelSet {
         &self.labels
     }
 
-    /// One record per sweep.
+    /// Returns the metadata of all sweeps.
     pub fn records(&self) -> &[SweepRecord] {
         &self.records
     }
 
-    /// All values: `[sweeps][steps][rows][cols]`.
+    /// Returns all values: `[sweeps][steps][rows][cols]`.
     pub fn samples(&self) -> &Samples {
         &self.samples
     }
 
-    /// Number of sweeps.
+    /// Returns the number of sweeps, at least 1.
     #[allow(clippy::len_without_is_empty)] // never empty, by construction
     pub fn len(&self) -> usize {
         self.records.len()
     }
 
-    /// Number of sweeps per label.
+    /// Returns the number of sweeps per label.
     pub fn sweeps_per_label(&self) -> Vec<usize> {
         let mut counts = vec![0; self.labels.len()];
         for record in &self.records {
@@ -493,7 +544,7 @@ impl Dataset {
         counts
     }
 
-    /// Returns true if the author's own test split is known.
+    /// Returns true if the author's test split is known.
     pub fn has_test_flag(&self) -> bool {
         self.records[0].test.is_some()
     }
@@ -503,15 +554,16 @@ impl Dataset {
         self.records[0].block.is_some()
     }
 
-    /// SHA-256 over the content (rate, shape, names, records, values), in hex; independent of the file format.
+    /// Returns the SHA-256 of the content (rate, shape, names, records, values), in hex. It does not depend on the file
+    /// format.
     pub fn sha256(&self) -> &str {
         &self.sha256
     }
 
-    /// Widens sweep `index` into `out` (`[steps][rows][cols]`, digits).
+    /// Copies sweep `index` as `f32` to `out` (`[steps][rows][cols]`, digits).
     ///
     /// # Panics
-    /// If there is no such sweep, or `out` is not one sweep long.
+    /// If there is no such sweep, or `out` has another length.
     pub fn copy_sweep(&self, index: usize, out: &mut [f32]) {
         assert_eq!(
             out.len(),
@@ -522,7 +574,7 @@ impl Dataset {
         self.samples.copy_to(index * self.shape.values(), out);
     }
 
-    /// Sweep `index` as `[steps][rows][cols]` digits.
+    /// Returns sweep `index` as `[steps][rows][cols]` digits.
     ///
     /// # Panics
     /// If there is no such sweep.
@@ -532,7 +584,7 @@ impl Dataset {
         out
     }
 
-    /// How people address sweep `index`: material, number within it.
+    /// Returns material and number of sweep `index`, for messages.
     pub fn describe(&self, index: usize) -> String {
         let record = &self.records[index];
         format!(

@@ -1,32 +1,32 @@
-//! Everything that can be wrong with recorded data.
+//! Errors of data sets.
 
 use std::path::{Path, PathBuf};
 
 use crate::Remedy;
 
-/// An error about a data set; every variant that comes from a file names that file.
+/// Error of a data set; every variant that concerns a file names it.
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
-    /// The operating system refused.
+    /// Error of the operating system.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
-        /// The file in question.
+        /// Path of the file.
         path: PathBuf,
-        /// What was attempted, as a verb phrase ("read", "rename into place").
+        /// Attempted action, as a verb phrase ("read", "rename into place").
         action: &'static str,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// A file does not hold what its format promises.
+    /// The content of a file does not match its format.
     #[error("{}: {item}: expected {expected}, found {found}", path.display())]
     Format {
-        /// The file in question.
+        /// Path of the file.
         path: PathBuf,
-        /// The part of it: "data set `samples`", "attribute `sample_rate_hz`", "file".
+        /// Part of the file: "data set `samples`", "attribute `sample_rate_hz`", "file".
         item: String,
-        /// What the layout asks for.
+        /// Content that the format requires.
         expected: String,
-        /// What was there.
+        /// Content of the file.
         found: String,
         /// Cure, if the caller can apply one.
         remedy: Option<Remedy>,
@@ -34,31 +34,31 @@ pub enum DataError {
     /// Parts of a data set in memory contradict each other.
     #[error("{item}: expected {expected}, found {found}")]
     Inconsistent {
-        /// Which part.
+        /// The contradicting part.
         item: String,
-        /// What the rest of the data set asks for.
+        /// Value that the other parts require.
         expected: String,
-        /// What was there.
+        /// Value of this part.
         found: String,
         /// Cure, if the caller can apply one.
         remedy: Option<Remedy>,
     },
-    /// A data set that [`crate::check()`] finds errors in.
+    /// A data set with findings of severity error, see [`crate::check()`].
     #[error(
         "{name}: the data set has {errors} error{}, the first: {first}", if *errors == 1 { "" } else { "s" }
     )]
     Unsound {
-        /// Its name or file, as it was given.
+        /// Name or file of the data set, as the caller gave it.
         name: String,
-        /// How many there are.
+        /// Number of errors.
         errors: usize,
-        /// What the first one is.
+        /// Message of the first error.
         first: String,
     },
 }
 
 impl DataError {
-    /// Returns true if the mistake is in what was handed over, such as a folder for a file; false if the disk fails.
+    /// Returns true if the caller can fix the error, for example a folder in place of a file; false if the disk fails.
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Format { .. } | Self::Inconsistent { .. } | Self::Unsound { .. } => true,
@@ -75,7 +75,7 @@ impl DataError {
         }
     }
 
-    /// Returns the error with this cure; errors of the operating system and of [`crate::refuse_errors`] stay as they are.
+    /// Returns the error with this cure. Errors of the operating system and of [`crate::refuse_errors`] do not change.
     #[must_use]
     pub fn with_remedy(mut self, cure: Remedy) -> Self {
         if let Self::Format { remedy, .. } | Self::Inconsistent { remedy, .. } = &mut self {
@@ -84,7 +84,7 @@ impl DataError {
         self
     }
 
-    /// An [`DataError::Io`] for `path`.
+    /// Returns a [`DataError::Io`].
     pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         Self::Io {
             path: path.to_path_buf(),
@@ -93,7 +93,7 @@ impl DataError {
         }
     }
 
-    /// A [`DataError::Format`] for `path`.
+    /// Returns a [`DataError::Format`].
     pub fn format(
         path: &Path,
         item: impl Into<String>,
@@ -109,7 +109,7 @@ impl DataError {
         }
     }
 
-    /// A [`DataError::Inconsistent`].
+    /// Returns a [`DataError::Inconsistent`].
     pub fn inconsistent(
         item: impl Into<String>,
         expected: impl Into<String>,
@@ -124,7 +124,8 @@ impl DataError {
     }
 }
 
-/// Returns true where a path is wrong (nothing there, not allowed, a folder for a file), which another call mends; false where the disk fails.
+/// Returns true if the path is wrong (missing, not permitted, a folder in place of a file), so the caller can fix it;
+/// false if the disk fails.
 pub fn is_wrong_path(error: &std::io::Error) -> bool {
     use std::io::ErrorKind;
     matches!(
@@ -136,7 +137,7 @@ pub fn is_wrong_path(error: &std::io::Error) -> bool {
             | ErrorKind::NotADirectory
             | ErrorKind::InvalidInput
             | ErrorKind::InvalidFilename
-            // A file that is no text.
+            // A text file with bytes that are not UTF-8.
             | ErrorKind::InvalidData
     )
 }

@@ -1,4 +1,4 @@
-//! Download of a published data set, verified by its identity.
+//! Downloads of published data sets, verified by their checksum.
 //!
 //! ```text
 //! url ──> OUT.part (resumed with Range) ── git blob id ──> OUT
@@ -15,19 +15,25 @@ use part::Part;
 use std::path::{Path, PathBuf};
 use transfer::{Patience, transfer};
 
-/// A published file: where it is and which content it has.
+/// Published file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
     /// Address of the file.
     pub url: String,
-    /// Address of the page that offers it to people.
+    /// Address of the web page that links to the file.
     pub page: String,
-    /// Identity of the content, see [`git_blob_id`].
+    /// Checksum of the content, see [`git_blob_id`].
     pub git_blob_id: String,
 }
 
 impl Source {
-    /// TactMat: 36 materials, 100 sweeps each (Tulbure & Bäuml, Humanoids 2018).
+    /// Returns the source of TactMat: 36 materials, 100 sweeps each (Tulbure & Bäuml, Humanoids 2018).
+    ///
+    /// ```
+    /// use tactnet_data::Source;
+    ///
+    /// assert!(Source::tactmat().url.ends_with("tactmat.h5"));
+    /// ```
     pub fn tactmat() -> Self {
         Self {
             url: "https://dlr-alr.github.io/dlr-tactmat/data/tactmat.h5".into(),
@@ -37,64 +43,64 @@ impl Source {
     }
 }
 
-/// How far a download is.
+/// Progress of a download.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Bytes on disk, those of earlier attempts included.
+    /// Bytes on disk, including those of earlier attempts.
     pub done_bytes: u64,
-    /// Size of the file, where the server tells.
+    /// Size of the file in bytes, if the server names it.
     pub total_bytes: Option<u64>,
-    /// Bytes that were on disk before this attempt.
+    /// Bytes that earlier attempts had left on disk.
     pub resumed_from: u64,
 }
 
-/// A file that is there and has the right content.
+/// File with verified content.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fetched {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Its size.
+    /// Size of the file, in bytes.
     pub bytes: u64,
-    /// How it came there.
+    /// Origin of the file.
     pub origin: Origin,
 }
 
-/// How a file came to be where it is.
+/// Origin of a fetched file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Origin {
-    /// It was there with the right content; nothing was downloaded.
+    /// The file existed with the right content; nothing was downloaded.
     AlreadyThere,
-    /// It was downloaded.
+    /// The file was downloaded.
     Downloaded {
-        /// Bytes that an earlier, broken attempt had left.
+        /// Bytes that an earlier, interrupted attempt had left on disk.
         resumed_from: u64,
     },
 }
 
-/// Why a file could not be fetched; every message is one line and says what to do.
+/// Error of a download; every message is one line and suggests the next step.
 #[derive(Debug, thiserror::Error)]
 pub enum FetchError {
-    /// No answer: no network, no such host, nobody listening, no trust.
+    /// The server did not answer: no network, unknown host, connection refused or certificate not trusted.
     #[error("cannot reach {url} ({reason}): download the file by hand from {page}")]
     Unreachable {
         /// Address of the file.
         url: String,
-        /// What the connection failed on.
+        /// Error of the connection.
         reason: String,
-        /// Address of the page that offers it.
+        /// Address of the web page that links to the file.
         page: String,
     },
-    /// The server answered, and not with the file.
+    /// The server answered with an HTTP error.
     #[error("{url}: the server answered {status}: find the file on {page} and download it by hand")]
     Refused {
         /// Address of the file.
         url: String,
         /// HTTP status ("404 Not Found").
         status: String,
-        /// Address of the page that offers it.
+        /// Address of the web page that links to the file.
         page: String,
     },
-    /// The connection broke off within the file.
+    /// The connection was lost during the download.
     #[error(
         "{url}: broke off after {done_bytes} of {} bytes ({reason}); they are kept in {}: run the \
          same command again to resume",
@@ -105,14 +111,14 @@ pub enum FetchError {
         url: String,
         /// Bytes on disk.
         done_bytes: u64,
-        /// Size of the file, where the server told.
+        /// Size of the file in bytes, if the server named it.
         total_bytes: Option<u64>,
-        /// How it broke off.
+        /// Error of the connection.
         reason: String,
-        /// The file that keeps the bytes.
+        /// File that keeps the bytes.
         part: PathBuf,
     },
-    /// The file that the server sent is not the published one.
+    /// The downloaded content is not the published one.
     #[error(
         "{url}: expected content with git blob id {expected}, found {found} ({bytes} bytes); \
          removed it: run the same command again to start anew, or look at {page}"
@@ -120,30 +126,30 @@ pub enum FetchError {
     WrongContent {
         /// Address of the file.
         url: String,
-        /// The published file's identity.
+        /// Checksum of the published file.
         expected: String,
-        /// Identity of what came.
+        /// Checksum of the downloaded content.
         found: String,
-        /// Size of what came.
+        /// Size of the downloaded content, in bytes.
         bytes: u64,
-        /// Address of the page that offers the file.
+        /// Address of the web page that links to the file.
         page: String,
     },
-    /// Something else stands where the file belongs; it is left alone.
+    /// Another file exists at the target path; it is not changed.
     #[error(
         "{}: expected git blob id {expected}, found another file with {found}: move it away or \
          choose another place",
         out.display()
     )]
     Occupied {
-        /// Where the file belongs.
+        /// Target path.
         out: PathBuf,
-        /// The published file's identity.
+        /// Checksum of the published file.
         expected: String,
-        /// Identity of what is there.
+        /// Checksum of the existing file.
         found: String,
     },
-    /// The disk is full, a directory is read-only, or the like. What was downloaded so far is kept.
+    /// Error of the disk: full, read-only or similar. The downloaded bytes are kept.
     #[error(transparent)]
     Disk(#[from] DataError),
 }
@@ -158,7 +164,8 @@ impl FetchError {
         }
     }
 
-    /// Returns true if another call would succeed; false for network, server and disk, where the same call may succeed later.
+    /// Returns true if the caller can fix the error; false for network, server and disk, where the same call may succeed
+    /// later.
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Disk(error) => error.is_usage(),
@@ -171,16 +178,25 @@ impl FetchError {
     }
 }
 
-/// Brings the published file to `out`, unless it is there already.
+/// Downloads the published file to `out` unless it already exists.
 ///
-/// The bytes gather in `<out>.part` and become `out` only when they are the whole file and have the
-/// right content. What a broken attempt left there is continued, whatever `source` it came from:
-/// the content decides. Directories are made as needed. `progress` hears of the first byte and of
-/// every piece (at most 64 KiB) from then on.
+/// The bytes are collected in `<out>.part`, which is renamed to `out` once its checksum is right. An interrupted download
+/// is resumed. Missing folders are created. `progress` is called for the first byte and for every piece (at most 64 KiB).
 ///
 /// # Errors
-/// See [`FetchError`]: the part is kept where a next call can go on with it, and removed where it
-/// has proved wrong.
+/// See [`FetchError`]. The part is kept if a later call can resume it, and removed if its content is wrong.
+///
+/// ```no_run
+/// use std::path::Path;
+///
+/// use tactnet_data::{Source, fetch};
+///
+/// let file = fetch(&Source::tactmat(), Path::new("tactmat.h5"), &mut |progress| {
+///     println!("{} bytes", progress.done_bytes);
+/// })?;
+/// println!("{}: {} bytes", file.path.display(), file.bytes);
+/// # Ok::<(), tactnet_data::FetchError>(())
+/// ```
 pub fn fetch(
     source: &Source,
     out: &Path,

@@ -1,23 +1,23 @@
-//! One thing that a check found, and many of them for people to read.
+//! Findings of a check, singly and in groups.
 
 use crate::Remedy;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
-    /// Training would fail or its result would mean nothing; it is refused.
+    /// Training would fail or give a meaningless result; the data set is refused.
     Error,
-    /// Likely a fault of sensor or recording.
+    /// Likely a fault of the sensor or the recording.
     Warning,
-    /// Normal for some sensors, but good to know.
+    /// Normal for some sensors.
     Note,
 }
 
-/// What a finding is about.
+/// Kind of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FindingKind {
@@ -27,44 +27,44 @@ pub enum FindingKind {
     UnequalLengths,
     /// A sweep in which no taxel ever changes.
     ConstantSweep,
-    /// Two sweeps with the same values.
+    /// Two sweeps have equal values.
     IdenticalSweeps,
     /// A material with fewer than two sweeps, or fewer than the usual folds.
     FewSweeps,
-    /// A taxel that has one value in the whole data set.
+    /// A taxel has the same value in the whole data set.
     DeadTaxel,
-    /// A taxel that keeps one value throughout a sweep.
+    /// A taxel is constant during a sweep.
     ConstantTaxel,
-    /// Many values at the ceiling of the sensor.
+    /// Many values are at the sensor's maximum.
     Saturation,
-    /// Values unlike those of the other sweeps.
+    /// Values are unlike those of the other sweeps.
     OutOfRange,
-    /// Materials with unequal numbers of sweeps.
+    /// Materials have unequal numbers of sweeps.
     UnbalancedMaterials,
-    /// A sample rate that nobody named.
+    /// The data does not name its sample rate.
     AssumedRate,
-    /// Materials that have numbers for names.
+    /// All names of materials are numbers.
     NumberedMaterials,
-    /// More taxels side by side than time steps.
+    /// More taxels on a side of the patch than time steps.
     AxisOrder,
-    /// Sweeps of less than a twentieth of a second.
+    /// Sweeps shorter than 50 ms.
     ShortSweeps,
-    /// Sweeps of more than ten minutes.
+    /// Sweeps longer than ten minutes.
     LongSweeps,
-    /// A taxel that rises steadily, and alike in all sweeps.
+    /// A taxel rises steadily and identically in all sweeps.
     ClockTaxel,
-    /// A single material, so that there is nothing to tell apart.
+    /// The data set has only one material.
     SingleMaterial,
-    /// Materials whose names differ in nothing but case or blanks.
+    /// Names of materials differ only in case or white space.
     AlikeNames,
-    /// Taxels in one row, since the file does not say how they are arranged.
+    /// Taxels are in one row, because the file does not name their arrangement.
     AssumedPatch,
-    /// Something in the file that is not read.
+    /// A part of the file is not read.
     NotRead,
 }
 
 impl FindingKind {
-    /// True if it says something of the materials, and nothing of the values.
+    /// Returns true if the finding concerns the materials and not the values.
     pub fn is_about_materials(self) -> bool {
         matches!(
             self,
@@ -77,27 +77,27 @@ impl FindingKind {
     }
 }
 
-/// Where a finding is, as far as it has a place.
+/// Place of a finding; all parts are `None` if it concerns the whole data set.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Place {
     /// Index of the sweep in the data set.
     pub sweep: Option<usize>,
-    /// Number of the taxel, row by row.
+    /// Index of the taxel, row by row.
     pub taxel: Option<usize>,
     /// Time step.
     pub step: Option<usize>,
 }
 
-/// One thing that is wrong or odd.
+/// Error, warning or note about a data set.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
-    /// What it is about.
+    /// Kind.
     pub kind: FindingKind,
-    /// The first place where it shows.
+    /// First place where it occurs.
     pub at: Place,
-    /// A sentence for people: material, sweep, taxels, numbers.
+    /// Sentence that names material, sweep, taxels and numbers.
     pub message: String,
     /// Cure, if the caller can apply one; [`Finding::message`] does not contain it.
     #[serde(skip)]
@@ -142,7 +142,7 @@ impl fmt::Display for FindingKind {
 }
 
 impl Finding {
-    /// Returns true if it is about the data set as a whole, not about one sweep or taxel.
+    /// Returns true if the finding concerns the whole data set instead of one sweep or taxel.
     pub fn is_general(&self) -> bool {
         self.at == Place::default()
     }
@@ -166,7 +166,7 @@ pub struct CheckReport {
 }
 
 impl CheckReport {
-    /// Counts `findings`.
+    /// Counts the errors and warnings of `findings`.
     pub fn of(findings: Vec<Finding>) -> Self {
         let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
         Self {
@@ -180,15 +180,15 @@ impl CheckReport {
 /// Findings of one kind and severity.
 #[derive(Debug, Clone, Serialize)]
 pub struct FindingGroup {
-    /// How bad they are.
+    /// Severity of all of them.
     pub severity: Severity,
-    /// What they are about.
+    /// Kind of all of them.
     pub kind: FindingKind,
-    /// All of them, in the order of the sweeps.
+    /// Findings in the order of the sweeps.
     pub findings: Vec<Finding>,
 }
 
-/// Puts findings of one kind and severity together, errors first.
+/// Groups findings by severity and kind, errors first.
 pub fn group_findings(findings: &[Finding]) -> Vec<FindingGroup> {
     let mut groups: BTreeMap<(Severity, FindingKind), Vec<Finding>> = BTreeMap::new();
     for finding in findings {

@@ -1,4 +1,4 @@
-//! How a data set falls into sweeps to learn from and sweeps to be judged by.
+//! Splits of a data set into training and test sweeps.
 //!
 //! ```text
 //! Dataset ── Scheme, seed, repeat, fold ──> Fold { train, test } ──> SplitManifest
@@ -17,13 +17,32 @@ use crate::{DataError, Dataset, Seed, shuffle};
 use scheme::blocks_of_each_label;
 use split::DealtBy;
 
-/// One split of a data set. It depends on the data set's content, the scheme, the seed, the repeat and
-/// the fold, and on nothing else.
+/// One split of a data set into training and test sweeps. It depends only on the data set's content, the scheme, the
+/// seed, the repeat and the fold.
+///
+/// ```
+/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::{Fold, Scheme, Seed};
+///
+/// let config = TwinConfig { materials: 2, sweeps: 10, steps: 100, ..TwinConfig::default() };
+/// let dataset = twin::generate(&config)?;
+/// let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?;
+/// assert_eq!((fold.train.len(), fold.test.len()), (16, 4));
+///
+/// // A second split of the training sweeps chooses settings without the test sweeps.
+/// let (train, validation) = fold.inner(0)?;
+/// assert_eq!(train.len() + validation.len(), 16);
+///
+/// // A manifest repeats the split later.
+/// let same = fold.manifest().fold(&dataset)?;
+/// assert_eq!(same.test.indices(), fold.test.indices());
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Fold<'a> {
-    /// The sweeps to learn from.
+    /// Training sweeps.
     pub train: TrainSplit<'a>,
-    /// The sweeps to measure the result on.
+    /// Test sweeps.
     pub test: TestSplit<'a>,
     dataset: &'a Dataset,
     scheme: Scheme,
@@ -33,19 +52,18 @@ pub struct Fold<'a> {
 }
 
 impl<'a> Fold<'a> {
-    /// Parts that [`Fold::inner`] deals the training sweeps into where every material has as many: 100 sweeps of a material in 5
-    /// outer folds give the 64/16 split that TactNet-II's settings were chosen on (Tulbure & Bäuml,
-    /// Humanoids 2018).
+    /// Usual number of parts of [`Fold::inner`]: 100 sweeps of a material in 5 outer folds give the 64/16 split that
+    /// TactNet-II's settings were chosen on (Tulbure & Bäuml, Humanoids 2018).
     pub const INNER_FOLDS: usize = 5;
 
     /// Splits `dataset`.
     ///
-    /// - `repeat`: which repetition, below [`Scheme::repeats`]
-    /// - `fold`: which fold of that repeat, below [`Scheme::folds`]
+    /// - `repeat`: repetition, below [`Scheme::repeats`]
+    /// - `fold`: fold of that repeat, below [`Scheme::folds`]
     ///
     /// # Errors
-    /// No such repeat or fold, a material with fewer sweeps than folds, or what [`Scheme::folds`]
-    /// refuses; a `test_flag` that leaves one side empty.
+    /// No such repeat or fold; a material with fewer sweeps than folds; errors of [`Scheme::folds`]; a `test_flag` that
+    /// leaves one side empty.
     pub fn new(
         dataset: &'a Dataset,
         scheme: Scheme,
@@ -115,22 +133,22 @@ impl<'a> Fold<'a> {
         })
     }
 
-    /// How the data set was split.
+    /// Returns the scheme of the split.
     pub fn scheme(&self) -> Scheme {
         self.scheme
     }
 
-    /// The seed of the random choices.
+    /// Returns the seed of the random choices.
     pub fn seed(&self) -> Seed {
         self.seed
     }
 
-    /// Which repetition this is.
+    /// Returns the number of the repetition.
     pub fn repeat(&self) -> usize {
         self.repeat
     }
 
-    /// Which fold of the repeat this is.
+    /// Returns the number of the fold in its repeat.
     pub fn fold(&self) -> usize {
         self.fold
     }
@@ -152,10 +170,21 @@ impl<'a> Fold<'a> {
         }
     }
 
-    /// The same fold with few training sweeps: `shots` of every material, drawn at random. Fewer shots are a part of more.
+    /// Returns the fold with only `shots` random training sweeps of every material. A smaller number gives a subset.
     ///
     /// # Errors
     /// No shot, or a material with fewer training sweeps.
+    ///
+    /// ```
+    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::{Fold, Scheme, Seed};
+    ///
+    /// let config = TwinConfig { materials: 2, sweeps: 10, steps: 100, ..TwinConfig::default() };
+    /// let dataset = twin::generate(&config)?;
+    /// let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?;
+    /// assert_eq!(fold.shots(3)?.train.len(), 6);
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
     pub fn shots(&self, shots: usize) -> Result<Self, DataError> {
         let mut of_label = vec![Vec::new(); self.dataset.labels().len()];
         for &sweep in self.train.indices() {
@@ -187,7 +216,7 @@ impl<'a> Fold<'a> {
         })
     }
 
-    /// The same fold with a fifth of its training sweeps set aside, to calibrate with.
+    /// Returns the fold without a fifth of its training sweeps, and that fifth, which serves calibration.
     ///
     /// # Errors
     /// A material with fewer training sweeps than [`Fold::INNER_FOLDS`].
@@ -219,8 +248,8 @@ impl<'a> Fold<'a> {
         }
     }
 
-    /// The same as a fold of its own: trains on what part `part` leaves of the training sweeps and is judged by that part. The
-    /// test sweeps of this fold are on neither side.
+    /// Returns a fold that splits the training sweeps once more: part `part` is the test side, the rest the training
+    /// side. It contains no test sweep of this fold.
     ///
     /// # Errors
     /// As [`Fold::inner`].
@@ -234,7 +263,7 @@ impl<'a> Fold<'a> {
     }
 }
 
-/// Returns which sweeps are held out: `test_percent` of every material's, at least one and never all.
+/// Returns true for held-out sweeps: `test_percent` of every material's sweeps, at least one and never all.
 fn held_out(
     dataset: &Dataset,
     test_percent: usize,
@@ -263,13 +292,13 @@ fn held_out(
     Ok(tested)
 }
 
-/// Deals sweeps like cards, each label's in random order, one label after the other without
-/// starting over: the parts differ by at most one sweep, in every label and in all.
+/// Distributes sweeps to parts, label by label in random order. The sizes of the parts differ by at most one sweep, for
+/// every label and in total.
+///
+/// Returns the part of each of `sweeps`, below `parts`. The order of label `l` comes from the stream `(stream, repeat,
+/// l)`.
 ///
 /// - `sweeps`: indices into the data set
-///
-/// Gives the part of each of `sweeps`, below `parts`. The order of label `l` comes from the stream
-/// `(stream, repeat, l)`.
 fn deal(
     dataset: &Dataset,
     sweeps: &[usize],

@@ -4,7 +4,11 @@ use std::fmt::Write;
 
 use sha2::{Digest, Sha256};
 
-/// Bytes as lower-case hexadecimal digits, two a byte.
+/// Returns bytes as lower-case hexadecimal digits, two per byte.
+///
+/// ```
+/// assert_eq!(tactnet_data::hex([1, 255]), "01ff");
+/// ```
 pub fn hex(bytes: impl AsRef<[u8]>) -> String {
     let bytes = bytes.as_ref();
     let mut text = String::with_capacity(2 * bytes.len());
@@ -14,7 +18,11 @@ pub fn hex(bytes: impl AsRef<[u8]>) -> String {
     text
 }
 
-/// SHA-256 of `content` in hexadecimal digits.
+/// Returns the SHA-256 of `content` as hexadecimal digits.
+///
+/// ```
+/// assert!(tactnet_data::sha256_hex("cork").starts_with(|digit: char| digit.is_ascii_hexdigit()));
+/// ```
 pub fn sha256_hex(content: impl AsRef<[u8]>) -> String {
     hex(Sha256::digest(content))
 }

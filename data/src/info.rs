@@ -1,19 +1,19 @@
-//! What a person wants to know about a data set.
+//! Properties of data sets.
 
 use crate::{Dataset, Samples, SweepShape};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeSet;
 
-/// An `f32` data set shows percentiles of about this many of its values, evenly spaced.
+/// Approximate number of evenly spaced values of an `f32` data set from which the percentiles are taken.
 const PERCENTILE_VALUES: usize = 1 << 20;
-/// The percentiles in [`Info::percentiles`], in percent.
+/// Percentages of [`Info::percentiles`].
 const PERCENTILES: [f64; 7] = [1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0];
 
-/// A data set in numbers.
+/// Properties of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Info {
-    /// What people call it.
+    /// Name of the data set.
     pub name: String,
     /// Checksum of the content, see [`Dataset::sha256`].
     pub sha256: String,
@@ -25,19 +25,19 @@ pub struct Info {
     pub element: &'static str,
     /// Memory of the values, in bytes.
     pub memory_bytes: usize,
-    /// Frames per second.
+    /// Sample rate, in Hz.
     pub sample_rate_hz: f64,
-    /// True if the data does not say, and the rate is assumed.
+    /// True if the data does not name its sample rate.
     pub sample_rate_assumed: bool,
-    /// Duration of a sweep, in seconds.
+    /// Duration of a sweep, in s.
     pub sweep_seconds: f64,
     /// The materials in label order; empty if the file names none.
     pub materials: Vec<MaterialInfo>,
-    /// Number of recording blocks, those of each material counted by themselves, where they are known.
+    /// Number of recording blocks, counted per material, if they are known.
     pub blocks: Option<usize>,
-    /// Number of different block numbers, where they are known.
+    /// Number of distinct block numbers, if they are known.
     pub block_numbers: Option<usize>,
-    /// Sweeps in the author's test split, where it is known.
+    /// Number of sweeps in the author's test split, if it is known.
     pub test_sweeps: Option<usize>,
     /// Smallest finite value, in digits.
     pub min: f64,
@@ -47,8 +47,8 @@ pub struct Info {
     pub mean: f64,
     /// Standard deviation of the finite values, in digits.
     pub std: f64,
-    /// Percentage and value below which that percentage of the values lies. Exact for integers; of an `f32` data set
-    /// from about a million values, evenly spaced.
+    /// Percentage, and value below which that percentage of the values is. Exact for integers; for `f32` from about a
+    /// million evenly spaced values.
     pub percentiles: Vec<(f64, f64)>,
     /// Share of the values that are 0.
     pub zeros: f64,
@@ -56,19 +56,19 @@ pub struct Info {
     pub not_finite: usize,
 }
 
-/// A material of a data set in numbers.
+/// Properties of a material in a data set.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct MaterialInfo {
-    /// Its name.
+    /// Name of the material.
     pub name: String,
-    /// Its sweeps.
+    /// Number of its sweeps.
     pub sweeps: usize,
-    /// Those in the author's test split, where it is known.
+    /// Number of its sweeps in the author's test split, if it is known.
     pub test_sweeps: Option<usize>,
 }
 
 impl Info {
-    /// The same of a file that names no materials.
+    /// Returns the properties without materials, for an unlabelled file.
     #[must_use]
     pub fn unlabelled(self) -> Self {
         Self {
@@ -78,7 +78,17 @@ impl Info {
     }
 }
 
-/// Measures `dataset`.
+/// Returns the properties of `dataset`.
+///
+/// ```
+/// use tactnet_data::info;
+/// use tactnet_data::twin::{self, TwinConfig};
+///
+/// let config = TwinConfig { materials: 2, sweeps: 3, steps: 150, ..TwinConfig::default() };
+/// let info = info(&twin::generate(&config)?);
+/// assert_eq!((info.sweeps, info.element, info.sweep_seconds), (6, "u8", 0.2));
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 pub fn info(dataset: &Dataset) -> Info {
     let shape = dataset.shape();
     let records = dataset.records();
@@ -139,7 +149,7 @@ pub fn info(dataset: &Dataset) -> Info {
     }
 }
 
-/// Sums over finite values.
+/// Sums of finite values.
 struct Moments {
     count: usize,
     zeros: usize,
@@ -149,7 +159,8 @@ struct Moments {
     max: f64,
 }
 
-/// Summed sweep by sweep, then in the order of the sweeps, so that the number of threads does not show.
+/// Returns the sums over all sweeps. They are added in the order of the sweeps, so the result does not depend on the
+/// number of threads.
 fn moments(dataset: &Dataset) -> Moments {
     let of_sweeps: Vec<Moments> = (0..dataset.len())
         .into_par_iter()
@@ -196,7 +207,7 @@ impl Moments {
     }
 }
 
-/// The value that stands at each percentage when all are sorted (nearest rank).
+/// Returns the value at each percentage of the sorted values (nearest rank).
 fn percentiles(samples: &Samples) -> Vec<(f64, f64)> {
     let rank = |percent: f64, count: usize| (percent / 100.0 * (count - 1) as f64).round() as usize;
     match samples {

@@ -1,14 +1,19 @@
-//! Names that somebody mistyped: which one was meant, and which there are.
+//! Suggestions for mistyped names.
 
-/// How alike two names must be that one is proposed for the other, as Jaro measures it: 0 to 1.
+/// Minimum Jaro similarity, 0 to 1, of a suggested name.
 const ALIKE: f64 = 0.7;
-/// Lists up to this length are given whole.
+/// Maximum length of a list that is shown whole.
 const SHORT: usize = 16;
-/// Names given of a longer list.
+/// Number of names shown of a longer list.
 const SHOWN: usize = 5;
 
-/// Returns which of the `known` names there are, and which of them `name` is nearest to, to stand at the end of a message:
-/// `fast, thesis; did you mean `fast`?`. Of more than 16 names only the five nearest are given.
+/// Returns the `known` names and the one most similar to `name`, for the end of a message: `fast, thesis; did you mean
+/// `fast`?`. Of more than 16 names only the five most similar are named.
+///
+/// ```
+/// let text = tactnet_data::known_names("fats", ["fast", "thesis"]);
+/// assert_eq!(text, "fast, thesis; did you mean `fast`?");
+/// ```
 pub fn known_names<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let mut known: Vec<&str> = known.into_iter().collect();
     let meant = near_name(name, known.iter().copied());
@@ -29,7 +34,12 @@ pub fn known_names<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> 
     }
 }
 
-/// Returns the one of the `known` names that was meant by `name`, if one is near enough; of equally near ones the first.
+/// Returns the most similar of the `known` names, if it is similar enough; the first of equally similar ones.
+///
+/// ```
+/// assert_eq!(tactnet_data::near_name("crok", ["denim", "cork"]), Some("cork"));
+/// assert_eq!(tactnet_data::near_name("felt", ["denim", "cork"]), None);
+/// ```
 pub fn near_name<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let mut nearest = (ALIKE, None);
     for known in known {
@@ -41,17 +51,21 @@ pub fn near_name<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Op
     nearest.1
 }
 
-/// Returns true if two names differ in nothing but case and blanks.
+/// Returns true if two names differ only in case and white space.
+///
+/// ```
+/// assert!(tactnet_data::is_same_name("Linen Fabric", "linenfabric"));
+/// ```
 pub fn is_same_name(one: &str, other: &str) -> bool {
     plain_name(one) == plain_name(other)
 }
 
-/// Returns a name in lower case, without blanks.
+/// Returns a name in lower case, without white space.
 pub(crate) fn plain_name(name: &str) -> String {
     name.to_lowercase().split_whitespace().collect()
 }
 
-/// 1 for the same letters, 0 for nothing in common. Part of a name is more than any other spelling.
+/// Returns the similarity of two names: 1 for the same letters, 0 for no common letter. A part of a name scores 1.
 fn likeness(name: &str, known: &str) -> f64 {
     let [name, known] = [name, known].map(str::to_lowercase);
     if name.chars().count() > 2 && known.contains(&name) {

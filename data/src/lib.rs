@@ -1,12 +1,22 @@
-//! What was recorded: sweeps of a tactile skin, the materials they touched, and how they are split.
+//! Data sets of a tactile skin: sweeps, their materials, checks and splits.
 //!
 //! ```text
 //! HDF5 / npz / twin ──> Dataset ──> check ──> folds ──> TrainSplit, TestSplit
 //! ```
 //!
-//! Nothing here learns anything. A [`Dataset`] keeps its sweeps in their native element type
-//! (`u8`, `u16` or `f32`) and widens
-//! them to `f32` one sweep at a time.
+//! A [`Dataset`] stores its sweeps in their native element type (`u8`, `u16` or `f32`) and converts one sweep at a time
+//! to `f32`. This crate trains no models.
+//!
+//! ```
+//! use tactnet_data::twin::TwinConfig;
+//! use tactnet_data::{CheckedDataset, Seed};
+//!
+//! let config = TwinConfig { materials: 3, sweeps: 10, steps: 200, ..TwinConfig::default() };
+//! let dataset = CheckedDataset::twin(&config)?;
+//! let fold = dataset.folds(Seed(1)).first();
+//! println!("train on {} sweeps, test on {}", fold.train.len(), fold.test.len());
+//! # Ok::<(), tactnet_data::DataError>(())
+//! ```
 
 mod check;
 mod checked_dataset;

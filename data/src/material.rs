@@ -1,21 +1,30 @@
-//! Materials and the ordered label set that numbers them.
+//! Materials and the label set that numbers them.
 
 use std::collections::HashMap;
 
 use crate::DataError;
 use serde::{Deserialize, Serialize};
 
-/// A surface that was swept, by its name ("cork", "linen fabric rough").
+/// Name of a surface ("cork", "linen fabric rough").
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Material(pub String);
 
-/// The materials of a data set in label order: label `k` is the `k`-th material.
+/// Materials of a data set in label order: label `k` is the `k`-th material.
+///
+/// ```
+/// use tactnet_data::LabelSet;
+///
+/// let labels = LabelSet::new(["cork", "denim"])?;
+/// assert_eq!((labels.len(), labels.name(1)), (2, "denim"));
+/// assert!(LabelSet::new(["cork", "cork"]).is_err());
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<String>", into = "Vec<String>")]
 pub struct LabelSet(Vec<Material>);
 
-/// Longest name of a material, bytes of UTF-8.
+/// Maximum length of a material's name, in bytes of UTF-8.
 const MAX_NAME: usize = 256;
 
 impl TryFrom<Vec<String>> for LabelSet {
@@ -33,10 +42,10 @@ impl From<LabelSet> for Vec<String> {
 }
 
 impl LabelSet {
-    /// Numbers `names` in the given order.
+    /// Returns the label set of `names` in this order.
     ///
     /// # Errors
-    /// No name at all, an empty name, the same name twice, a name of more than 256 bytes or with control characters.
+    /// No names, an empty or duplicate name, a name of more than 256 bytes or with control characters.
     pub fn new<I, S>(names: I) -> Result<Self, DataError>
     where
         I: IntoIterator<Item = S>,
@@ -66,7 +75,7 @@ impl LabelSet {
                     format!("{} bytes at label {label}", material.0.len()),
                 ));
             }
-            // They would move a terminal's cursor, or turn a table's columns round.
+            // Control characters could move a terminal's cursor, or reverse the columns of a table.
             if material.0.chars().any(is_control) {
                 return Err(DataError::inconsistent(
                     "materials",
@@ -85,13 +94,13 @@ impl LabelSet {
         Ok(Self(materials))
     }
 
-    /// Number of materials.
+    /// Returns the number of materials, at least 1.
     #[allow(clippy::len_without_is_empty)] // never empty, by construction
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// The name behind a label.
+    /// Returns the name of a label.
     ///
     /// # Panics
     /// If `label >= self.len()`.
@@ -99,13 +108,18 @@ impl LabelSet {
         &self.0[label].0
     }
 
-    /// The names in label order.
+    /// Returns the names in label order.
     pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
         self.0.iter().map(|m| m.0.as_str())
     }
 }
 
-/// Returns true for characters that are shown as nothing, or change how others are shown.
+/// Returns true for invisible characters and those that change the display of others.
+///
+/// ```
+/// assert!(tactnet_data::is_control('\u{1b}'));
+/// assert!(!tactnet_data::is_control('ü'));
+/// ```
 pub fn is_control(character: char) -> bool {
     character.is_control() || matches!(character, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }

@@ -1,20 +1,32 @@
-//! Materials in two: those that are known, and new ones that a classifier meets later.
+//! Splits by material into known and new ones.
 
 use crate::{DataError, Dataset, Seed, shuffle};
 
-/// A data set, split by material. The two sides are data sets of their own, so nothing that is fitted to one has seen the other.
+/// Data set split by material. The two sides are separate data sets, so models fitted to one have not seen the other.
+///
+/// ```
+/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::{MaterialSplit, Seed};
+///
+/// let config = TwinConfig { materials: 6, sweeps: 2, steps: 100, ..TwinConfig::default() };
+/// let split = MaterialSplit::draw(&twin::generate(&config)?, 2, Seed(1), 0)?;
+/// assert_eq!((split.known.labels().len(), split.new.labels().len()), (4, 2));
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct MaterialSplit {
-    /// Sweeps of the known materials, in the order of the whole set.
+    /// Sweeps of the known materials, in the original order.
     pub known: Dataset,
-    /// Sweeps of the new materials, in the order of the whole set.
+    /// Sweeps of the new materials, in the original order.
     pub new: Dataset,
-    /// Labels of the new materials in the whole set, ascending.
+    /// Labels of the new materials in the whole data set, ascending.
     pub new_labels: Vec<usize>,
 }
 
 impl MaterialSplit {
-    /// Draws `new` materials at random; `number` names the draw.
+    /// Draws `new` materials at random.
+    ///
+    /// - `number`: number of the draw; each gives other materials
     ///
     /// # Errors
     /// Fewer than two materials on a side.
@@ -30,10 +42,10 @@ impl MaterialSplit {
         Self::of(dataset, &labels)
     }
 
-    /// Takes the materials with these labels as new.
+    /// Splits off the materials with these labels as new.
     ///
     /// # Errors
-    /// Fewer than two materials on a side; a label twice, or one that is not there.
+    /// Fewer than two materials on a side, or a duplicate or unknown label.
     pub fn of(dataset: &Dataset, new: &[usize]) -> Result<Self, DataError> {
         let mut new_labels = new.to_vec();
         new_labels.sort_unstable();

@@ -1,13 +1,13 @@
-//! Files of somebody else, which may be pipes or devices under a file's name.
+//! Reading of files, which may turn out to be pipes or devices.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-/// Opens a file to read it; never waits for a pipe's other end.
+/// Opens a file for reading; never waits for the other end of a pipe.
 ///
 /// # Errors
-/// It cannot be opened; it is a folder, a pipe or a device.
+/// A file that cannot be opened; a folder, a pipe or a device.
 pub fn open_file(path: &Path) -> Result<File> {
     let mut options = File::options();
     options.read(true);
@@ -31,6 +31,10 @@ pub fn open_file(path: &Path) -> Result<File> {
 ///
 /// # Errors
 /// As [`open_file`].
+///
+/// ```
+/// assert!(tactnet_data::read_file(&std::env::temp_dir()).is_err());
+/// ```
 pub fn read_file(path: &Path) -> Result<Vec<u8>> {
     let mut file = open_file(path)?;
     let mut bytes = Vec::with_capacity(file.metadata()?.len() as usize);
@@ -41,7 +45,7 @@ pub fn read_file(path: &Path) -> Result<Vec<u8>> {
 /// Reads a whole file of UTF-8.
 ///
 /// # Errors
-/// As [`open_file`]; other bytes.
+/// As [`open_file`], and other encodings.
 pub fn read_text(path: &Path) -> Result<String> {
     String::from_utf8(read_file(path)?).map_err(|error| Error::new(ErrorKind::InvalidData, error))
 }

@@ -1,18 +1,28 @@
-//! The numbers of all sweeps in their native element type.
+//! Values of all sweeps in their native element type.
 
-/// Values in row-major order, kept as they were recorded and widened to `f32` one batch at a time.
+/// Values in row-major order, stored in their recorded type and converted to `f32` batch by batch.
+///
+/// ```
+/// use tactnet_data::Samples;
+///
+/// let samples = Samples::U16(vec![10, 1000, 65535]);
+/// let mut out = [0.0; 2];
+/// samples.copy_to(1, &mut out);
+/// assert_eq!(out, [1000.0, 65535.0]);
+/// assert_eq!((samples.element(), samples.bytes()), ("u16", 6));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {
-    /// 8-bit digits, as TactMat.
+    /// 8-bit digits, such as TactMat's.
     U8(Vec<u8>),
-    /// 16-bit digits, as the BioTac.
+    /// 16-bit digits, such as the BioTac's.
     U16(Vec<u16>),
-    /// Anything else.
+    /// All other numbers.
     F32(Vec<f32>),
 }
 
 impl Samples {
-    /// Number of values.
+    /// Returns the number of values.
     pub fn len(&self) -> usize {
         match self {
             Self::U8(v) => v.len(),
@@ -21,12 +31,12 @@ impl Samples {
         }
     }
 
-    /// Returns true if there is no value.
+    /// Returns true if the list is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The element type's name: `u8`, `u16` or `f32`.
+    /// Returns the name of the element type: `u8`, `u16` or `f32`.
     pub fn element(&self) -> &'static str {
         match self {
             Self::U8(_) => "u8",
@@ -35,7 +45,7 @@ impl Samples {
         }
     }
 
-    /// The largest value the element type can hold, where it is an integer type.
+    /// Returns the largest value of an integer type; `None` for `f32`.
     pub fn element_max(&self) -> Option<f32> {
         match self {
             Self::U8(_) => Some(f32::from(u8::MAX)),
@@ -44,7 +54,7 @@ impl Samples {
         }
     }
 
-    /// Memory of the values, in bytes.
+    /// Returns the memory of the values, in bytes.
     pub fn bytes(&self) -> usize {
         match self {
             Self::U8(v) => v.len(),
@@ -53,10 +63,10 @@ impl Samples {
         }
     }
 
-    /// Widens `out.len()` values that start at `start` into `out`.
+    /// Copies `out.len()` values from index `start` on to `out`, as `f32`.
     ///
     /// # Panics
-    /// If the range ends behind the last value.
+    /// If there are fewer values.
     pub fn copy_to(&self, start: usize, out: &mut [f32]) {
         let range = start..start + out.len();
         match self {
@@ -72,7 +82,7 @@ impl Samples {
         }
     }
 
-    /// The first `head` values of every `whole`.
+    /// Returns the first `head` values of every `whole` values.
     pub(crate) fn heads(&self, whole: usize, head: usize) -> Self {
         fn cut<T: Copy>(values: &[T], whole: usize, head: usize) -> Vec<T> {
             values
@@ -88,7 +98,7 @@ impl Samples {
         }
     }
 
-    /// The runs of `whole` values at `positions`, in that order.
+    /// Returns the runs of `whole` values at `positions`, in that order.
     pub(crate) fn gather(&self, whole: usize, positions: &[usize]) -> Self {
         fn pick<T: Copy>(values: &[T], whole: usize, positions: &[usize]) -> Vec<T> {
             positions
@@ -104,7 +114,7 @@ impl Samples {
         }
     }
 
-    /// The values' little-endian bytes, piece by piece, for hashing.
+    /// Passes the little-endian bytes of the values to `visit` in pieces, for hashing.
     pub(crate) fn for_each_le_chunk(&self, mut visit: impl FnMut(&[u8])) {
         const CHUNK: usize = 1 << 14;
         match self {

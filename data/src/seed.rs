@@ -1,12 +1,12 @@
-//! Named random streams from one seed.
+//! Named random streams of one seed.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use sha2::{Digest, Sha256};
 
-/// The one number behind every random choice of a run.
+/// Seed of all random choices of a run.
 ///
-/// A stream is asked for by name, so adding a new consumer never shifts the numbers that another one sees:
+/// Each consumer names its stream, so a new consumer does not change the numbers of the others:
 ///
 /// ```
 /// use rand::Rng;
@@ -20,9 +20,9 @@ use sha2::{Digest, Sha256};
 #[serde(transparent)]
 pub struct Seed(pub u64);
 
-/// A stream's name: a word, or a word with one or two indices.
+/// Name of a stream: a word with up to two indices.
 pub trait StreamName {
-    /// The word and the indices that follow it.
+    /// Returns the word and the indices.
     fn parts(&self) -> (&str, [u64; 2]);
 }
 
@@ -45,7 +45,7 @@ impl StreamName for (&str, usize, usize) {
 }
 
 impl Seed {
-    /// The stream called `name`: ChaCha8 keyed by SHA-256 of seed, word and indices.
+    /// Returns the stream with this name: ChaCha8 keyed by SHA-256 of seed, word and indices.
     pub fn rng(self, name: impl StreamName) -> ChaCha8Rng {
         let (word, indices) = name.parts();
         let mut hash = Sha256::new();

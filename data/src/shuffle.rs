@@ -1,14 +1,13 @@
-//! Random order, the same with every version of every dependency.
+//! Random permutations that do not depend on the versions of dependencies.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// Puts `items` into an order drawn from `rng`; every order is equally likely.
+/// Permutes `items` at random; every order is equally likely.
 ///
-/// The algorithm is fixed here (Fisher-Yates from the last item down, each draw an unbiased [`u64`]
-/// remainder) because rand's own `shuffle` may draw other numbers after a minor release, and a fold
-/// must stay what it was when its result was written down. ChaCha8's output is fixed by its
-/// specification.
+/// The algorithm is fixed here: Fisher-Yates from the last item down, with unbiased draws from `u64`. rand's own
+/// `shuffle` may draw other numbers after a minor release, but folds must stay the same. The specification of ChaCha8
+/// fixes its output.
 ///
 /// ```
 /// use tactnet_data::{Seed, shuffle};
@@ -22,7 +21,7 @@ pub fn shuffle<T>(items: &mut [T], rng: &mut ChaCha8Rng) {
     }
 }
 
-/// A number in `0..bound`, by rejecting draws from the incomplete last stretch of the `u64` range.
+/// Returns a number in `0..bound`; draws from the incomplete last part of the `u64` range are rejected.
 fn below(bound: u64, rng: &mut ChaCha8Rng) -> u64 {
     let incomplete = (u64::MAX % bound + 1) % bound;
     loop {
@@ -49,7 +48,7 @@ mod tests {
             *counts.entry(items).or_insert(0i64) += 1;
         }
         assert_eq!(counts.len(), 24);
-        // 1000 expected with a standard deviation of 31: five of those leave 1e-5 for a false alarm.
+        // 1000 are expected with a standard deviation of 31; five of those give a false alarm in 1e-5 of all runs.
         assert!(
             counts.values().all(|&n| (n - 1000).abs() < 155),
             "{counts:?}"

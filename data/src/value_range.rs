@@ -1,10 +1,17 @@
-//! Which values sweeps have.
+//! Ranges of values.
 
 use serde::{Deserialize, Serialize};
 
 use crate::SweepView;
 
-/// The values of some sweeps.
+/// Range of the values of some sweeps.
+///
+/// ```
+/// use tactnet_data::ValueRange;
+///
+/// let range = ValueRange::of_frame(&[1.0, f32::NAN, 5.0]).unwrap();
+/// assert_eq!((range.least, range.greatest, range.greatest_mean), (1.0, 5.0, 3.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ValueRange {
@@ -12,15 +19,15 @@ pub struct ValueRange {
     pub least: f32,
     /// Largest value of a taxel.
     pub greatest: f32,
-    /// Largest mean of a frame.
+    /// Largest mean of the finite values of a frame.
     pub greatest_mean: f32,
 }
 
 impl ValueRange {
-    /// Least and greatest value of a raw 8-bit skin.
+    /// Smallest and largest value of a raw 8-bit skin.
     pub const DIGITS: [f32; 2] = [0.0, 255.0];
 
-    /// Returns the range of all sweeps of `view`; `None` without one finite value.
+    /// Returns the range of all sweeps of `view`; `None` if no value is finite.
     pub fn of(view: &SweepView<'_>) -> Option<Self> {
         let shape = view.shape();
         let mut sweep = vec![0.0; shape.values()];
@@ -34,7 +41,7 @@ impl ValueRange {
         range
     }
 
-    /// Returns the range of one frame; `None` without one finite value.
+    /// Returns the range of one frame; `None` if no value is finite.
     ///
     /// - `taxels`: `[taxels]`
     pub fn of_frame(taxels: &[f32]) -> Option<Self> {
@@ -47,8 +54,8 @@ impl ValueRange {
         })
     }
 
-    /// Returns a sentence if the values of `sweeps` are most likely in another unit than those that this is the range of: if they span less
-    /// than a fifth of it or more than five times as much, or lie wholly outside.
+    /// Returns a warning if the values of `sweeps` are probably in another unit: if their span is less than a fifth of
+    /// this range or more than five times as large, or if they are completely outside.
     pub fn caution(&self, sweeps: &SweepView<'_>) -> Option<String> {
         let found = Self::of(sweeps)?;
         let (own, other) = (self.greatest - self.least, found.greatest - found.least);
@@ -61,8 +68,8 @@ impl ValueRange {
         })
     }
 
-    /// Returns the least and the greatest value that a skin with such sweeps may show: 0 to 255 where all values are within it, as a raw 8-bit skin's
-    /// are, and otherwise once more the width of the range on either side.
+    /// Returns the smallest and largest value that a skin with such sweeps may show: 0 to 255 if all values are within
+    /// it, like those of a raw 8-bit skin, otherwise the range extended by its width on both sides.
     pub fn limits(&self) -> [f32; 2] {
         let [zero, full] = Self::DIGITS;
         if self.least >= zero && self.greatest <= full {
@@ -76,7 +83,7 @@ impl ValueRange {
     }
 }
 
-/// Returns the range of what has either range.
+/// Returns the union of two ranges.
 fn union(a: ValueRange, b: ValueRange) -> ValueRange {
     ValueRange {
         least: a.least.min(b.least),

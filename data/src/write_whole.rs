@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all.
+//! Atomic writing of files.
 
 use std::fs;
 use std::io::Write;
@@ -6,13 +6,22 @@ use std::path::Path;
 
 use crate::DataError;
 
-/// How the names of files begin that [`write_whole`] has not finished; a killed process leaves one.
+/// Beginning of the names of files that [`write_whole`] has not finished; a killed process leaves one.
 pub const UNFINISHED: &str = ".writing-";
 
-/// Writes beside `path`, syncs, renames into place: after a crash or on a full disk the former file is still whole.
+/// Writes a temporary file next to `path`, syncs it and renames it. After a crash or on a full disk the previous file is
+/// intact.
 ///
 /// # Errors
-/// It cannot be written.
+/// A file that cannot be written.
+///
+/// ```
+/// let path = std::env::temp_dir().join(format!("tactnet-doc-{}.txt", std::process::id()));
+/// tactnet_data::write_whole(&path, b"cork")?;
+/// assert_eq!(tactnet_data::read_text(&path).unwrap(), "cork");
+/// std::fs::remove_file(&path).unwrap();
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     let failed = |error: std::io::Error| DataError::io(path, "write", error);
     // The parent of a bare file name is empty.
@@ -35,13 +44,13 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), DataError> {
     file.as_file().sync_all().map_err(failed)?;
     set_ordinary_permissions(file.as_file()).map_err(failed)?;
     file.persist(path).map_err(|error| failed(error.error))?;
-    // The new name must outlive a power cut, too.
+    // The sync of the folder makes the rename survive a power failure.
     fs::File::open(folder)
         .and_then(|folder| folder.sync_all())
         .map_err(failed)
 }
 
-/// Temporary files are private; what is written here is meant to be read by others.
+/// Temporary files are private, but these files are meant for other users.
 #[cfg(unix)]
 fn set_ordinary_permissions(file: &fs::File) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;

@@ -1,31 +1,31 @@
-//! Two quantities in a rectangle.
+//! Rectangles with two axes.
 
 use crate::{Axis, Series, escape};
 
-/// A rectangle in which two quantities are drawn. Labels need 52 units to its left and 40 below.
+/// Rectangle with two axes. Labels need 52 units on the left and 40 below.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axes {
     /// Left edge, user units.
     pub left: f64,
-    /// Upper edge.
+    /// Upper edge, user units.
     pub top: f64,
-    /// Width.
+    /// Width, user units.
     pub width: f64,
-    /// Height.
+    /// Height, user units.
     pub height: f64,
-    /// From left to right.
+    /// Axis from left to right.
     pub horizontal: Axis,
-    /// From the bottom to the top.
+    /// Axis from the bottom to the top.
     pub vertical: Axis,
 }
 
 impl Axes {
-    /// Returns the horizontal position of a value; not finite where the scale has no place for it.
+    /// Returns the horizontal position of a value; not finite if the scale cannot show it.
     pub fn x(&self, value: f64) -> f64 {
         self.left + self.width * self.horizontal.scale.share(value)
     }
 
-    /// Returns the vertical position of a value; not finite where the scale has no place for it.
+    /// Returns the vertical position of a value; not finite if the scale cannot show it.
     pub fn y(&self, value: f64) -> f64 {
         self.top + self.height * (1.0 - self.vertical.scale.share(value))
     }
@@ -74,10 +74,10 @@ impl Axes {
         svg
     }
 
-    /// Returns a line through `points` with a marker on each `marker_every`-th of them.
+    /// Returns a line through `points` with a marker on every `marker_every`-th point.
     ///
-    /// - `points`: `(x, y)` in the units of the axes, in the order in which they are joined; those without a place on a scale are left out
-    /// - `marker_every`: 1 marks every point, and so does 0
+    /// - `points`: `(x, y)` in the units of the axes, in drawing order; points that the scales cannot show are omitted
+    /// - `marker_every`: 0 and 1 mark every point
     pub fn line(&self, series: Series, points: &[(f64, f64)], marker_every: usize) -> String {
         let places = self.places(points);
         let markers: String = places
@@ -99,7 +99,7 @@ impl Axes {
         series.group(&format!("<polyline points=\"{}\"/>", joined(&places)))
     }
 
-    /// Positions of the points that have one.
+    /// Returns the positions of the points that the scales can show.
     fn places(&self, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
         points
             .iter()
@@ -110,7 +110,7 @@ impl Axes {
 
     /// Returns a vertical bar for each interval.
     ///
-    /// - `intervals`: `(x, lower y, upper y)` in the units of the axes; those without a place on a scale are left out
+    /// - `intervals`: `(x, lower y, upper y)` in the units of the axes; those that the scales cannot show are omitted
     pub fn intervals(&self, series: Series, intervals: &[(f64, f64, f64)]) -> String {
         let bars: String = intervals
             .iter()
@@ -126,7 +126,7 @@ impl Axes {
     }
 }
 
-/// Positions as a polyline names them.
+/// Returns positions in the syntax of a polyline.
 fn joined(places: &[(f64, f64)]) -> String {
     let places: Vec<String> = places
         .iter()

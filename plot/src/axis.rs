@@ -1,26 +1,26 @@
-//! A quantity with its scale, its ticks and its name.
+//! Axes: a quantity with its scale, ticks and name.
 
 use std::ops::RangeInclusive;
 
 use crate::Scale;
 
-/// What is drawn in one direction.
+/// Axis of a figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     /// Name and unit of the quantity.
     pub label: String,
-    /// Where its values lie.
+    /// Range and scale of the values.
     pub scale: Scale,
     /// Values with a grid line and a label.
     pub ticks: Vec<Tick>,
 }
 
-/// A labelled value of an axis.
+/// Labelled value of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
-    /// In the unit of the data.
+    /// Value in the unit of the data.
     pub value: f64,
-    /// What stands beside it; not yet escaped.
+    /// Label, not escaped.
     pub label: String,
 }
 
@@ -48,7 +48,7 @@ impl Axis {
     /// - `most`, `step`: shares; 1 is 100 %
     ///
     /// # Panics
-    /// If `step` is not above 0, or an end not finite.
+    /// If `step` is not above 0, or an end is not finite.
     pub fn percent(label: &str, most: f64, step: f64) -> Self {
         let range = 0.0..=most;
         Self {
@@ -63,9 +63,10 @@ impl Axis {
         }
     }
 
-    /// Returns a logarithmic axis over the whole decades around `values`, at least one, with a tick at every power of ten.
+    /// Returns a logarithmic axis over the whole decades around `values`, at least one, with a tick at every power of
+    /// ten.
     ///
-    /// Values that are not finite or not above 0 do not count; `None` if there are no others.
+    /// Only finite values above 0 count; `None` if there are none.
     pub fn decades(label: &str, values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let (low, high) = values
             .into_iter()
@@ -94,13 +95,13 @@ impl Axis {
 fn multiples(range: &RangeInclusive<f64>, step: f64) -> impl Iterator<Item = f64> + use<> {
     let finite = range.start().is_finite() && range.end().is_finite();
     assert!(finite && step > 0.0, "ticks every {step} in {range:?}");
-    // An end that is a multiple but for rounding has a tick.
+    // Rounding must not remove the tick at an end that is a multiple of the step.
     let first = (range.start() / step - 1e-9).ceil() as i64;
     let last = (range.end() / step + 1e-9).floor() as i64;
     (first..=last).map(move |k| k as f64 * step)
 }
 
-/// Digits behind the point that tell the multiples of `step` apart, at most six.
+/// Returns the number of decimals that distinguish the multiples of `step`, at most six.
 fn decimals(step: f64) -> usize {
     (0..6)
         .find(|digits| {
@@ -110,7 +111,7 @@ fn decimals(step: f64) -> usize {
         .unwrap_or(6) as usize
 }
 
-/// Written out from 0.01 to 1000, with an exponent beyond.
+/// Returns the number in full from 0.01 to 1000, otherwise with an exponent.
 fn power_of_ten(exponent: i32) -> String {
     match exponent {
         0..=3 => 10i32.pow(exponent.unsigned_abs()).to_string(),

@@ -1,6 +1,6 @@
-//! Text inside XML and HTML.
+//! Escaping of text in XML and HTML.
 
-/// Returns `text` with everything replaced that has a meaning in XML or HTML, fit for content and for quoted attributes.
+/// Returns `text` with all special characters of XML and HTML escaped, for content and quoted attributes.
 ///
 /// Characters that XML 1.0 does not allow, such as most control characters, become U+FFFD.
 pub fn escape(text: &str) -> String {

@@ -1,12 +1,13 @@
-//! A picture around its content.
+//! Frames of figures.
 
 use crate::escape;
 use crate::theme::plain_style;
 
-/// Returns a figure for a page whose style sheet has [`theme`](crate::theme) and [`STYLE`](crate::STYLE). It shrinks with the page.
+/// Returns a figure for a page whose style sheet contains [`theme`](crate::theme) and [`STYLE`](crate::STYLE). It shrinks
+/// with the page.
 ///
 /// - `width`, `height`: user units, pixels at full size
-/// - `title`: what readers hear who do not see it; not yet escaped
+/// - `title`: text for screen readers, not escaped
 /// - `content`: SVG elements
 pub fn figure(width: f64, height: f64, title: &str, content: &str) -> String {
     format!(
@@ -16,7 +17,7 @@ pub fn figure(width: f64, height: f64, title: &str, content: &str) -> String {
     )
 }
 
-/// Returns a figure as a file of its own, with its style and a light ground. It refers to nothing outside.
+/// Returns a figure as a separate file with its style and a light background. It loads no other files.
 ///
 /// The parameters are those of [`figure`].
 pub fn stand_alone(width: f64, height: f64, title: &str, content: &str) -> String {

@@ -1,23 +1,23 @@
-//! A matrix of shares as shades.
+//! Heat maps of a matrix of shares.
 
 use crate::escape;
 
-/// The place of a heat map with square cells.
+/// Position of a heat map with square cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeatMap {
     /// Left edge, user units.
     pub left: f64,
-    /// Upper edge.
+    /// Upper edge, user units.
     pub top: f64,
-    /// Width and height of a cell.
+    /// Width and height of a cell, user units.
     pub cell: f64,
 }
 
 impl HeatMap {
-    /// Returns the cells with shares above 0 on their ground, each with a text that appears when it is pointed at.
+    /// Returns the cells with shares above 0 on their background, each with a tooltip.
     ///
     /// - `shares`: `[rows][columns]`, 0 to 1
-    /// - `describe`: the text of a row and a column
+    /// - `describe`: tooltip of a row and a column
     pub fn draw(&self, shares: &[Vec<f64>], describe: impl Fn(usize, usize) -> String) -> String {
         let Self { left, top, cell } = self;
         let mut svg = format!(
@@ -44,7 +44,7 @@ impl HeatMap {
     }
 }
 
-/// Returns the opacity of a share's cell, 0 to 1: a power of the share below one, so that small shares show.
+/// Returns the opacity of a share's cell, 0 to 1. It is a power with an exponent below one, so small shares are visible.
 pub fn shade(share: f64) -> f64 {
     share.clamp(0.0, 1.0).powf(0.4).max(0.12)
 }

@@ -1,8 +1,8 @@
-//! Names beside the lines and markers of their series.
+//! Legends of series.
 
 use crate::{Series, escape};
 
-/// Returns the names of the series from the first on as an HTML list, to stand below a figure on a page.
+/// Returns the legend of the series from the first on as an HTML list, to be placed below a figure.
 pub fn legend<S: AsRef<str>>(names: &[S]) -> String {
     let entries: String = names
         .iter()
@@ -18,9 +18,9 @@ pub fn legend<S: AsRef<str>>(names: &[S]) -> String {
     format!("<ul class=\"legend\">{entries}</ul>\n")
 }
 
-/// Returns the names of the series from the first on as SVG, one below the other, to stand inside a figure.
+/// Returns the legend of the series from the first on as SVG, one below the other, to be placed inside a figure.
 ///
-/// - `left`, `top`: upper left corner; a name takes 20 units of height, its sample 34 of width
+/// - `left`, `top`: upper left corner; each series takes 20 units of height, its sample 34 of width
 pub fn key<S: AsRef<str>>(names: &[S], left: f64, top: f64) -> String {
     names
         .iter()

@@ -1,11 +1,11 @@
 //! Figures as SVG: axes with linear or logarithmic scales, lines, intervals, heat maps.
 //!
-//! A function that draws returns SVG elements as text; the caller joins them and puts them into a figure. Positions and sizes are in user
-//! units, the origin is the upper left corner.
+//! Drawing functions return SVG elements as text; the caller joins them and puts them into a figure. Positions and sizes
+//! are in user units, the origin is the upper left corner.
 //!
-//! - [`figure`] is for a page: it takes its colours from the page's style sheet, which holds [`theme`] and [`STYLE`], and follows light and
-//!   dark mode.
-//! - [`stand_alone`] is for a file: it carries its style.
+//! - [`figure`] is for a page: its colours come from the page's style sheet, which contains [`theme`] and [`STYLE`], and
+//!   adapt to light and dark mode.
+//! - [`stand_alone`] is for a file: it contains its style.
 //!
 //! ```
 //! use tactnet_plot::{Axes, Axis, Series, stand_alone};

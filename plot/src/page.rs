@@ -1,13 +1,13 @@
-//! The skeleton that all HTML pages share.
+//! Skeleton of all HTML pages.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::{STYLE, theme};
 
-/// The style sheet of a page that has none of its own.
+/// Style sheet of pages without a separate one.
 const PAGE_STYLE: &str = include_str!("page.css");
 
-/// A self-contained HTML page: it loads nothing, and its colours follow the reader's light or dark mode.
+/// Self-contained HTML page: it loads no other files, and its colours adapt to light and dark mode.
 ///
 /// ```
 /// use maud::html;

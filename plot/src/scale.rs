@@ -1,20 +1,21 @@
-//! Where a value lies between the ends of an axis.
+//! Scales of axes.
 
 use std::ops::RangeInclusive;
 
-/// How the values of a range are spread over the length of an axis.
+/// Mapping of values to positions on an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Scale {
-    /// Equal differences take equal lengths.
+    /// Equal differences have equal lengths.
     Linear(RangeInclusive<f64>),
-    /// Equal ratios take equal lengths; both ends are above 0.
+    /// Equal ratios have equal lengths; both ends are above 0.
     Logarithmic(RangeInclusive<f64>),
 }
 
 impl Scale {
-    /// Returns the place of `value` as a share of the length: 0 at the lower end, 1 at the upper one, beyond them outside the range.
+    /// Returns the position of `value` as a share of the length: 0 at the lower end, 1 at the upper end, outside [0, 1]
+    /// beyond them.
     ///
-    /// It is not finite where the scale has no place for the value: not a number, or not above 0 on a logarithmic scale.
+    /// The result is not finite for NaN, and on a logarithmic scale for values that are not above 0.
     pub fn share(&self, value: f64) -> f64 {
         match self {
             Self::Linear(range) => share_of(value, *range.start(), *range.end()),
@@ -23,7 +24,7 @@ impl Scale {
     }
 }
 
-/// A range without width gives 0 for its only value.
+/// A range of zero width gives 0 for its only value.
 fn share_of(value: f64, low: f64, high: f64) -> f64 {
     (value - low) / (high - low).max(f64::MIN_POSITIVE)
 }

@@ -1,19 +1,19 @@
-//! The looks of series.
+//! Appearance of series.
 
-/// One of eight looks: a colour, a dash pattern and a marker. The last two tell series apart where colours do not.
+/// One of eight styles: colour, dash pattern and marker. Dash pattern and marker distinguish series without colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Series(usize);
 
 impl Series {
-    /// Number of different looks.
+    /// Number of styles.
     pub const COUNT: usize = 8;
 
-    /// Returns the look of the series with this index; after eight they begin again.
+    /// Returns the style of the series with this index; the styles repeat after eight.
     pub fn nth(index: usize) -> Self {
         Self(index % Self::COUNT)
     }
 
-    /// Returns the marker at a position; it has its colour inside a [`group`](Self::group).
+    /// Returns the marker at a position; a [`group`](Self::group) gives it its colour.
     pub fn marker(self, x: f64, y: f64) -> String {
         let outline = match self.0 {
             0 => return format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.5\"/>"),
@@ -33,7 +33,7 @@ impl Series {
         format!("<g class=\"series s{}\">{content}</g>\n", self.0)
     }
 
-    /// Returns a short piece of the line with a marker in its middle.
+    /// Returns a short piece of the line with a marker in the middle.
     pub(crate) fn sample(self, x: f64, y: f64, length: f64) -> String {
         self.group(&format!(
             "<polyline points=\"{x:.1},{y:.1} {:.1},{y:.1}\"/>{}",

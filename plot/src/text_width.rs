@@ -1,9 +1,9 @@
-//! Room for text.
+//! Width of text.
 
 /// Mean width of a letter, user units.
 const LETTER: f64 = 6.1;
 
-/// Returns the room that the longest of `texts` takes in a figure, user units. It is an estimate: a wide font needs a fifth more.
+/// Returns the estimated width of the longest of `texts` in a figure, user units. Wide fonts need a fifth more.
 pub fn text_width<S: AsRef<str>>(texts: &[S]) -> f64 {
     let longest = texts.iter().map(|text| text.as_ref().chars().count()).max();
     LETTER * longest.unwrap_or(0) as f64

@@ -1,9 +1,9 @@
-//! Colours and the style sheet of figures.
+//! Colours and style sheet of figures.
 
-/// Rules of the classes that figures use. Their colours are the variables of [`theme`].
+/// Rules of the CSS classes of figures. Their colours are the variables of [`theme`].
 pub const STYLE: &str = include_str!("plot.css");
 
-/// Name, colour on a light ground, colour on a dark one.
+/// Name, colour on a light background, colour on a dark background.
 const COLOURS: [(&str, &str, &str); 14] = [
     ("ground", "#fcfcfa", "#16181a"),
     ("ink", "#1c1e20", "#e7e5e0"),
@@ -21,10 +21,10 @@ const COLOURS: [(&str, &str, &str); 14] = [
     ("s7", "#53575c", "#b6babf"),
 ];
 
-/// Returns the colours of figures as CSS variables, light ones and, where the reader prefers them, dark ones.
+/// Returns the colours of figures as CSS variables, with dark ones if the reader prefers them.
 ///
-/// `--ground` and `--ink` are background and text, `--muted` secondary text, `--rule` grid lines, `--heat` and `--cell` heat maps and their
-/// ground, `--s0` to `--s7` the series.
+/// `--ground` and `--ink` are background and text, `--muted` secondary text, `--rule` grid lines, `--heat` and `--cell`
+/// heat maps and their background, `--s0` to `--s7` the series.
 pub fn theme() -> String {
     let light: String = COLOURS
         .iter()
@@ -34,13 +34,13 @@ pub fn theme() -> String {
         .iter()
         .map(|(name, _, dark)| format!(" --{name}: {dark};"))
         .collect();
-    // Paper is light.
+    // Printed pages are light.
     format!(
         ":root {{{light} }}\n@media screen and (prefers-color-scheme: dark) {{ :root {{{dark} }} }}\n"
     )
 }
 
-/// The style of a file of its own: light, and without variables, which not every program that shows SVG knows.
+/// Returns the style of a stand-alone file: light, and without CSS variables, which not all SVG viewers support.
 pub(crate) fn plain_style() -> String {
     COLOURS
         .iter()

@@ -1,4 +1,4 @@
-//! A check of what is drawn, for tests.
+//! Check of generated XML, for tests.
 
 /// Panics unless every element of `xml` is closed in order, every attribute is quoted and every `&` begins an entity.
 pub(crate) fn assert_well_formed(xml: &str) {

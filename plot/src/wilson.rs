@@ -1,6 +1,6 @@
 //! Wilson's score interval.
 
-/// Returns the 95 % Wilson score interval of a share `mean` that was observed in `trials` independent trials; `[0, 1]` without trials.
+/// Returns the 95 % Wilson score interval of a share `mean` of `trials` independent trials; `[0, 1]` without trials.
 ///
 /// Source: E. B. Wilson, Probable inference, the law of succession, and statistical inference, JASA 22, 1927.
 ///

@@ -1,9 +1,10 @@
-//! A process that is asked to end, and is never left behind.
+//! Child processes that end with their owner.
 
 use std::io;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus};
 
-/// A process in a group of its own; it is killed when this is dropped, and asked to end when the thread that started it ends.
+/// Process in a separate process group. It is killed when the value is dropped, and gets SIGTERM when the thread that
+/// started it ends.
 #[derive(Debug)]
 pub struct ChildProcess(Child);
 
@@ -11,39 +12,40 @@ impl ChildProcess {
     /// Starts `command`, whose streams the caller has set.
     ///
     /// # Errors
-    /// There is no such program, or the system refuses.
+    /// A program that is missing or cannot be started.
     pub fn start(command: &mut Command) -> io::Result<Self> {
         #[cfg(unix)]
         {
             use std::os::unix::process::CommandExt;
-            // Ctrl-C on a terminal is for the program that started it.
+            // Ctrl-C on a terminal reaches only the program that started the process.
             command.process_group(0);
         }
         end_with_this_thread(command);
         command.spawn().map(Self)
     }
 
-    /// Returns its number.
+    /// Returns the process id.
     pub fn id(&self) -> u32 {
         self.0.id()
     }
 
-    /// Returns its status if it has ended.
+    /// Returns the exit status if the process has ended.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// An error of the operating system.
     pub fn ended(&mut self) -> io::Result<Option<ExitStatus>> {
         self.0.try_wait()
     }
 
-    /// Asks it to end, with SIGTERM. Does nothing outside Unix, and nothing where it has ended.
+    /// Sends SIGTERM. Does nothing outside Unix, or if the process has ended.
     ///
     /// # Errors
-    /// The system refuses.
+    /// An error of the operating system.
     pub fn ask_to_end(&mut self) -> io::Result<()> {
         #[cfg(unix)]
         if self.ended()?.is_none() {
-            // SAFETY: a system call without memory. The process is our child and has not been waited for, so its number is its own.
+            // SAFETY: a system call without memory. The process is our child and was not waited for, so its id is not
+            // reused.
             if unsafe { libc::kill(self.0.id() as libc::pid_t, libc::SIGTERM) } != 0 {
                 return Err(io::Error::last_os_error());
             }
@@ -51,22 +53,22 @@ impl ChildProcess {
         Ok(())
     }
 
-    /// Waits until it ends.
+    /// Waits until the process ends.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// An error of the operating system.
     pub fn wait(&mut self) -> io::Result<ExitStatus> {
         self.0.wait()
     }
 
-    /// Ends it at once.
+    /// Kills the process.
     pub(crate) fn kill(&mut self) {
-        // Both fail where it has ended.
+        // Both calls fail if the process has ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 
-    /// Takes our ends of its streams that are pipes.
+    /// Takes the pipes of its streams.
     pub(crate) fn take_pipes(
         &mut self,
     ) -> (Option<ChildStdin>, Option<ChildStdout>, Option<ChildStderr>) {
@@ -81,7 +83,7 @@ impl Drop for ChildProcess {
     }
 }
 
-/// The process does not stay when the thread that starts it, and with it usually this program, is killed.
+/// Makes the process end when the thread that starts it, and usually with it this program, is killed.
 #[cfg(target_os = "linux")]
 fn end_with_this_thread(command: &mut Command) {
     use std::os::unix::process::CommandExt;
@@ -123,7 +125,7 @@ mod tests {
         let process = sleeping();
         let number = process.0.id() as libc::pid_t;
         drop(process);
-        // SAFETY: signal 0 only asks whether the process is there.
+        // SAFETY: signal 0 only checks that the process exists.
         assert_eq!(unsafe { libc::kill(number, 0) }, -1);
     }
 }

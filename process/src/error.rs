@@ -3,38 +3,38 @@
 use std::io;
 use std::process::ExitStatus;
 
-/// Exit code of a call that must be corrected.
+/// Exit code of a process whose call must be corrected.
 const USAGE: i32 = 2;
 
-/// Errors of a child process; each is one line that goes on after the name of the process.
+/// Error of a child process; each message is one line that continues the name of the process.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessError {
-    /// There is no such program, or the system refuses.
+    /// The program is missing or cannot be started.
     #[error("cannot be started: {0}")]
     Start(#[source] io::Error),
-    /// Its first line is not `ready`.
+    /// The first line of the process is not `ready`.
     #[error("did not start{}", because(said))]
     NotReady {
-        /// Its status, where it had ended by itself.
+        /// Exit status, if the process had ended by itself.
         status: Option<ExitStatus>,
-        /// Its first line, or the last lines of its standard error where it printed none.
+        /// First line of the process, or the last lines of its standard error if it printed none.
         said: String,
     },
-    /// It ended with another status than success.
+    /// The process failed.
     #[error("ended with {status}{}", because(said))]
     Failed {
-        /// Its status.
+        /// Exit status.
         status: ExitStatus,
-        /// The last lines of its standard error.
+        /// Last lines of its standard error.
         said: String,
     },
-    /// Its pipes or its status cannot be read.
+    /// The pipes or the status of the process cannot be read.
     #[error(transparent)]
     System(#[from] io::Error),
 }
 
 impl ProcessError {
-    /// Returns true if the process itself says, by exit code 2, that its call must be corrected.
+    /// Returns true if the exit code of the process is 2: its call must be corrected.
     pub fn is_usage(&self) -> bool {
         let status = match self {
             Self::NotReady { status, .. } => *status,
@@ -45,7 +45,7 @@ impl ProcessError {
     }
 }
 
-/// Returns how a message goes on where the process said something.
+/// Returns the end of a message that quotes the output of the process.
 fn because(said: &str) -> String {
     if said.is_empty() {
         String::new()

@@ -1,26 +1,27 @@
-//! The end of what a process writes to its standard error.
+//! Last lines of a process's standard error.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read};
 
-/// Lines that are kept.
+/// Number of lines that are kept.
 const KEPT: usize = 3;
 
-/// Begins the line in which a command says why it failed.
+/// Beginning of the line with the error of a command.
 const PREFIX: &str = "error: ";
 
-/// Returns what a command said without its own `error: `, to be quoted in a message.
+/// Returns the output of a command without its `error: `, to be quoted in a message.
 pub fn without_prefix(line: &str) -> &str {
     let line = line.trim();
     line.strip_prefix(PREFIX).unwrap_or(line)
 }
 
-/// Reads to the end and returns the last lines that are not empty, as one line; of a command that says why it failed, only that line.
+/// Reads to the end and returns the last lines that are not empty, as one line; if a command printed an error, only that
+/// line.
 pub(crate) fn last_lines(from: impl Read) -> String {
     let mut from = BufReader::new(from);
     let mut kept = VecDeque::new();
     let mut line = Vec::new();
-    // What cannot be read any more is not needed.
+    // Output that cannot be read is ignored.
     while from.read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
         let text = String::from_utf8_lossy(&line).trim().to_string();
         line.clear();

@@ -1,4 +1,4 @@
-//! Processes beside this one: the `tactnet` command as a task of an experiment, as a component of a simulated robot, or once to its end.
+//! Child processes: a task of an experiment, a component of a simulated robot, or a command that runs once.
 //!
 //! | | output | ends |
 //! |---|---|---|
@@ -6,8 +6,8 @@
 //! | [`ReadyProcess`] | read; its first line is `ready` | when asked |
 //! | [`run_to_end`] | read | by itself |
 //!
-//! The first two are in process groups of their own, so Ctrl-C reaches only the program that started them, and are killed when they are
-//! dropped. Asking means SIGTERM; there is none outside Unix.
+//! The first two are in separate process groups, so Ctrl-C reaches only the program that started them, and are killed
+//! when they are dropped. They are asked to end with SIGTERM, which exists only on Unix.
 
 mod child_process;
 mod error;

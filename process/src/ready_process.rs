@@ -1,4 +1,4 @@
-//! A process that says when it is ready, and is asked for what it printed.
+//! Processes that report when they are ready, and whose output is collected.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
@@ -8,23 +8,23 @@ use std::time::{Duration, Instant};
 use crate::last_lines::{last_lines, without_prefix};
 use crate::{ChildProcess, ProcessError};
 
-/// The first line of a process that is ready.
+/// First line of a process that is ready.
 const READY: &str = "ready";
-/// How long a process may take to end after it has closed its output.
+/// Maximum time between the end of a process's output and its exit.
 const ENDING: Duration = Duration::from_secs(1);
-/// How often it is looked at meanwhile.
+/// Interval between two checks of the exit status.
 const POLL: Duration = Duration::from_millis(2);
 
-/// A process whose first line is `ready`. It gets SIGTERM when the thread that started it ends (on Linux), and is killed when this is
-/// dropped.
+/// Process whose first line is `ready`. It gets SIGTERM when the thread that started it ends (on Linux), and is killed
+/// when the value is dropped.
 #[derive(Debug)]
 pub struct ReadyProcess {
     process: ChildProcess,
-    /// Until it is ready.
+    /// Standard output until the process is ready.
     output: Option<BufReader<ChildStdout>>,
-    /// Reads what it prints afterwards, so that it never waits for us.
+    /// Thread that reads the output after `ready`, so that the process never blocks.
     printed: Option<JoinHandle<String>>,
-    /// Reads its standard error, for the same reason; ends with the last lines.
+    /// Thread that reads standard error, so that the process never blocks; it returns the last lines.
     said: Option<JoinHandle<String>>,
 }
 
@@ -32,7 +32,7 @@ impl ReadyProcess {
     /// Starts `command` without input.
     ///
     /// # Errors
-    /// It cannot be started.
+    /// A process that cannot be started.
     pub fn start(command: &mut Command) -> Result<Self, ProcessError> {
         Ok(Self::spawn(command.stdin(Stdio::null()))?.0)
     }
@@ -40,11 +40,11 @@ impl ReadyProcess {
     /// Starts `command` and writes `line` to its standard input.
     ///
     /// # Errors
-    /// It cannot be started.
+    /// A process that cannot be started.
     pub fn start_with_input(command: &mut Command, line: &str) -> Result<Self, ProcessError> {
         let (process, input) = Self::spawn(command.stdin(Stdio::piped()))?;
         if let Some(mut input) = input {
-            // One that takes no input says why when it is waited for.
+            // A process that takes no input reports its error later.
             let _ = writeln!(input, "{line}");
         }
         Ok(process)
@@ -63,10 +63,10 @@ impl ReadyProcess {
         Ok((process, input))
     }
 
-    /// Waits until it is ready; it is killed if it says anything else.
+    /// Waits until the process is ready, and kills it if it prints another line.
     ///
     /// # Errors
-    /// Its first line is not `ready`.
+    /// A first line other than `ready`.
     pub fn wait_until_ready(&mut self) -> Result<(), ProcessError> {
         let Some(mut output) = self.output.take() else {
             return Ok(());
@@ -82,14 +82,14 @@ impl ReadyProcess {
         }
         self.printed = Some(std::thread::spawn(move || {
             let mut printed = String::new();
-            // What is no text is not ours.
+            // Bytes that are not UTF-8 cannot be `ready`.
             let _ = output.read_to_string(&mut printed);
             printed
         }));
         Ok(())
     }
 
-    /// Returns the status of a process that has closed its output, and kills it if it does not end within a second.
+    /// Returns the exit status of a process that has closed its output; kills it if it does not end within a second.
     fn ended_soon(&mut self) -> Result<Option<ExitStatus>, ProcessError> {
         let begun = Instant::now();
         while begun.elapsed() < ENDING {
@@ -102,28 +102,28 @@ impl ReadyProcess {
         Ok(None)
     }
 
-    /// Returns its number.
+    /// Returns the process id.
     pub fn id(&self) -> u32 {
         self.process.id()
     }
 
-    /// Returns what one that has ended by itself said last on its standard error; no text the second time.
+    /// Returns the last lines of standard error of a process that has ended; empty the second time.
     pub fn last_words(&mut self) -> String {
         self.last_lines()
     }
 
-    /// Returns its status if it has ended by itself.
+    /// Returns the exit status if the process has ended by itself.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// An error of the operating system.
     pub fn ended(&mut self) -> Result<Option<ExitStatus>, ProcessError> {
         Ok(self.process.ended()?)
     }
 
-    /// Asks it to end and returns what it printed after `ready`.
+    /// Sends SIGTERM and returns the output after `ready`.
     ///
     /// # Errors
-    /// It ended with another status than success.
+    /// An exit status other than success.
     pub fn end(mut self) -> Result<String, ProcessError> {
         self.process.ask_to_end()?;
         let status = self.process.wait()?;
@@ -134,7 +134,7 @@ impl ReadyProcess {
         Ok(self.printed.take().map(joined).unwrap_or_default())
     }
 
-    /// Returns the last lines of its standard error once it has ended; no text the second time.
+    /// Returns the last lines of standard error once the process has ended; empty the second time.
     fn last_lines(&mut self) -> String {
         self.said.take().map(joined).unwrap_or_default()
     }

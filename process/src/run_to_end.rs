@@ -1,14 +1,14 @@
-//! A command that runs once, to its end.
+//! Commands that run once.
 
 use std::process::{Command, Stdio};
 
 use crate::ProcessError;
 use crate::last_lines::last_lines;
 
-/// Runs `command` without input and returns what it printed. Ctrl-C on a terminal reaches it, too.
+/// Runs `command` without input and returns its output. Ctrl-C on a terminal reaches the command, too.
 ///
 /// # Errors
-/// It cannot be started, or ends with another status than success.
+/// A command that cannot be started, or an exit status other than success.
 pub fn run_to_end(command: &mut Command) -> Result<String, ProcessError> {
     let output = command
         .stdin(Stdio::null())

@@ -4,9 +4,9 @@ use super::finding;
 use crate::format::OddLength;
 use crate::{Finding, FindingKind, Place, Remedy, Severity};
 
-/// Returns what is to be said of sweeps that are longer or shorter than `steps` frames: nothing where there are none.
+/// Returns the findings about sweeps that are longer or shorter than `steps` frames.
 ///
-/// - `sweeps`: those that are `steps` frames long, or were cut to them
+/// - `sweeps`: number of sweeps that have `steps` frames, or were cut to them
 pub fn check_lengths(steps: usize, sweeps: usize, odd: &[OddLength]) -> Vec<Finding> {
     let short = odd.iter().filter(|sweep| sweep.frames < steps);
     let (short, shortest) = (

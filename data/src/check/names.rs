@@ -1,11 +1,11 @@
-//! What is odd about the names of materials.
+//! Checks of the materials' names.
 
 use std::collections::BTreeMap;
 
 use super::finding;
 use crate::{Dataset, Finding, FindingKind, Place, Severity, plain_name};
 
-/// Materials that were given as numbers: a classifier that learnt names does not find them.
+/// Returns a note if all materials have numbers as names: classifiers find materials by their names.
 pub(super) fn numbered(dataset: &Dataset) -> Option<Finding> {
     let is_number = |name: &str| !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
     let mut names = dataset.labels().names();
@@ -20,7 +20,7 @@ pub(super) fn numbered(dataset: &Dataset) -> Option<Finding> {
     })
 }
 
-/// What is odd about the names of the materials.
+/// Returns warnings about a single material and about names that differ only in case or white space.
 pub(super) fn that_mislead(dataset: &Dataset) -> Vec<Finding> {
     let names: Vec<&str> = dataset.labels().names().collect();
     let warn = |kind, message| finding(Severity::Warning, kind, Place::default(), message);

@@ -1,12 +1,12 @@
-//! Whether there are enough sweeps of each material, and as many of each.
+//! Checks of the numbers of sweeps per material.
 
 use super::finding;
 use crate::{Dataset, Finding, FindingKind, Place, Remedy, Severity};
 
-/// Folds of the published cross-validation.
+/// Number of folds of the published cross-validation.
 const USUAL_FOLDS: usize = 5;
 
-/// Materials with few sweeps, and with more or fewer than others.
+/// Returns findings about materials with few sweeps and about unequal numbers of sweeps.
 pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
     let counts = dataset.sweeps_per_label();
     let mut findings = Vec::new();

@@ -7,7 +7,7 @@ const SHAPE: SweepShape = SweepShape {
     cols: 2,
 };
 
-/// Six sweeps of three materials, each different, every taxel moving between 0 and 40.
+/// Returns the values of six different sweeps of three materials; every taxel moves between 0 and 40.
 fn values() -> Vec<f32> {
     (0..6 * SHAPE.values())
         .map(|i| ((i / 4 * (i / SHAPE.values() + 3) + i % 4 * 5) % 41) as f32)
@@ -29,7 +29,7 @@ fn dataset_of(values: Vec<f32>, labels: &[usize]) -> Dataset {
     Dataset::new("t", 100.0, SHAPE, labels, records, Samples::F32(values)).unwrap()
 }
 
-/// All findings but the one that every such data set has: two sweeps a material are fewer than five folds need.
+/// Returns all findings except the one that all such data sets have: two sweeps per material are too few for five folds.
 fn check_values(values: Vec<f32>) -> Vec<Finding> {
     beyond_few_sweeps(&dataset_of(values, &[0, 0, 1, 1, 2, 2]))
 }
@@ -206,7 +206,7 @@ fn few_and_unbalanced_sweeps_are_found() {
             .message
             .contains("from 1 (`wood`) to 3 (`cork`) sweeps")
     );
-    // Without two sweeps of each material there are no folds to choose.
+    // Folds need two sweeps of each material.
     assert_eq!(findings[1].remedy, None);
     assert!(!findings[1].message.contains("cross-validation"));
 }

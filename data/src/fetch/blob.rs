@@ -1,4 +1,4 @@
-//! A file's identity in git, known for TactMat without having the file.
+//! Git's checksum of a file, which is published for TactMat.
 
 use crate::{DataError, hex};
 use sha1::{Digest, Sha1};
@@ -6,8 +6,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// The git blob id of a file, in hex: SHA-1 over `blob <size>\0` and the content, as `git
-/// hash-object FILE` prints it.
+/// Returns the git blob id of a file in hex: SHA-1 over `blob <size>\0` and the content, as `git hash-object FILE` prints
+/// it.
 ///
 /// # Errors
 /// A file that cannot be read.

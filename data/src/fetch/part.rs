@@ -1,4 +1,4 @@
-//! A download that is not complete yet.
+//! Incomplete downloads.
 
 use crate::{DataError, write_whole};
 use std::ffi::OsString;
@@ -6,15 +6,14 @@ use std::fs::{self, File, OpenOptions};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// `<out>.part`, the first bytes of the file, and beside it `<out>.part.etag`, which content of the
-/// URL they belong to.
+/// `<out>.part`, which holds the first bytes of the file, and `<out>.part.etag`, which holds the ETag of their version.
 pub(super) struct Part {
     path: PathBuf,
     etag_path: PathBuf,
 }
 
 impl Part {
-    /// The part that becomes `out`.
+    /// Returns the part that becomes `out`.
     pub(super) fn of(out: &Path) -> Self {
         let beside = |ending: &str| {
             let mut name = OsString::from(out);
@@ -31,7 +30,7 @@ impl Part {
         &self.path
     }
 
-    /// Bytes that are there already.
+    /// Returns the number of bytes on disk.
     pub(super) fn len(&self) -> Result<u64, DataError> {
         match fs::metadata(&self.path) {
             Ok(metadata) => Ok(metadata.len()),
@@ -40,7 +39,7 @@ impl Part {
         }
     }
 
-    /// The ETag under which the bytes were served, where the server gave one.
+    /// Returns the ETag of the bytes, if the server sent one.
     pub(super) fn etag(&self) -> Result<Option<String>, DataError> {
         match fs::read_to_string(&self.etag_path) {
             Ok(etag) => Ok(Some(etag)),
@@ -49,7 +48,7 @@ impl Part {
         }
     }
 
-    /// Throws the bytes away and starts over with content of this ETag.
+    /// Discards the bytes and starts anew with content of this ETag.
     pub(super) fn start(&self, etag: Option<&str>) -> Result<File, DataError> {
         remove_file(&self.etag_path)?;
         let file = self.open(OpenOptions::new().write(true).create(true).truncate(true))?;
@@ -59,7 +58,7 @@ impl Part {
         Ok(file)
     }
 
-    /// Goes on behind the bytes that are there.
+    /// Opens the part to append bytes.
     pub(super) fn append(&self) -> Result<File, DataError> {
         self.open(OpenOptions::new().append(true))
     }
@@ -70,13 +69,13 @@ impl Part {
             .map_err(|error| DataError::io(&self.path, "write", error))
     }
 
-    /// Throws the bytes away.
+    /// Discards the bytes.
     pub(super) fn remove(&self) -> Result<(), DataError> {
         remove_file(&self.path)?;
         remove_file(&self.etag_path)
     }
 
-    /// Makes the bytes the file `out`.
+    /// Renames the part to `out`.
     pub(super) fn rename_to(&self, out: &Path) -> Result<(), DataError> {
         fs::rename(&self.path, out)
             .map_err(|error| DataError::io(&self.path, "rename into place", error))?;

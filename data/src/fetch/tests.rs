@@ -1,4 +1,4 @@
-//! Downloads from a server on this machine that follows a script, one connection after the other.
+//! Downloads from a local server that follows a script, one connection after the other.
 
 mod script;
 
@@ -11,13 +11,13 @@ use super::*;
 use script::{Reply, Server};
 
 const PAGE: &str = "https://example.org/page";
-/// Of [`Workplace::content`], from `git hash-object`.
+/// Checksum of [`Workplace::content`], from `git hash-object`.
 const BLOB_ID: &str = "4b5aafc78e13e1979389caabe88bd0fbc339398e";
 
-/// Of `hello` and a line feed.
+/// Checksum of `hello` and a line feed.
 const HELLO: &str = "ce013625030ba8dba906f756967f9e9ca394464a";
 
-/// A directory to fetch into, and the content to fetch.
+/// Folder to download into, and the content to download.
 struct Workplace {
     directory: tempfile::TempDir,
     content: Vec<u8>,
@@ -49,7 +49,7 @@ impl Workplace {
         names
     }
 
-    /// Leaves what an attempt that broke off after `bytes` leaves.
+    /// Creates the files that an attempt leaves which was interrupted after `bytes`.
     fn leave_part(&self, bytes: usize, etag: Option<&str>) {
         fs::write(self.path("tactmat.h5.part"), &self.content[..bytes]).unwrap();
         if let Some(etag) = etag {
@@ -83,7 +83,7 @@ impl Workplace {
         fetched
     }
 
-    /// Fetches, and expects the right file and nothing else.
+    /// Downloads, and expects the right file and no other.
     fn fetch_all(&self, replies: Vec<Reply>, resumed_from: u64) {
         let fetched = self.fetch(replies).unwrap();
         assert_eq!(fetched.path, self.out());
@@ -93,7 +93,7 @@ impl Workplace {
         assert_eq!(self.files(), ["tactmat.h5"]);
     }
 
-    /// Fetches, and expects one line of complaint.
+    /// Downloads, and expects a message of one line.
     fn complaint(&self, replies: Vec<Reply>) -> String {
         let error = self.fetch(replies).unwrap_err().to_string();
         assert_eq!(error.lines().count(), 1, "{error}");
@@ -271,7 +271,7 @@ fn a_file_that_changed_is_downloaded_from_its_beginning() {
         0,
     );
 
-    // The same from a server that does not know `If-Range`.
+    // The same case with a server that does not support `If-Range`.
     let work = Workplace::new();
     work.leave_part(70_000, Some("\"v0\""));
     let replies = vec![
@@ -378,7 +378,7 @@ fn without_network_one_line_says_what_to_do() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         listener.local_addr().unwrap().to_string()
     };
-    // A name with a part of more than 63 letters is refused before any name server is asked.
+    // Names with a part of more than 63 letters are refused without a look-up.
     let no_name = format!("{}.invalid", "x".repeat(64));
     for address in [&nobody, &no_name] {
         let error = work.fetch_from(address, &mut |_| {}).unwrap_err();

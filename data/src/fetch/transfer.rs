@@ -1,4 +1,4 @@
-//! One file over HTTP into a part file, from where the last attempt broke off.
+//! HTTP download into a part file that resumes an interrupted attempt.
 
 use super::part::Part;
 use super::{FetchError, Progress, Source};
@@ -12,13 +12,13 @@ use ureq::http::{Response, StatusCode};
 use ureq::typestate::AgentScope;
 use ureq::{Agent, Body};
 
-/// How long to wait for a server that says nothing. There is no limit to the whole download.
+/// Timeouts of a silent server. The whole download has no time limit.
 pub(super) struct Patience {
-    /// For the name look-up, and again for connection and TLS together.
+    /// Timeout of the name look-up, and of connection and TLS together.
     pub(super) connect: Duration,
-    /// From the request to the end of the response's header.
+    /// Timeout from the request to the end of the response's header.
     pub(super) response: Duration,
-    /// Between two pieces of the content.
+    /// Timeout between two pieces of the content.
     pub(super) silence: Duration,
 }
 
@@ -33,7 +33,7 @@ impl Default for Patience {
 }
 
 impl Patience {
-    /// The client's settings; a proxy comes from the environment (`HTTPS_PROXY`, `NO_PROXY`).
+    /// Returns the client's settings. The environment names the proxy (`HTTPS_PROXY`, `NO_PROXY`).
     pub(super) fn config(&self) -> ConfigBuilder<AgentScope> {
         Agent::config_builder()
             .http_status_as_error(false)
@@ -45,11 +45,10 @@ impl Patience {
     }
 }
 
-/// Fills `part` to the end and gives the number of bytes that were there before.
+/// Completes `part` and returns the number of bytes that it had before.
 ///
-/// Asks for the missing bytes only, and (`If-Range`) only as long as the content is the one that
-/// the part began with. A server that sends everything all the same, or something else than was
-/// asked for, makes it start over; that happens at most once.
+/// Requests only the missing bytes, on condition (`If-Range`) that the content is the version that the part belongs to.
+/// If the server sends all bytes or another range, the download starts anew, at most once.
 pub(super) fn transfer(
     agent: &Agent,
     source: &Source,
@@ -118,18 +117,18 @@ fn ask(
     })
 }
 
-/// What a response means for a part of `there` bytes.
+/// Meaning of a response for a part of `there` bytes.
 #[derive(Debug, PartialEq, Eq)]
 enum Answer {
-    /// All of the content, from its first byte.
+    /// The response has all of the content, from its first byte.
     Whole { total: Option<u64> },
-    /// The content from byte `there` on.
+    /// The response has the content from byte `there` on.
     Rest { total: Option<u64> },
-    /// The part has all bytes already.
+    /// The part already has all bytes.
     NothingLeft,
-    /// The part belongs to something else than is served now.
+    /// The part belongs to another version of the file.
     OtherContent,
-    /// No content.
+    /// The response has no content.
     Refusal,
 }
 
@@ -165,7 +164,7 @@ impl Answer {
     }
 }
 
-/// The header `Content-Range` (RFC 9110, 14.4): `bytes 5-9/10`, `bytes 5-9/*` or `bytes */10`.
+/// Range of the header `Content-Range` (RFC 9110, 14.4): `bytes 5-9/10`, `bytes 5-9/*` or `bytes */10`.
 struct ContentRange {
     first: Option<u64>,
     total: Option<u64>,
@@ -192,7 +191,7 @@ fn text(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     headers.get(name)?.to_str().ok()
 }
 
-/// The ETag, if it promises equality byte by byte: only such a one may stand in `If-Range`.
+/// Returns the ETag if it is strong: `If-Range` requires equality byte by byte.
 fn strong_etag(headers: &HeaderMap) -> Option<&str> {
     text(headers, ETAG).filter(|etag| etag.starts_with('"'))
 }

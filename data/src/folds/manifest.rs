@@ -1,27 +1,26 @@
-//! A split as data: what goes into every result, so that the very same split can be had again.
+//! Splits as data, stored with every result so that the split can be repeated.
 
 use super::split::{DealtBy, TestSplit, TrainSplit};
 use super::{Fold, Scheme};
 use crate::{DataError, Dataset, Seed, sha256_hex};
 use serde::{Deserialize, Serialize};
 
-/// Which sweeps of which data set trained and which tested, and how that came about.
+/// Indices of the training and test sweeps, with the scheme and the data set that they belong to.
 ///
-/// The indices, not the scheme, are what counts: a manifest gives its split back even when a later
-/// version would deal differently.
+/// The indices define the split, so it stays the same even if a later version splits differently.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SplitManifest {
     /// Version of this layout, [`SplitManifest::SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// How the data set was split.
+    /// Scheme of the split.
     pub scheme: Scheme,
-    /// Which repetition; `run` in the file, whose hash covers that name.
+    /// Number of the repetition; `run` in the file, whose hash covers that name.
     #[serde(rename = "run", alias = "repeat")]
     pub repeat: usize,
-    /// Which fold of that repeat.
+    /// Number of the fold in its repeat.
     pub fold: usize,
-    /// The seed of the random choices.
+    /// Seed of the random choices.
     pub seed: Seed,
     /// [`Dataset::sha256`] of the data set.
     pub data_sha256: String,
@@ -29,19 +28,18 @@ pub struct SplitManifest {
     pub train: Vec<usize>,
     /// Indices of the test sweeps, ascending.
     pub test: Vec<usize>,
-    /// SHA-256 over all of the above, [`SplitManifest::digest`].
+    /// SHA-256 of all other fields, [`SplitManifest::digest`].
     pub sha256: String,
 }
 
 impl SplitManifest {
-    /// The layout that this version writes and reads.
+    /// Version of the layout that is written and read.
     pub const SCHEMA_VERSION: u32 = 1;
 
-    /// SHA-256, in hex, of all other fields as a JSON array in the order of their declaration,
-    /// without white space.
+    /// Returns the SHA-256, in hex, of all other fields as a JSON array in the order of their declaration, without white
+    /// space.
     ///
-    /// In Python: `sha256(json.dumps(list(manifest.values())[:-1], separators=(",",
-    /// ":")).encode()).hexdigest()`.
+    /// In Python: `sha256(json.dumps(list(manifest.values())[:-1], separators=(",", ":")).encode()).hexdigest()`.
     pub fn digest(&self) -> String {
         let fields = (
             self.schema_version,
@@ -58,11 +56,11 @@ impl SplitManifest {
         sha256_hex(&json)
     }
 
-    /// The split that the manifest describes.
+    /// Returns the split that the manifest describes.
     ///
     /// # Errors
-    /// Another layout version, a hash that does not belong to the fields, another data set than the
-    /// one that was split, or indices that are no split of it.
+    /// Another layout version, a hash that does not match the fields, another data set than the one that was split, or
+    /// invalid indices.
     pub fn fold<'a>(&self, dataset: &'a Dataset) -> Result<Fold<'a>, DataError> {
         if self.schema_version != Self::SCHEMA_VERSION {
             return Err(DataError::inconsistent(
@@ -133,7 +131,7 @@ impl SplitManifest {
 }
 
 impl Fold<'_> {
-    /// The split as data, for the result.
+    /// Returns the split as data.
     pub fn manifest(&self) -> SplitManifest {
         let mut manifest = SplitManifest {
             schema_version: SplitManifest::SCHEMA_VERSION,
@@ -162,7 +160,7 @@ mod tests {
             .manifest()
     }
 
-    /// The complaint about a manifest whose hash is right and whose content is not.
+    /// Returns the message about a manifest with a valid hash and invalid content.
     fn refusal(dataset: &Dataset, spoil: impl FnOnce(&mut SplitManifest)) -> String {
         let mut manifest = manifest(dataset);
         spoil(&mut manifest);

@@ -1,10 +1,21 @@
-//! The ways to split a data set, and how many folds each of them has.
+//! Schemes that split a data set, and their numbers of folds.
 
 use crate::{DataError, Dataset};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
-/// How a data set is split into training and test sweeps.
+/// Scheme that splits a data set into training and test sweeps.
+///
+/// ```
+/// use tactnet_data::Scheme;
+/// use tactnet_data::twin::{self, TwinConfig};
+///
+/// let config = TwinConfig { materials: 2, sweeps: 10, steps: 100, ..TwinConfig::default() };
+/// let dataset = twin::generate(&config)?;
+/// assert_eq!(Scheme::default_for(&dataset).folds(&dataset)?, 5);
+/// assert_eq!(Scheme::hold_out().folds(&dataset)?, 1);
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 ///
 /// As TOML (unknown keys are refused):
 ///
@@ -17,45 +28,44 @@ use std::collections::BTreeSet;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "SchemeConfig", into = "SchemeConfig")]
 pub enum Scheme {
-    /// Every material's sweeps are dealt at random into `folds` equal parts, afresh in each of
-    /// `repeats` repeats; fold `k` tests on part `k`. The published numbers use 5 folds in 2 repeats: of 100
-    /// sweeps of a material 80 train and 20 test.
+    /// Splits every material's sweeps at random into `folds` equal parts, anew in each of `repeats` repeats; fold `k`
+    /// tests on part `k`. The published numbers use 5 folds in 2 repeats: of 100 sweeps of a material 80 train and 20
+    /// test.
     ///
-    /// Sweeps of one recording block fall on both sides, so this measures how well *these*
-    /// recordings are told apart.
+    /// Sweeps of one recording block fall on both sides, so the result holds for *these* recordings.
     StratifiedKFold {
-        /// Parts, at least 2.
+        /// Number of parts, at least 2.
         folds: usize,
-        /// Repetitions with another random deal, at least 1.
+        /// Number of repetitions with another random split, at least 1.
         repeats: usize,
     },
-    /// A random share of every material's sweeps is tested on, at least one and never all, drawn afresh in each of `repeats` repeats; one
-    /// fold. For data sets with too few sweeps for folds.
+    /// Tests on a random share of every material's sweeps, at least one and never all, drawn anew in each of `repeats`
+    /// repeats; one fold. Suitable for data sets with too few sweeps for folds.
     HoldOut {
-        /// Share of the sweeps, 1 to 99.
+        /// Share of the test sweeps, 1 to 99 %.
         test_percent: usize,
-        /// Repetitions with another draw, at least 1.
+        /// Number of repetitions with another draw, at least 1.
         repeats: usize,
     },
-    /// The split that the author of the data set published; one fold.
+    /// Uses the split that the author of the data set published; one fold.
     TestFlag,
-    /// Fold `k` tests on the `k`-th recording block of every material, in ascending block number.
+    /// Tests in fold `k` on the `k`-th recording block of every material, in ascending block number.
     ///
-    /// No block has sweeps on both sides. Of materials with fewer than `k + 1` blocks every sweep
-    /// trains, so that over all folds each sweep is tested exactly once.
+    /// No block has sweeps on both sides. Materials with fewer than `k + 1` blocks only train, so every sweep is tested
+    /// exactly once over all folds.
     LeaveBlockOut,
-    /// Every sweep trains and none tests; one fold. For a classifier that is judged elsewhere, by sweeps that are not in this data set.
+    /// Trains on all sweeps and tests on none; one fold. Suitable for classifiers that are evaluated on another data set.
     TrainOnAll,
 }
 
-/// [`Scheme`] as written; the empty braces make serde refuse stray keys for these kinds too.
+/// [`Scheme`] in a file; the empty braces make serde refuse unknown keys for these kinds, too.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 enum SchemeConfig {
     StratifiedKFold {
         #[serde(default = "published_folds")]
         folds: usize,
-        // The name that the hashes of split manifests cover.
+        // The hashes of split manifests cover this name.
         #[serde(rename = "runs", alias = "repeats", default = "published_repeats")]
         repeats: usize,
     },
@@ -83,7 +93,7 @@ fn usual_test_percent() -> usize {
 }
 
 impl Default for Scheme {
-    /// The published one: 5 folds in 2 repeats.
+    /// Returns the published scheme: 5 folds in 2 repeats.
     fn default() -> Self {
         Self::StratifiedKFold {
             folds: published_folds(),
@@ -93,7 +103,7 @@ impl Default for Scheme {
 }
 
 impl Scheme {
-    /// The author's own split where the data set has one, else [`Scheme::folds_for`].
+    /// Returns the author's split if the data set has one, otherwise [`Scheme::folds_for`].
     pub fn default_for(dataset: &Dataset) -> Self {
         if dataset.has_test_flag() {
             Self::TestFlag
@@ -102,7 +112,7 @@ impl Scheme {
         }
     }
 
-    /// The published 5 folds in 2 repeats; where a material has fewer sweeps, as many folds as it has, at least 2.
+    /// Returns the published 5 folds in 2 repeats; fewer folds, at least 2, if a material has fewer sweeps.
     pub fn folds_for(dataset: &Dataset) -> Self {
         let fewest = dataset.sweeps_per_label().into_iter().min().unwrap_or(0);
         Self::StratifiedKFold {
@@ -111,7 +121,7 @@ impl Scheme {
         }
     }
 
-    /// A fifth of every material's sweeps, in 2 repeats.
+    /// Returns a hold-out of a fifth of every material's sweeps, in 2 repeats.
     pub fn hold_out() -> Self {
         Self::HoldOut {
             test_percent: usual_test_percent(),
@@ -119,7 +129,7 @@ impl Scheme {
         }
     }
 
-    /// How often the whole data set is split anew; 1 where nothing is random.
+    /// Returns the number of repetitions; 1 for schemes without randomness.
     pub fn repeats(self) -> usize {
         match self {
             Self::StratifiedKFold { repeats, .. } | Self::HoldOut { repeats, .. } => repeats,
@@ -127,12 +137,11 @@ impl Scheme {
         }
     }
 
-    /// Number of folds that `dataset` has in one repeat.
+    /// Returns the number of folds that `dataset` has in one repeat.
     ///
     /// # Errors
-    /// Settings out of range; no `test_flag` or `blocks` in the data set where the scheme needs
-    /// them; a material with fewer than two blocks (leaving one out would leave nothing to learn
-    /// from).
+    /// Settings out of range; a data set without the `test_flag` or `blocks` that the scheme needs; a material with a
+    /// single block, which would leave no training sweep.
     pub fn folds(self, dataset: &Dataset) -> Result<usize, DataError> {
         match self.checked()? {
             Self::StratifiedKFold { folds, .. } => Ok(folds),
@@ -182,7 +191,7 @@ impl Scheme {
 }
 
 impl std::fmt::Display for Scheme {
-    /// Returns what the scheme does, as a verb phrase.
+    /// Writes the action of the scheme, as a verb phrase.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::StratifiedKFold { folds, .. } => {
@@ -239,7 +248,7 @@ impl From<Scheme> for SchemeConfig {
     }
 }
 
-/// The block numbers of every label: `[labels]`; none where the data set knows no blocks.
+/// Returns the block numbers of every label, `[labels]`; empty sets if the data set has no blocks.
 pub(super) fn blocks_of_each_label(dataset: &Dataset) -> Vec<BTreeSet<u32>> {
     let mut blocks = vec![BTreeSet::new(); dataset.labels().len()];
     for record in dataset.records() {

@@ -1,12 +1,26 @@
-//! The sides of a split. Their types keep fitting away from the sweeps that judge it.
+//! Sides of a split. Their types prevent fitting on test sweeps.
 
 use super::{Fold, Scheme, SplitManifest, deal};
 use crate::{DataError, Dataset, Seed, SweepShape};
 use std::ops::Deref;
 
-/// Some sweeps of a data set, in ascending order: what any prediction reads.
+/// Some sweeps of a data set, in ascending order; the input of predictions.
 ///
 /// A *position* counts within the view (`0..len()`), an *index* within the whole data set.
+///
+/// ```
+/// use tactnet_data::SweepView;
+/// use tactnet_data::twin::{self, TwinConfig};
+///
+/// let config = TwinConfig { materials: 2, sweeps: 3, steps: 100, ..TwinConfig::default() };
+/// let dataset = twin::generate(&config)?;
+/// let view = SweepView::new(&dataset, vec![4, 1]);
+/// assert_eq!(view.indices(), [1, 4]);
+/// assert_eq!(view.labels().collect::<Vec<_>>(), [0, 1]);
+/// let mut batch = vec![0.0; 2 * dataset.shape().values()];
+/// view.copy_batch(&[1, 0], &mut batch);
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct SweepView<'a> {
     dataset: &'a Dataset,
@@ -14,10 +28,10 @@ pub struct SweepView<'a> {
 }
 
 impl<'a> SweepView<'a> {
-    /// The sweeps with these indices, put in ascending order.
+    /// Returns a view of the sweeps with these indices, sorted.
     ///
     /// # Panics
-    /// If the data set lacks one of them, or one is given twice.
+    /// If an index is out of range or occurs twice.
     pub fn new(dataset: &'a Dataset, mut indices: Vec<usize>) -> Self {
         indices.sort_unstable();
         assert!(
@@ -33,7 +47,7 @@ impl<'a> SweepView<'a> {
         Self { dataset, indices }
     }
 
-    /// Every sweep of `dataset`.
+    /// Returns a view of all sweeps.
     pub fn all(dataset: &'a Dataset) -> Self {
         Self {
             dataset,
@@ -41,32 +55,32 @@ impl<'a> SweepView<'a> {
         }
     }
 
-    /// The data set that the sweeps belong to.
+    /// Returns the data set that the sweeps belong to.
     pub fn dataset(&self) -> &'a Dataset {
         self.dataset
     }
 
-    /// The shape that all sweeps share.
+    /// Returns the shape of all sweeps.
     pub fn shape(&self) -> SweepShape {
         self.dataset.shape()
     }
 
-    /// Where the sweeps stand in the data set, ascending.
+    /// Returns the indices of the sweeps in the data set, ascending.
     pub fn indices(&self) -> &[usize] {
         &self.indices
     }
 
-    /// Number of sweeps.
+    /// Returns the number of sweeps.
     pub fn len(&self) -> usize {
         self.indices.len()
     }
 
-    /// Returns true if there is no sweep.
+    /// Returns true if the view has no sweeps.
     pub fn is_empty(&self) -> bool {
         self.indices.is_empty()
     }
 
-    /// Label of the sweep at `position`.
+    /// Returns the label of the sweep at `position`.
     ///
     /// # Panics
     /// If `position >= self.len()`.
@@ -74,21 +88,21 @@ impl<'a> SweepView<'a> {
         self.dataset.records()[self.indices[position]].label
     }
 
-    /// Label of every sweep, in the order of the positions.
+    /// Returns the labels of all sweeps, in the order of the positions.
     pub fn labels(&self) -> impl ExactSizeIterator<Item = usize> + '_ {
         self.indices
             .iter()
             .map(|&index| self.dataset.records()[index].label)
     }
 
-    /// Number of sweeps of every label: `[labels]`.
+    /// Returns the number of sweeps per label: `[labels]`.
     pub fn sweeps_per_label(&self) -> Vec<usize> {
         let mut counts = vec![0; self.dataset.labels().len()];
         self.labels().for_each(|label| counts[label] += 1);
         counts
     }
 
-    /// Widens the sweeps at `positions` into `out`, in the order given.
+    /// Copies the sweeps at `positions` as `f32` to `out`, in this order.
     ///
     /// - `positions`: `[batch]`; repetitions are allowed
     /// - `out`: `[batch][steps][rows][cols]`, digits
@@ -132,7 +146,7 @@ macro_rules! side {
     };
 }
 
-/// The random choices that made a fold; inner splits of its training sweeps are named after them.
+/// Random choices of a fold, which also name the inner splits of its training sweeps.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DealtBy {
     pub(super) scheme: Scheme,
@@ -141,10 +155,10 @@ pub(super) struct DealtBy {
     pub(super) fold: usize,
 }
 
-/// The sweeps that may be learnt from: the only ones that anything is fitted to.
+/// Training sweeps, the only ones that models are fitted to.
 ///
-/// Only a [`Fold`](crate::Fold) makes one, or [`TrainSplit::all`], which leaves nothing to be tested on; so a function that takes a `TrainSplit` cannot see a
-/// test sweep, while one that takes a [`SweepView`] reads any side:
+/// Only a [`Fold`](crate::Fold) or [`TrainSplit::all`], which leaves no test sweeps, makes one. So a function that takes
+/// a `TrainSplit` cannot see a test sweep, while one that takes a [`SweepView`] reads any side:
 ///
 /// ```
 /// use tactnet_data::{Fold, SweepView, TrainSplit};
@@ -157,7 +171,7 @@ pub(super) struct DealtBy {
 /// }
 /// ```
 ///
-/// Fitting to the other side does not compile:
+/// Fitting to the test side does not compile:
 ///
 /// ```compile_fail,E0308
 /// use tactnet_data::{Fold, TrainSplit};
@@ -167,7 +181,7 @@ pub(super) struct DealtBy {
 /// }
 /// ```
 ///
-/// nor does turning test sweeps into training sweeps:
+/// Turning test sweeps into training sweeps does not compile either:
 ///
 /// ```compile_fail,E0451
 /// use tactnet_data::{Fold, TrainSplit};
@@ -189,9 +203,9 @@ impl<'a> TrainSplit<'a> {
         }
     }
 
-    /// Every sweep of `dataset`, for a classifier that is judged by sweeps of another one.
+    /// Returns all sweeps of `dataset`, for a classifier that is evaluated on another data set.
     ///
-    /// - `seed`: names the parts of [`TrainSplit::inner`]
+    /// - `seed`: seed of the parts of [`TrainSplit::inner`]
     pub fn all(dataset: &'a Dataset, seed: Seed) -> Self {
         let dealt_by = DealtBy {
             scheme: Scheme::TrainOnAll,
@@ -202,18 +216,18 @@ impl<'a> TrainSplit<'a> {
         Self::new(dataset, (0..dataset.len()).collect(), dealt_by)
     }
 
-    /// Returns the number of parts that [`TrainSplit::inner`] deals the training sweeps into: [`Fold::INNER_FOLDS`], or as many as every
-    /// material has sweeps for, and at least two.
+    /// Returns the number of parts of [`TrainSplit::inner`]: [`Fold::INNER_FOLDS`], or as many as the material with the
+    /// fewest sweeps has, at least two.
     pub fn inner_folds(&self) -> usize {
         let fewest = self.sweeps_per_label().into_iter().min().unwrap_or(0);
         fewest.clamp(2, Fold::INNER_FOLDS)
     }
 
-    /// Splits the training sweeps once more, stratified, to choose settings without a look at the test sweeps.
+    /// Splits the training sweeps once more, stratified, to choose settings without the test sweeps.
     ///
-    /// Under [`Scheme::LeaveBlockOut`](crate::Scheme::LeaveBlockOut), too, the inner sides share recording blocks.
+    /// With [`Scheme::LeaveBlockOut`](crate::Scheme::LeaveBlockOut), too, the inner sides share recording blocks.
     ///
-    /// - `part`: which of the [`TrainSplit::inner_folds`] parts validates
+    /// - `part`: validation part, below [`TrainSplit::inner_folds`]
     ///
     /// # Errors
     /// No such part, or a material with a single training sweep.
@@ -247,11 +261,11 @@ impl<'a> TrainSplit<'a> {
 }
 
 impl TrainSplit<'_> {
-    /// Returns the split as data, for whatever is saved of a classifier: these training sweeps, and the test sweeps of the fold that they
-    /// belong to.
+    /// Returns the split as data, which is saved with a classifier: these training sweeps, and the test sweeps of their
+    /// fold.
     ///
     /// # Errors
-    /// A data set that cannot be dealt the same way again.
+    /// A data set that cannot be split the same way again.
     pub fn manifest(&self) -> Result<SplitManifest, DataError> {
         let DealtBy {
             scheme,
@@ -277,13 +291,13 @@ impl<'a> Deref for TrainSplit<'a> {
 }
 
 side! {
-    /// Training sweeps set aside to choose settings by; never test sweeps, and nothing is fitted to
-    /// them.
+    /// Training sweeps that are set aside to choose settings. Models are not fitted to them, and they contain no test
+    /// sweeps.
     ValidationSplit
 }
 
 side! {
-    /// The sweeps that a result is measured on.
+    /// Test sweeps, on which results are measured.
     TestSplit
 }
 

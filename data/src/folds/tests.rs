@@ -3,8 +3,8 @@ use crate::{LabelSet, Samples, SweepRecord, SweepShape};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-/// A data set with `counts[label]` sweeps, recorded `block` at a time, the materials taking
-/// turns as on TactMat's days.
+/// Returns a data set with `counts[label]` sweeps, recorded in blocks of `block` sweeps that alternate between the
+/// materials, like TactMat's days.
 pub(super) fn recorded(counts: &[usize], block: usize) -> Dataset {
     let mut records: Vec<SweepRecord> = (counts.iter().enumerate())
         .flat_map(|(label, &count)| {
@@ -55,7 +55,7 @@ fn spread(counts: impl IntoIterator<Item = usize> + Clone) -> usize {
 }
 
 prop_compose! {
-    /// 1 to 5 materials with 10 to 30 sweeps each, in blocks of 2 to 5.
+    /// Generates 1 to 5 materials with 10 to 30 sweeps each, in blocks of 2 to 5.
     fn any_recording()(
         counts in prop::collection::vec(10usize..=30, 1..=5),
         block in 2usize..=5,
@@ -126,7 +126,7 @@ proptest! {
             sides(&Fold::new(dataset, Scheme::default(), Seed(seed), repeat, fold).unwrap())
         };
         let first = split(&dataset, seed);
-        // Not on what was drawn before, and not on what is known besides the labels.
+        // The split depends neither on earlier draws nor on metadata other than labels.
         let other = Fold::new(&dataset, Scheme::default(), Seed(seed), 1 - repeat, fold).unwrap();
         other.inner(0).unwrap();
         prop_assert_eq!(&split(&dataset, seed), &first);
@@ -214,7 +214,7 @@ fn seeds_runs_and_folds_give_different_splits() {
         .map(|(s, r, f)| tested(s, r, f))
         .into();
     assert_eq!(different.len(), 4);
-    // The same training sweeps under other numbers are dealt anew.
+    // The same training sweeps under other numbers are split anew.
     let validated = |repeat, fold| {
         let sweeps: Vec<usize> = (0..dataset.len()).collect();
         let dealt_by = DealtBy {

@@ -1,4 +1,4 @@
-//! Where the chunks of a five-dimensional HDF5 data set lie.
+//! Positions of the chunks of a five-dimensional HDF5 data set in its file.
 
 use super::DEFLATE_LIMIT;
 use super::mismatch::Mismatch;
@@ -11,23 +11,23 @@ use hdf5_reader::{Dataset, Hdf5File, btree_v1, extensible_array, fixed_array};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Dimensions of `samples`: materials, sweeps, steps, rows, cols.
+/// Number of dimensions of `samples`: materials, sweeps, steps, rows, cols.
 pub(super) const RANK: usize = 5;
 
-/// The chunks of a data set.
+/// Chunks of a data set.
 pub(super) struct ChunkGrid {
     /// Extents of a chunk.
     pub(super) chunk: [usize; RANK],
-    /// Bytes of a chunk when it is unpacked.
+    /// Size of an unpacked chunk, in bytes.
     pub(super) chunk_bytes: usize,
     pub(super) filters: Option<FilterPipelineMessage>,
-    /// What stands in chunks that were never written, as it is stored.
+    /// Stored value of chunks that were never written.
     pub(super) fill_value: Option<Vec<u8>>,
-    /// By position in the grid.
+    /// Chunks by their position in the grid.
     entries: BTreeMap<[usize; RANK], ChunkEntry>,
 }
 
-/// Chunks whose values lie one behind the other in the result.
+/// Chunks whose values are adjacent in the result.
 pub(super) struct Band {
     pub(super) materials: Range<usize>,
     pub(super) sweeps: Range<usize>,
@@ -36,7 +36,7 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// The extents of the band in a data set of `shape`.
+    /// Returns the extents of the band in a data set of `shape`.
     pub(super) fn extent(&self, shape: [usize; RANK]) -> [usize; RANK] {
         let [_, _, steps, rows, cols] = shape;
         [self.materials.len(), self.sweeps.len(), steps, rows, cols]
@@ -44,7 +44,7 @@ impl Band {
 }
 
 impl ChunkGrid {
-    /// Where the chunks of `dataset` lie in `file`; none for storage that is not chunked.
+    /// Returns the chunks of `dataset` in `file`; `None` for storage without chunks.
     pub(super) fn of(
         file: &Hdf5File,
         dataset: &Dataset,
@@ -74,7 +74,7 @@ impl ChunkGrid {
         else {
             return Ok(None);
         };
-        // Some versions of the message carry the element's size as one dimension more.
+        // Some versions of the message contain the element's size as an additional dimension.
         let Some(chunk) = dims.first_chunk::<RANK>().copied() else {
             return Err(Mismatch::new("chunks of 5 dimensions", format!("{dims:?}")));
         };
@@ -112,7 +112,7 @@ impl ChunkGrid {
         .map(Some)
     }
 
-    /// Takes the chunks inside `shape`; one that a shrunk data set left behind is ignored.
+    /// Adds the chunks inside `shape`. Chunks outside, which remain when a data set shrinks, are ignored.
     fn with_entries(
         mut self,
         entries: Vec<ChunkEntry>,
@@ -143,7 +143,7 @@ impl ChunkGrid {
         Ok(self)
     }
 
-    /// Splits along the materials, and along the sweeps too where a chunk holds one material only.
+    /// Splits the chunks into bands by material, and by sweep if a chunk has only one material.
     pub(super) fn bands(&self, shape: [usize; RANK]) -> Vec<Band> {
         let across: usize = (2..RANK)
             .map(|axis| shape[axis].div_ceil(self.chunk[axis]))
@@ -187,13 +187,13 @@ impl ChunkGrid {
     }
 }
 
-/// The table in the file that says where each chunk is; HDF5 has six kinds of it.
+/// Index of the chunks in the file; HDF5 has six kinds.
 struct ChunkIndex<'a> {
     file: &'a Hdf5File,
     dataset: &'a Dataset,
     address: u64,
     dims: &'a [u32],
-    /// Bytes of one value.
+    /// Returns the size of one value, in bytes.
     size: usize,
 }
 

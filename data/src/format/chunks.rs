@@ -1,8 +1,8 @@
-//! The values of a five-dimensional HDF5 data set, decoded chunk by chunk on all cores.
+//! Values of a five-dimensional HDF5 data set, decoded chunk by chunk on all cores.
 //!
 //! The crate `hdf5-reader` parses the file; its own full read decodes one chunk after the other into the stored element
-//! type. Here each band of chunks is decoded, narrowed and put into place on a thread of its own, so a file of `f64`
-//! digits never stands in memory as `f64`.
+//! type. Here threads decode and narrow bands of chunks in parallel, so a file of `f64` digits is never in memory as
+//! `f64`.
 
 use super::DEFLATE_LIMIT;
 use super::chunk_grid::{Band, ChunkGrid, RANK};
@@ -16,7 +16,7 @@ use hdf5_reader::filters::apply_pipeline_with_limit;
 use hdf5_reader::{ByteOrder, Dataset, Datatype, Hdf5File};
 use rayon::prelude::*;
 
-/// All values of `dataset`, whatever number type they are stored in, narrowed.
+/// Returns all values of `dataset`, of any stored number type, narrowed.
 pub(super) fn read_samples(
     file: &Hdf5File,
     dataset: &Dataset,
@@ -114,7 +114,7 @@ impl Values<'_> {
         }
     }
 
-    /// Contiguous and compact storage: one material after the other.
+    /// Reads contiguous or compact storage, one material after the other.
     fn read_block<T: Stored>(&self) -> Result<Samples, Mismatch> {
         let materials = self.shape[0];
         let length = self.shape[1..].iter().product();
@@ -150,8 +150,8 @@ impl Values<'_> {
         })
     }
 
-    /// Reads parts of the given lengths on all cores, straight into a `u8` result, as most data sets need no more; a part
-    /// that does not fit there comes back.
+    /// Reads parts of the given lengths on all cores, straight into a `u8` result, which most data sets fit. Returns the
+    /// values of parts that do not fit.
     fn gather(
         lengths: &[usize],
         read: impl Fn(usize, &mut [u8]) -> Result<Option<Samples>, Mismatch> + Sync,
@@ -182,7 +182,7 @@ impl Values<'_> {
         Ok(join(pieces.collect()))
     }
 
-    /// Reads a band into `bytes`, or returns its values if they do not fit there.
+    /// Reads a band into `bytes`, or returns its values if they do not fit.
     fn read_band<T: Stored>(
         &self,
         grid: &ChunkGrid,
@@ -225,7 +225,7 @@ impl Values<'_> {
         Ok(wider)
     }
 
-    /// The bytes of one chunk, unpacked.
+    /// Returns the unpacked bytes of one chunk.
     fn decode(&self, grid: &ChunkGrid, entry: &ChunkEntry) -> Result<Vec<u8>, Mismatch> {
         let hdf5 = |error| Mismatch::from_hdf5(&error);
         let stored = if entry.size > 0 {

@@ -1,6 +1,6 @@
-//! Text tables: a single `.csv` with a row per frame of every sweep (see `frame_table.rs`), and the rows of any `.csv`.
+//! Text tables: a single `.csv` with one row per frame (see `frame_table.rs`), and the rows of any `.csv`.
 //!
-//! Commas, semicolons and tabs separate.
+//! The separator is a comma, a semicolon or a tab.
 
 use std::path::Path;
 
@@ -10,14 +10,14 @@ use super::named_sweeps::{Labels, NamedSweeps};
 use super::{folder, taxel_names::is_line_of_names};
 use crate::DataError;
 
-/// Reads a file that may hold NaN or infinities.
+/// Reads a file that may contain NaN or infinities.
 ///
 /// - `keep`: frames of every sweep that are read
-/// - `labels`: where they are optional, a file may be one sweep
+/// - `labels`: if they are optional, a file may be one sweep
 ///
 /// # Errors
-/// What cannot be read; a row with more or fewer values than the first; a word where a number belongs, with file and line; sweeps of
-/// different lengths.
+/// A file that cannot be read; a row with more or fewer values than the first; a word in place of a number, with file and
+/// line; sweeps of different lengths.
 pub(super) fn read_with_gaps(
     path: &Path,
     keep: Keep,
@@ -29,13 +29,13 @@ pub(super) fn read_with_gaps(
     read_table(path, labels)?.into_sweeps(keep, labels)
 }
 
-/// Returns true if the first line of a table holds more than numbers.
+/// Returns true if the first line of a table contains words.
 fn has_line_of_names(path: &Path) -> Result<bool, DataError> {
     let first = Rows::open(path)?.next()?.unwrap_or_default();
     Ok(is_line_of_names(&first))
 }
 
-/// All frames of all sweeps in one file; what its columns lack is said before what its lines hold.
+/// Reads all frames of all sweeps of one file; missing columns are reported before invalid lines.
 fn read_table(path: &Path, labels: Labels) -> Result<FrameTable<'_>, DataError> {
     let mut rows = Rows::open(path)?;
     let header = rows.next()?.unwrap_or_default();
@@ -68,7 +68,7 @@ fn read_table(path: &Path, labels: Labels) -> Result<FrameTable<'_>, DataError> 
     Ok(table)
 }
 
-/// The rows of a file, all as long as the first.
+/// Rows of a file, all as long as the first.
 pub(super) struct Rows<'a> {
     path: &'a Path,
     reader: csv::Reader<std::fs::File>,
@@ -76,7 +76,7 @@ pub(super) struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// Opens a file; its first line says what separates.
+    /// Opens a file; its first line shows the separator.
     pub(super) fn open(path: &'a Path) -> Result<Self, DataError> {
         let open = || crate::open_file(path).map_err(|error| DataError::io(path, "open", error));
         let mut head = [0; 4096];
@@ -107,12 +107,12 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// The line that was read last.
+    /// Returns the number of the last line that was read.
     fn line(&self) -> u64 {
         self.record.position().map_or(0, csv::Position::line)
     }
 
-    /// Says what is wrong with a value.
+    /// Returns the error of an invalid value.
     ///
     /// - `column`: counted from 0
     pub(super) fn error(&self, expected: &str, column: usize, found: &str) -> DataError {

@@ -1,11 +1,11 @@
-//! Folders of sweeps, a file each.
+//! Folders with one file per sweep.
 //!
 //! | layout | material of a sweep |
 //! |---|---|
-//! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block`, `test`) | as the table says |
+//! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block`, `test`) | given in the table |
 //! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.npy` | the name of its folder |
 //!
-//! What a file holds, see `sweep_file.rs`.
+//! `sweep_file.rs` describes the files.
 
 use std::path::{Path, PathBuf};
 
@@ -19,19 +19,19 @@ use super::narrow::{TooWide, narrow};
 use super::sweep_file::{SweepFile, is_sweep_file};
 use crate::DataError;
 
-/// The table of a folder's labels.
+/// Name of the table of labels in a folder.
 const LABELS: &str = "labels.csv";
 
-/// What a folder of sweeps with materials is.
+/// Layout of a folder of labelled sweeps, for messages.
 pub(super) const LAYOUT: &str =
     "labels.csv with columns file, material; or a folder of .csv or .npy files per material";
 
-/// Reads a folder whose sweeps have materials; values may be NaN or infinite.
+/// Reads a folder of labelled sweeps; values may be NaN or infinite.
 ///
 /// - `keep`: frames of every sweep that are read
 ///
 /// # Errors
-/// What cannot be read; sweeps of different lengths or numbers of taxels.
+/// A file that cannot be read; sweeps of different lengths or numbers of taxels.
 pub(super) fn read_with_gaps(path: &Path, keep: Keep) -> Result<NamedSweeps, DataError> {
     if path.join(LABELS).is_file() {
         let entries = listed(&path.join(LABELS))?;
@@ -51,7 +51,7 @@ pub(super) fn read_with_gaps(path: &Path, keep: Keep) -> Result<NamedSweeps, Dat
     Ok(sweeps)
 }
 
-/// Reads one file of one sweep.
+/// Reads the file of one sweep.
 ///
 /// # Errors
 /// As [`read_with_gaps`].
@@ -59,7 +59,7 @@ pub(super) fn read_one(path: &Path, keep: Keep) -> Result<NamedSweeps, DataError
     read_files(path, vec![Entry::unlabelled(path.into())], keep)
 }
 
-/// Reads the files of sweeps that lie in a folder itself, each a sweep, in the order of their names; `None` where there is none.
+/// Reads the sweep files directly in a folder, in the order of their names; `None` if there are none.
 ///
 /// # Errors
 /// As [`read_with_gaps`].
@@ -71,12 +71,18 @@ pub(super) fn read_flat_folder(path: &Path, keep: Keep) -> Result<Option<NamedSw
     read_files(path, entries, keep).map(Some)
 }
 
-/// Returns true if a folder looks like one of sweeps: it has a table of labels or folders with files of sweeps.
+/// Returns true if a folder looks like a folder of sweeps: it has a table of labels, or folders with sweep files.
+///
+/// ```
+/// use tactnet_data::format::is_folder_of_sweeps;
+///
+/// assert!(!is_folder_of_sweeps("missing".as_ref()));
+/// ```
 pub fn is_folder_of_sweeps(path: &Path) -> bool {
     path.join(LABELS).is_file() || files_by_folder(path).is_ok_and(|(files, _)| !files.is_empty())
 }
 
-/// A sweep's file, and what is known of it.
+/// File of a sweep with its metadata.
 struct Entry {
     file: PathBuf,
     material: Option<String>,
@@ -97,7 +103,7 @@ impl Entry {
 
 /// Reads the files of sweeps.
 ///
-/// - `path`: what people named, a folder or one file
+/// - `path`: folder or file that the user named
 fn read_files(path: &Path, mut entries: Vec<Entry>, keep: Keep) -> Result<NamedSweeps, DataError> {
     if entries.is_empty() {
         return Err(DataError::format(path, "folder", LAYOUT, "neither"));
@@ -142,7 +148,7 @@ fn read_files(path: &Path, mut entries: Vec<Entry>, keep: Keep) -> Result<NamedS
     };
     let mut is_kept = sweeps.iter().map(is_kept);
     entries.retain(|_| is_kept.next().unwrap_or_default());
-    // Files of one set have the same columns.
+    // All files of a set have the same columns.
     let left_out = sweeps[0].left_out.clone();
     let samples = narrow(&values).map_err(|TooWide(value)| {
         DataError::format(path, "taxels", "values that a 32-bit float holds", value)
@@ -167,7 +173,7 @@ fn read_files(path: &Path, mut entries: Vec<Entry>, keep: Keep) -> Result<NamedS
     })
 }
 
-/// The files' names, with those of their folders where some would be the same.
+/// Returns the files' names, preceded by their folders' names if some would be equal.
 fn sweep_names(entries: &[Entry]) -> Vec<String> {
     let names = || entries.iter().map(|entry| super::stem(&entry.file));
     let different: std::collections::HashSet<String> = names().collect();
@@ -181,7 +187,7 @@ fn sweep_names(entries: &[Entry]) -> Vec<String> {
         .collect()
 }
 
-/// The files that a table of labels lists, in its order.
+/// Returns the files that a table of labels lists, in its order.
 fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
     let folder = table.parent().unwrap_or(Path::new("."));
     let mut rows = Rows::open(table)?;
@@ -213,7 +219,7 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
     Ok(entries)
 }
 
-/// Says which files of a folder a table of labels does not list.
+/// Returns a sentence about files that the table of labels does not list.
 fn unlisted(folder: &Path, listed: &[Entry]) -> Result<Option<String>, DataError> {
     let files: Vec<PathBuf> = sweeps_in(folder)?
         .filter(|file| listed.iter().all(|entry| entry.file != *file))
@@ -226,7 +232,7 @@ fn unlisted(folder: &Path, listed: &[Entry]) -> Result<Option<String>, DataError
     Ok(Some(format!("files that {LABELS} does not list: {names}")))
 }
 
-/// The files of sweeps of the folders in `path`, folder by folder in the order of their names, and the names of folders without any.
+/// Returns the sweep files in the folders of `path`, sorted by folder, and the names of folders without any.
 fn files_by_folder(path: &Path) -> Result<(Vec<Entry>, Vec<String>), DataError> {
     let (mut entries, mut empty) = (Vec::new(), Vec::new());
     for folder in list(path)?.into_iter().filter(|path| path.is_dir()) {
@@ -236,7 +242,7 @@ fn files_by_folder(path: &Path) -> Result<(Vec<Entry>, Vec<String>), DataError> 
             material: Some(material.to_string()),
             ..Entry::unlabelled(file)
         }));
-        // What begins with a dot is a program's own.
+        // Files and folders whose name begins with a dot belong to other programs.
         if entries.len() == before && !material.starts_with('.') {
             empty.push(material.into_owned());
         }
@@ -244,13 +250,13 @@ fn files_by_folder(path: &Path) -> Result<(Vec<Entry>, Vec<String>), DataError> 
     Ok((entries, empty))
 }
 
-/// Returns true if there are single arrays of NumPy in a folder.
+/// Returns true if a folder contains single NumPy arrays.
 pub(super) fn holds_arrays(folder: &Path) -> bool {
     let is_array = |path: &PathBuf| path.extension().is_some_and(|e| e == "npy");
     list(folder).is_ok_and(|paths| paths.iter().any(is_array))
 }
 
-/// Returns the first file in a folder that is a data set by itself.
+/// Returns the first file in a folder that is a complete data set.
 pub(super) fn data_set_in(folder: &Path) -> Option<PathBuf> {
     let is_whole = |path: &PathBuf| {
         let extension = path.extension().and_then(|extension| extension.to_str());
@@ -259,7 +265,7 @@ pub(super) fn data_set_in(folder: &Path) -> Option<PathBuf> {
     list(folder).ok()?.into_iter().find(is_whole)
 }
 
-/// What lies in a folder, in the order of names.
+/// Returns the content of a folder, sorted by name.
 fn list(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     let io = |error| DataError::io(folder, "list", error);
     let entries = std::fs::read_dir(folder).map_err(io)?;
@@ -271,7 +277,7 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     Ok(paths)
 }
 
-/// The files of sweeps in a folder.
+/// Returns the sweep files in a folder.
 fn sweeps_in(folder: &Path) -> Result<impl Iterator<Item = PathBuf>, DataError> {
     let is_sweep = |file: &PathBuf| is_sweep_file(file) && !file.ends_with(LABELS);
     Ok(list(folder)?.into_iter().filter(is_sweep))

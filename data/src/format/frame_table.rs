@@ -1,12 +1,12 @@
-//! A table with a row per frame: which sweep it belongs to, over what, and a column per taxel.
+//! Tables with one row per frame: sweep, material and one column per taxel.
 //!
 //! | column | holds |
 //! |---|---|
-//! | `sweep` | number or name of the sweep; its frames stand in their order |
-//! | `material` (or `y`, `label`, `class`) | what was swept over, the same in every frame of a sweep |
-//! | `time` (or `t`, `timestamp`), optional | seconds, or the unit that its name ends with (`t_ms`, `time [ns]`); gives the sample rate |
-//! | `step` (or `frame`, `index`), `block`, `test`, optional | step is not read; block and test as in [`tactmat`](super::tactmat) |
-//! | every other | one taxel, in the order of the columns; where most are numbered alike (`t0`, `t1`, ...), only those: see `taxel_names.rs` |
+//! | `sweep` | number or name of the sweep; its frames are in order |
+//! | `material` (or `y`, `label`, `class`) | material, the same in every frame of a sweep |
+//! | `time` (or `t`, `timestamp`), optional | seconds, or the unit at the end of the name (`t_ms`, `time [ns]`); gives the sample rate |
+//! | `step` (or `frame`, `index`), `block`, `test`, optional | step is ignored; block and test as in [`tactmat`](super::tactmat) |
+//! | every other | one taxel, in the order of the columns; if most are numbered alike (`t0`, `t1`, ...), only those: see `taxel_names.rs` |
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,13 +17,13 @@ use super::narrow::{TooWide, narrow};
 use super::taxel_names::{left_out, unlike_the_others};
 use crate::{DataError, SweepShape};
 
-/// The columns of a table, by name; the values of a column are numbers or words.
+/// Columns of a table, by name; the values of a column are numbers or words.
 pub(super) struct FrameTable<'a> {
     pub(super) path: &'a Path,
     pub(super) columns: Vec<(String, Column)>,
 }
 
-/// One column.
+/// Values of one column.
 pub(super) enum Column {
     Numbers(Vec<f64>),
     Words(Vec<String>),
@@ -38,7 +38,7 @@ impl Column {
     }
 }
 
-/// Returns whether a column of this name holds words where its values are not numbers.
+/// Returns true if a column of this name has words if its values are not numbers.
 pub(super) fn may_hold_words(name: &str) -> bool {
     is_one_of(name, SWEEP) || is_one_of(name, MATERIAL)
 }
@@ -47,7 +47,7 @@ pub(super) fn is_one_of(name: &str, names: &[&str]) -> bool {
     names.contains(&name.trim().to_ascii_lowercase().as_str())
 }
 
-/// Returns the seconds of a time column's unit, of names such as `time`, `t_ms` or `Time [ns]`; `None` for any other column.
+/// Returns the unit of a time column in seconds, by its name (`time`, `t_ms`, `Time [ns]`); `None` for any other column.
 pub(super) fn time_unit(name: &str) -> Option<f64> {
     let name = name.trim().to_lowercase();
     let mut words = name.split(|c: char| c.is_whitespace() || "_[]()/".contains(c));
@@ -63,10 +63,10 @@ pub(super) fn time_unit(name: &str) -> Option<f64> {
     }
 }
 
-/// Names of the columns that are no taxels.
+/// Names of columns that are not taxels.
 const SWEEP: &[&str] = &["sweep", "sweep_id"];
 pub(super) const MATERIAL: &[&str] = &["material", "y", "label", "class"];
-/// What these two columns are called that were meant to be read.
+/// Names of sweep and material columns that are not read but suggest a fix.
 const MEANT_AS_SWEEP: &[&str] = &[
     "episode",
     "id",
@@ -87,7 +87,7 @@ const MEANT_AS_MATERIAL: &[&str] = &[
     "texture",
 ];
 const TIME: &[&str] = &["time", "t", "timestamp", "timestamps"];
-/// Units of time, and seconds in each.
+/// Units of time, with their length in seconds.
 const UNITS: &[(&str, f64)] = &[
     ("s", 1.0),
     ("sec", 1.0),
@@ -97,7 +97,7 @@ const UNITS: &[(&str, f64)] = &[
     ("µs", 1e-6),
     ("ns", 1e-9),
 ];
-/// Numbers of frames; a column without a name is pandas' index.
+/// Names of columns that count frames; the empty name is pandas' index.
 pub(super) const STEP: &[&str] = &["step", "frame", "index", "", "unnamed: 0"];
 const BLOCK: &[&str] = &["block"];
 const TEST: &[&str] = &["test", "test_flag"];
@@ -106,7 +106,7 @@ impl FrameTable<'_> {
     /// Returns the sweeps in the order of their first frames.
     ///
     /// - `keep`: frames of every sweep that are read
-    /// - `labels`: where they are optional, so is the column `sweep`: without it all frames are one sweep's
+    /// - `labels`: if they are optional, so is the column `sweep`: without it all frames are one sweep
     ///
     /// # Errors
     /// A column that is missing or has words instead of numbers; a sweep of two materials; sweeps of different lengths.
@@ -185,10 +185,10 @@ impl FrameTable<'_> {
         found.map(|(_, column)| column)
     }
 
-    /// Succeeds if there are the columns of sweeps with their materials.
+    /// Succeeds if the table has the columns of sweeps and materials.
     ///
     /// # Errors
-    /// One is missing.
+    /// A missing column.
     pub(super) fn check_names(&self) -> Result<(), DataError> {
         self.required(SWEEP)?;
         self.required(MATERIAL)?;
@@ -198,7 +198,7 @@ impl FrameTable<'_> {
     fn required(&self, names: &[&str]) -> Result<&Column, DataError> {
         self.find(names).ok_or_else(|| {
             let there = || self.columns.iter().map(|(name, _)| name.as_str());
-            // First what is no taxel, since of many columns not all are named.
+            // Columns that are not taxels come first, since messages list only a few columns.
             let known = [SWEEP, MATERIAL, MEANT_AS_SWEEP, MEANT_AS_MATERIAL].concat();
             let (mut shown, taxels): (Vec<&str>, Vec<&str>) =
                 there().partition(|name| is_one_of(name, &known));
@@ -226,7 +226,7 @@ impl FrameTable<'_> {
         })
     }
 
-    /// Returns the columns of the taxels, `[taxels][frames]`, and what is left out.
+    /// Returns the columns of the taxels, `[taxels][frames]`, and sentences about columns that are not read.
     fn taxels(&self) -> Result<(Vec<&[f64]>, Vec<String>), DataError> {
         let known = [SWEEP, MATERIAL, STEP, BLOCK, TEST].concat();
         let mut columns = Vec::new();
@@ -255,7 +255,7 @@ impl FrameTable<'_> {
         Ok((taxels, left_out(&names, &unlike)))
     }
 
-    /// One frame over the median time between two frames of a sweep.
+    /// Returns the sample rate, in Hz: the inverse of the median time between two frames of a sweep.
     fn rate(
         &self,
         order: &[&str],
@@ -277,7 +277,7 @@ impl FrameTable<'_> {
         rate_of(self.path, times).map(Some)
     }
 
-    /// One value for each sweep: that of its first frame.
+    /// Returns one value per sweep: that of its first frame.
     fn per_sweep<T>(
         &self,
         names: &[&str],
@@ -302,22 +302,22 @@ impl FrameTable<'_> {
     }
 }
 
-/// Sweeps whose times between frames differ by a larger share are of different rates.
+/// Maximum relative difference between the frame periods of sweeps of one rate.
 const OTHER_RATE: f64 = 0.1;
 
-/// Returns frames per second from the times of frames, in seconds.
+/// Returns the sample rate in Hz from the times of frames, in seconds.
 ///
 /// - `sweeps`: name and times of each
 ///
 /// # Errors
-/// Times that go back or stand still; sweeps of different rates.
+/// Times that decrease or repeat; sweeps of different rates.
 pub(super) fn rate_of<'a>(
     path: &Path,
     sweeps: impl Iterator<Item = (&'a str, Vec<f64>)>,
 ) -> Result<f64, DataError> {
     let grow = "seconds that grow from frame to frame";
     let mut all = Vec::new();
-    // Name, mean and median of each.
+    // Name, mean and median period of each sweep.
     let mut periods = Vec::new();
     for (name, times) in sweeps {
         let mut between: Vec<f64> = times.array_windows().map(|&[a, b]| b - a).collect();
@@ -348,7 +348,7 @@ pub(super) fn rate_of<'a>(
             return Err(DataError::format(path, "column `time`", grow, found));
         }
     };
-    // A pause changes a sweep's mean, and rounded times its median; another rate changes both.
+    // A pause changes a sweep's mean period, and rounded times change its median; another rate changes both.
     let is_other = |value: &f64| (value / period - 1.0).abs() > OTHER_RATE;
     if let Some((name, [_, median])) = periods.iter().find(|(_, both)| both.iter().all(is_other)) {
         let hz = |period: f64| (100.0 / period).round() / 100.0;
@@ -361,7 +361,7 @@ pub(super) fn rate_of<'a>(
             found,
         ));
     }
-    // Times are rounded in files: a rate within a thousandth of a whole number is that number.
+    // Files contain rounded times: a rate within a thousandth of a whole number is that number.
     let rate = 1.0 / period;
     let whole = rate.round();
     Ok(if (rate - whole).abs() < 1e-3 * rate {

@@ -1,41 +1,41 @@
-//! How many frames of each sweep are read, where a file says how many there are.
+//! Number of frames of each sweep that are read.
 
 use std::path::Path;
 
 use crate::{DataError, Remedy};
 
-/// How many frames of each sweep are read.
+/// Frames of each sweep that are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
-    /// All; sweeps must be equally long.
+    /// All frames; sweeps must be equally long.
     Equal,
-    /// That many from the beginning; longer sweeps are cut, shorter ones refused.
+    /// This many frames from the beginning; longer sweeps are cut, shorter ones refused.
     First(usize),
-    /// As many as more than half of the sweeps have, or where none is so common, the number of which most frames are left; longer sweeps are
-    /// cut, shorter ones left out, and all are named.
+    /// The length of more than half of the sweeps, or, if none is so common, the length that keeps most frames. Longer
+    /// sweeps are cut, shorter ones omitted, and all are reported.
     Most,
 }
 
 impl From<Option<usize>> for Keep {
-    /// The first `steps` of each, or all.
+    /// Returns [`Keep::First`] with a number of steps, otherwise [`Keep::Equal`].
     fn from(steps: Option<usize>) -> Self {
         steps.map_or(Self::Equal, Self::First)
     }
 }
 
-/// A sweep that is longer or shorter than the others.
+/// Sweep that is longer or shorter than the others.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OddLength {
-    /// Its name or file.
+    /// Name or file of the sweep.
     pub sweep: String,
-    /// Its frames.
+    /// Number of its frames.
     pub frames: usize,
 }
 
-/// Returns the frames of a sweep that are read, and the sweeps that have more or fewer.
+/// Returns the number of frames that are read, and the sweeps that have more or fewer.
 ///
 /// # Errors
-/// No sweep; one of another length, where `keep` allows none.
+/// No sweep, or a sweep of a length that `keep` does not allow.
 pub(super) fn settle(
     path: &Path,
     sweeps: &[&str],
@@ -85,7 +85,7 @@ pub(super) fn settle(
     .with_remedy(Remedy::KeepSteps { steps: shortest }))
 }
 
-/// The number of frames that more than half of the sweeps have; where none is so common, that of which most are left.
+/// Returns the length of more than half of the sweeps, or, if none is so common, the length that keeps most frames.
 fn usual(lengths: &[usize]) -> usize {
     let mut sorted = lengths.to_vec();
     sorted.sort_unstable();
@@ -97,10 +97,10 @@ fn usual(lengths: &[usize]) -> usize {
     longest_of_most(&sorted)
 }
 
-/// The number of frames of which most are left, if longer sweeps are cut to it and shorter ones left out.
+/// Returns the length that keeps most frames if longer sweeps are cut and shorter ones omitted.
 fn longest_of_most(sorted: &[usize]) -> usize {
     let left = |at: usize| (sorted.len() - at) * sorted[at];
-    // Where sweeps are alike, the first of them counts all.
+    // For equal lengths the first index counts all sweeps.
     let best = (0..sorted.len()).rev().max_by_key(|&at| left(at));
     best.map_or(0, |at| sorted[at])
 }
@@ -116,7 +116,7 @@ mod tests {
         assert_eq!(usual(&lengths), 300);
         lengths[0] = 5000;
         assert_eq!(usual(&lengths), 300);
-        // None is common: 2 x 20 frames are more than 4 x 9, and fewer than 3 x 19.
+        // No length is common: 2 x 20 frames are more than 4 x 9, and fewer than 3 x 19.
         assert_eq!(usual(&[9, 19, 20, 20]), 19);
         assert_eq!(usual(&[9, 13, 20, 21]), 20);
         assert_eq!(usual(&[]), 0);

@@ -1,9 +1,9 @@
-//! What an HDF5 data set should hold and what it holds instead, in words.
+//! Expected and actual content of HDF5 data sets, for messages.
 
 use hdf5_reader::Datatype;
 use hdf5_reader::error::Error;
 
-/// What a data set should hold and what it holds instead.
+/// Expected and actual content of an HDF5 data set.
 #[derive(Debug)]
 pub(super) struct Mismatch {
     pub(super) expected: String,
@@ -18,7 +18,7 @@ impl Mismatch {
         }
     }
 
-    /// Returns what the HDF5 crate says, with filters by name.
+    /// Converts an error of the HDF5 crate; filters are named.
     pub(super) fn from_hdf5(error: &Error) -> Self {
         match error {
             Error::Context { source, .. } => Self::from_hdf5(source),
@@ -53,7 +53,7 @@ fn filter_name(filter: &str) -> String {
     format!("{name} (filter {id})")
 }
 
-/// How people call an HDF5 type.
+/// Returns the usual name of an HDF5 type.
 pub(super) fn type_name(datatype: &Datatype) -> String {
     match datatype {
         Datatype::FixedPoint {

@@ -1,16 +1,30 @@
-//! The files that data sets come in, one module per format.
+//! File formats of data sets, one module per format.
+//!
+//! ```
+//! use tactnet_data::format::{self, Format};
+//! use tactnet_data::twin::{self, TwinConfig};
+//!
+//! let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
+//! let dataset = twin::generate(&config)?;
+//! let path = std::env::temp_dir().join(format!("tactnet-doc-{}.npz", std::process::id()));
+//! Format::from_extension(&path)?.write(&path, &dataset)?;
+//! let read = format::read(&path)?;
+//! assert_eq!(read.sha256(), dataset.sha256());
+//! std::fs::remove_file(&path).unwrap();
+//! # Ok::<(), tactnet_data::DataError>(())
+//! ```
 //!
 //! | format | extension | read | written | shape |
 //! |---|---|---|---|---|
 //! | [`tactmat`] (HDF5) | `.h5`, `.hdf5` | yes | yes | `[materials][sweeps][steps][rows][cols]` |
 //! | [`npz`] (numpy) | `.npz` | yes | yes | the same, or `[sweeps][steps][rows][cols]` with labels |
 //! | [`ts`] (aeon, sktime, UEA archive) | `.ts` | no | yes | one line a sweep, one dimension a taxel |
-//! | `csv` (text tables) | `.csv` | yes | no | a row per frame |
-//! | `folder` (files of sweeps) | a folder of `.csv` or `.npy` | yes | no | a file a sweep; folders, or a table of labels, name materials |
-//! | `parquet`, with that feature | `.parquet` | yes | no | a row per frame |
+//! | `csv` (text tables) | `.csv` | yes | no | one row per frame |
+//! | `folder` (files of sweeps) | a folder of `.csv` or `.npy` | yes | no | one file per sweep; folders, or a table of labels, name materials |
+//! | `parquet`, with that feature | `.parquet` | yes | no | one row per frame |
 //!
-//! A file of arrays is recognised by its first bytes, not by its name; a table by its extension, a folder by what it holds. What is written
-//! goes by the extension.
+//! The first bytes identify a file of arrays, the extension a table, and the content a folder. The extension of the
+//! output file decides the format that is written.
 
 mod chunk_grid;
 mod chunks;
@@ -45,25 +59,33 @@ use named_sweeps::{Labels, NamedSweeps};
 use std::io::Read;
 use std::path::Path;
 
-/// Deflate cannot pack more than this many bytes into one; a file that promises more is damaged.
+/// Maximum compression ratio of deflate; a file that claims more is damaged.
 const DEFLATE_LIMIT: u64 = 1032;
 
-/// A file format that a data set can be written to.
+/// File format that data sets can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// TactMat's HDF5 layout.
     TactMat,
-    /// A numpy archive.
+    /// Archive of numpy arrays.
     Npz,
     /// The text format of aeon and the UEA archive.
     Ts,
 }
 
 impl Format {
-    /// The format that `path`'s extension stands for: `.h5`, `.hdf5`, `.npz` or `.ts`.
+    /// Returns the format of an extension: `.h5`, `.hdf5`, `.npz` or `.ts`.
     ///
     /// # Errors
-    /// Any other extension, or none.
+    /// Another or no extension.
+    ///
+    /// ```
+    /// use tactnet_data::format::Format;
+    ///
+    /// assert_eq!(Format::from_extension("sweeps.h5".as_ref())?, Format::TactMat);
+    /// assert!(Format::from_extension("sweeps.mat".as_ref()).is_err());
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
     pub fn from_extension(path: &Path) -> Result<Self, DataError> {
         let extension = path.extension().unwrap_or_default().to_string_lossy();
         match extension.to_ascii_lowercase().as_str() {
@@ -85,10 +107,10 @@ impl Format {
         }
     }
 
-    /// Writes `dataset` to `path` in this format; the file takes its place when it is complete.
+    /// Writes `dataset` to `path`; the file appears only when it is complete.
     ///
     /// # Errors
-    /// What the format cannot hold, or a file that cannot be written.
+    /// A data set that does not fit the format, or a file that cannot be written.
     pub fn write(self, path: &Path, dataset: &Dataset) -> Result<(), DataError> {
         match self {
             Self::TactMat => tactmat::write(path, dataset),
@@ -105,12 +127,12 @@ const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
 /// Reads a file or folder of any format whose values are all finite.
 ///
 /// # Errors
-/// A file of another kind, or what its format refuses.
+/// A file of another kind, or a file that its format refuses.
 pub fn read(path: &Path) -> Result<Dataset, DataError> {
     refuse_non_finite(path, read_with_gaps(path)?, true)
 }
 
-/// Reads a file or folder of any format that may hold NaN or infinities, for a check that lists them all.
+/// Reads a file or folder of any format; values may be NaN or infinite, so that a check can list them.
 ///
 /// # Errors
 /// As [`read`], except for values that are not finite.
@@ -118,10 +140,10 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     read_beginning_with_gaps(path, None)
 }
 
-/// As [`read`], with no more than `steps` frames of every sweep; sweeps of tables may then differ in length.
+/// Reads at most `steps` frames of every sweep, as [`read`]; the sweeps of a table may then have different lengths.
 ///
 /// # Errors
-/// As [`read`]; sweeps that are shorter.
+/// As [`read`], and sweeps that are shorter.
 pub fn read_beginning(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
     refuse_non_finite(path, read_beginning_with_gaps(path, steps)?, true)
 }
@@ -139,7 +161,7 @@ fn read_beginning_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset
     }
 }
 
-/// Reads a table; `None` for a file of another kind.
+/// Reads a table or folder; `None` for a file of another kind.
 fn table_with_gaps(
     path: &Path,
     keep: Keep,
@@ -194,10 +216,10 @@ fn table_with_gaps(
     }
 }
 
-/// What MCAP files begin with.
+/// First bytes of MCAP files.
 const MCAP: &[u8] = b"\x89MCAP";
 
-/// Reads HDF5 or npz, recognised by its first bytes; returns whether the materials are named, too.
+/// Reads HDF5 or npz, identified by the first bytes; also returns true if the file names the materials.
 fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError> {
     let head = first_bytes(path)?;
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
@@ -230,7 +252,7 @@ fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError
     }
 }
 
-/// Returns the first eight bytes of a file, or as many as it has.
+/// Returns the first eight bytes of a file, or fewer if it is shorter.
 fn first_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
     let mut head = Vec::new();
     let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
@@ -240,10 +262,11 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
     Ok(head)
 }
 
-/// Name of threads that read files with crates that may panic at damaged ones; what they would print need not be shown.
+/// Name of the threads that read files with crates that may panic on damaged files; panics in these threads need no
+/// output.
 pub const READING: &str = "reading a file";
 
-/// Passes `dataset` on unless it holds a NaN or an infinity.
+/// Returns an error if `dataset` has a NaN or an infinity.
 fn refuse_non_finite(path: &Path, dataset: Dataset, labelled: bool) -> Result<Dataset, DataError> {
     let Samples::F32(values) = dataset.samples() else {
         return Ok(dataset);
@@ -273,7 +296,7 @@ fn refuse_non_finite(path: &Path, dataset: Dataset, labelled: bool) -> Result<Da
     })
 }
 
-/// The sweeps' indices, material by material, in the order of their numbers.
+/// Returns the indices of the sweeps, sorted by material and number.
 fn by_material(dataset: &Dataset) -> Result<Vec<usize>, DataError> {
     let counts = dataset.sweeps_per_label();
     if let Some(odd) = counts.iter().position(|&count| count != counts[0]) {
@@ -295,7 +318,7 @@ fn by_material(dataset: &Dataset) -> Result<Vec<usize>, DataError> {
     Ok(order)
 }
 
-/// Says which file the contradiction is in.
+/// Adds the file to an error of the data set.
 fn in_file(path: &Path, error: DataError) -> DataError {
     match error {
         DataError::Inconsistent {

@@ -1,51 +1,51 @@
-//! Sweeps in any order, most of the time with the names of their materials: what files of other programs hold.
+//! Sweeps in any order, usually with the names of their materials, as files of other programs contain them.
 
 use std::collections::BTreeSet;
 
 use super::lengths::OddLength;
 use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 
-/// What a file must say of its sweeps.
+/// Labels that a file must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Labels {
-    /// The material of each.
+    /// The material of every sweep.
     Needed,
-    /// Nothing: they are to be classified.
+    /// None, because the sweeps will be classified.
     Optional,
 }
 
-/// Stands for the material of sweeps of which a file says none.
+/// Name of the material of sweeps without labels.
 pub(crate) const UNLABELLED: &str = "unlabelled";
 
-/// Sweeps of equal shape, each with its material.
+/// Sweeps of equal shape with their metadata.
 pub(super) struct NamedSweeps {
     pub(super) name: String,
-    /// Frames per second; `None` where the file does not say.
+    /// Sample rate, in Hz; `None` if the file does not name it.
     pub(super) rate_hz: Option<f64>,
     pub(super) shape: SweepShape,
-    /// True if the file says how taxels are arranged in rows and columns.
+    /// True if the file names the arrangement of the taxels in rows and columns.
     pub(super) patch_known: bool,
-    /// `[sweeps]`: numbers or files, as people call them
+    /// Names of the sweeps, numbers or files: `[sweeps]`.
     pub(super) sweeps: Vec<String>,
-    /// `[sweeps]`; `None` where the file does not say
+    /// Materials, `[sweeps]`; `None` if the file does not name them.
     pub(super) materials: Option<Vec<String>>,
-    /// `[sweeps]`, where the file has them
+    /// Block numbers, `[sweeps]`, if the file has them.
     pub(super) blocks: Option<Vec<u32>>,
-    /// `[sweeps]`, where the file has them
+    /// Test flags, `[sweeps]`, if the file has them.
     pub(super) test: Option<Vec<bool>>,
-    /// `[sweeps][steps][rows][cols]`
+    /// Values, `[sweeps][steps][rows][cols]`.
     pub(super) samples: Samples,
-    /// What is not read, a sentence for each thing.
+    /// Sentences about parts of the file that are not read.
     pub(super) left_out: Vec<String>,
-    /// Sweeps that are longer, and were cut, or shorter, and were left out.
+    /// Sweeps that were cut because they are longer, or omitted because they are shorter.
     pub(super) odd_lengths: Vec<OddLength>,
 }
 
 impl NamedSweeps {
-    /// Labels the materials in the order of their names, whole numbers by their value.
+    /// Returns a data set with the materials sorted by name, or by value if they are whole numbers.
     ///
     /// # Errors
-    /// A sweep without a name of its material; as [`Dataset::new`].
+    /// A sweep without a material; errors of [`Dataset::new`].
     pub(super) fn into_dataset(self) -> Result<Dataset, DataError> {
         let materials = self
             .materials
@@ -79,13 +79,13 @@ impl NamedSweeps {
     }
 }
 
-/// Names in backquotes, of many the first.
+/// Returns the names in backquotes, at most [`NAMED`].
 pub(super) fn some_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let quoted: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
     some_of(quoted)
 }
 
-/// Parts of a list, of many the first.
+/// Joins the parts of a list, at most [`NAMED`].
 pub(super) fn some_of(mut parts: Vec<String>) -> String {
     let hidden = parts.len().saturating_sub(NAMED);
     parts.truncate(NAMED);
@@ -96,10 +96,10 @@ pub(super) fn some_of(mut parts: Vec<String>) -> String {
     }
 }
 
-/// Names given of a list.
+/// Maximum number of names in a message.
 pub(super) const NAMED: usize = 8;
 
-/// Returns every name once, in order; whole numbers by their value.
+/// Returns the distinct names, sorted; whole numbers by their value.
 pub(super) fn sorted_names(names: &[String]) -> Vec<String> {
     let unique: BTreeSet<&String> = names.iter().collect();
     let mut names: Vec<String> = unique.into_iter().cloned().collect();
@@ -110,7 +110,7 @@ pub(super) fn sorted_names(names: &[String]) -> Vec<String> {
     names
 }
 
-/// One record per sweep; the sweeps of a label are numbered in their order.
+/// Returns one record per sweep; the sweeps of a label are numbered in order.
 pub(super) fn records(
     labels: &[usize],
     materials: usize,

@@ -1,35 +1,35 @@
-//! Any number type of a file, narrowed to the smallest of `u8`, `u16` and `f32` that keeps its values.
+//! Numbers of any type, narrowed to the smallest of `u8`, `u16` and `f32` that keeps their values.
 
 use crate::Samples;
 use hdf5_reader::dataset::SliceInfo;
 use hdf5_reader::{ByteOrder, Dataset};
 
-/// How wide the values of a piece of data are.
+/// Smallest element type that keeps some values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Width {
     /// Whole numbers from 0 to 255.
     U8,
     /// Whole numbers from 0 to 65535.
     U16,
-    /// Any other number that an `f32` holds exactly, or the nearest to an `f64`; NaN and infinity.
+    /// Numbers that an `f32` represents exactly, `f64` rounded to the nearest `f32`, NaN and infinity.
     F32,
-    /// An integer that no `f32` equals, or an `f64` beyond the range of `f32`.
+    /// An integer that `f32` does not represent, or an `f64` beyond the range of `f32`.
     TooWide,
 }
 
-/// A number type that stands in files.
+/// Number type in files.
 pub(super) trait Stored: Copy + Send + Sync + std::fmt::Display + 'static {
-    /// The least width that keeps this number.
+    /// Returns the smallest type that keeps this number.
     fn width(self) -> Width;
-    /// As `u8`, where [`Stored::width`] allows it.
+    /// Converts to `u8`, if [`Stored::width`] allows it.
     fn to_u8(self) -> u8;
-    /// As `u16`, where [`Stored::width`] allows it.
+    /// Converts to `u16`, if [`Stored::width`] allows it.
     fn to_u16(self) -> u16;
-    /// As the nearest `f32`.
+    /// Converts to the nearest `f32`.
     fn to_f32(self) -> f32;
-    /// All numbers of `bytes`; a remainder shorter than one number is left out.
+    /// Decodes all numbers of `bytes`; a shorter remainder is ignored.
     fn decode(bytes: Vec<u8>, order: ByteOrder) -> Vec<Self>;
-    /// The numbers of a box of an HDF5 data set, row-major, as the crate lays its new arrays out.
+    /// Reads the numbers of a box of an HDF5 data set, row-major.
     fn read_box(dataset: &Dataset, selection: &SliceInfo) -> hdf5_reader::error::Result<Vec<Self>>;
 }
 
@@ -116,11 +116,11 @@ stored!(i64, |value: i64| integer_width(value.into()), decode!(i64));
 stored!(f32, |value: f32| float_width(value.into()), decode!(f32));
 stored!(f64, float_width, decode!(f64));
 
-/// A value that none of the element types can hold, as text.
+/// Value that no element type represents, as text.
 #[derive(Debug)]
 pub(super) struct TooWide(pub String);
 
-/// The width of all of `values` together.
+/// Returns the smallest type that keeps all of `values`.
 ///
 /// # Errors
 /// The first value that is [`Width::TooWide`].
@@ -135,7 +135,7 @@ pub(super) fn width_of<T: Stored>(values: &[T]) -> Result<Width, TooWide> {
     Err(TooWide(value.map_or_else(String::new, ToString::to_string)))
 }
 
-/// `values` in their smallest element type.
+/// Converts `values` to their smallest element type.
 ///
 /// # Errors
 /// A value that is [`Width::TooWide`].
@@ -147,7 +147,7 @@ pub(super) fn narrow<T: Stored>(values: &[T]) -> Result<Samples, TooWide> {
     })
 }
 
-/// `samples` in an element type of at least `width`.
+/// Converts `samples` to an element type of at least `width`.
 pub(super) fn widen(samples: Samples, width: Width) -> Samples {
     match (samples, width) {
         (Samples::U8(values), Width::U16) => {
@@ -163,7 +163,7 @@ pub(super) fn widen(samples: Samples, width: Width) -> Samples {
     }
 }
 
-/// The pieces one behind the other, in the widest of their element types.
+/// Concatenates the pieces in the widest of their element types.
 pub(super) fn join(mut pieces: Vec<Samples>) -> Samples {
     if pieces.len() == 1
         && let Some(only) = pieces.pop()
@@ -188,8 +188,8 @@ pub(super) fn join(mut pieces: Vec<Samples>) -> Samples {
     joined
 }
 
-/// Adds `piece` behind `all`, which is widened if it must be. It grows as it is filled, so that a file that promises much and holds little
-/// takes little.
+/// Appends `piece` to `all`, which is widened if necessary. Memory grows with the data that was read, not with the size
+/// that a file claims.
 pub(super) fn append(all: Samples, piece: Samples) -> Samples {
     let width = samples_width(&all).max(samples_width(&piece));
     let mut all = widen(all, width);

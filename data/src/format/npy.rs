@@ -1,7 +1,7 @@
-//! One numpy array (`.npy`): a short header in Python's notation, then the values.
+//! Single numpy arrays (`.npy`): a short header in Python's notation, then the values.
 //!
-//! Format: NEP 1 and the documentation of `numpy.lib.format`, versions 1 to 3. Read here and not by a crate, because the
-//! readers on crates.io bring a Python grammar and multiply a damaged shape without a check.
+//! Format: NEP 1 and the documentation of `numpy.lib.format`, versions 1 to 3. This is no external crate, because those
+//! on crates.io bring a Python grammar and multiply the extents of a damaged shape unchecked.
 
 use super::narrow::{Stored, TooWide, append, join, narrow};
 use crate::Samples;
@@ -10,30 +10,30 @@ use hdf5_reader::ByteOrder;
 use rayon::prelude::*;
 use std::io::{ErrorKind, Read};
 
-/// An array as it stands in the file.
+/// Array in its stored type.
 pub(super) struct Array {
     /// Letter of the type: `u`, `i`, `f`, `b` (bool), `S` (bytes), `U` (text).
     kind: char,
-    /// Bytes per value, or characters per `U` value.
+    /// Bytes per value; for `U`, characters per value.
     size: usize,
     order: ByteOrder,
-    /// Extents in the order of the indices; empty for a single value.
+    /// Extents in the order of the indices; empty for a scalar.
     pub(super) shape: Vec<usize>,
-    /// The values, last index fastest; none if they are in `samples`.
+    /// Values, last index fastest; empty if they are in `samples`.
     values: Vec<u8>,
-    /// The same of an array that was read by [`Array::read_samples`], already narrowed.
+    /// Narrowed values of an array that [`Array::read_samples`] read.
     samples: Option<Result<Samples, TooWide>>,
 }
 
-/// Values that are narrowed at once.
+/// Number of bytes that are narrowed at once.
 const PIECE: usize = 1 << 16;
 
-/// Longest header that is read: numpy writes less than a kibibyte.
+/// Maximum length of the header, in bytes; numpy writes less than a kibibyte.
 const MAX_HEADER: usize = 1 << 16;
-/// Most dimensions: numpy has 32, formerly, and 64.
+/// Maximum number of dimensions; numpy has 64, formerly 32.
 const MAX_DIMENSIONS: usize = 64;
 
-/// What a `.npy` says of its values.
+/// Header of a `.npy`.
 pub(super) struct Header {
     kind: char,
     size: usize,
@@ -41,15 +41,15 @@ pub(super) struct Header {
     fortran: bool,
     /// Extents in the order of the indices.
     pub(super) shape: Vec<usize>,
-    /// Bytes of all values.
+    /// Size of all values, in bytes.
     bytes: usize,
 }
 
 impl Header {
-    /// Reads the head of a `.npy`, and leaves `from` at its first value.
+    /// Reads the header, and leaves `from` at the first value.
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// A sentence about an invalid header.
     pub(super) fn read(from: &mut impl Read) -> Result<Self, String> {
         let mut exactly = |bytes: usize| {
             let mut read = vec![0; bytes];
@@ -113,7 +113,7 @@ impl Header {
             .as_str()
             .parse()
             .map_err(|_| format!("values of type `{descr}`"))?;
-        // Counts that no byte stands behind would be believed, however large.
+        // A size that the file cannot contain would otherwise be accepted, however large.
         if size == 0 || shape.contains(&0) || shape.len() > MAX_DIMENSIONS {
             return Err(format!("no values: {shape:?} of type `{descr}`"));
         }
@@ -142,7 +142,7 @@ impl Header {
         format!("{found} for {shape:?} values of type `{kind}{size}`")
     }
 
-    /// Succeeds if there can be as many bytes as the values take.
+    /// Succeeds if the file can contain as many bytes as the values need.
     fn check_room(&self, room: u64) -> Result<(), String> {
         if self.bytes as u64 > room {
             return Err(self.wrong(format!("at most {room} bytes")));
@@ -150,7 +150,7 @@ impl Header {
         Ok(())
     }
 
-    /// Succeeds if nothing follows the values.
+    /// Succeeds if no bytes follow the values.
     fn check_end(&self, from: &mut impl Read) -> Result<(), String> {
         match from.read(&mut [0]) {
             Ok(0) => Ok(()),
@@ -161,30 +161,30 @@ impl Header {
 }
 
 impl Array {
-    /// Returns true for an array of numbers or truth values, not of text.
+    /// Returns true for an array of numbers or truth values.
     pub(super) fn is_number(&self) -> bool {
         !matches!(self.kind, 'S' | 'U')
     }
 
-    /// Reads a whole `.npy`, which holds what its header says and no more.
+    /// Reads a whole `.npy` that contains exactly the values of its header.
     ///
-    /// - `room`: bytes that there can be
+    /// - `room`: maximum number of bytes of the values
     ///
     /// # Errors
-    /// What is wrong with it, in words.
+    /// A sentence about an invalid file.
     pub(super) fn read(mut from: impl Read, room: u64) -> Result<Self, String> {
         let header = Header::read(&mut from)?;
         header.check_room(room)?;
         Self::whole(header, from)
     }
 
-    /// The same for numbers that are wanted as [`Samples`] alone: they are narrowed while they are read, so that neither the
-    /// file's bytes nor a second copy stand beside all of them.
+    /// Reads a whole `.npy` of numbers as [`Samples`]. They are narrowed while they are read, so memory holds only one
+    /// copy.
     pub(super) fn read_samples(mut from: impl Read, room: u64) -> Result<Self, String> {
         let header = Header::read(&mut from)?;
         header.check_room(room)?;
         let mut array = Self::empty(&header);
-        // Bytes are taken as they are, and turning an array round takes all of it.
+        // Single bytes need no narrowing, and changing the index order needs all values.
         let is_plain = (array.kind, array.size) == ('u', 1);
         if header.fortran || is_plain || array.narrowed(Vec::new()).is_none() {
             return Self::whole(header, from);
@@ -244,7 +244,7 @@ impl Array {
         }
     }
 
-    /// The type as numpy writes it, without the byte order; of text no more than that.
+    /// Returns the type as numpy writes it, without the byte order; for text only the kind.
     pub(super) fn type_name(&self) -> String {
         match self.kind {
             'U' | 'S' => "text".into(),
@@ -252,7 +252,7 @@ impl Array {
         }
     }
 
-    /// The same as [`Array::numbers`], without a second copy.
+    /// Returns the numbers as [`Array::numbers`], without a second copy.
     pub(super) fn into_numbers(self) -> Option<Result<Samples, TooWide>> {
         match (self.kind, self.size) {
             _ if self.samples.is_some() => self.samples,
@@ -261,9 +261,9 @@ impl Array {
         }
     }
 
-    /// Numbers in their smallest element type; none if the values are not numbers.
+    /// Returns the numbers in their smallest element type; `None` for other values.
     pub(super) fn numbers(&self) -> Option<Result<Samples, TooWide>> {
-        // A piece at a time, so that wide values never stand in memory twice.
+        // The values are narrowed in pieces, so the wide values are never copied as a whole.
         self.narrowed(Vec::new())?.ok()?;
         let pieces: Result<Vec<Samples>, TooWide> = self
             .values
@@ -273,7 +273,7 @@ impl Array {
         Some(pieces.map(join))
     }
 
-    /// The numbers of `bytes` in their smallest element type; none if the array's values are not numbers.
+    /// Returns the numbers of `bytes` in their smallest element type; `None` for other values.
     fn narrowed(&self, bytes: Vec<u8>) -> Option<Result<Samples, TooWide>> {
         let order = self.order;
         Some(match (self.kind, self.size) {
@@ -296,13 +296,13 @@ impl Array {
         })
     }
 
-    /// Whole numbers, also those that are stored as floats; none if the values are anything else.
+    /// Returns whole numbers, also those that are stored as floats; `None` for other values.
     pub(super) fn whole_numbers(&self) -> Option<Vec<i64>> {
         let whole = |value: f64| (value.fract() == 0.0).then_some(value as i64);
         self.floats()?.into_iter().map(whole).collect()
     }
 
-    /// Numbers as `f64`; none if the values are not numbers or too large for an `f32`.
+    /// Returns numbers as `f64`; `None` for other values and numbers too large for an `f32`.
     pub(super) fn floats(&self) -> Option<Vec<f64>> {
         if (self.kind, self.size) == ('f', 8) {
             return Some(f64::decode(self.values.clone(), self.order));
@@ -313,7 +313,7 @@ impl Array {
         Some(values.into_iter().map(f64::from).collect())
     }
 
-    /// Whole numbers from 0; none if the values are anything else.
+    /// Returns whole numbers from 0; `None` for other values.
     pub(super) fn indices(&self) -> Option<Vec<u32>> {
         if self.kind == 'f' {
             return None;
@@ -328,7 +328,7 @@ impl Array {
         }
     }
 
-    /// Texts; none if the values are not text.
+    /// Returns texts; `None` for other values.
     pub(super) fn texts(&self) -> Option<Vec<String>> {
         let width = match self.kind {
             'S' => self.size,
@@ -352,13 +352,13 @@ impl Array {
     }
 }
 
-/// Returns what follows `'name':` in a header.
+/// Returns the text after `'name':` in a header.
 fn field<'a>(header: &'a str, name: &str) -> Option<&'a str> {
     let (_, rest) = header.split_once(&format!("'{name}'"))?;
     Some(rest.trim_start().strip_prefix(':')?.trim_start())
 }
 
-/// Turns first-index-fastest ("Fortran") order round.
+/// Converts from first-index-fastest ("Fortran") order.
 fn last_index_fastest(values: &[u8], shape: &[usize], size: usize) -> Vec<u8> {
     let mut turned = Vec::with_capacity(values.len());
     let count: usize = shape.iter().product();
@@ -374,7 +374,7 @@ fn last_index_fastest(values: &[u8], shape: &[usize], size: usize) -> Vec<u8> {
     turned
 }
 
-/// A whole `.npy` of `shape`, little-endian, last index fastest.
+/// Returns a whole `.npy` of `shape`, little-endian, last index fastest.
 ///
 /// - `descr`: numpy's name of the type, such as `|u1` or `<f4`
 pub(super) fn encode(descr: &str, shape: &[usize], values: &[u8]) -> Vec<u8> {
@@ -383,7 +383,7 @@ pub(super) fn encode(descr: &str, shape: &[usize], values: &[u8]) -> Vec<u8> {
         "{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}",
         extents.join(" ")
     );
-    // The values begin at a multiple of 64 bytes, behind a line end.
+    // The values begin at a multiple of 64 bytes, after a line feed.
     let unpadded = 10 + header.len() + 1;
     header.extend(std::iter::repeat_n(
         ' ',

@@ -1,16 +1,16 @@
-//! numpy archives (`numpy.savez`, `numpy.savez_compressed`).
+//! Archives of numpy arrays (`numpy.savez`, `numpy.savez_compressed`).
 //!
 //! | array | shape | holds |
 //! |---|---|---|
 //! | `samples`, or `X` | `[n][steps][taxels]`, `[n][steps][rows][cols]` or `[materials][sweeps][steps][rows][cols]` | digits, any integer or float type |
 //! | `labels`, or `y`; not with five dimensions | `[n]` | the material's name or number, or its index into `materials` |
-//! | `materials`; needed with five dimensions alone | `[materials]` | names or whole numbers |
+//! | `materials`; required only with five dimensions | `[materials]` | names or whole numbers |
 //! | `blocks`, `test_flag`, optional | `[n]` or `[materials][sweeps]` | as in [`tactmat`](super::tactmat) |
-//! | `sample_rate_hz`, optional | a single number | frames per second; without it [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed |
+//! | `sample_rate_hz`, optional | a single number | frames per second; otherwise [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed |
 //! | `synthetic`, optional | a single number | version of the twin that generated the sweeps; 0 for recorded ones |
 //!
-//! Either byte order and either index order ("Fortran" too) are read. Pickled arrays are refused. What [`write()`] writes
-//! loads with `numpy.load` without pickle.
+//! Both byte orders and both index orders ("Fortran" too) are read. Pickled arrays are refused. `numpy.load` reads the
+//! files of [`write()`] without pickle.
 
 use super::DEFLATE_LIMIT;
 use super::named_sweeps::{Labels, NAMED, UNLABELLED, records, some_names, some_of, sorted_names};
@@ -25,7 +25,7 @@ use std::path::Path;
 
 pub use super::npz_write::write;
 
-/// Arrays that are read; whatever else is in an archive is left alone.
+/// Arrays that are read.
 const KNOWN: [&str; 9] = [
     "samples",
     "X",
@@ -37,12 +37,12 @@ const KNOWN: [&str; 9] = [
     RATE_ATTRIBUTE,
     SYNTHETIC_ATTRIBUTE,
 ];
-/// The first bytes of a single array's file.
+/// First bytes of the file of a single array.
 pub(super) const NPY: &[u8] = b"\x93NUMPY";
-/// Names of the sweeps' array, and of their materials'.
+/// Names of the array of sweeps.
 const SAMPLES: &[&str] = &["samples", "X"];
 const LABELS: &[&str] = &["labels", "y"];
-/// What sweeps are called that were meant to be read, and their materials, in lower case.
+/// Names, in lower case, of arrays that probably hold the sweeps under a wrong name.
 const MEANT_AS_SAMPLES: &[&str] = &[
     "arr_0",
     "data",
@@ -60,7 +60,7 @@ const MEANT_AS_SAMPLES: &[&str] = &[
 const MEANT_AS_LABELS: &[&str] = &[
     "arr_1", "class", "classes", "label", "material", "target", "targets", "y", "y_train",
 ];
-/// What block numbers are called that may have been meant to be read, in lower case.
+/// Names, in lower case, of arrays that may hold block numbers.
 const MEANT_AS_BLOCKS: &[&str] = &[
     "block",
     "block_id",
@@ -71,7 +71,7 @@ const MEANT_AS_BLOCKS: &[&str] = &[
     "session_ids",
     "sessions",
 ];
-/// What a rate is called that was meant to be read.
+/// Names, in lower case, of arrays that probably hold the sample rate under a wrong name.
 const RATES: &[&str] = &[
     "fps",
     "fs",
@@ -87,13 +87,13 @@ const RATES: &[&str] = &[
 /// Reads a data set whose values are all finite.
 ///
 /// # Errors
-/// A file that is no zip archive; an array that is missing, pickled or of the wrong shape or type; a NaN or an infinity,
-/// with its sweep.
+/// A file that is not a zip archive; an array that is missing, pickled or of the wrong shape or type; a NaN or an
+/// infinity, with its sweep.
 pub fn read(path: &Path) -> Result<Dataset, DataError> {
     super::refuse_non_finite(path, read_with_gaps(path)?, true)
 }
 
-/// Reads a data set that may hold NaN or infinities, for a check that lists them all.
+/// Reads a data set that may contain NaN or infinities, so that a check can list them.
 ///
 /// # Errors
 /// As [`read`], except for values that are not finite.
@@ -101,7 +101,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     read_arrays(path, Labels::Needed).map(|(dataset, _)| dataset)
 }
 
-/// Reads sweeps whose materials the file need not name, and returns whether it does.
+/// Reads sweeps, and returns true if the file names their materials.
 ///
 /// # Errors
 /// As [`read_with_gaps`].
@@ -110,10 +110,10 @@ pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool)
     let labelled = labels == Labels::Needed || arrays.name_materials();
     let (samples_name, mut samples) = arrays.take_samples()?;
     if !labelled && samples.shape.len() == 2 {
-        // A single sweep.
+        // Two dimensions are a single sweep.
         samples.shape.insert(0, 1);
     }
-    // Three dimensions do not say how the taxels are arranged.
+    // Three dimensions do not define the arrangement of the taxels.
     let is_row = samples.shape.len() == 3;
     let (sweeps, shape) = match *samples.shape {
         [.., 1] if samples.shape.len() == 5 && !arrays.by_name.contains_key("materials") => {
@@ -208,18 +208,18 @@ pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool)
     Ok((dataset, labelled))
 }
 
-/// The arrays of one archive by name: those that are known, read whole.
+/// Arrays of one archive: the known ones by name, read whole.
 struct Arrays<'a> {
     path: &'a Path,
     by_name: BTreeMap<String, Result<Array, String>>,
-    /// The other members, in their order, and the shapes of the first of them.
+    /// Names of the other members in order, and the shapes of the first of them.
     others: Vec<(String, Option<Vec<usize>>)>,
-    /// Name and shape of the sweeps once they are taken.
+    /// Name and shape of the array of sweeps, once it was taken.
     taken: Option<(String, Vec<usize>)>,
 }
 
 impl<'a> Arrays<'a> {
-    /// Opens an archive, or a single array, which are then the sweeps.
+    /// Opens an archive, or a single array, which then holds the sweeps.
     fn open(path: &'a Path) -> Result<Self, DataError> {
         let mut arrays = Self {
             path,
@@ -270,7 +270,7 @@ impl<'a> Arrays<'a> {
         names.any(|name| self.by_name.contains_key(*name))
     }
 
-    /// The sweeps, which are large and read once.
+    /// Removes and returns the array of sweeps, which is large and read once.
     fn take_samples(&mut self) -> Result<(&'static str, Array), DataError> {
         let (name, _) = self.required(SAMPLES)?;
         match self.by_name.remove(name) {
@@ -301,7 +301,7 @@ impl<'a> Arrays<'a> {
         }
     }
 
-    /// The array that has one of `names`, and its name.
+    /// Returns the array that has one of `names`, and its name.
     fn required(&self, names: &[&'static str]) -> Result<(&'static str, &Array), DataError> {
         for &name in names {
             if let Some(array) = self.optional(name)? {
@@ -332,9 +332,9 @@ impl<'a> Arrays<'a> {
                 [other, _] => format!("to be in the archive (or `{other}`)"),
                 _ => "to be in the archive".to_owned(),
             };
-            // As the documents write it.
+            // The documentation uses the last of the names.
             let name = names.last().unwrap_or(&names[0]);
-            // Sweeps and labels under other names are said at once.
+            // Sweeps and labels under wrong names are reported together.
             let has_labels = LABELS.iter().any(|name| self.by_name.contains_key(*name));
             let labels = match names {
                 SAMPLES if !has_labels => self.meant(LABELS),
@@ -356,7 +356,7 @@ impl<'a> Arrays<'a> {
         })
     }
 
-    /// The array that may be meant where none has one of `names`.
+    /// Returns the array that probably holds the values under a wrong name.
     fn meant(&self, names: &[&'static str]) -> Option<&str> {
         let usual = match names {
             SAMPLES => MEANT_AS_SAMPLES,
@@ -367,7 +367,7 @@ impl<'a> Arrays<'a> {
         others.find(|other| usual.contains(&other.to_lowercase().as_str()))
     }
 
-    /// How to make one array of many that hold sweeps of one shape, as where each material has its own.
+    /// Returns a hint to concatenate several arrays of sweeps of one shape, for example one per material.
     fn one_for_each_material(&self) -> Option<String> {
         let mut shapes = self.others.iter().map(|(_, shape)| shape.as_deref());
         let of_sweep = shapes.next()??.get(1..)?.to_vec();
@@ -380,7 +380,7 @@ impl<'a> Arrays<'a> {
         })
     }
 
-    /// What is in the archive and not read, a sentence for each thing.
+    /// Returns sentences about the members of the archive that are not read.
     fn left_out(&self) -> Vec<String> {
         let has_blocks = self.by_name.contains_key("blocks");
         let is_block =
@@ -416,11 +416,11 @@ impl<'a> Arrays<'a> {
         LabelSet::new(names).map_err(|error| super::in_file(self.path, error))
     }
 
-    /// The material of each of the sweeps of the array `samples`, which has this shape.
+    /// Returns the labels of the sweeps of the array `samples`, which has this shape.
     fn labels(&self, shape: &[usize], samples: &str) -> Result<(LabelSet, Vec<usize>), DataError> {
         let count = shape[0];
         let has_labels = LABELS.iter().any(|name| self.by_name.contains_key(*name));
-        // Other arrays are named by the error of `required`: one of them may be meant.
+        // If there are other arrays, the error of `required` names them, because one of them may be meant.
         if !has_labels && self.others.is_empty() {
             return Err(self
                 .error(
@@ -431,10 +431,10 @@ impl<'a> Arrays<'a> {
                 .with_remedy(Remedy::NameLabels));
         }
         let (name, labels) = self.required(LABELS)?;
-        // scikit-learn's column vectors are taken too.
+        // Column vectors of scikit-learn are accepted, too.
         if labels.shape != [count] && labels.shape != [count, 1] {
             let mut found = format!("shape {:?}", labels.shape);
-            // Names stand in no column of zeros and ones.
+            // A matrix of zeros and ones contains no names.
             let is_number = labels.is_number();
             if is_number && labels.shape.len() == 2 && labels.shape[0] == count {
                 found.push_str(&format!(
@@ -533,9 +533,9 @@ impl<'a> Arrays<'a> {
     }
 }
 
-/// An archive's member, or what is wrong with it.
+/// Reads a member of an archive, or returns a sentence about its error.
 ///
-/// - `samples`: it is wanted as sweeps alone
+/// - `samples`: true if only the narrowed values are needed
 fn unpack(
     archive: &mut zip::ZipArchive<BufReader<File>>,
     index: usize,

@@ -1,4 +1,4 @@
-//! Writing numpy archives.
+//! Writer of numpy archives.
 
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -10,8 +10,8 @@ use super::npy;
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use crate::{DataError, Dataset, Samples, write_whole};
 
-/// Writes `dataset`: five dimensions if it is ordered by material with equally many sweeps of each, else four with
-/// `labels`.
+/// Writes `dataset` with five dimensions if it is ordered by material with equally many sweeps of each, otherwise with
+/// four and `labels`.
 ///
 /// # Errors
 /// A file that cannot be written.

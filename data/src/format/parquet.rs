@@ -1,4 +1,4 @@
-//! Parquet: a table with a row per frame, as `frame_table.rs` describes it. Behind the feature `parquet`.
+//! Parquet tables with one row per frame, as described in `frame_table.rs`. Needs the feature `parquet`.
 
 use std::path::Path;
 
@@ -15,19 +15,19 @@ use super::named_sweeps::{Labels, NamedSweeps};
 use super::parquet_footer;
 use crate::DataError;
 
-/// Reads a file that may hold NaN or infinities.
+/// Reads a file that may contain NaN or infinities.
 ///
 /// - `keep`: frames of every sweep that are read
-/// - `labels`: what the table must have columns of
+/// - `labels`: required columns
 ///
 /// # Errors
-/// What cannot be read; nested columns, missing values, words where numbers belong; sweeps of different lengths.
+/// A file that cannot be read; nested columns, missing values, words in place of numbers; sweeps of different lengths.
 pub(super) fn read_with_gaps(
     path: &Path,
     keep: Keep,
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
-    // The crate panics at some damaged files, in a thread that then is all that ends.
+    // The crate panics on some damaged files; the panic then ends only this thread.
     let read = || {
         std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().name(super::READING.into());
@@ -66,7 +66,7 @@ fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
             let expected = "a number or a word per frame (a row per frame, a column per taxel)";
             return Err(DataError::format(path, item(), expected, "lists"));
         }
-        // pandas keeps its index in the file.
+        // pandas stores its index in the file.
         if name.starts_with("__index_level_") {
             continue;
         }
@@ -96,7 +96,7 @@ fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
     Ok(FrameTable { path, columns })
 }
 
-/// The values of a column, in whichever of the two they are.
+/// Values of a column: numbers or words.
 #[derive(Default)]
 struct Cells {
     numbers: Vec<f64>,
@@ -108,7 +108,7 @@ impl Cells {
         self.numbers.len() + self.words.len()
     }
 
-    /// Adds a row group's values; returns false for a type that is neither.
+    /// Appends the values of a row group; returns false for another type.
     fn read(&mut self, column: ColumnReader, rows: usize) -> Result<bool, ParquetError> {
         match column {
             ColumnReader::BoolColumnReader(column) => self
@@ -135,7 +135,7 @@ impl Cells {
         Ok(true)
     }
 
-    /// The column; times become seconds.
+    /// Returns the column; times are converted to seconds.
     fn column(self, descriptor: &ColumnDescriptor, name: &str) -> Column {
         if !self.words.is_empty() {
             return Column::Words(self.words);
@@ -159,7 +159,7 @@ impl Cells {
     }
 }
 
-/// The values of a row group that are there.
+/// Returns the values of a row group that are present.
 fn values<T: DataType>(
     mut column: ColumnReaderImpl<T>,
     rows: usize,
@@ -171,7 +171,7 @@ fn values<T: DataType>(
         if read == 0 {
             break;
         }
-        // A column in which nothing can be missing has no levels.
+        // A column without missing values has no levels.
         if levels == 0 {
             present.resize(present.len() + read, 0);
         }

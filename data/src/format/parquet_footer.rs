@@ -1,14 +1,15 @@
-//! Looks through the metadata of a Parquet file before the crate that reads it does: that one takes memory for as many entries as a list
-//! says that it has.
+//! Check of a Parquet file's metadata before the external crate reads it, which allocates memory for as many entries as a
+//! list claims.
 //!
 //! Metadata is a struct in Thrift's compact protocol at the end of the file, before its length and `PAR1`.
 
 use std::io::{Read, Seek, SeekFrom};
 
-/// Structs within structs, at most; Parquet's own are less than ten deep.
+/// Maximum nesting of structs; Parquet's own are less than ten deep.
 const DEEPEST: usize = 64;
 
-/// Returns true if no list of the metadata says that it has more entries than there are bytes left; of files that are no Parquet at all as well.
+/// Returns true if no list of the metadata claims more entries than there are bytes left. Also true for other files than
+/// Parquet.
 pub(super) fn is_sound(mut file: impl Read + Seek) -> std::io::Result<bool> {
     let length = file.seek(SeekFrom::End(0))?;
     let mut end = [0; 8];
@@ -29,7 +30,7 @@ pub(super) fn is_sound(mut file: impl Read + Seek) -> std::io::Result<bool> {
     Ok(Walk(&metadata).structure(DEEPEST).is_some())
 }
 
-/// Bytes that are left; every step is `None` where they do not make sense.
+/// Remaining bytes; each step returns `None` if they are invalid.
 struct Walk<'a>(&'a [u8]);
 
 impl Walk<'_> {
@@ -56,7 +57,7 @@ impl Walk<'_> {
         None
     }
 
-    /// No more entries than bytes: each takes at least one.
+    /// Returns the number of entries, at most one per remaining byte.
     fn count(&mut self, count: u64) -> Option<u64> {
         (count <= self.0.len() as u64).then_some(count)
     }
@@ -72,7 +73,7 @@ impl Walk<'_> {
             if head >> 4 == 0 {
                 self.varint()?;
             }
-            // Truth values of fields are in their kinds.
+            // The type of a Boolean field contains its value.
             if !matches!(kind, 1 | 2) {
                 self.value(kind, deeper)?;
             }
@@ -134,9 +135,9 @@ mod tests {
 
     #[test]
     fn lists_that_say_they_are_longer_than_the_file_are_found() {
-        // Field 1 an integer, field 2 a list of two bytes, the end.
+        // Field 1 is an integer, field 2 a list of two bytes, followed by the end.
         assert!(is_sound(file(&[0x15, 2, 0x19, 0x23, 7, 8, 0])).unwrap());
-        // The same list says that it has 2^35 structs.
+        // The same list claims 2^35 structs.
         let long = [0x15, 2, 0x19, 0xfc, 0x80, 0x80, 0x80, 0x80, 0x80, 1, 0, 0];
         assert!(!is_sound(file(&long)).unwrap());
         assert!(!is_sound(file(&[0x15])).unwrap(), "ends within a field");

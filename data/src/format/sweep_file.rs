@@ -1,8 +1,8 @@
-//! One sweep in a file of its own.
+//! Files that contain one sweep.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `.csv` | a row per frame and a column per taxel, with or without a line of names (or of the numbers from 0); a column `time` (seconds, or `t_ms`, `time [ns]`) gives the sample rate, a column `frame` or `index` is not read |
+//! | `.csv` | one row per frame and one column per taxel, with or without a line of names (or of the numbers from 0); a column `time` (seconds, or `t_ms`, `time [ns]`) gives the sample rate, a column `frame` or `index` is ignored |
 //! | `.npy` | `[steps][taxels]` or `[steps][rows][cols]`, numbers of any type |
 
 use std::fmt;
@@ -14,17 +14,17 @@ use super::npy::Array;
 use super::taxel_names::{is_line_of_names, left_out, unlike_the_others};
 use crate::{DataError, SweepShape};
 
-/// Returns true for a file that can hold a sweep, by its extension.
+/// Returns true for a file that can contain a sweep, by its extension.
 pub(super) fn is_sweep_file(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "csv" || e == "npy")
 }
 
-/// The taxels of a frame.
+/// Arrangement of the taxels in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Patch {
-    /// So many; nobody said how they are arranged.
+    /// Number of taxels; the arrangement is not known.
     Taxels(usize),
-    /// Rows and columns.
+    /// Rows and columns of taxels.
     Grid(usize, usize),
 }
 
@@ -58,14 +58,14 @@ impl fmt::Display for Patch {
     }
 }
 
-/// One sweep as its file has it.
+/// Content of the file of one sweep.
 pub(super) struct SweepFile {
     pub(super) patch: Patch,
-    /// `[frames][taxels]`
+    /// Values, `[frames][taxels]`.
     pub(super) values: Vec<f32>,
-    /// `[frames]` seconds, empty where the file has none
+    /// Times, `[frames]`, in seconds; empty if the file has none.
     pub(super) time: Vec<f64>,
-    /// What is not read, a sentence for each thing.
+    /// Sentences about parts of the file that are not read.
     pub(super) left_out: Vec<String>,
 }
 
@@ -74,10 +74,10 @@ impl SweepFile {
         self.values.len() / self.patch.taxels().max(1)
     }
 
-    /// Reads an array where the extension is `.npy`, otherwise a table.
+    /// Reads an array (`.npy`) or a table (any other extension).
     ///
     /// # Errors
-    /// A file that holds no frame, or anything but numbers where taxels are.
+    /// A file without frames, or with other values than numbers for taxels.
     pub(super) fn read(path: &Path) -> Result<Self, DataError> {
         if path.extension().is_some_and(|e| e == "npy") {
             return Self::read_array(path);
@@ -121,9 +121,9 @@ impl SweepFile {
             time: Vec::new(),
             left_out: Vec::new(),
         };
-        // Column and seconds of its unit.
+        // Index of the time column, and its unit in seconds.
         let mut time: Option<(usize, f64)> = None;
-        // Numbers of frames, and what is no taxel by its name.
+        // Columns that count frames, and columns that are not taxels by their name.
         let mut skipped: Vec<bool> = Vec::new();
         let mut first = true;
         while let Some(row) = rows.next()? {

@@ -3,15 +3,14 @@
 //! | name | shape | holds |
 //! |---|---|---|
 //! | `samples` | `[materials][sweeps][steps][rows][cols]` | digits, any integer or float type |
-//! | `materials` (the page once spells it `maerials`) | `[materials]` | names, fixed or variable length, or whole numbers |
+//! | `materials` (also `maerials`, a typo of the published page) | `[materials]` | names, fixed or variable length, or whole numbers |
 //! | `blocks`, optional | `[materials][sweeps]` | number of the recording block |
 //! | `test_flag`, optional | `[materials][sweeps]` | 1 or true for the author's test sweeps |
 //! | attribute `sample_rate_hz`, optional | scalar, on the file or on `samples` | frames per second |
 //! | attribute `synthetic`, optional | scalar, on the file | version of the twin that generated the sweeps; 0 for recorded ones |
 //!
-//! Without the attribute [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed, the rate of TactMat's sensor.
-//! Values are kept in the smallest of `u8`, `u16` and `f32` that holds them all; an `f64` that no `f32` equals is
-//! rounded to the nearest.
+//! Without the attribute [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed, the rate of TactMat's sensor. Values are
+//! stored in the smallest of `u8`, `u16` and `f32` that keeps them; an `f64` is rounded to the nearest `f32`.
 //!
 //! Source of the layout: the page of the DLR TactMat data set and Tulbure and Bäuml, Humanoids 2018.
 
@@ -27,20 +26,20 @@ use hdf5_reader::error::Error;
 use hdf5_reader::{Datatype, Hdf5File, OpenOptions};
 use std::path::Path;
 
-/// Not zero where the sweeps were generated, not recorded.
+/// Name of the attribute that is not zero if the sweeps were generated instead of recorded.
 pub(super) const SYNTHETIC_ATTRIBUTE: &str = "synthetic";
 pub(super) const RATE_ATTRIBUTE: &str = "sample_rate_hz";
 
 /// Reads a data set whose values are all finite.
 ///
 /// # Errors
-/// A file that cannot be opened, is not HDF5 or is cut short; a data set that is missing or of the wrong shape or type;
-/// a filter that cannot be undone (LZF, Blosc, ...); a NaN or an infinity, with its sweep.
+/// A file that cannot be opened, is not HDF5 or is truncated; a data set that is missing or of the wrong shape or type;
+/// an unsupported filter (LZF, Blosc, ...); a NaN or an infinity, with its sweep.
 pub fn read(path: &Path) -> Result<Dataset, DataError> {
     super::refuse_non_finite(path, read_with_gaps(path)?, true)
 }
 
-/// Reads a data set that may hold NaN or infinities, for a check that lists them all.
+/// Reads a data set that may contain NaN or infinities, so that a check can list them.
 ///
 /// # Errors
 /// As [`read`], except for values that are not finite.
@@ -107,7 +106,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     })
 }
 
-/// Returns the version of the twin that generated the sweeps, if the file carries the mark.
+/// Returns the version of the twin that generated the sweeps, if the file is marked.
 fn twin_version(file: &Hdf5File) -> Option<TwinVersion> {
     let mark = file
         .root_group()
@@ -159,7 +158,7 @@ fn root(error: Error) -> Error {
     }
 }
 
-/// The data set that has one of `names`, if any does.
+/// Returns the data set that has one of `names`, if there is one.
 fn optional(
     file: &Hdf5File,
     path: &Path,
@@ -243,7 +242,7 @@ fn material_names(file: &Hdf5File, path: &Path, count: usize) -> Result<LabelSet
         .map_err(|error| super::in_file(path, error))
 }
 
-/// The whole numbers or booleans of an optional `[materials][sweeps]` data set.
+/// Returns the whole numbers or Booleans of an optional `[materials][sweeps]` data set.
 fn per_sweep<T, E>(
     file: &Hdf5File,
     path: &Path,
@@ -288,7 +287,7 @@ fn per_sweep<T, E>(
     Ok(Some(values))
 }
 
-/// Native-endian integers of up to 64 bits as `i64`; none if `datatype` is another type.
+/// Returns native-endian integers of up to 64 bits as `i64`; `None` for another type.
 fn whole_numbers(bytes: &[u8], datatype: &Datatype) -> Option<Vec<i64>> {
     macro_rules! each {
         ($type:ty) => {{

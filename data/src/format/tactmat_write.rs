@@ -1,4 +1,4 @@
-//! Writing TactMat's HDF5 layout.
+//! Writer of TactMat's HDF5 layout.
 
 use super::tactmat;
 use crate::{DataError, Dataset, Samples, write_whole};
@@ -8,16 +8,16 @@ use hdf5_writer::{
 };
 use std::path::Path;
 
-/// One chunk holds as many sweeps of a material as fit into this many bytes.
+/// Maximum size of a chunk, in bytes; it contains whole sweeps of a material.
 const CHUNK_BYTES: usize = 1 << 18;
-/// Higher levels of gzip shrink a full-size file by a few percent and take several times as long.
+/// Level of gzip. Higher levels shrink a full-size file by a few percent and take several times as long.
 const GZIP_LEVEL: u32 = 4;
 
-/// Writes `dataset` in the layout of [`tactmat`](super::tactmat), gzip chunks of whole sweeps, and puts the file into
-/// place when it is complete.
+/// Writes `dataset` in the layout of [`tactmat`](super::tactmat) with gzip chunks of whole sweeps; the file appears only
+/// when it is complete.
 ///
 /// # Errors
-/// Materials with unequal numbers of sweeps, for which the layout has no room, or a file that cannot be written.
+/// Materials with unequal numbers of sweeps, which the layout cannot represent, or a file that cannot be written.
 pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
     let order = super::by_material(dataset).map_err(|error| super::in_file(path, error))?;
     let bytes = plan(dataset, &order)

@@ -1,14 +1,15 @@
-//! Which columns of a table are taxels, by their names.
+//! Recognition of taxel columns by their names.
 
 use super::named_sweeps::some_names;
 
-/// Taxels that are numbered alike, at least, so that other columns are taken for something else.
+/// Minimum number of taxels that are numbered alike for other columns to be ignored.
 const NUMBERED: usize = 4;
 
-/// Returns the columns that are named unlike the others, where at least four, and two thirds of all, are named alike but for their numbers
-/// (`t0`, `t1` or `s_0_1`): a force, a row number or a position beside the taxels. None where there is no such pattern.
+/// Returns the columns without the common name pattern, such as a force, a row number or a position. There is a pattern
+/// if at least four columns, and two thirds of all, differ only in their numbers (`t0`, `t1` or `s_0_1`); without one the
+/// result is empty.
 pub(super) fn unlike_the_others(names: &[&str]) -> Vec<usize> {
-    // What stays without digits; nothing of a name that has none.
+    // Returns the name without its digits; `None` for a name without digits.
     let pattern = |name: &str| -> Option<String> {
         let name = name.trim();
         name.contains(|c: char| c.is_ascii_digit()).then(|| {
@@ -34,7 +35,7 @@ pub(super) fn unlike_the_others(names: &[&str]) -> Vec<usize> {
         .collect()
 }
 
-/// Says which columns are not read as taxels.
+/// Returns a sentence about the columns that are not read as taxels.
 pub(super) fn left_out(names: &[&str], unlike: &[usize]) -> Vec<String> {
     if unlike.is_empty() {
         return Vec::new();
@@ -47,7 +48,7 @@ pub(super) fn left_out(names: &[&str], unlike: &[usize]) -> Vec<String> {
     )]
 }
 
-/// Returns true if the first line of a table holds names: words, or the numbers 0, 1, 2 and so on.
+/// Returns true if the first line of a table contains names: words, or the numbers 0, 1, 2 and so on.
 pub(super) fn is_line_of_names(cells: &[String]) -> bool {
     let counts = cells.len() > 2
         && cells
@@ -68,7 +69,7 @@ mod tests {
         let with = |more: &[&'static str]| [&numbered[..], more].concat();
         assert_eq!(unlike_the_others(&with(&["force"])), [4]);
         assert_eq!(unlike_the_others(&with(&["row", "force"])), [4, 5]);
-        // Three of seven are too many to be something else.
+        // Three of seven are too many for columns that are not taxels.
         assert!(unlike_the_others(&with(&["a", "b", "c"])).is_empty());
         assert!(unlike_the_others(&["a", "b", "c", "d", "e"]).is_empty());
         assert!(unlike_the_others(&["a0", "a1", "a2", "a3", "b0", "b1", "b2", "b3"]).is_empty());

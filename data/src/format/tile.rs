@@ -1,10 +1,10 @@
-//! One chunk's place among the values of a band.
+//! Position of a chunk among the values of a band.
 
 use super::chunk_grid::RANK;
 
-/// Copies a chunk to its place in a larger box, in as few and as long runs as possible.
+/// Copy of a chunk to its position in a larger box, in as few and long runs as possible.
 pub(super) struct TileCopy {
-    /// Extent, stride in the chunk and stride in the box, outermost first; axes that run on are one.
+    /// Extent, stride in the chunk and stride in the box, outermost first; contiguous axes are merged.
     axes: Vec<(usize, usize, usize)>,
     start: usize,
 }

@@ -1,4 +1,4 @@
-//! Sweeps that are to be classified: files need not say of what materials they are.
+//! Sweeps to classify: their files need not name the materials.
 //!
 //! | file | sweeps |
 //! |---|---|
@@ -14,23 +14,23 @@ use super::named_sweeps::Labels;
 use super::{in_file, read_arrays, refuse_non_finite, table_with_gaps};
 use crate::{DataError, Dataset};
 
-/// Sweeps to be classified.
+/// Sweeps to classify.
 #[derive(Debug)]
 pub struct SweepsToClassify {
-    /// The sweeps. Where the file names no materials, all are of one that stands for none.
+    /// The sweeps. If the file names no materials, all have a placeholder as material.
     pub dataset: Dataset,
-    /// `[sweeps]`: names of files or of sweeps in a table; numbers from 0 where there are none.
+    /// Names of the files or sweeps, `[sweeps]`; numbers from 0 if there are none.
     pub names: Vec<String>,
-    /// True if the file says of what material each is.
+    /// True if the file names the materials.
     pub labelled: bool,
-    /// True if the taxels of a file that does not say how they are arranged were put into the rows and columns of a classifier.
+    /// True if the taxels of a file without an arrangement were put into the rows and columns of a classifier.
     pub arranged: bool,
-    /// Sweeps that are longer than most, and were cut, or shorter, and were left out: of [`Keep::Most`].
+    /// Sweeps that were cut because they are longer than most, or omitted because they are shorter, see [`Keep::Most`].
     pub odd_lengths: Vec<OddLength>,
 }
 
 impl SweepsToClassify {
-    /// Returns the sweeps of a data set that names its materials.
+    /// Returns the sweeps of a labelled data set.
     pub fn of(dataset: Dataset) -> Self {
         Self {
             names: (0..dataset.len()).map(|index| index.to_string()).collect(),
@@ -41,13 +41,13 @@ impl SweepsToClassify {
         }
     }
 
-    /// Returns `[sweeps]`: true for a sweep in which no taxel ever changes, which no touch leaves behind.
+    /// Returns true for sweeps without any change, `[sweeps]`: they contain no touch.
     pub fn still(&self) -> Vec<bool> {
         let taxels = self.dataset.shape().taxels();
         (0..self.dataset.len())
             .map(|index| {
                 let sweep = self.dataset.sweep(index);
-                // One frame says nothing about change.
+                // A single frame cannot show a change.
                 sweep.len() > taxels
                     && sweep
                         .iter()
@@ -58,12 +58,20 @@ impl SweepsToClassify {
     }
 }
 
-/// Reads sweeps whose materials nobody needs to know, and whose values are all finite.
+/// Reads sweeps whose values are all finite; materials are optional.
 ///
-/// - `steps`: frames of every sweep that are kept, from its beginning; `None`: all
+/// - `steps`: number of frames of every sweep that are kept; `None`: all
 ///
 /// # Errors
-/// As [`read`](super::read), except for materials that are not named.
+/// As [`read`](super::read), but missing materials are accepted.
+///
+/// ```no_run
+/// use tactnet_data::format::read_to_classify;
+///
+/// let sweeps = read_to_classify("new.npz".as_ref(), Some(1000))?;
+/// println!("{} sweeps, labelled: {}", sweeps.dataset.len(), sweeps.labelled);
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToClassify, DataError> {
     let sweeps = read_to_classify_with_gaps(path, steps.into())?;
     Ok(SweepsToClassify {
@@ -72,12 +80,13 @@ pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToCla
     })
 }
 
-/// As [`read_to_classify`], but values may be NaN or infinite, and sweeps of different lengths, for a check that lists them all.
+/// Reads sweeps as [`read_to_classify`]; values may be NaN or infinite, and lengths may differ, so that a check can list
+/// them.
 ///
 /// - `keep`: frames of every sweep that are read
 ///
 /// # Errors
-/// As [`read_to_classify`], except for values that are not finite.
+/// As [`read_to_classify`], but values that are not finite are accepted.
 pub fn read_to_classify_with_gaps(path: &Path, keep: Keep) -> Result<SweepsToClassify, DataError> {
     Ok(match table_with_gaps(path, keep, Labels::Optional) {
         Some(sweeps) => {

@@ -1,8 +1,8 @@
 //! The text format of aeon, sktime and the UEA archive (`.ts`), written only.
 //!
-//! A classification problem of equal length: one line a sweep, one dimension a taxel (row by row), one value a step; the
-//! class stands last. Class labels are the material names in the form that aeon's reader leaves as they are (see
-//! [`class_label`]). Sample rate, blocks and test flags have no place in the format.
+//! A classification problem of equal length: one line per sweep, one dimension per taxel (row by row), one value per
+//! step; the class is last. Class labels are the material names in a form that aeon's reader does not change (see
+//! [`class_label`]). The format has no sample rate, blocks or test flags.
 
 use crate::{DataError, Dataset, write_whole};
 use rayon::prelude::*;
@@ -10,11 +10,11 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Writes `dataset`, sweep by sweep in its order.
+/// Writes `dataset` in the order of its sweeps.
 ///
 /// # Errors
-/// A NaN or an infinity, which the format has no number for, two materials whose names end up as one label, or a file
-/// that cannot be written.
+/// A NaN or an infinity, which the format cannot represent; two materials with the same class label; or a file that
+/// cannot be written.
 pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
     let labels = class_labels(dataset).map_err(|error| super::in_file(path, error))?;
     let shape = dataset.shape();
@@ -81,9 +81,9 @@ fn class_labels(dataset: &Dataset) -> Result<Vec<String>, DataError> {
     }
 }
 
-/// A material's name as a class label: lower case, because aeon lowers what it reads; `_` for everything but letters of
-/// ASCII, digits, `.`, `-` and `_`, because spaces, colons and commas separate; and `n_an` for `nan`, which aeon takes for
-/// a missing value even inside a label.
+/// Returns a material's name as a class label. It is in lower case, because aeon lowers labels. `_` replaces all
+/// characters except ASCII letters, digits, `.`, `-` and `_`, because spaces, colons and commas are separators. `nan`
+/// becomes `n_an`, because aeon reads it as a missing value even inside a label.
 ///
 /// ```
 /// # use tactnet_data::format::ts::class_label;

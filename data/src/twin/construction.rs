@@ -1,4 +1,4 @@
-//! The numbers that a version of the twin consists of.
+//! Parameters of the twin's versions.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,34 +6,37 @@ use super::TwinVersion;
 use super::embedding::DIMENSIONS;
 use super::materials::BANDS;
 
-/// Everything that a calibration of the twin may set; `default` is version 2. The equations are at the head of [`super`].
+/// Parameters of the twin that a calibration may set; `default` is version 2. [`super`] has the equations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Construction {
-    /// Divides the distances of the embedding, which is in standard deviations of a class of unit width.
+    /// Divisor of the distances of the embedding, which are in standard deviations of a class of unit width.
     pub distance: f64,
-    /// Standard deviation, in latent units, that a block adds to its material's point.
+    /// Standard deviation of a block's offset from its material's point, latent units.
     pub block: f64,
-    /// The same of a sweep within its block.
+    /// Standard deviation of a sweep's offset within its block, latent units.
     pub sweep: f64,
-    /// Mean share of sweeps that feel like another material; a material's own share is in proportion to its published errors.
+    /// Mean share of sweeps that feel like another material. The share of a material is proportional to its published
+    /// errors.
     pub excursions: f64,
-    /// How far an excursion leads: least and largest share of the way to the other material.
+    /// Range of an excursion: smallest and largest share of the way to the other material.
     pub excursion_reach: [f64; 2],
-    /// Change of the logarithm of a parameter per latent unit: undulation, coarse band, fine bands, correlation times, texture along the
-    /// rows and along the columns.
+    /// Change of the logarithm of a parameter per latent unit: undulation, coarse band, fine bands, correlation times,
+    /// texture along the rows and along the columns.
     pub gains: [f64; DIMENSIONS],
-    /// Where the mixed coordinates level off, latent units: `bound tanh(x / bound)` instead of `x`. Materials far out differ less.
+    /// Bound of the mixed coordinates, latent units: `bound tanh(x / bound)` replaces `x`, so distant materials differ
+    /// less.
     pub bound: Option<f64>,
-    /// True if the fine grain of the noise follows the fine band, and the medium band the mean of the coarse and the fine one.
+    /// True if the fine grain of the noise follows the fine band, and the medium band the mean of the coarse and the fine
+    /// one.
     pub grain_follows: bool,
     /// Standard deviation of each texture band at the origin of the latent space, relative to the level.
     pub amplitudes: [f64; BANDS],
-    /// Correlation time of each band there, steps.
+    /// Correlation time of each band at the origin of the latent space, steps.
     pub correlation_steps: [f64; BANDS],
     /// Standard deviation of the grain at a level of one digit, digits.
     pub grain: f64,
-    /// Standard deviation of the force that all taxels feel, relative to the level.
+    /// Standard deviation of the force that is common to all taxels, relative to the level.
     pub force: f64,
     /// Change of the logarithm of the slip ratio with coarse band minus undulation.
     pub slip_ratio: f64,
@@ -41,16 +44,16 @@ pub struct Construction {
     pub slip_duration: f64,
     /// Slope of the logarithm of the levels along the columns, with that of the correlation times.
     pub column_levels: f64,
-    /// How unsteady the texture is.
+    /// Unsteadiness of the texture.
     pub envelope: Envelope,
 }
 
-/// The slow rise and fall of the texture's strength: each taxel's coarse band, and its medium and fine bands together, are multiplied by
-/// `exp(s V - s^2)`, which leaves their power on the mean as it is.
+/// Slow variation of the texture's strength. `exp(s V - s^2)`, which has a mean square of 1, multiplies each taxel's
+/// coarse band, and its medium and fine bands together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Envelope {
-    /// `s` at the origin of the latent space; 0 for a steady texture.
+    /// Depth `s` at the origin of the latent space; 0 for a steady texture.
     pub depth: f64,
     /// Change of the logarithm of `s` per latent unit.
     pub gain: f64,
@@ -65,7 +68,7 @@ impl Default for Construction {
 }
 
 impl Construction {
-    /// Returns the numbers of a version.
+    /// Returns the parameters of a version.
     pub fn of(version: TwinVersion) -> Self {
         match version {
             TwinVersion::One => Self::one(),
@@ -99,7 +102,7 @@ impl Construction {
         }
     }
 
-    /// Found by `experiments/twin/calibrate.py`; the log of what was tried is beside it.
+    /// Found by `experiments/twin/calibrate.py`, whose folder contains the log of all attempts.
     fn two() -> Self {
         Self {
             distance: 0.42,
@@ -125,7 +128,7 @@ impl Construction {
         }
     }
 
-    /// Returns what is wrong with a number, if anything is: its name and what was expected.
+    /// Returns the name and the expected range of a parameter that is out of range; `None` if all are valid.
     pub(super) fn mistake(&self) -> Option<(&'static str, &'static str)> {
         let positive = [
             ("distance", self.distance),
@@ -168,7 +171,7 @@ impl Construction {
     }
 }
 
-/// The smallest of some numbers; not a number if one is not.
+/// Returns the smallest of some numbers; NaN if one is NaN.
 fn least(numbers: &[f64]) -> f64 {
     numbers.iter().fold(f64::INFINITY, |least, &x| {
         if x < least || x.is_nan() { x } else { least }

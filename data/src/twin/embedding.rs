@@ -1,4 +1,4 @@
-//! Places the 36 materials in a latent space so that those which the real network confuses are close.
+//! Embedding of the 36 materials in a latent space, in which materials that the real network confuses are close.
 //!
 //! From the published confusion matrix `C` (rows are the true material, shares of the row), the symmetrised confusion
 //! of two materials `p = (C_ij + C_ji) / 2` becomes a distance: two normal classes of unit variance, `d` apart, are
@@ -10,33 +10,34 @@
 //! ```
 //!
 //! 0.002 is half a grey level in one of the two cells: below it the published figure shows no confusion. The points
-//! minimise the raw stress of these distances and bounds by majorisation (SMACOF, de Leeuw 1977): a bound that already
-//! holds asks for the present distance. Of several random starts the least stressed wins; it is then turned into its
-//! principal axes, each pointing towards its farthest material, so the result does not depend on the starts' rotation.
+//! minimise the raw stress of these distances and bounds by majorisation (SMACOF, de Leeuw 1977): a bound that is
+//! satisfied contributes its present distance as target. The best of several random starts is rotated to its principal
+//! axes, each pointing to its most distant material, so the result does not depend on the rotation of the starts.
 
 use super::gaussian::normal;
 use crate::Seed;
 
-/// Dimensions of the latent space: with fewer the stress rises fast (rms 0.42 at 3, 0.12 at 6), with more hardly falls.
+/// Number of dimensions of the latent space: fewer increase the stress (rms 0.42 at 3, 0.12 at 6), more hardly reduce it.
 pub(super) const DIMENSIONS: usize = 6;
 
 /// Number of materials in the published matrix.
 pub(super) const MATERIALS: usize = 36;
 
-/// A point of the latent space; one unit is one standard deviation of a class whose confusions are the published ones.
+/// Point of the latent space; one unit is one standard deviation of a class with the published confusions.
 pub(super) type Latent = [f64; DIMENSIONS];
 
 const FLOOR: f64 = 0.002;
 const STARTS: usize = 8;
 const STEPS: usize = 300;
 
-/// `[36][36]` confusion of TactNet-II on TactMat, read off the pixels of the published figure; see `README.md` beside.
+/// `[36][36]` confusion of TactNet-II on TactMat, read off the pixels of the published figure; see `README.md` in this
+/// folder.
 const PUBLISHED: &str = include_str!("tactmat_confusion_robot.csv");
 
-/// The published confusion matrix: row = true material, column = predicted, shares of the row.
+/// Returns the published confusion matrix: rows are true materials, columns predictions, as shares of the row.
 ///
-/// Source: the 36x36 confusion figure of TactNet-II, Tulbure and Bäuml, Humanoids 2018, read off its pixels (8-bit
-/// grey, +-0.004).
+/// Source: the 36x36 confusion figure of TactNet-II, Tulbure and Bäuml, Humanoids 2018, read off its pixels (8-bit grey,
+/// +-0.004).
 pub fn published_confusions() -> Vec<[f64; MATERIALS]> {
     let rows: Vec<[f64; MATERIALS]> = PUBLISHED
         .lines()
@@ -55,14 +56,14 @@ pub fn published_confusions() -> Vec<[f64; MATERIALS]> {
     rows
 }
 
-/// What the stress asks of one pair.
+/// Target of the distance of one pair.
 #[derive(Clone, Copy)]
 enum Target {
     Distance(f64),
     AtLeast(f64),
 }
 
-/// `[36]` points, centred, in their principal axes (widest first).
+/// Returns the `[36]` points, centred, in their principal axes (widest first).
 pub(super) fn embed() -> Vec<Latent> {
     let targets = targets(&published_confusions());
     let Some((_, best)) = (0..STARTS)
@@ -112,7 +113,7 @@ fn wanted(target: Target, present: f64) -> f64 {
     }
 }
 
-/// One Guttman transform with equal weights: `X' = B(X) X / n`.
+/// Returns the points after one Guttman transform with equal weights: `X' = B(X) X / n`.
 fn majorise(points: &[Latent], targets: &[Vec<Target>]) -> Vec<Latent> {
     (0..points.len())
         .map(|i| {
@@ -129,7 +130,7 @@ fn majorise(points: &[Latent], targets: &[Vec<Target>]) -> Vec<Latent> {
         .collect()
 }
 
-/// Root mean square of distance minus target over all pairs.
+/// Returns the root mean square of distance minus target over all pairs.
 fn stress(points: &[Latent], targets: &[Vec<Target>]) -> f64 {
     let pairs = (0..points.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
     let squares: Vec<f64> = pairs
@@ -176,7 +177,7 @@ fn principal_axes(points: &[Latent]) -> Vec<Latent> {
     turned
 }
 
-/// Eigenvectors (as rows) of a symmetric matrix, largest eigenvalue first, by cyclic Jacobi rotations.
+/// Returns the eigenvectors (as rows) of a symmetric matrix, largest eigenvalue first, by cyclic Jacobi rotations.
 fn eigenvectors(mut a: [Latent; DIMENSIONS]) -> [Latent; DIMENSIONS] {
     let mut vectors: [Latent; DIMENSIONS] =
         std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }));
@@ -228,7 +229,7 @@ mod tests {
         let targets = targets(&published_confusions());
         let stress = stress(&points, &targets);
         assert!(stress < 0.16, "rms stress {stress}");
-        // synthetic leather rough / smooth reverse are confused most; cork and metallic grid never.
+        // Synthetic leather rough and smooth reverse are confused most; cork and metallic grid never.
         assert!(distance(&points[0], &points[1]) < 3.5);
         assert!(distance(&points[23], &points[30]) > 6.0);
     }

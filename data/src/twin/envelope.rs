@@ -1,4 +1,4 @@
-//! How the strength of a texture rises and falls along the stroke.
+//! Slow variation of a texture's strength along the stroke.
 
 use rand_chacha::ChaCha8Rng;
 
@@ -6,12 +6,12 @@ use super::gaussian::{innovation, normal};
 use super::materials::{BANDS, SurfaceEnvelope};
 use super::signal::TAXELS;
 
-/// Steps from one exponential to the next; between them the factor follows a straight line.
+/// Number of steps between two values of the process; in between the factor is interpolated linearly.
 const STRIDE: usize = 8;
-/// Of each taxel: one of the coarse band, one of the medium and fine bands. The undulation is steady.
+/// Number of envelopes per taxel: one of the coarse band, one of the medium and fine bands. The undulation is steady.
 const ENVELOPES: usize = 2;
 
-/// The envelopes of one sweep.
+/// Envelopes of one sweep.
 pub(super) struct Envelopes {
     depth: f64,
     keep: f64,
@@ -23,7 +23,9 @@ pub(super) struct Envelopes {
 }
 
 impl Envelopes {
-    /// - `speed`: of the stroke, relative to 3 cm/s
+    /// Returns the envelopes at the start of a sweep.
+    ///
+    /// - `speed`: speed of the stroke, relative to 3 cm/s
     pub(super) fn new(surface: SurfaceEnvelope, speed: f64, rng: &mut ChaCha8Rng) -> Self {
         let keep = (-(STRIDE as f64) * speed / surface.steps).exp();
         let value = std::array::from_fn(|_| std::array::from_fn(|_| normal(rng)));
@@ -38,7 +40,7 @@ impl Envelopes {
         }
     }
 
-    /// One step of all taxels.
+    /// Advances all taxels by one step.
     pub(super) fn step(&mut self, rng: &mut ChaCha8Rng) {
         let new_line = self.steps.is_multiple_of(STRIDE);
         self.steps += 1;
@@ -56,14 +58,14 @@ impl Envelopes {
         }
     }
 
-    /// Factors on the bands of a taxel.
+    /// Returns the factors on the bands of a taxel.
     pub(super) fn factors(&self, taxel: usize) -> [f64; BANDS] {
         let [coarse, fine] = self.factor[taxel];
         [1.0, coarse, fine, fine]
     }
 }
 
-/// `exp(s V - s^2)`, whose mean square is 1.
+/// Returns `exp(s V - s^2)`, whose mean square is 1.
 fn factor(depth: f64, value: f64) -> f64 {
     (depth * value - depth * depth).exp()
 }
@@ -85,7 +87,7 @@ mod tests {
             let mut envelopes = Envelopes::new(surface, 1.0, &mut rng);
             for step in 0..1000 {
                 envelopes.step(&mut rng);
-                // Where a line ends, at the values of the process.
+                // At the ends of the lines the factors equal those of the process.
                 if (step + 1) % STRIDE != 0 {
                     continue;
                 }

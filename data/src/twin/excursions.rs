@@ -1,29 +1,29 @@
-//! Sweeps that feel like another material: a seam, a worn patch, a part of the tube that lies differently.
+//! Sweeps that feel like another material: a seam, a worn patch, a different position of the tube.
 
 use rand_chacha::ChaCha8Rng;
 
 use super::embedding::MATERIALS;
 use super::gaussian::unit;
 
-/// Which materials sweeps of each material may feel like, from the published confusions.
+/// Materials that the sweeps of each material may feel like, from the published confusions.
 pub(super) struct Excursions {
-    /// Share of sweeps that go astray, per material.
+    /// Share of excursions among the sweeps of each material.
     share: Vec<f64>,
     /// Confusions of each material with the others, as shares of their sum.
     others: Vec<[f64; MATERIALS]>,
 }
 
-/// Where one sweep goes.
+/// Target of one sweep's excursion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Excursion {
-    /// The other material.
+    /// Label of the other material.
     pub(super) towards: usize,
-    /// Share of the way there; more than 1 leads beyond.
+    /// Share of the way to the other material; above 1 the sweep goes beyond it.
     pub(super) reach: f64,
 }
 
 impl Excursions {
-    /// Shares in proportion to each material's errors, with the given mean.
+    /// Returns shares that are proportional to each material's errors, with the given mean.
     ///
     /// - `confusions`: `[36][36]`, rows are true materials
     pub(super) fn new(confusions: &[[f64; MATERIALS]], mean: f64) -> Self {
@@ -38,7 +38,7 @@ impl Excursions {
             let mut others = confusions[true_one];
             others[true_one] = 0.0;
             let sum: f64 = others.iter().sum();
-            // A material that is never confused goes nowhere.
+            // A material that is never confused has no excursions.
             others.map(|share| if sum > 0.0 { share / sum } else { 0.0 })
         });
         Self {
@@ -47,7 +47,7 @@ impl Excursions {
         }
     }
 
-    /// Draws whether and where a sweep of material `label` goes astray, from a stream of its own.
+    /// Draws the excursion of a sweep of material `label` from a separate stream; `None` if it has none.
     pub(super) fn draw(
         &self,
         label: usize,
@@ -94,7 +94,7 @@ mod tests {
             assert_eq!(towards[label], 0);
             for (other, &count) in towards.iter().enumerate() {
                 let expected = excursions.share[label] * excursions.others[label][other];
-                // Four standard errors of a share.
+                // The tolerance is four standard errors of a share.
                 let error = 4.0 * (expected.max(1e-4) / DRAWS as f64).sqrt();
                 let found = count as f64 / DRAWS as f64;
                 assert!((found - expected).abs() < error, "{label} to {other}");

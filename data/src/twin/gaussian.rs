@@ -1,31 +1,33 @@
-//! Normal variates whose values are fixed by this file and ChaCha8 alone.
+//! Normal variates whose values depend only on this file and ChaCha8.
 //!
-//! A twin is identified by the hash of its digits, so its random numbers must not change with a release of a
-//! distribution crate.
+//! The hash of its digits identifies a twin, so its random numbers must not change with a release of a distribution
+//! crate.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// A standard normal variate by Box and Muller's transform (Ann. Math. Stat. 29, 1958); for a sweep's few parameters.
+/// Returns a standard normal variate by Box and Muller's transform (Ann. Math. Stat. 29, 1958), for the few parameters of
+/// a sweep.
 pub(super) fn normal(rng: &mut ChaCha8Rng) -> f64 {
     let radius = (-2.0 * (1.0 - unit(rng)).ln()).sqrt();
     radius * (std::f64::consts::TAU * unit(rng)).cos()
 }
 
-/// Uniform in `[0, 1)`.
+/// Returns a uniform number in `[0, 1)`.
 pub(super) fn unit(rng: &mut ChaCha8Rng) -> f64 {
     (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Zero mean, unit variance, nearly normal: the scaled sum of four 16-bit uniforms (Irwin-Hall), from one draw.
+/// Returns a nearly normal variate of zero mean and unit variance: the scaled sum of four 16-bit uniforms (Irwin-Hall),
+/// from one draw.
 ///
-/// Its support ends at 3.46 and its excess kurtosis is -0.3, which nobody sees once an Ornstein-Uhlenbeck process has
-/// summed a few of them. No transcendental function, and hundreds of millions are needed.
+/// Its support ends at 3.46 and its excess kurtosis is -0.3, which is negligible once an Ornstein-Uhlenbeck process has
+/// summed a few of them. It needs no transcendental function, and a twin draws hundreds of millions.
 pub(super) fn innovation(rng: &mut ChaCha8Rng) -> f64 {
     let draw = rng.next_u64();
     let sum = (draw & 0xffff) + (draw >> 16 & 0xffff) + (draw >> 32 & 0xffff) + (draw >> 48);
     const MEAN: f64 = 2.0 * 65535.0;
-    // Variance of one: (65536^2 - 1) / 12; of four: a third of 65536^2 - 1.
+    // Variance of one uniform: (65536^2 - 1) / 12; of four: a third of 65536^2 - 1.
     const SCALE: f64 = 1.732_050_807_568_877_2 / 65536.0;
     (sum as f64 - MEAN) * SCALE
 }

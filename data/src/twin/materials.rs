@@ -1,9 +1,9 @@
-//! From a point of the latent space to the physical parameters of a surface.
+//! Physical parameters of a surface from its point in the latent space.
 
 use super::construction::Construction;
 use super::embedding::{DIMENSIONS, Latent, MATERIALS};
 
-/// The materials in the order of their label (names: Tulbure and Bäuml, Humanoids 2018).
+/// Names of the materials in label order (Tulbure and Bäuml, Humanoids 2018).
 pub const NAMES: [&str; MATERIALS] = [
     "synthetic leather rough",
     "synthetic leather smooth reverse",
@@ -43,10 +43,10 @@ pub const NAMES: [&str; MATERIALS] = [
     "neoprene",
 ];
 
-/// Bands of the texture, each an Ornstein-Uhlenbeck process.
+/// Number of bands of the texture, each an Ornstein-Uhlenbeck process.
 pub(super) const BANDS: usize = 4;
 
-/// What the finger feels of a surface; amplitudes are relative to the level of the taxel.
+/// Physical parameters of a surface; amplitudes are relative to the level of the taxel.
 #[derive(Debug, Clone)]
 pub(super) struct Surface {
     /// Standard deviation of each band of the texture.
@@ -55,47 +55,47 @@ pub(super) struct Surface {
     pub(super) correlation_steps: [f64; BANDS],
     /// Variance of the noise per digit of level.
     pub(super) grain_variance: f64,
-    /// Factor on the texture of each row of taxels: how it follows the curve of the fingertip.
+    /// Factor on the texture of each row of taxels, which depends on the curvature of the fingertip.
     pub(super) row_gains: [f64; 4],
-    /// The same of each column.
+    /// Factor on the texture of each column.
     pub(super) column_gains: [f64; 4],
-    /// Factor on the level that is left after slipping.
+    /// Factor on the level after slipping.
     pub(super) slip_ratio: f64,
     /// Factor on the time constants of slipping.
     pub(super) slip_slowness: f64,
-    /// Level of each column of the contact, relative.
+    /// Relative level of each column of the contact.
     pub(super) column_levels: [f64; 4],
-    /// Ridges across the stroke, where there are any.
+    /// Ridges across the stroke, if there are any.
     pub(super) ridges: Option<Ridges>,
-    /// Standard deviation of the force, common to all taxels, relative to the level.
+    /// Standard deviation of the force that is common to all taxels, relative to the level.
     pub(super) force: f64,
-    /// How its texture rises and falls, where it is not steady.
+    /// Variation of the texture's strength, if it is not steady.
     pub(super) envelope: Option<SurfaceEnvelope>,
 }
 
-/// The rise and fall of a surface's texture.
+/// Variation of the strength of a surface's texture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfaceEnvelope {
-    /// Standard deviation of the logarithm.
+    /// Standard deviation of the logarithm of the strength.
     pub(super) depth: f64,
     /// Correlation time at 3 cm/s, steps.
     pub(super) steps: f64,
 }
 
-/// The mixed coordinate of the fine bands; it also says how unsteady a texture is.
+/// Index of the mixed coordinate of the fine bands, which also sets the unsteadiness of a texture.
 const FINE: usize = 2;
 
-/// The weak periodic part of a surface with a pitch.
+/// Weak periodic part of a surface with a pitch.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ridges {
-    /// Distance from ridge to ridge, mm.
+    /// Distance between two ridges, mm.
     pub(super) pitch_mm: f64,
     /// Amplitude, relative to the level.
     pub(super) amplitude: f64,
 }
 
-/// The coordinates of a latent point, mixed by an orthonormal matrix (the type-II cosine transform), so that every axis shows in every
-/// parameter and distances survive.
+/// Returns the coordinates of a latent point, mixed by an orthonormal matrix (the type-II cosine transform). Every axis
+/// affects every parameter, and distances are preserved.
 fn mixture(latent: &Latent) -> [f64; DIMENSIONS] {
     std::array::from_fn(|k| {
         let norm = (if k == 0 { 1.0 } else { 2.0 } / DIMENSIONS as f64).sqrt();
@@ -111,7 +111,7 @@ fn mixture(latent: &Latent) -> [f64; DIMENSIONS] {
     })
 }
 
-/// The surface at `latent`; `label` decides on ridges alone.
+/// Returns the surface at `latent`; `label` decides only on ridges.
 pub(super) fn surface(label: usize, latent: &Latent, construction: &Construction) -> Surface {
     let c = construction;
     let mixed = match c.bound {
@@ -148,12 +148,12 @@ pub(super) fn surface(label: usize, latent: &Latent, construction: &Construction
     }
 }
 
-/// Factors on four neighbours whose logarithm rises by `slope` from one to the next.
+/// Returns factors on four neighbours whose logarithm increases by `slope` from one to the next.
 fn ramp(slope: f64) -> [f64; 4] {
     [-1.5, -0.5, 0.5, 1.5].map(|place: f64| (slope * place).exp())
 }
 
-/// Pitches are plausible ones; the publication gives none.
+/// The pitches are plausible values; the publication names none.
 fn ridges(label: usize) -> Option<Ridges> {
     match NAMES[label] {
         "metallic grid" => Some(Ridges {

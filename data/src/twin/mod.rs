@@ -1,13 +1,25 @@
-//! The TactMat twin: seeded sweeps that look like TactMat's where its signal is known.
+//! TactMat twin: synthetic sweeps that resemble TactMat's in all published properties of the signal.
 //!
-//! The real recordings cannot ship with the project. The twin is calibrated on four published sweeps (the figures are
-//! in [`SignalStatistics`]) and on the published confusion matrix ([`published_confusions`]); what it says beyond them is a
-//! prediction, and results on it are results on the twin, never on TactMat.
+//! The real recordings cannot be shipped with the project. The twin is calibrated on four published sweeps (their figures
+//! are in [`SignalStatistics`]) and on the published confusion matrix ([`published_confusions`]). Its other properties
+//! are predictions, and results on it are not results on TactMat.
 //!
-//! There are two versions; a result names its own. Version 1 (data set `twin1`) is kept so that earlier results can be repeated.
+//! There are two versions, and a result names its version. Version 1 (data set `twin1`) is kept so that earlier results
+//! can be repeated.
+//!
+//! ```
+//! use tactnet_data::twin::{self, TwinConfig};
+//!
+//! let config = TwinConfig { materials: 2, sweeps: 3, steps: 100, ..TwinConfig::default() };
+//! let twin = twin::generate(&config)?;
+//! assert_eq!((twin.name(), twin.len(), twin.shape().taxels()), ("twin", 6, 16));
+//! // Equal settings give equal sweeps.
+//! assert_eq!(twin::generate(&config)?.sha256(), twin.sha256());
+//! # Ok::<(), tactnet_data::DataError>(())
+//! ```
 //!
 //! # Signal
-//! Taxel `i` reads at step `t`, with `u` the steps since that taxel started to slip (0 before):
+//! Taxel `i` has this digit at step `t`; `u` is the number of steps since that taxel started to slip (0 before):
 //!
 //! ```text
 //! x_i = round(L_i (1 + m_i (f + q_i + p_i)) + n_i)   0 where below 3, at most 154
@@ -21,8 +33,8 @@
 //! ```
 //!
 //! `O` and `S` are the published mean levels times log-normal factors: per taxel, a common force, and a tilt of the
-//! patch, some of it drawn per block of ten sweeps and the rest per sweep. They swamp what materials do to the levels. `v`
-//! is the speed of the stroke (3 cm/s +-3 %), `y_i` the taxel's row times 2.5 mm.
+//! patch. Some are drawn per block of ten sweeps, the others per sweep. They exceed the differences between the
+//! materials' levels. `v` is the speed of the stroke (3 cm/s +-3 %), `y_i` the taxel's row times 2.5 mm.
 //!
 //! The envelopes `E_ib` make the texture unsteady; `V` is an Ornstein-Uhlenbeck process of unit variance:
 //!
@@ -31,31 +43,33 @@
 //! ```
 //!
 //! # Materials
-//! The published confusions become points `z` in a six-dimensional latent space (see `embedding.rs`), where one unit is
-//! the standard deviation of a class that is confused as published. A sweep of material `k` has its own point
+//! The published confusions become points `z` in a six-dimensional latent space (see `embedding.rs`), in which one unit
+//! is the standard deviation of a class that is confused as published. A sweep of material `k` has the point
 //!
 //! ```text
 //! z_sweep = z_k / D + X (z_j - z_k) / D + b e_block + w e_sweep      e: standard normal in six dimensions
 //! ```
 //!
-//! where `D` is distance times difficulty. `X` is 0 but for excursions: with a probability in proportion to what the published network
-//! gets wrong of material `k` (0.14 on average in version 2, 0 in version 1), the sweep feels like a material `j` drawn from what `k` is
-//! confused with, and `X` is uniform from 0.44 to 1.24.
+//! where `D` is distance times difficulty. `X` is 0 except for excursions. Their probability is proportional to the
+//! published error of material `k` (0.14 on average in version 2, 0 in version 1). In an excursion the sweep feels like a
+//! material `j`, drawn from the published confusions of `k`, and `X` is uniform from 0.44 to 1.24.
 //!
-//! An orthonormal mixture of the point's coordinates, in version 2 levelled off by `9 tanh(x / 9)`, sets the logarithms of the undulation `a_1`, the coarse band `a_2`, the fine bands,
-//! the correlation times (with them `s` and the column levels), and how `g_i` changes along rows and columns. The slip ratio `S / O`
-//! follows `a_2 / a_1`. In version 1 the third coordinate sets `a_4` and `c`, and half of it `a_3`; in version 2 it sets the depth `e`
-//! of the envelopes, and the stationary power above 20 Hz is the same for all materials: whatever tells two materials apart there is
-//! smaller than an adversarial perturbation of 0.1 digits. All numbers are in [`Construction`].
+//! An orthonormal mixture of the point's coordinates, in version 2 bounded by `9 tanh(x / 9)`, sets the logarithms of the
+//! undulation `a_1`, the coarse band `a_2`, the fine bands, the correlation times (with them `s` and the column levels),
+//! and the change of `g_i` along rows and columns. The slip ratio `S / O` follows `a_2 / a_1`. In version 1 the third
+//! coordinate sets `a_4` and `c`, and half of it `a_3`. In version 2 it sets the depth `e` of the envelopes, and the
+//! stationary power above 20 Hz is the same for all materials: an adversarial perturbation of 0.1 digits would exceed all
+//! differences between materials there. [`Construction`] has all numbers.
 //!
 //! # Difficulty
-//! [`TwinConfig::difficulty`] divides the distances between the materials' points and touches nothing else: neither the
-//! variability of one material nor the random streams. 2 halves every difference between materials. The targets are
+//! [`TwinConfig::difficulty`] divides the distances between the materials' points and changes neither the variability of
+//! one material nor the random streams. A difficulty of 2 halves every difference between materials. The targets are
 //! fitted at 1.
 //!
 //! # Force and speed
-//! [`TwinConfig::contact_force`] is a factor on `O` and `S`, [`TwinConfig::speed`] one on `v`; random streams stay as they are, so that a sweep can be
-//! felt again harder or faster. What a real skin does at another force beyond its levels is not modelled.
+//! [`TwinConfig::contact_force`] is a factor on `O` and `S`, [`TwinConfig::speed`] one on `v`. The random streams do not
+//! change, so a sweep can be repeated with another force or speed. Other effects of the force on a real skin are not
+//! modelled.
 
 mod construction;
 mod embedding;
@@ -84,31 +98,31 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use signal::{Contact, Drift, SAMPLE_RATE_HZ, TAXELS};
 
-/// Sweeps of one material that are recorded in one go.
+/// Number of sweeps of one material that are recorded in one session.
 pub const SWEEPS_PER_BLOCK: usize = 10;
 
-/// How large a twin, how hard, and which one; `Default` is TactMat's size.
+/// Size, difficulty and version of a twin; `Default` has TactMat's size.
 ///
-/// Sweeps have their own random streams, so a smaller twin of the same seed is a part of the larger one: the first
+/// Each sweep has a separate random stream, so a smaller twin of the same seed is a part of the larger one: the first
 /// materials, the first sweeps of each, the first steps of each sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TwinConfig {
-    /// Which twin.
+    /// Version of the twin.
     pub version: TwinVersion,
-    /// Materials, the first of [`NAMES`]: 1 to 36.
+    /// Number of materials, the first of [`NAMES`]: 1 to 36.
     pub materials: usize,
-    /// Sweeps of each material, in blocks of [`SWEEPS_PER_BLOCK`].
+    /// Number of sweeps of each material, in blocks of [`SWEEPS_PER_BLOCK`].
     pub sweeps: usize,
-    /// Time steps of a sweep, at 750 Hz.
+    /// Number of time steps of a sweep, at 750 Hz.
     pub steps: usize,
-    /// Decides every random number of the sweeps; the materials are the same for every seed.
+    /// Seed of the sweeps; the materials are the same for every seed.
     pub seed: u64,
-    /// Divides the distances between materials in the latent space: larger is harder.
+    /// Divisor of the distances between materials in the latent space: larger is harder.
     pub difficulty: f64,
-    /// How hard the finger presses, as a factor on the usual force: all levels follow, and with them texture and grain.
+    /// Contact force, relative to the usual one: all levels are proportional to it, and with them texture and grain.
     pub contact_force: f64,
-    /// Speed of the stroke, as a factor on the usual 3 cm/s.
+    /// Speed of the stroke, relative to 3 cm/s.
     pub speed: f64,
 }
 
@@ -154,22 +168,23 @@ impl TwinConfig {
     }
 }
 
-/// Generates the twin: `u8` digits of 4x4 taxels at 750 Hz, ordered by material and then by sweep, called "twin" or "twin1".
+/// Generates the twin: `u8` digits of 4x4 taxels at 750 Hz, ordered by material and then by sweep, with the name "twin"
+/// or "twin1".
 ///
-/// The block of a sweep is its number divided by [`SWEEPS_PER_BLOCK`]; materials have drifts of their own in a block of
-/// the same number. No test split is given. The values depend on `config` alone, not on the number of threads. The full
-/// size takes about three seconds of one core and 58 MB.
+/// The block of a sweep is its number divided by [`SWEEPS_PER_BLOCK`]; blocks of the same number have different drifts in
+/// different materials. There is no test split. The values depend only on `config`, not on the number of threads. The
+/// full size takes about three seconds of one core and 58 MB.
 ///
 /// # Errors
-/// More materials than there are names, nothing to generate, or a difficulty, force or speed that is not a positive number.
+/// More materials than names, nothing to generate, or a difficulty, force or speed that is not a positive number.
 pub fn generate(config: &TwinConfig) -> Result<Dataset, DataError> {
     generate_with(config, &Construction::of(config.version))
 }
 
-/// The same of other numbers than the version's own: to calibrate a twin.
+/// Generates a twin with other parameters than those of its version, for calibration.
 ///
 /// # Errors
-/// As [`generate`]; a number out of range.
+/// As [`generate`], and a parameter out of range.
 pub fn generate_with(
     config: &TwinConfig,
     construction: &Construction,
@@ -222,7 +237,7 @@ pub fn generate_with(
     .map(|dataset| dataset.into_twin(config.version))
 }
 
-/// What all sweeps of a twin share.
+/// Common parts of all sweeps of a twin.
 struct Plan<'a> {
     config: &'a TwinConfig,
     construction: &'a Construction,

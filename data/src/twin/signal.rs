@@ -1,36 +1,36 @@
-//! One sweep: what 16 taxels read while a surface slides under them.
+//! Signal of one sweep: the digits of 16 taxels while a surface slides under them.
 
 use super::envelope::Envelopes;
 use super::gaussian::{innovation, normal, unit};
 use super::materials::{BANDS, Surface};
 use rand_chacha::ChaCha8Rng;
 
-/// Taxels of the patch.
+/// Number of taxels of the patch.
 pub(super) const TAXELS: usize = 16;
-/// Frames per second.
+/// Sample rate, in Hz.
 pub(super) const SAMPLE_RATE_HZ: f64 = 750.0;
 
 const SPEED_MM_PER_S: f64 = 30.0;
 const TAXEL_PITCH_MM: f64 = 2.5;
 
-// Both tables: mean digits of the four published sweeps, per taxel. Means below 3.5 stand a little higher here than they
-// were read there, because the dead zone takes part of such a level away.
+// Both tables contain the mean digits of the four published sweeps, per taxel. Means below 3.5 are slightly higher here
+// than in the figure, because the dead zone cuts a part of such a level.
 
-/// Level before the finger slips, digits.
+/// Level of each taxel before the finger slips, digits.
 const RESTING_LEVELS: [f64; TAXELS] = [
     19.7, 14.8, 16.4, 5.6, 12.5, 57.8, 44.9, 1.5, 13.1, 15.5, 5.7, 10.0, 6.3, 6.3, 2.7, 0.0,
 ];
-/// Level when the finger has slipped (from step 600 on), digits.
+/// Level of each taxel after the finger has slipped (from step 600 on), digits.
 const SLIDING_LEVELS: [f64; TAXELS] = [
     19.4, 3.4, 1.2, 7.8, 9.7, 15.7, 7.1, 3.2, 11.8, 10.5, 3.9, 5.6, 6.2, 7.1, 2.9, 2.7,
 ];
 
-/// Texture is stronger where the fingertip is most curved.
+/// Factor on the texture of each taxel: it is stronger where the fingertip is more curved.
 const TEXTURE_GAINS: [f64; TAXELS] = [
     1.0, 1.5, 2.0, 1.0, 1.0, 1.9, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0,
 ];
 
-/// Between the first and the last taxel to slip.
+/// Maximum delay between the first and the last taxel to slip, steps.
 const SLIP_DELAY_STEPS: f64 = 10.0;
 const FAST_SLIP_SHARE: f64 = 0.45;
 const FAST_SLIP_STEPS: f64 = 12.0;
@@ -41,32 +41,32 @@ const FORCE_STEPS: f64 = 60.0;
 
 const NOISE_VARIANCE: f64 = 0.057 * 0.057;
 
-/// Digits below this read 0.
+/// Digit below which the sensor reads 0.
 const DEAD_ZONE: f64 = 3.0;
-/// The largest digit.
+/// Largest digit of the sensor.
 const CEILING: f64 = 154.0;
 
-/// How the finger lies on the tube: natural logarithms of factors on the levels, and the stroke.
+/// Position of the finger on the tube: natural logarithms of factors on the levels, and the stroke.
 #[derive(Debug, Clone)]
 pub(super) struct Contact {
-    /// Of both level tables, per taxel.
+    /// Logarithm of the factor on both levels, per taxel.
     pub(super) levels: [f64; TAXELS],
-    /// Of the sliding levels alone, per taxel.
+    /// Logarithm of the factor on the sliding level, per taxel.
     pub(super) sliding: [f64; TAXELS],
-    /// Of the speed.
+    /// Logarithm of the factor on the speed.
     pub(super) speed: f64,
     /// Step at which each taxel starts to slip.
     pub(super) onset: [f64; TAXELS],
 }
 
-/// What sweeps of one block share.
+/// Common drift of the sweeps of one block.
 #[derive(Debug, Clone)]
 pub(super) struct Drift {
     levels: [f64; TAXELS],
     sliding: [f64; TAXELS],
 }
 
-/// Standard deviations (natural logarithm) of what makes one contact unlike another, for a block and for a sweep in it.
+/// Standard deviations of the logarithms of the factors on a contact, for a block or for a sweep in it.
 struct Spread {
     force: f64,
     tilt: f64,
@@ -91,7 +91,7 @@ const SWEEP: Spread = Spread {
 };
 
 impl Drift {
-    /// The drift of a block, from its own stream.
+    /// Draws the drift of a block from its stream.
     pub(super) fn draw(rng: &mut ChaCha8Rng) -> Self {
         Self::with(&BLOCK, rng)
     }
@@ -117,7 +117,7 @@ impl Drift {
 }
 
 impl Contact {
-    /// The contact of one sweep: its block's drift and its own.
+    /// Draws the contact of one sweep from the drift of its block and its own drift.
     pub(super) fn draw(drift: &Drift, rng: &mut ChaCha8Rng) -> Self {
         let own = Drift::with(&SWEEP, rng);
         let first_slip = 16.0 + 6.0 * unit(rng);
@@ -129,7 +129,7 @@ impl Contact {
         }
     }
 
-    /// The same with all levels `factor` times as high.
+    /// Multiplies all levels by `factor`.
     pub(super) fn with_force(mut self, factor: f64) -> Self {
         self.levels
             .iter_mut()
@@ -137,14 +137,14 @@ impl Contact {
         self
     }
 
-    /// The same at `factor` times the speed.
+    /// Multiplies the speed by `factor`.
     pub(super) fn with_speed(mut self, factor: f64) -> Self {
         self.speed += factor.ln();
         self
     }
 }
 
-/// A discrete Ornstein-Uhlenbeck process in its stationary state.
+/// Discrete Ornstein-Uhlenbeck process in its stationary state.
 #[derive(Clone, Copy)]
 struct Process {
     keep: f64,
@@ -168,14 +168,14 @@ impl Process {
     }
 }
 
-/// What is left of a taxel's rest: three exponentials since it started to slip.
+/// Three exponentials that decay from the step at which a taxel starts to slip.
 #[derive(Clone, Copy)]
 struct Slip {
-    /// Of the fast part of the level's fall.
+    /// Fast part of the level's fall.
     fast: f64,
-    /// Of its slow part.
+    /// Slow part of the level's fall.
     slow: f64,
-    /// Of the silence before the texture is felt.
+    /// Silence before the texture is felt.
     still: f64,
 }
 
@@ -254,7 +254,7 @@ pub(super) fn record(surface: &Surface, contact: &Contact, rng: &mut ChaCha8Rng,
     }
 }
 
-/// The sensor's digit: rounded, 0 below the dead zone's end, at most 154.
+/// Returns the sensor's digit: rounded, 0 below the dead zone's end, at most 154.
 fn quantise(x: f64) -> u8 {
     let digit = x.round();
     if digit < DEAD_ZONE {

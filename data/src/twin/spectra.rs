@@ -1,4 +1,4 @@
-//! The part of the statistics that needs a sweep's spectra.
+//! Spectral part of the signal statistics.
 
 use super::statistics::{BAND_EDGES_HZ, LAGS};
 use rustfft::{FftPlanner, num_complex::Complex};
@@ -9,26 +9,26 @@ const LEVEL_BANDS_HZ: [[f64; 2]; 2] = [[2.0, 60.0], [150.0, 375.0]];
 const CORRELATION_BANDS_HZ: [[f64; 2]; 2] = [[2.0, 20.0], [20.0, 200.0]];
 /// Band of the intermittency, Hz.
 const INTERMITTENCY_HZ: [f64; 2] = [20.0, 60.0];
-/// Windows of the intermittency: 100 steps of a sweep of 1000.
+/// Number of windows of the intermittency: 100 steps each in a sweep of 1000.
 const WINDOWS: usize = 8;
-/// Range of the slope, Hz.
+/// Frequency range of the spectral slope, Hz.
 const SLOPE_HZ: [f64; 2] = [5.0, 100.0];
-/// Taxels with a lower mean level say nothing about the power law: the dead zone cuts them, digits.
+/// Minimum mean level of a taxel for the power law, digits: the dead zone cuts lower levels.
 const LEAST_LEVEL: f64 = 5.0;
 
-/// What one sweep adds to the spectral figures.
+/// Contributions of one sweep to the spectral figures.
 pub(super) struct SweepSpectra {
     /// Sum over the taxels of their periodograms, each divided by its own sum; bin 0 is 0.
     shares: Vec<f64>,
-    /// Taxels in that sum.
+    /// Number of taxels in that sum.
     moving: usize,
-    /// Per taxel that moves in the tail, the autocorrelation at [`LAGS`].
+    /// Autocorrelation at [`LAGS`] of each taxel that changes in the tail.
     autocorrelation: Vec<[f64; 4]>,
-    /// Per taxel, in each band: logarithms of the level and of the rms fluctuation.
+    /// Logarithms of the level and of the rms fluctuation of each taxel, in each band.
     fluctuation: [Vec<[f64; 2]>; 2],
-    /// Per taxel with a level: standard deviation of the logarithm of a window's power.
+    /// Standard deviation of the logarithm of a window's power, for each taxel with a sufficient level.
     intermittency: Vec<f64>,
-    /// In each band: sum of the correlations of taxel pairs, and number of pairs.
+    /// Sum of the correlations of taxel pairs, and number of pairs, in each band.
     correlation: [(f64, f64); 2],
 }
 
@@ -195,7 +195,7 @@ impl SweepSpectra {
         })
     }
 
-    /// Standard deviation of the logarithms of the fluctuation about the power law.
+    /// Returns the standard deviation of the logarithm of the fluctuation from the power law.
     pub(super) fn level_residuals(sweeps: &[&Self]) -> [f64; 2] {
         [0, 1].map(|band| {
             let points: Vec<[f64; 2]> = sweeps
@@ -227,7 +227,7 @@ impl SweepSpectra {
     }
 }
 
-/// The upper median; not a number of nothing.
+/// Returns the upper median; NaN for an empty list.
 fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return f64::NAN;
@@ -236,11 +236,12 @@ fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Standard deviation over the windows of the logarithm of a window's power; `None` of a sweep that is too short.
+/// Returns the standard deviation over the windows of the logarithm of a window's power; `None` for a sweep that is too
+/// short.
 ///
-/// - `band`: the spectrum, two-sided, of what is looked at
+/// - `band`: two-sided spectrum of the analysed band
 fn unsteadiness(back: &dyn rustfft::Fft<f64>, mut band: Vec<Complex<f64>>) -> Option<f64> {
-    // Below what 8-bit digits show: a window in which nothing moves.
+    // Smallest power of a window, below the resolution of 8-bit digits.
     const LEAST_POWER: f64 = 1e-6;
     let n = band.len();
     back.process(&mut band);
@@ -288,7 +289,7 @@ fn transform(fft: &dyn rustfft::Fft<f64>, series: &[f64]) -> Vec<Complex<f64>> {
     spectrum
 }
 
-/// Power per bin from 0 to half the sample rate; bin 0 is set to 0.
+/// Returns the power per bin from 0 to half the sample rate; bin 0 is set to 0.
 fn one_sided(spectrum: &[Complex<f64>], n: usize) -> Vec<f64> {
     (0..n / 2 + 1)
         .map(|bin| match bin {
@@ -299,7 +300,7 @@ fn one_sided(spectrum: &[Complex<f64>], n: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Least-squares slope through `[x, y]` points; not a number for fewer than two.
+/// Returns the least-squares slope through `[x, y]` points; NaN for fewer than two.
 fn slope(points: &[[f64; 2]]) -> f64 {
     let n = points.len() as f64;
     let mean = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n);

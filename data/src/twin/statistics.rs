@@ -1,9 +1,8 @@
-//! Figures that describe a tactile signal, of any data set, and what they are on real TactMat sweeps.
+//! Figures that describe a tactile signal, and their values on real TactMat sweeps.
 //!
-//! The real values come from the four sweeps that Tulbure and Bäuml (Humanoids 2018) print as figure 2b (white metal
-//! twice, cotton fabric reverse, linen fabric smooth), recovered from the vector lines of the figure as
-//! `[4][1000][16]` digits; each was computed with the definitions below. Four sweeps are few: figures of levels have
-//! wide tolerances.
+//! The real values come from the four sweeps in figure 2b of Tulbure and Bäuml (Humanoids 2018): white metal twice,
+//! cotton fabric reverse, linen fabric smooth. The vector lines of the figure give them as `[4][1000][16]` digits; the
+//! definitions below were applied to these. Four sweeps are few, so figures of levels have wide tolerances.
 
 use super::spectra::SweepSpectra;
 use crate::{Dataset, Samples};
@@ -16,8 +15,8 @@ pub const LAGS: [usize; 4] = [1, 5, 20, 75];
 /// Edges of [`SignalStatistics::energy_bands`], Hz; the last band ends at half the sample rate.
 pub const BAND_EDGES_HZ: [f64; 5] = [0.0, 2.0, 20.0, 60.0, 200.0];
 
-/// Figures of one data set; a figure that the data cannot give (a correlation of one taxel, one sweep per
-/// material) is not a number.
+/// Figures of one data set; a figure that the data cannot give (a correlation of one taxel, one sweep per material) is
+/// NaN.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SignalStatistics {
     /// Mean of all values, digits.
@@ -30,43 +29,43 @@ pub struct SignalStatistics {
     pub zeros: f64,
     /// Share of values that are 1 or 2.
     pub ones_and_twos: f64,
-    /// Share of steps (a taxel's value minus its previous one) of size 0, 1, 2 and 3.
+    /// Share of differences between two successive values of a taxel of size 0, 1, 2 and 3.
     pub steps: [f64; 4],
-    /// Standard deviation of those steps, digits.
+    /// Standard deviation of those differences, digits.
     pub step_std: f64,
-    /// Share of a taxel's energy in 0-2, 2-20, 20-60, 60-200 and 200-375 Hz: its mean removed, periodogram over the whole
-    /// sweep with a rectangular window, divided by its own sum; mean over sweeps and taxels that are not constant.
+    /// Share of a taxel's energy in 0-2, 2-20, 20-60, 60-200 and 200-375 Hz: periodogram of the whole sweep without its
+    /// mean, rectangular window, divided by its sum; mean over sweeps and taxels that are not constant.
     pub energy_bands: [f64; 5],
     /// Slope of the logarithm of that mean periodogram over the logarithm of frequency, least squares over the
     /// bins from 5 to 100 Hz.
     pub spectral_slope: f64,
-    /// Autocorrelation at [`LAGS`]: from a fifth of the sweep on, linear trend removed; median over sweeps and taxels.
+    /// Autocorrelation at [`LAGS`]: without the first fifth of the sweep and without linear trend; median over sweeps and
+    /// taxels.
     pub autocorrelation: [f64; 4],
-    /// Power law `fluctuation ~ level^e` in 2-60 and 150-375 Hz: least squares of the logarithms, over all taxels and
-    /// sweeps with a mean level of at least 5 digits from a fifth of the sweep on.
+    /// Exponent `e` of the power law `fluctuation ~ level^e` in 2-60 and 150-375 Hz: least squares of the logarithms over
+    /// all taxels and sweeps with a mean level of at least 5 digits, without the first fifth of the sweep.
     pub level_exponents: [f64; 2],
-    /// Standard deviation about that power law of the fluctuation's natural logarithm.
+    /// Standard deviation of the natural logarithm of the fluctuation from that power law.
     pub level_residuals: [f64; 2],
-    /// How unsteady the texture is: of the taxels of that power law, standard deviation over eight windows (of 100 steps, of 1000) of the
-    /// logarithm of the power in 20-60 Hz; median over taxels and sweeps.
+    /// Unsteadiness of the texture, for the taxels of that power law: standard deviation over eight windows (100 steps
+    /// each of 1000) of the logarithm of the power in 20-60 Hz; median over taxels and sweeps.
     pub intermittency: f64,
     /// Mean correlation between two taxels of a sweep in 2-20 and 20-200 Hz (linear trend removed, rectangular
     /// pass band), over pairs of taxels that are not constant.
     pub taxel_correlation: [f64; 2],
     /// Root mean square difference of a taxel's mean level between two sweeps of one material, digits.
     pub level_rms_same: f64,
-    /// The same between sweeps of two materials, digits.
+    /// Root mean square difference of a taxel's mean level between sweeps of two materials, digits.
     pub level_rms_other: f64,
-    /// Sum over the taxels, mean over sweeps: in the first fiftieth of the sweep (20 of 1000 steps) and in its
-    /// last two fifths, digits.
+    /// Sum over the taxels, mean over sweeps, in the first fiftieth of the sweep (20 of 1000 steps) and in its last two
+    /// fifths, digits.
     pub force: [f64; 2],
 }
 
-/// The four published TactMat sweeps; the largest value is that of the data set (154: the four reach 91), and the two
-/// values of 2 among their 64 000 are taken for errors of the recovery.
+/// Figures of the four published TactMat sweeps. The largest value is that of the data set (154; the four reach 91). The
+/// two values of 2 among their 64 000 are treated as errors of the recovery.
 ///
-/// One pair of sweeps of one material, and five pairs of two, are all there is behind `level_rms_same` and
-/// `level_rms_other`.
+/// `level_rms_same` is based on one pair of sweeps, `level_rms_other` on five.
 pub const REAL: SignalStatistics = SignalStatistics {
     mean: 8.445,
     percentiles: [7.0, 22.0, 35.0],
@@ -87,8 +86,8 @@ pub const REAL: SignalStatistics = SignalStatistics {
     force: [231.8, 116.5],
 };
 
-/// How far the twin may be from [`REAL`] in either direction. Of the standard deviations of log-power a good part lies between materials,
-/// and the four sweeps are of three.
+/// Maximum difference of the twin from [`REAL`]. Much of the standard deviations of log-power is between materials, and
+/// the four sweeps cover only three.
 pub const TOLERANCE: SignalStatistics = SignalStatistics {
     mean: 1.5,
     percentiles: [2.0, 5.0, 10.0],
@@ -110,7 +109,7 @@ pub const TOLERANCE: SignalStatistics = SignalStatistics {
 };
 
 impl SignalStatistics {
-    /// Every figure under its name, in the order of the fields.
+    /// Returns all figures with their names, in the order of the fields.
     pub fn figures(&self) -> Vec<(&'static str, f64)> {
         let mut figures = vec![
             ("mean [digits]", self.mean),
@@ -159,7 +158,7 @@ impl SignalStatistics {
     }
 }
 
-/// Sums over the values of one sweep.
+/// Sums of the values of one sweep.
 struct SweepCounts {
     zeros: u64,
     ones_and_twos: u64,
@@ -171,7 +170,16 @@ struct SweepCounts {
     spectra: SweepSpectra,
 }
 
-/// Measures every figure of `dataset`; takes about a millisecond a sweep of 1000 steps and 16 taxels.
+/// Measures all figures of `dataset`; takes about a millisecond for a sweep of 1000 steps and 16 taxels.
+///
+/// ```
+/// use tactnet_data::twin::{self, TwinConfig, measure};
+///
+/// let config = TwinConfig { materials: 2, sweeps: 2, steps: 500, ..TwinConfig::default() };
+/// let statistics = measure(&twin::generate(&config)?);
+/// assert!(statistics.max <= 154.0);
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
 pub fn measure(dataset: &Dataset) -> SignalStatistics {
     let shape = dataset.shape();
     let sweeps: Vec<SweepCounts> = (0..dataset.len())
@@ -267,7 +275,8 @@ fn count(sweep: &[f32], taxels: usize, sample_rate_hz: f64) -> SweepCounts {
     counts
 }
 
-/// Root mean square over pairs of sweeps and over taxels, for pairs within a label and for pairs across labels.
+/// Returns the root mean square over pairs of sweeps and over taxels, for pairs within a label and for pairs across
+/// labels.
 fn level_differences(levels: &[(usize, &[f64])], labels: usize) -> [f64; 2] {
     let taxels = levels[0].1.len();
     let mut sums = vec![vec![0.0; taxels]; labels];
@@ -299,7 +308,7 @@ fn level_differences(levels: &[(usize, &[f64])], labels: usize) -> [f64; 2] {
         .map(|(sum, pairs)| (sum / pairs / taxels as f64).sqrt())
 }
 
-/// The 50th, 95th and 99th percentile by nearest rank, and the largest value.
+/// Returns the 50th, 95th and 99th percentile by nearest rank, and the largest value.
 fn percentiles(samples: &Samples) -> ([f64; 3], f64) {
     const SHARES: [f64; 3] = [0.50, 0.95, 0.99];
     let rank = |share: f64| (share * samples.len() as f64).ceil().max(1.0) as usize - 1;
@@ -341,7 +350,7 @@ mod tests {
     use super::*;
     use crate::{LabelSet, SweepRecord, SweepShape};
 
-    /// Two taxels, 100 Hz, 8 steps; two sweeps of one material and one of another.
+    /// Returns two taxels at 100 Hz for 8 steps; two sweeps of one material and one of another.
     fn small() -> Dataset {
         let sweep = |a: [u16; 8], b: [u16; 8]| {
             a.into_iter()
@@ -384,11 +393,11 @@ mod tests {
             (found.zeros, found.ones_and_twos),
             (10.0 / 48.0, 10.0 / 48.0)
         );
-        // Of 42 steps: +1, +2, +2, -4.
+        // The 42 differences contain +1, +2, +2 and -4.
         assert_eq!(found.steps, [38.0 / 42.0, 1.0 / 42.0, 2.0 / 42.0, 0.0]);
         let variance: f64 = 25.0 / 42.0 - (1.0f64 / 42.0).powi(2);
         assert!((found.step_std - variance.sqrt()).abs() < 1e-12);
-        // Levels (2, 4), (0, 6) and (2, 9).
+        // The levels are (2, 4), (0, 6) and (2, 9).
         assert!((found.level_rms_same - 2.0).abs() < 1e-12);
         assert!((found.level_rms_other - ((25.0 + 13.0) / 4.0f64).sqrt()).abs() < 1e-12);
     }
@@ -407,7 +416,7 @@ mod tests {
             Samples::F32(values),
         )
         .unwrap();
-        // Not equal: figures that the data cannot give are not numbers.
+        // Figures that the data cannot give are NaN.
         assert_eq!(
             format!("{:?}", measure(&small)),
             format!("{:?}", measure(&float))

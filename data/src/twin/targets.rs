@@ -1,49 +1,49 @@
-//! What the twin must agree with, and whether it does.
+//! Target values of the twin's figures.
 
 use serde::{Deserialize, Serialize};
 
 use super::statistics::{REAL, SignalStatistics, TOLERANCE};
 use crate::DataError;
 
-/// What `experiments/twin/calibrate.py record` found.
+/// Record of `experiments/twin/calibrate.py record`.
 const RECORDED: &str = include_str!("trained_targets.json");
 
-/// One figure beside what is published or was measured on real sweeps.
+/// Figure of the twin and its target, which is published or was measured on real sweeps.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Target {
-    /// What is measured, with its unit.
+    /// Name of the figure, with its unit.
     pub name: String,
-    /// On the twin; `None` if it is not a number.
+    /// Value on the twin; `None` if it is NaN.
     pub value: Option<f64>,
-    /// On TactMat; where that is not published, what was aimed at.
+    /// Value on TactMat, or the calibration's goal if none is published.
     pub target: f64,
-    /// How far the two may be apart.
+    /// Maximum difference between value and target.
     pub tolerance: f64,
-    /// Whether they are no farther apart.
+    /// True if the difference is within the tolerance.
     pub met: bool,
-    /// Where the value comes from.
+    /// Source of the value.
     pub source: TargetSource,
 }
 
-/// Where a target's value comes from.
+/// Source of a figure's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TargetSource {
-    /// The sweeps at hand, just now.
+    /// Measured on the given sweeps.
     Measured,
-    /// Classifiers that `experiments/twin/calibrate.py` trained on several seeds of the default twin.
+    /// Recorded by `experiments/twin/calibrate.py`, which trained classifiers on several seeds of the default twin.
     Recorded,
 }
 
 /// The record of the calibration's last command.
 #[derive(Deserialize)]
 struct Record {
-    /// Of the twins that were trained on, the default one first.
+    /// Checksums of the twins that were trained on, the default one first.
     data_sha256: Vec<String>,
     targets: Vec<Trained>,
 }
 
-/// A figure of trained classifiers.
+/// Figure of trained classifiers.
 #[derive(Deserialize)]
 struct Trained {
     name: String,
@@ -64,7 +64,7 @@ impl Target {
         }
     }
 
-    /// Returns the signal's figures beside those of the four published sweeps.
+    /// Returns the figures of the signal with those of the four published sweeps as targets.
     pub fn of_signal(measured: &SignalStatistics) -> Vec<Self> {
         measured
             .figures()
@@ -77,10 +77,11 @@ impl Target {
             .collect()
     }
 
-    /// Returns the recorded figures of classifiers that were trained on the twin with this checksum; none if they were trained on another.
+    /// Returns the recorded figures of classifiers that were trained on the twin with this checksum; empty for another
+    /// data set.
     ///
     /// # Errors
-    /// A record that cannot be read.
+    /// A record that cannot be parsed.
     pub fn of_training(data_sha256: &str) -> Result<Vec<Self>, DataError> {
         Self::in_record(RECORDED, data_sha256)
     }
@@ -111,7 +112,7 @@ mod tests {
     use super::super::{TwinConfig, generate};
     use super::*;
 
-    /// Returns the names of the targets that are missed.
+    /// Returns the names of the missed targets.
     fn missed(measured: &SignalStatistics) -> Vec<String> {
         let targets = Target::of_signal(measured).into_iter();
         targets

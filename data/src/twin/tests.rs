@@ -89,7 +89,8 @@ fn materials_that_are_confused_feel_alike() {
         ..TwinConfig::default()
     };
     let twin = generate(&config).unwrap();
-    // Logarithm of the mean square of differences between frames that lie so far apart, over all taxels and sweeps of a material.
+    // Logarithm of the mean square of differences between frames at this distance, over all taxels and sweeps of a
+    // material.
     let features: Vec<Vec<f64>> = (0..NAMES.len())
         .map(|label| {
             let sweeps: Vec<Vec<f32>> = (0..config.sweeps)
@@ -242,7 +243,7 @@ fn impossible_configs_are_refused_by_name() {
     }
 }
 
-/// Levels follow the force; at twice the speed, digits are less like those five steps before.
+/// Levels are proportional to the force; at twice the speed, digits correlate less with those five steps earlier.
 #[test]
 fn a_sweep_can_be_felt_again_harder_or_faster() {
     let usual = TwinConfig {
@@ -260,7 +261,7 @@ fn a_sweep_can_be_felt_again_harder_or_faster() {
         ..usual.clone()
     };
     let twins = [&usual, &harder, &faster].map(|config| generate(config).unwrap());
-    // The strongest taxel, which stays above the dead zone.
+    // The strongest taxel is always above the dead zone.
     let taxel = |dataset: &Dataset, index: usize| -> Vec<f64> {
         let sweep = dataset.sweep(index);
         let after = sweep[300 * TAXELS..].chunks_exact(TAXELS);
@@ -304,7 +305,7 @@ fn config_refuses_unknown_fields_and_fills_missing_ones() {
     assert!(serde_json::from_str::<TwinConfig>(r#"{"rows": 5}"#).is_err());
 }
 
-/// Nearest neighbour on a taxel's mean level: the levels of a sweep say little about its material.
+/// A nearest neighbour classifier on a taxel's mean level shows that levels predict the material poorly.
 #[test]
 fn levels_hardly_tell_materials_apart() {
     let config = TwinConfig {

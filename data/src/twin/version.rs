@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Which twin: results on one say nothing about the other.
+/// Version of the twin; results on one version do not hold for the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
 pub enum TwinVersion {
@@ -14,12 +14,12 @@ pub enum TwinVersion {
 }
 
 impl TwinVersion {
-    /// Returns 1 or 2.
+    /// Returns the number of the version, 1 or 2.
     pub fn number(self) -> u8 {
         self.into()
     }
 
-    /// Returns what the generated data set is called: `twin1` or `twin`.
+    /// Returns the name of the generated data set: `twin1` or `twin`.
     pub fn name(self) -> &'static str {
         match self {
             Self::One => "twin1",
@@ -29,7 +29,7 @@ impl TwinVersion {
 }
 
 impl TwinVersion {
-    /// Returns the version that a file's mark names: 0 for none, 1 for what the first files hold.
+    /// Returns the version of a file's mark; `None` for 0. The first files have the mark 1.
     pub(crate) fn of_mark(mark: f64) -> Option<Self> {
         match mark {
             0.0 => None,

@@ -1,4 +1,4 @@
-//! Small archives that declare, or unpack to, what no memory holds.
+//! Small archives that claim, or unpack to, more than fits in memory.
 
 use std::fs::File;
 use std::io::Write;
@@ -9,7 +9,7 @@ use tactnet_data::format;
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-/// A `.npy` of that type and shape with those values, whatever they are.
+/// Returns a `.npy` with this type, shape and values, which need not match.
 pub(crate) fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
     let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape},), }}\n");
     let length = (header.len() as u16).to_le_bytes();
@@ -68,7 +68,7 @@ fn small_archives_that_declare_huge_arrays_are_refused_at_once() {
             ],
             "for [4, 1000000000000, 4] values of type `u1`",
         ),
-        // More unpacks than the header says.
+        // The member unpacks to more bytes than its header declares.
         (
             vec![("X", [sweeps(), zeros.clone()].concat()), ("y", labels())],
             "found more than 320 bytes for [4, 20, 2, 2] values of type `u1`",
@@ -80,7 +80,7 @@ fn small_archives_that_declare_huge_arrays_are_refused_at_once() {
         assert!(error.ends_with(refused), "{error}");
         assert!(begun.elapsed() < Duration::from_secs(1), "{error}");
     }
-    // What is not of a data set is not unpacked.
+    // Members that are not read are not unpacked.
     let other = npy("|u1", "52428800", &zeros);
     archive(&path, &[("X", sweeps()), ("y", labels()), ("other", other)]);
     let begun = Instant::now();

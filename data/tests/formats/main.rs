@@ -1,4 +1,4 @@
-//! The file formats on fixtures written by h5py and numpy (`tests/golden/write_read_fixtures.py` and the issue's own).
+//! Tests of the file formats on fixtures of h5py and numpy (`tests/golden/write_read_fixtures.py` and the issue's own).
 
 #![allow(clippy::unwrap_used)] // a test may panic; the lint spares only functions marked `#[test]`
 
@@ -38,7 +38,7 @@ fn name(path: &Path) -> &str {
     path.file_name().unwrap().to_str().unwrap()
 }
 
-/// The values behind the header of the `.npy` file, 3 x 4 sweeps of 60 x 4 x 4 digits.
+/// Returns the values of the `.npy` file, 3 x 4 sweeps of 60 x 4 x 4 digits.
 fn expected_samples() -> Vec<u8> {
     let file = std::fs::read(fixture("h5/expected_samples_u8.npy")).unwrap();
     file[file.len() - 3 * 4 * 60 * 16..].to_vec()
@@ -424,7 +424,8 @@ fn a_failed_write_leaves_the_old_file_alone() {
     assert!(error.contains("cannot write"), "{error}");
 }
 
-/// What a script of `tests/golden` found in the file that `dataset` is written to; panics if the file is another now.
+/// Returns the record of a `tests/golden` script about the file that `dataset` is written to; panics if the file has
+/// changed.
 fn found_by(script: &str, dataset: &Dataset, target: &str) -> Value {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(target);
@@ -507,7 +508,8 @@ fn aeon_reads_what_is_written() {
     assert_eq!(found, expected);
 }
 
-/// A file and damage to it: where it is cut, and bytes that are changed (mostly in the first 3 kB, where the structure is).
+/// Generates a damaged file: its truncated length and changed bytes (mostly in the first 3 kB, which contain the
+/// structure).
 fn damaged() -> impl Strategy<
     Value = (
         usize,

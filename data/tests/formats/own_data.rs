@@ -1,4 +1,4 @@
-//! Files as people have them at hand: `X` and `y`, tables, folders.
+//! Tests of users' own files: `X` and `y`, tables, folders.
 
 use std::fs::File;
 use std::path::Path;
@@ -15,7 +15,7 @@ use zip::{ZipArchive, ZipWriter};
 use crate::tables::write;
 use crate::{expected_materials, expected_samples, fixture, is_same, names};
 
-/// The twelve sweeps of the fixtures, as a line of taxels.
+/// Returns the twelve sweeps of the fixtures, with the taxels in one line.
 pub(crate) fn assert_line(dataset: &Dataset) {
     assert_eq!(dataset.samples(), &Samples::U8(expected_samples()));
     let shape = SweepShape {
@@ -184,7 +184,7 @@ fn renamed(archive: &Path, name: &str, to: &str, out: &Path) {
     copy.finish().unwrap();
 }
 
-/// Why a file is not read, without printing what was read if it is.
+/// Returns the error of reading a file; panics without printing the data if it is read.
 fn refusal(file: &Path) -> String {
     match format::read(file) {
         Ok(_) => panic!("{} is read", file.display()),
@@ -237,7 +237,7 @@ fn sweeps_and_labels_under_other_names_are_said_at_once_with_all_shapes() {
     );
 }
 
-/// What a check says is not read.
+/// Returns the messages about parts that are not read.
 fn not_read(file: &Path) -> Vec<String> {
     let findings = check(&format::read(file).unwrap()).into_iter();
     let found = findings.filter(|finding| finding.kind == FindingKind::NotRead);
@@ -277,7 +277,7 @@ fn a_sweep_without_a_name_is_said_in_the_words_of_the_array() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("own.npz");
     let mut zip = ZipWriter::new(File::create(&path).unwrap());
-    // One letter a name, as `S1`; the third has none.
+    // Each name is a letter with a number, such as `S1`; the third has none.
     let mut y = numpy("(12,)", b"aa\0abbbbcccc");
     let place = y.windows(3).position(|bytes| bytes == b"|u1").unwrap();
     y[place..place + 3].copy_from_slice(b"|S1");
@@ -345,7 +345,7 @@ fn sweeps_to_classify_need_no_materials() {
     assert_eq!(labelled.dataset.shape().steps, 20);
     assert_eq!(labelled.names[..3], ["0", "1", "2"]);
 
-    // `X` alone, as an archive and as a single array; one sweep of two axes.
+    // `X` is in an archive, or a single array; a single sweep has two axes.
     let array = std::fs::read(fixture("h5/expected_samples_u8.npy")).unwrap();
     let archive = dir.path().join("x.npz");
     let mut zip = ZipWriter::new(File::create(&archive).unwrap());
@@ -366,7 +366,7 @@ fn sweeps_to_classify_need_no_materials() {
         found.dataset.samples(),
         &Samples::U8(expected_samples()[..960].to_vec())
     );
-    // Five axes are materials, which then need names.
+    // Five axes contain materials, which need names.
     let five = dir.path().join("five.npy");
     std::fs::write(&five, array).unwrap();
     let refused = read_to_classify(&five, None).unwrap_err().to_string();
@@ -377,7 +377,7 @@ fn sweeps_to_classify_need_no_materials() {
         "{refused}"
     );
 
-    // Tables: a file of numbers alone, a folder of them, a table with and without a column of sweeps.
+    // Tables: a file of numbers, a folder of them, a table with and without a column of sweeps.
     let write = |name: &str, text: &str| {
         let path = dir.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -410,7 +410,7 @@ fn sweeps_to_classify_need_no_materials() {
     let table = read_to_classify(&table, None).unwrap();
     assert_eq!(table.names, ["first", "second"]);
     assert!(!table.labelled);
-    // Clocks and numbers of frames are no taxels, in whatever unit.
+    // Clocks and frame counters of any unit are not taxels.
     let clocks = [
         ("frame,t_ms,p0,p1\n0,0,1,2\n1,10,3,4\n", Some(100.0)),
         (",Time [us],p0,p1\n0,0,1,2\n1,2000,3,4\n", Some(500.0)),
@@ -433,7 +433,7 @@ fn sweeps_to_classify_need_no_materials() {
     assert!(refused.contains("finite numbers"), "{refused}");
 }
 
-/// The bytes of a `.npy` file of digits.
+/// Returns the bytes of a `.npy` file of digits.
 fn numpy(shape: &str, digits: &[u8]) -> Vec<u8> {
     let mut header = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}, }}");
     header.push_str(&" ".repeat(127 - 10 - header.len()));

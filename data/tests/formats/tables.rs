@@ -1,4 +1,4 @@
-//! Tables and folders of them, as spreadsheets and pandas write them.
+//! Tests of tables and folders of tables, as spreadsheets and pandas write them.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -11,7 +11,7 @@ use crate::hostile::npy;
 use crate::own_data::assert_line;
 use crate::{expected_materials, expected_samples, names};
 
-/// The frames of the fixtures' sweeps as lines of a table.
+/// Returns the frames of the fixtures' sweeps as lines of a table.
 fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String> {
     let samples = expected_samples();
     let sweeps = samples.chunks_exact(60 * 16).enumerate();
@@ -28,7 +28,7 @@ fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String
         .collect()
 }
 
-/// Names of sixteen taxels, each behind a separator.
+/// Returns the names of sixteen taxels, each after a separator.
 fn columns(separator: char) -> String {
     (0..16)
         .map(|taxel| format!("{separator}taxel{taxel}"))
@@ -45,7 +45,7 @@ fn a_folder_of_tables_is_a_data_set() {
     let dir = tempfile::tempdir().unwrap();
     let materials = expected_materials();
 
-    // Listed, with a name for every column and times, separated by semicolons.
+    // A table of labels, with a name for every column and times, separated by semicolons.
     let listed = dir.path().join("listed");
     let header = columns(';');
     let mut labels = String::from("file,material,block,test\n");
@@ -77,7 +77,7 @@ fn a_folder_of_tables_is_a_data_set() {
     assert_eq!(dataset.records()[7].block, Some(1));
     assert_eq!(dataset.records()[7].test, Some(true));
 
-    // A folder for every material, without names or times.
+    // One folder per material, without names or times.
     let folders = dir.path().join("folders");
     for (sweep, text) in frames(',', |_, _| String::new()).iter().enumerate() {
         write(
@@ -90,7 +90,7 @@ fn a_folder_of_tables_is_a_data_set() {
     assert_eq!(names(&dataset), materials);
     assert!(dataset.is_rate_assumed());
 
-    // One shorter than the others.
+    // One sweep is shorter than the others.
     let short = folders.join(format!("{}/00.csv", materials[0]));
     let whole = frames(',', |_, _| String::new()).remove(0);
     let text: String = whole.split_inclusive('\n').take(50).collect();
@@ -150,7 +150,7 @@ fn a_folder_of_arrays_is_a_data_set() {
         }
     };
 
-    // Without rows and columns, as a table.
+    // The table has no rows and columns of taxels.
     let lines = dir.path().join("lines");
     write_all(&lines, "60, 16");
     let dataset = format::read(&lines).unwrap();
@@ -158,7 +158,7 @@ fn a_folder_of_arrays_is_a_data_set() {
     assert_eq!(names(&dataset), materials);
     assert!(dataset.is_rate_assumed() && dataset.is_patch_assumed());
 
-    // With them.
+    // The arrays have rows and columns.
     let grids = dir.path().join("grids");
     write_all(&grids, "60, 4, 4");
     let dataset = format::read(&grids).unwrap();
@@ -167,7 +167,7 @@ fn a_folder_of_arrays_is_a_data_set() {
     let cut = format::read_beginning(&grids, Some(50)).unwrap();
     assert_eq!((cut.len(), cut.shape().steps), (12, 50));
 
-    // One folder is enough where nobody needs to know materials.
+    // A single folder is enough if the materials are not needed.
     let some = grids.join(&materials[1]);
     let found = format::read_to_classify(&some, None).unwrap();
     assert_eq!((found.dataset.len(), found.labelled), (4, false));
@@ -197,7 +197,7 @@ fn a_folder_of_arrays_is_a_data_set() {
     }
 }
 
-/// What pandas writes beside the taxels, or in place of their names.
+/// Checks the columns that pandas adds to the taxels, or writes in place of their names.
 #[test]
 fn columns_that_are_no_taxels_are_none() {
     let dir = tempfile::tempdir().unwrap();
@@ -213,7 +213,7 @@ fn columns_that_are_no_taxels_are_none() {
     // `to_csv(index=False)` of an array.
     fill(&numbers.join(","), &|_, _| String::new());
     assert_line(&format::read(&folder).unwrap());
-    // A force and a row number, which are said not to be read.
+    // A force and a row number are reported as not read.
     fill(&format!("row,force{}", columns(',')), &|sweep, step| {
         format!("{},{sweep},", 60 * sweep + step)
     });
@@ -221,7 +221,7 @@ fn columns_that_are_no_taxels_are_none() {
     assert_line(&dataset);
     let said = dataset.left_out().concat();
     assert!(said.starts_with("`row`, `force`: no taxel"), "{said}");
-    // The same in one table.
+    // The same columns in one table.
     let path = dir.path().join("frames.csv");
     let rows = frames(',', |sweep, step| {
         format!("{sweep},{},{step}.5,", materials[sweep / 4])
@@ -232,7 +232,7 @@ fn columns_that_are_no_taxels_are_none() {
     assert_line(&dataset);
     assert!(dataset.left_out()[0].starts_with("`force`: no taxel"));
 
-    // A file that nobody has listed.
+    // The table does not list this file.
     let one = folder.join("labels.csv");
     write(&folder.join("a.csv"), &frames(',', |_, _| String::new())[0]);
     write(&folder.join("b.csv"), &frames(',', |_, _| String::new())[1]);
@@ -245,7 +245,8 @@ fn columns_that_are_no_taxels_are_none() {
     );
 }
 
-/// Half of the sweeps at twice the rate, times that go back, and what is allowed: a pause, and times rounded to milliseconds.
+/// Checks half of the sweeps at twice the rate, decreasing times, and accepted times: a pause, and times rounded to
+/// milliseconds.
 #[test]
 fn sweeps_of_one_set_have_one_rate() {
     let dir = tempfile::tempdir().unwrap();

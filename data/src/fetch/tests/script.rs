@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 
 const ETAG: (&str, &str) = ("ETag", "\"v1\"");
 
-/// What the server does with one connection.
+/// Behaviour of the server on one connection.
 pub(super) struct Reply {
-    /// Headers that the request must have; `None`: must lack.
+    /// Required headers of the request; `None` if the header must be absent.
     asked: Vec<(&'static str, Option<String>)>,
     status: &'static str,
     headers: Vec<(&'static str, String)>,
     body: Vec<u8>,
-    /// Whether the server falls silent after the body instead of closing the connection.
+    /// True if the server stays silent after the body instead of closing the connection.
     then_silent: bool,
 }
 
@@ -34,12 +34,12 @@ impl Reply {
         }
     }
 
-    /// All of `content`.
+    /// Returns all of `content`.
     pub(super) fn whole(content: &[u8]) -> Self {
         Self::new("200 OK", &[ETAG], content).header("Content-Length", content.len())
     }
 
-    /// `content` from byte `first` on.
+    /// Returns `content` from byte `first` on.
     pub(super) fn rest(content: &[u8], first: usize) -> Self {
         let range = format!("bytes {first}-{}/{}", content.len() - 1, content.len());
         Self::new("206 Partial Content", &[ETAG], &content[first..])
@@ -52,7 +52,7 @@ impl Reply {
         self
     }
 
-    /// Only the first `bytes` of the body get through.
+    /// Closes the connection after the first `bytes` of the body.
     pub(super) fn cut_after(mut self, bytes: usize) -> Self {
         self.body.truncate(bytes);
         self
@@ -113,7 +113,7 @@ impl Reply {
     }
 }
 
-/// A server that gives these replies, in this order, each on a connection of its own.
+/// Starts a server that gives these replies in order, each on a separate connection.
 pub(super) struct Server {
     pub(super) address: String,
     thread: JoinHandle<()>,
@@ -143,7 +143,7 @@ impl Server {
         Self { address, thread }
     }
 
-    /// Passes on what the server found wrong with the requests.
+    /// Returns the errors that the server found in the requests.
     pub(super) fn finish(self) {
         self.thread
             .join()
