@@ -10,6 +10,7 @@ use tactnet_recording::{About, RecordedPacket, Recorder, Recording};
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{MAX_TAXELS, SkinFrame};
 
+/// Number of frames that are recorded.
 const FRAMES: u64 = 300;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -9,10 +9,13 @@ use tactnet_channel::{Bus, Domain, Hub, Priority, Table, now_ns};
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
 
+/// Frame rate, in Hz.
 const RATE_HZ: f64 = 750.0;
+/// Number of taxels of the skin.
 const TAXELS: usize = 16;
-/// Number of frames of a sweep, and of the pause between two sweeps.
+/// Number of frames of a sweep.
 const SWEEP: u64 = 1100;
+/// Number of frames between two sweeps.
 const REST: u64 = 200;
 
 /// Returns simulated digits, `[TAXELS]`, in place of a sensor's.

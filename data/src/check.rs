@@ -512,7 +512,7 @@ fn clock_taxels(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Finding> {
         .map(|taxel| {
             let name = taxel_name(shape, taxel);
             let message = format!(
-                "taxel {name} rises from {} to {} in the first sweep, and so on in the others: a clock? A column of times is recognised as `time` or `time_ms`, one of numbers as `frame`",
+                "taxel {name} rises from {} to {} in the first sweep, and in the same way in the others: is it a clock? A column of times is recognised as `time` or `time_ms`, one of numbers as `frame`",
                 sweeps[0].taxels[taxel].0, sweeps[0].taxels[taxel].1
             );
             let at = Place {
@@ -567,7 +567,7 @@ fn time_axis(dataset: &Dataset) -> Vec<Finding> {
         warn(
             FindingKind::LongSweeps,
             format!(
-                "a sweep of {} steps at {rate} Hz lasts {seconds:.0} s: is that the period instead of the rate, or is `time` in ms (`time_ms`)?",
+                "a sweep of {} steps at {rate} Hz lasts {seconds:.0} s: is the rate a period, or is `time` in ms (then name it `time_ms`)?",
                 shape.steps
             ),
         );

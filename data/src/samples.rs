@@ -116,6 +116,7 @@ impl Samples {
 
     /// Passes the little-endian bytes of the values to `visit` in pieces, for hashing.
     pub(crate) fn for_each_le_chunk(&self, mut visit: impl FnMut(&[u8])) {
+        /// Number of values per piece.
         const CHUNK: usize = 1 << 14;
         match self {
             Self::U8(v) => v.chunks(CHUNK).for_each(visit),

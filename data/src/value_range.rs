@@ -62,7 +62,7 @@ impl ValueRange {
         let apart = found.greatest < self.least || found.least > self.greatest;
         (apart || other < own / 5.0 || other > own * 5.0).then(|| {
             format!(
-                "values are {} to {}, those that it was trained on {} to {}: is this another unit?",
+                "values from {} to {}, trained on values from {} to {}: is the unit different?",
                 found.least, found.greatest, self.least, self.greatest
             )
         })

@@ -124,6 +124,7 @@ fn power_of_ten(exponent: i32) -> String {
 }
 
 fn superscript(character: char) -> char {
+    /// Superscript digits of exponents.
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     match character.to_digit(10) {
         Some(digit) => DIGITS[digit as usize],

@@ -9,6 +9,7 @@
 /// assert!((low - 0.9575).abs() < 1e-4 && (high - 0.9789).abs() < 1e-4);
 /// ```
 pub fn wilson(mean: f64, trials: usize) -> [f64; 2] {
+    /// 0.975 quantile of the standard normal distribution.
     const Z: f64 = 1.959_963_984_540_054;
     if trials == 0 {
         return [0.0, 1.0];

@@ -73,7 +73,7 @@ fn few_training_steps_are_named_and_what_comes_next() {
     std::fs::copy(lab.path("twin.h5"), lab.path("held/a.h5")).unwrap();
     for (folder, found) in [
         ("run", "a run directory, which holds a classifier"),
-        ("held", "a.h5, which is a data set by itself"),
+        ("held", "a.h5, which is a complete data set"),
     ] {
         let refused = stderr(&expect(2, with(&lab, &["data", "check"], folder, &[])));
         assert!(refused.contains(found), "{refused}");

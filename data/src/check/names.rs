@@ -12,7 +12,7 @@ pub(super) fn numbered(dataset: &Dataset) -> Option<Finding> {
     let first = names.next().filter(|name| is_number(name))?;
     names.all(is_number).then(|| {
         let message = format!(
-            "every material's name is a bare number, such as `{first}`; classifiers find materials by their names, so name them alike \
+            "all names of materials are numbers, such as `{first}`; classifiers find materials by name, so use the same names \
              in all data sets"
         );
         let kind = FindingKind::NumberedMaterials;
@@ -35,7 +35,7 @@ pub(super) fn that_mislead(dataset: &Dataset) -> Vec<Finding> {
     for name in names {
         if let Some(other) = plain.insert(plain_name(name), name) {
             let message = format!(
-                "`{other}` and `{name}` are two materials: the same, spelt differently? `y = np.char.lower(np.char.strip(y))` makes them one"
+                "`{other}` and `{name}` are different materials: if they are the same, `y = np.char.lower(np.char.strip(y))` merges them"
             );
             findings.push(warn(FindingKind::AlikeNames, message));
         }

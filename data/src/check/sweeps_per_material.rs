@@ -58,7 +58,7 @@ pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
     if counts[least] != counts[most] {
         let (few, many) = (dataset.labels().name(least), dataset.labels().name(most));
         let message = format!(
-            "from {} (`{few}`) to {} (`{many}`) sweeps per material: accuracy leans to those with more; record more of `{few}`, or leave some of the others out",
+            "from {} (`{few}`) to {} (`{many}`) sweeps per material: accuracy is dominated by those with more; record more of `{few}`, or omit some of the others",
             counts[least], counts[most]
         );
         let kind = FindingKind::UnbalancedMaterials;

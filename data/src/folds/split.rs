@@ -36,7 +36,7 @@ impl<'a> SweepView<'a> {
         indices.sort_unstable();
         assert!(
             indices.is_sorted_by(|a, b| a < b),
-            "a sweep stands twice in {indices:?}"
+            "duplicate sweep in {indices:?}"
         );
         assert!(
             indices.last().is_none_or(|&last| last < dataset.len()),
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "stands twice")]
+    #[should_panic(expected = "duplicate sweep")]
     fn a_view_refuses_the_same_sweep_twice() {
         SweepView::new(&three_sweeps(), vec![1, 1]);
     }

@@ -63,10 +63,11 @@ pub(super) fn time_unit(name: &str) -> Option<f64> {
     }
 }
 
-/// Names of columns that are not taxels.
+/// Names of the column of sweeps.
 const SWEEP: &[&str] = &["sweep", "sweep_id"];
+/// Names of the column of materials.
 pub(super) const MATERIAL: &[&str] = &["material", "y", "label", "class"];
-/// Names of sweep and material columns that are not read but suggest a fix.
+/// Names of columns that probably hold the sweeps under a wrong name.
 const MEANT_AS_SWEEP: &[&str] = &[
     "episode",
     "id",
@@ -77,6 +78,7 @@ const MEANT_AS_SWEEP: &[&str] = &[
     "sweeps",
     "trial",
 ];
+/// Names of columns that probably hold the materials under a wrong name.
 const MEANT_AS_MATERIAL: &[&str] = &[
     "classes",
     "labels",
@@ -86,6 +88,7 @@ const MEANT_AS_MATERIAL: &[&str] = &[
     "target",
     "texture",
 ];
+/// Names of the column of times, without their unit.
 const TIME: &[&str] = &["time", "t", "timestamp", "timestamps"];
 /// Units of time, with their length in seconds.
 const UNITS: &[(&str, f64)] = &[
@@ -99,7 +102,9 @@ const UNITS: &[(&str, f64)] = &[
 ];
 /// Names of columns that count frames; the empty name is pandas' index.
 pub(super) const STEP: &[&str] = &["step", "frame", "index", "", "unnamed: 0"];
+/// Names of the column of block numbers.
 const BLOCK: &[&str] = &["block"];
+/// Names of the column of test flags.
 const TEST: &[&str] = &["test", "test_flag"];
 
 impl FrameTable<'_> {

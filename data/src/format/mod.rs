@@ -122,6 +122,7 @@ impl Format {
 
 pub use to_classify::{SweepsToClassify, read_to_classify, read_to_classify_with_gaps};
 
+/// Extensions of the formats that can be written, for messages.
 const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
 
 /// Reads a file or folder of any format whose values are all finite.
@@ -191,10 +192,10 @@ fn table_with_gaps(
             folder::LAYOUT,
             match (folder::holds_arrays(path), folder::data_set_in(path)) {
                 (true, _) => {
-                    "arrays (.npy) of no material; sort them into folders, one a material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]".to_owned()
+                    "arrays (.npy) without materials; sort them into one folder per material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]".to_owned()
                 }
                 (false, Some(file)) => {
-                    format!("{}, which is a data set by itself: name that file", file.display())
+                    format!("{}, which is a complete data set: pass that file", file.display())
                 }
                 (false, None) => "neither".to_owned(),
             },

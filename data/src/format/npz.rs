@@ -41,6 +41,7 @@ const KNOWN: [&str; 9] = [
 pub(super) const NPY: &[u8] = b"\x93NUMPY";
 /// Names of the array of sweeps.
 const SAMPLES: &[&str] = &["samples", "X"];
+/// Names of the array of materials.
 const LABELS: &[&str] = &["labels", "y"];
 /// Names, in lower case, of arrays that probably hold the sweeps under a wrong name.
 const MEANT_AS_SAMPLES: &[&str] = &[
@@ -57,6 +58,7 @@ const MEANT_AS_SAMPLES: &[&str] = &[
     "x",
     "x_train",
 ];
+/// Names, in lower case, of arrays that probably hold the materials under a wrong name.
 const MEANT_AS_LABELS: &[&str] = &[
     "arr_1", "class", "classes", "label", "material", "target", "targets", "y", "y_train",
 ];
@@ -514,7 +516,7 @@ impl<'a> Arrays<'a> {
                     name,
                     format!("the frames per second under the name `{RATE_ATTRIBUTE}`"),
                     format!(
-                        "`{name}`: rename it to `{RATE_ATTRIBUTE}`; if it is no rate, to what does not sound like one"
+                        "`{name}`: rename it to `{RATE_ATTRIBUTE}`, or to another name if it is not a sample rate"
                     ),
                 )),
             };

@@ -86,6 +86,7 @@ impl SweepFile {
     }
 
     fn read_array(path: &Path) -> Result<Self, DataError> {
+        /// Expected content, for messages.
         const EXPECTED: &str = "one sweep, numbers [steps][taxels] or [steps][rows][cols] (many sweeps in one array: .npz with `X`, `y`)";
         let io = |error| DataError::io(path, "read", error);
         let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;

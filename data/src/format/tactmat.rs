@@ -28,6 +28,7 @@ use std::path::Path;
 
 /// Name of the attribute that is not zero if the sweeps were generated instead of recorded.
 pub(super) const SYNTHETIC_ATTRIBUTE: &str = "synthetic";
+/// Name of the attribute with the sample rate, in Hz.
 pub(super) const RATE_ATTRIBUTE: &str = "sample_rate_hz";
 
 /// Reads a data set whose values are all finite.

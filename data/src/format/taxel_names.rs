@@ -44,7 +44,7 @@ pub(super) fn left_out(names: &[&str], unlike: &[usize]) -> Vec<String> {
     let example = (0..names.len()).find(|place| !unlike.contains(place));
     let example = example.map_or("", |place| names[place]);
     vec![format!(
-        "{named}: no taxel, by its name beside `{example}` and the like; rename it in that way if it is one"
+        "{named}: not read as a taxel, since taxels have names like `{example}`; rename it if it is a taxel"
     )]
 }
 
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_force_beside_numbered_taxels_is_none() {
+    fn a_force_next_to_numbered_taxels_is_not_a_taxel() {
         let numbered = ["t0", "t1", "T2", "t3"];
         assert!(unlike_the_others(&numbered).is_empty());
         let with = |more: &[&'static str]| [&numbered[..], more].concat();

@@ -26,8 +26,11 @@ pub(super) const MATERIALS: usize = 36;
 /// Point of the latent space; one unit is one standard deviation of a class with the published confusions.
 pub(super) type Latent = [f64; DIMENSIONS];
 
+/// Smallest confusion that the published figure shows, as a share.
 const FLOOR: f64 = 0.002;
+/// Number of random starts of the stress minimisation.
 const STARTS: usize = 8;
+/// Number of Guttman transforms per start.
 const STEPS: usize = 300;
 
 /// `[36][36]` confusion of TactNet-II on TactMat, read off the pixels of the published figure; see `README.md` in this
@@ -181,6 +184,7 @@ fn principal_axes(points: &[Latent]) -> Vec<Latent> {
 fn eigenvectors(mut a: [Latent; DIMENSIONS]) -> [Latent; DIMENSIONS] {
     let mut vectors: [Latent; DIMENSIONS] =
         std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }));
+    /// Number of Jacobi sweeps over all pairs of axes.
     const ROUNDS: usize = 30;
     for _ in 0..ROUNDS {
         for p in 0..DIMENSIONS {

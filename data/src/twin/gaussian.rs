@@ -26,6 +26,7 @@ pub(super) fn unit(rng: &mut ChaCha8Rng) -> f64 {
 pub(super) fn innovation(rng: &mut ChaCha8Rng) -> f64 {
     let draw = rng.next_u64();
     let sum = (draw & 0xffff) + (draw >> 16 & 0xffff) + (draw >> 32 & 0xffff) + (draw >> 48);
+    /// Mean of the sum of four 16-bit uniforms.
     const MEAN: f64 = 2.0 * 65535.0;
     // Variance of one uniform: (65536^2 - 1) / 12; of four: a third of 65536^2 - 1.
     const SCALE: f64 = 1.732_050_807_568_877_2 / 65536.0;

@@ -10,7 +10,9 @@ pub(super) const TAXELS: usize = 16;
 /// Sample rate, in Hz.
 pub(super) const SAMPLE_RATE_HZ: f64 = 750.0;
 
+/// Usual speed of the stroke, mm/s.
 const SPEED_MM_PER_S: f64 = 30.0;
+/// Distance between two rows of taxels, mm.
 const TAXEL_PITCH_MM: f64 = 2.5;
 
 // Both tables contain the mean digits of the four published sweeps, per taxel. Means below 3.5 are slightly higher here
@@ -32,13 +34,19 @@ const TEXTURE_GAINS: [f64; TAXELS] = [
 
 /// Maximum delay between the first and the last taxel to slip, steps.
 const SLIP_DELAY_STEPS: f64 = 10.0;
+/// Share of the fast part in the fall of the level.
 const FAST_SLIP_SHARE: f64 = 0.45;
+/// Time constant of the fast part, steps.
 const FAST_SLIP_STEPS: f64 = 12.0;
+/// Time constant of the slow part, steps.
 const SLOW_SLIP_STEPS: f64 = 400.0;
+/// Time constant of the onset of the texture after a taxel starts to slip, steps.
 const TEXTURE_ONSET_STEPS: f64 = 8.0;
 
+/// Correlation time of the force that is common to all taxels, steps.
 const FORCE_STEPS: f64 = 60.0;
 
+/// Variance of the sensor noise, digits squared.
 const NOISE_VARIANCE: f64 = 0.057 * 0.057;
 
 /// Digit below which the sensor reads 0.
@@ -75,6 +83,7 @@ struct Spread {
     sliding: f64,
 }
 
+/// Spread of the drift between blocks.
 const BLOCK: Spread = Spread {
     force: 0.06,
     tilt: 0.04,
@@ -82,6 +91,7 @@ const BLOCK: Spread = Spread {
     slip: 0.06,
     sliding: 0.15,
 };
+/// Spread of the contact between the sweeps of a block.
 const SWEEP: Spread = Spread {
     force: 0.05,
     tilt: 0.03,

@@ -310,6 +310,7 @@ fn level_differences(levels: &[(usize, &[f64])], labels: usize) -> [f64; 2] {
 
 /// Returns the 50th, 95th and 99th percentile by nearest rank, and the largest value.
 fn percentiles(samples: &Samples) -> ([f64; 3], f64) {
+    /// Shares of the percentiles.
     const SHARES: [f64; 3] = [0.50, 0.95, 0.99];
     let rank = |share: f64| (share * samples.len() as f64).ceil().max(1.0) as usize - 1;
     let of_histogram = |histogram: Vec<usize>| {

@@ -220,7 +220,10 @@ fn columns_that_are_no_taxels_are_none() {
     let dataset = format::read(&folder).unwrap();
     assert_line(&dataset);
     let said = dataset.left_out().concat();
-    assert!(said.starts_with("`row`, `force`: no taxel"), "{said}");
+    assert!(
+        said.starts_with("`row`, `force`: not read as a taxel"),
+        "{said}"
+    );
     // The same columns in one table.
     let path = dir.path().join("frames.csv");
     let rows = frames(',', |sweep, step| {
@@ -230,7 +233,7 @@ fn columns_that_are_no_taxels_are_none() {
     write(&path, &table);
     let dataset = format::read(&path).unwrap();
     assert_line(&dataset);
-    assert!(dataset.left_out()[0].starts_with("`force`: no taxel"));
+    assert!(dataset.left_out()[0].starts_with("`force`: not read as a taxel"));
 
     // The table does not list this file.
     let one = folder.join("labels.csv");
