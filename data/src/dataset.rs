@@ -1,7 +1,8 @@
 //! Data sets: ordered sweeps with material, block and checksum.
 
-use crate::twin::TwinVersion;
-use crate::{DataError, DataOrigin, LabelSet, Samples, Seed, hex, is_control, shuffle};
+mod derived;
+
+use crate::{DataError, DataOrigin, LabelSet, Samples, hex, is_control};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -104,49 +105,7 @@ impl Dataset {
         records: Vec<SweepRecord>,
         samples: Samples,
     ) -> Result<Self, DataError> {
-        if !(sample_rate_hz.is_finite() && sample_rate_hz > 0.0) {
-            return Err(DataError::inconsistent(
-                "sample rate",
-                "a positive number of Hz",
-                sample_rate_hz.to_string(),
-            ));
-        }
-        if shape.values() == 0 || records.is_empty() {
-            return Err(DataError::inconsistent(
-                "samples",
-                "at least one sweep with at least one step and one taxel",
-                format!("{} sweeps of {shape}", records.len()),
-            ));
-        }
-        if samples.len() != records.len() * shape.values() {
-            return Err(DataError::inconsistent(
-                "samples",
-                format!(
-                    "{} values ({} sweeps of {shape})",
-                    records.len() * shape.values(),
-                    records.len()
-                ),
-                format!("{} values", samples.len()),
-            ));
-        }
-        if let Some(record) = records.iter().find(|r| r.label >= labels.len()) {
-            return Err(DataError::inconsistent(
-                "labels",
-                format!("labels below {}", labels.len()),
-                format!("label {}", record.label),
-            ));
-        }
-        let blocks = records.iter().filter(|r| r.block.is_some()).count();
-        let flags = records.iter().filter(|r| r.test.is_some()).count();
-        for (item, known) in [("blocks", blocks), ("test_flag", flags)] {
-            if known != 0 && known != records.len() {
-                return Err(DataError::inconsistent(
-                    item,
-                    format!("a value for all {} sweeps or for none", records.len()),
-                    format!("{known}"),
-                ));
-            }
-        }
+        check_parts(sample_rate_hz, shape, &labels, &records, &samples)?;
         let origin = DataOrigin::of_recording(shape, &labels);
         let sha256 = digest(sample_rate_hz, shape, &labels, &records, &samples);
         Ok(Self {
@@ -186,110 +145,9 @@ impl Dataset {
         })
     }
 
-    /// Sets the sample rate, in Hz, if it was assumed. With `None` the data set does not change.
-    ///
-    /// # Errors
-    /// A rate that is not a positive number, or differs from the one that the data names.
-    ///
-    /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
-    ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?;
-    /// assert!(twin.clone().with_named_rate(Some(750.0)).is_ok());
-    /// assert!(twin.with_named_rate(Some(100.0)).is_err());
-    /// # Ok::<(), tactnet_data::DataError>(())
-    /// ```
-    pub fn with_named_rate(self, rate_hz: Option<f64>) -> Result<Self, DataError> {
-        let own = self.sample_rate_hz;
-        match rate_hz {
-            None => Ok(self),
-            Some(rate_hz) if self.rate_assumed => self.with_sample_rate(rate_hz),
-            Some(rate_hz) if (own - rate_hz).abs() > 1e-6 * own => Err(DataError::inconsistent(
-                "sample rate",
-                format!("{own} Hz, as data set `{}` says", self.name),
-                format!("{rate_hz} Hz"),
-            )),
-            Some(_) => Ok(self),
-        }
-    }
-
-    /// Sets the sample rate, in Hz.
-    ///
-    /// # Errors
-    /// A rate that is not a positive number.
-    pub fn with_sample_rate(self, sample_rate_hz: f64) -> Result<Self, DataError> {
-        let (origin, patch_assumed, left_out) = (self.origin, self.patch_assumed, self.left_out);
-        let known = Self::new(
-            self.name,
-            sample_rate_hz,
-            self.shape,
-            self.labels,
-            self.records,
-            self.samples,
-        )?;
-        Ok(Self {
-            origin,
-            patch_assumed,
-            left_out,
-            ..known
-        })
-    }
-
-    /// Arranges the taxels in `rows` by `cols`, row by row.
-    ///
-    /// # Errors
-    /// Another number of taxels than `rows * cols`.
-    ///
-    /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
-    ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let flat = twin::generate(&config)?.with_patch(2, 8)?;
-    /// assert_eq!((flat.shape().rows, flat.shape().cols), (2, 8));
-    /// assert!(flat.with_patch(3, 3).is_err());
-    /// # Ok::<(), tactnet_data::DataError>(())
-    /// ```
-    pub fn with_patch(self, rows: usize, cols: usize) -> Result<Self, DataError> {
-        if rows * cols != self.shape.taxels() {
-            return Err(DataError::inconsistent(
-                "shape",
-                format!("rows by columns of {} taxels", self.shape.taxels()),
-                format!("{rows}x{cols}"),
-            ));
-        }
-        let shape = SweepShape {
-            rows,
-            cols,
-            ..self.shape
-        };
-        let name = self.name.clone();
-        let named = self.rebuilt(name, shape, |this| (this.records, this.samples))?;
-        Ok(Self {
-            patch_assumed: false,
-            ..named
-        })
-    }
-
-    /// Marks the arrangement of the taxels in one row as assumed, because the file does not name one.
-    pub(crate) fn with_assumed_patch(self) -> Self {
-        Self {
-            patch_assumed: true,
-            ..self
-        }
-    }
-
     /// Returns true if the arrangement of the taxels is assumed, as for tables, which have one column per taxel.
     pub fn is_patch_assumed(&self) -> bool {
         self.patch_assumed
-    }
-
-    /// Sets the sentences about parts of the file that are not read.
-    pub(crate) fn leaving_out(self, sentences: Vec<String>) -> Self {
-        Self {
-            left_out: sentences,
-            ..self
-        }
     }
 
     /// Returns sentences about the parts of the file that are not read.
@@ -305,198 +163,6 @@ impl Dataset {
     /// Returns the data set's name.
     pub fn name(&self) -> &str {
         &self.name
-    }
-
-    /// Marks the sweeps as generated by a twin. Files keep the mark, and another name becomes "twin (name)", so results
-    /// on the twin cannot be mistaken for results on TactMat.
-    pub fn into_twin(mut self, version: TwinVersion) -> Self {
-        if self.name != version.name() {
-            self.name = format!("{} ({})", version.name(), self.name);
-        }
-        self.origin = version.into();
-        self
-    }
-
-    /// Keeps the first `steps` time steps of every sweep, for classifiers that decide early.
-    ///
-    /// # Errors
-    /// No step, or more steps than a sweep has.
-    ///
-    /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
-    ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let short = twin::generate(&config)?.first_steps(40)?;
-    /// assert_eq!(short.shape().steps, 40);
-    /// # Ok::<(), tactnet_data::DataError>(())
-    /// ```
-    pub fn first_steps(self, steps: usize) -> Result<Self, DataError> {
-        if steps == 0 || steps > self.shape.steps {
-            return Err(DataError::inconsistent(
-                "steps",
-                format!("1 to {}", self.shape.steps),
-                steps.to_string(),
-            ));
-        }
-        if steps == self.shape.steps {
-            return Ok(self);
-        }
-        let shape = SweepShape {
-            steps,
-            ..self.shape
-        };
-        let samples = self.samples.heads(self.shape.values(), shape.values());
-        let name = format!("{}, first {steps} steps", self.name);
-        self.rebuilt(name, shape, |this| (this.records.clone(), samples))
-    }
-
-    /// Permutes the labels at random among all sweeps. A sound experiment on the result scores chance; a better score
-    /// shows leaked test sweeps (permutation test, Ojala & Garriga, 2010).
-    ///
-    /// # Errors
-    /// None for a valid data set.
-    pub fn permute_labels(self, seed: Seed) -> Result<Self, DataError> {
-        let mut labels: Vec<usize> = self.records.iter().map(|record| record.label).collect();
-        shuffle(&mut labels, &mut seed.rng("permuted labels"));
-        let mut sweeps = vec![0; self.labels.len()];
-        let records = self
-            .records
-            .iter()
-            .zip(labels)
-            .map(|(record, label)| {
-                sweeps[label] += 1;
-                SweepRecord {
-                    label,
-                    sweep: sweeps[label] - 1,
-                    ..record.clone()
-                }
-            })
-            .collect();
-        let name = format!("{}, labels permuted", self.name);
-        let shape = self.shape;
-        self.rebuilt(name, shape, |this| (records, this.samples))
-    }
-
-    /// Returns the sweeps of the materials with these labels, relabelled in the order of `labels`.
-    ///
-    /// # Errors
-    /// No label, a duplicate or unknown label, or materials without sweeps.
-    ///
-    /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
-    ///
-    /// let config = TwinConfig { materials: 4, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let part = twin::generate(&config)?.of_materials(&[3, 1])?;
-    /// assert_eq!((part.len(), part.labels().len()), (4, 2));
-    /// # Ok::<(), tactnet_data::DataError>(())
-    /// ```
-    pub fn of_materials(&self, labels: &[usize]) -> Result<Self, DataError> {
-        if let Some(label) = labels.iter().find(|label| **label >= self.labels.len()) {
-            return Err(DataError::inconsistent(
-                "materials",
-                format!("labels below {}", self.labels.len()),
-                format!("label {label}"),
-            ));
-        }
-        let set = LabelSet::new(labels.iter().map(|label| self.labels.name(*label)))?;
-        let mut indices = Vec::new();
-        let mut records = Vec::new();
-        for (index, record) in self.records.iter().enumerate() {
-            if let Some(label) = labels.iter().position(|label| *label == record.label) {
-                indices.push(index);
-                records.push(SweepRecord {
-                    label,
-                    ..record.clone()
-                });
-            }
-        }
-        let samples = self.samples.gather(self.shape.values(), &indices);
-        let name = format!("{}, {} materials", self.name, labels.len());
-        let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?;
-        Ok(Self {
-            origin: self.origin,
-            rate_assumed: self.rate_assumed,
-            patch_assumed: self.patch_assumed,
-            ..part
-        })
-    }
-
-    /// Assigns all sweeps of an unlabelled file to one material.
-    ///
-    /// # Errors
-    /// An invalid name, see [`LabelSet::new`].
-    pub fn of_one_material(self, name: &str) -> Result<Self, DataError> {
-        let labels = LabelSet::new([name])?;
-        let records = self.records.iter().enumerate();
-        let records = records.map(|(sweep, record)| SweepRecord {
-            label: 0,
-            sweep,
-            ..record.clone()
-        });
-        let one = Self::new(
-            self.name,
-            self.sample_rate_hz,
-            self.shape,
-            labels,
-            records.collect(),
-            self.samples,
-        )?;
-        Ok(Self {
-            rate_assumed: self.rate_assumed,
-            patch_assumed: self.patch_assumed,
-            left_out: self.left_out,
-            ..one
-        })
-    }
-
-    /// Reinterprets all values as one sweep of this shape with the first material, for a file of `[steps][rows][cols]`
-    /// that was read as `[sweeps][steps][taxels]`.
-    ///
-    /// # Errors
-    /// Another number of values.
-    pub fn as_one_sweep(self, shape: SweepShape) -> Result<Self, DataError> {
-        let found = self.len() * self.shape.values();
-        if found != shape.values() {
-            return Err(DataError::inconsistent(
-                "values",
-                format!("{} of one sweep", shape.values()),
-                found.to_string(),
-            ));
-        }
-        let name = self.name.clone();
-        let one = self.rebuilt(name, shape, |this| {
-            let record = SweepRecord {
-                label: 0,
-                sweep: 0,
-                block: None,
-                test: None,
-            };
-            (vec![record], this.samples)
-        })?;
-        Ok(Self {
-            patch_assumed: false,
-            ..one
-        })
-    }
-
-    fn rebuilt(
-        self,
-        name: String,
-        shape: SweepShape,
-        parts: impl FnOnce(Self) -> (Vec<SweepRecord>, Samples),
-    ) -> Result<Self, DataError> {
-        let (rate, labels, origin) = (self.sample_rate_hz, self.labels.clone(), self.origin);
-        let (rate_assumed, patch_assumed) = (self.rate_assumed, self.patch_assumed);
-        let left_out = self.left_out.clone();
-        let (records, samples) = parts(self);
-        let rebuilt = Self::new(name, rate, shape, labels, records, samples)?;
-        Ok(Self {
-            origin,
-            rate_assumed,
-            patch_assumed,
-            left_out,
-            ..rebuilt
-        })
     }
 
     /// Returns the origin of the sweeps.
@@ -593,6 +259,60 @@ impl Dataset {
             record.sweep
         )
     }
+}
+
+/// Returns an error if the parts of a data set contradict each other.
+fn check_parts(
+    sample_rate_hz: f64,
+    shape: SweepShape,
+    labels: &LabelSet,
+    records: &[SweepRecord],
+    samples: &Samples,
+) -> Result<(), DataError> {
+    if !(sample_rate_hz.is_finite() && sample_rate_hz > 0.0) {
+        return Err(DataError::inconsistent(
+            "sample rate",
+            "a positive number of Hz",
+            sample_rate_hz.to_string(),
+        ));
+    }
+    if shape.values() == 0 || records.is_empty() {
+        return Err(DataError::inconsistent(
+            "samples",
+            "at least one sweep with at least one step and one taxel",
+            format!("{} sweeps of {shape}", records.len()),
+        ));
+    }
+    if samples.len() != records.len() * shape.values() {
+        return Err(DataError::inconsistent(
+            "samples",
+            format!(
+                "{} values ({} sweeps of {shape})",
+                records.len() * shape.values(),
+                records.len()
+            ),
+            format!("{} values", samples.len()),
+        ));
+    }
+    if let Some(record) = records.iter().find(|r| r.label >= labels.len()) {
+        return Err(DataError::inconsistent(
+            "labels",
+            format!("labels below {}", labels.len()),
+            format!("label {}", record.label),
+        ));
+    }
+    let blocks = records.iter().filter(|r| r.block.is_some()).count();
+    let flags = records.iter().filter(|r| r.test.is_some()).count();
+    for (item, known) in [("blocks", blocks), ("test_flag", flags)] {
+        if known != 0 && known != records.len() {
+            return Err(DataError::inconsistent(
+                item,
+                format!("a value for all {} sweeps or for none", records.len()),
+                format!("{known}"),
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn digest(

@@ -15,7 +15,7 @@ pub use split::{SweepView, TestSplit, TrainSplit, ValidationSplit};
 
 use crate::{DataError, Dataset, Seed, shuffle};
 use scheme::blocks_of_each_label;
-use split::DealtBy;
+use split::SplitKey;
 
 /// One split of a data set into training and test sweeps. It depends only on the data set's content, the scheme, the
 /// seed, the repeat and the fold.
@@ -81,30 +81,13 @@ impl<'a> Fold<'a> {
                 ));
             }
         }
-        let tested: Vec<bool> = match scheme {
-            Scheme::StratifiedKFold { folds, .. } => {
-                let everything: Vec<usize> = (0..dataset.len()).collect();
-                let parts = deal(dataset, &everything, folds, seed, "folds", repeat)?;
-                parts.into_iter().map(|part| part == fold).collect()
-            }
-            Scheme::HoldOut { test_percent, .. } => held_out(dataset, test_percent, seed, repeat)?,
-            Scheme::TestFlag => dataset
-                .records()
-                .iter()
-                .map(|r| r.test == Some(true))
-                .collect(),
-            Scheme::TrainOnAll => vec![false; dataset.len()],
-            Scheme::LeaveBlockOut => {
-                let left_out: Vec<Option<u32>> = blocks_of_each_label(dataset)
-                    .iter()
-                    .map(|blocks| blocks.iter().nth(fold).copied())
-                    .collect();
-                let records = dataset.records().iter();
-                records
-                    .map(|r| r.block.is_some() && r.block == left_out[r.label])
-                    .collect()
-            }
+        let key = SplitKey {
+            scheme,
+            seed,
+            repeat,
+            fold,
         };
+        let tested = tested(dataset, key)?;
         let (test, train): (Vec<usize>, Vec<usize>) = (0..dataset.len()).partition(|&i| tested[i]);
         if train.is_empty() || (test.is_empty() && scheme != Scheme::TrainOnAll) {
             return Err(DataError::inconsistent(
@@ -114,16 +97,7 @@ impl<'a> Fold<'a> {
             ));
         }
         Ok(Self {
-            train: TrainSplit::new(
-                dataset,
-                train,
-                DealtBy {
-                    scheme,
-                    seed,
-                    repeat,
-                    fold,
-                },
-            ),
+            train: TrainSplit::new(dataset, train, key),
             test: TestSplit::new(dataset, test),
             dataset,
             scheme,
@@ -161,8 +135,8 @@ impl<'a> Fold<'a> {
         self.train.inner(part)
     }
 
-    fn dealt_by(&self) -> DealtBy {
-        DealtBy {
+    fn key(&self) -> SplitKey {
+        SplitKey {
             scheme: self.scheme,
             seed: self.seed,
             repeat: self.repeat,
@@ -211,7 +185,7 @@ impl<'a> Fold<'a> {
             drawn.extend_from_slice(&sweeps[..shots]);
         }
         Ok(Self {
-            train: TrainSplit::new(self.dataset, drawn, self.dealt_by()),
+            train: TrainSplit::new(self.dataset, drawn, self.key()),
             ..self.clone()
         })
     }
@@ -263,6 +237,43 @@ impl<'a> Fold<'a> {
     }
 }
 
+/// Returns true for the test sweeps of a fold: `[sweeps]`.
+fn tested(dataset: &Dataset, choice: SplitKey) -> Result<Vec<bool>, DataError> {
+    Ok(match choice.scheme {
+        Scheme::StratifiedKFold { folds, .. } => {
+            let everything: Vec<usize> = (0..dataset.len()).collect();
+            let parts = distribute(
+                dataset,
+                &everything,
+                folds,
+                choice.seed,
+                "folds",
+                choice.repeat,
+            )?;
+            parts.into_iter().map(|part| part == choice.fold).collect()
+        }
+        Scheme::HoldOut { test_percent, .. } => {
+            held_out(dataset, test_percent, choice.seed, choice.repeat)?
+        }
+        Scheme::TestFlag => dataset
+            .records()
+            .iter()
+            .map(|r| r.test == Some(true))
+            .collect(),
+        Scheme::TrainOnAll => vec![false; dataset.len()],
+        Scheme::LeaveBlockOut => {
+            let left_out: Vec<Option<u32>> = blocks_of_each_label(dataset)
+                .iter()
+                .map(|blocks| blocks.iter().nth(choice.fold).copied())
+                .collect();
+            let records = dataset.records().iter();
+            records
+                .map(|r| r.block.is_some() && r.block == left_out[r.label])
+                .collect()
+        }
+    })
+}
+
 /// Returns true for held-out sweeps: `test_percent` of every material's sweeps, at least one and never all.
 fn held_out(
     dataset: &Dataset,
@@ -299,7 +310,7 @@ fn held_out(
 /// l)`.
 ///
 /// - `sweeps`: indices into the data set
-fn deal(
+fn distribute(
     dataset: &Dataset,
     sweeps: &[usize],
     parts: usize,

@@ -1,5 +1,6 @@
+use super::axes::assumed_patch;
 use super::*;
-use crate::{LabelSet, Samples, SweepRecord, group_findings};
+use crate::{LabelSet, Remedy, Samples, SweepRecord, SweepShape, group_findings};
 
 const SHAPE: SweepShape = SweepShape {
     steps: 200,
@@ -41,7 +42,7 @@ fn beyond_few_sweeps(dataset: &Dataset) -> Vec<Finding> {
         .iter()
         .position(|found| (found.severity, found.kind) == kind);
     let few = findings.remove(few.unwrap());
-    let expected = "3 of 3 materials have fewer than 5 sweeps: `train` deals 2 folds";
+    let expected = "3 of 3 materials have fewer than 5 sweeps: cross-validation uses 2 folds";
     assert!(few.message.starts_with(expected), "{}", few.message);
     findings
 }
@@ -277,7 +278,7 @@ fn a_clock_among_the_taxels_and_padded_sweeps_are_found() {
 }
 
 #[test]
-fn a_row_that_nobody_arranged_may_be_a_grid() {
+fn a_row_of_assumed_arrangement_may_be_a_grid() {
     let hint = |taxels: usize| {
         let shape = SweepShape {
             steps: 100,
@@ -291,16 +292,15 @@ fn a_row_that_nobody_arranged_may_be_a_grid() {
         let row = Dataset::new("t", 100.0, shape, labels, records, samples).unwrap();
         assert!(assumed_patch(&row).is_none(), "declared");
         let row = row.with_assumed_patch().first_steps(50).unwrap();
-        let hint = assumed_patch(&row).map(|found| found.message);
+        let hint = assumed_patch(&row).and_then(|found| found.remedy);
         if hint.is_some() {
             let named = row.with_patch(1, taxels).unwrap();
             assert!(assumed_patch(&named).is_none(), "a row that was asked for");
         }
         hint
     };
-    for (taxels, shape) in [(36, "6x6"), (12, "3x4"), (4, "2x2"), (60, "6x10")] {
-        let said = hint(taxels).unwrap();
-        assert!(said.contains(&format!("--shape {shape} ")), "{said}");
+    for (taxels, rows, cols) in [(36, 6, 6), (12, 3, 4), (4, 2, 2), (60, 6, 10)] {
+        assert_eq!(hint(taxels), Some(Remedy::NameShape { rows, cols }));
     }
     for taxels in [1, 2, 3, 13] {
         assert_eq!(hint(taxels), None, "{taxels}");

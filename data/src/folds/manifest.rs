@@ -1,6 +1,6 @@
 //! Splits as data, stored with every result so that the split can be repeated.
 
-use super::split::{DealtBy, TestSplit, TrainSplit};
+use super::split::{SplitKey, TestSplit, TrainSplit};
 use super::{Fold, Scheme};
 use crate::{DataError, Dataset, Seed, sha256_hex};
 use serde::{Deserialize, Serialize};
@@ -94,7 +94,7 @@ impl SplitManifest {
             train: TrainSplit::new(
                 dataset,
                 self.train.clone(),
-                DealtBy {
+                SplitKey {
                     scheme: self.scheme,
                     seed: self.seed,
                     repeat: self.repeat,

@@ -1,6 +1,6 @@
 //! Sides of a split. Their types prevent fitting on test sweeps.
 
-use super::{Fold, Scheme, SplitManifest, deal};
+use super::{Fold, Scheme, SplitManifest, distribute};
 use crate::{DataError, Dataset, Seed, SweepShape};
 use std::ops::Deref;
 
@@ -146,9 +146,9 @@ macro_rules! side {
     };
 }
 
-/// Random choices of a fold, which also name the inner splits of its training sweeps.
+/// Settings that determine a fold; they also name the inner splits of its training sweeps.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct DealtBy {
+pub(super) struct SplitKey {
     pub(super) scheme: Scheme,
     pub(super) seed: Seed,
     pub(super) repeat: usize,
@@ -192,14 +192,14 @@ pub(super) struct DealtBy {
 #[derive(Debug, Clone)]
 pub struct TrainSplit<'a> {
     view: SweepView<'a>,
-    dealt_by: DealtBy,
+    key: SplitKey,
 }
 
 impl<'a> TrainSplit<'a> {
-    pub(super) fn new(dataset: &'a Dataset, indices: Vec<usize>, dealt_by: DealtBy) -> Self {
+    pub(super) fn new(dataset: &'a Dataset, indices: Vec<usize>, key: SplitKey) -> Self {
         Self {
             view: SweepView::new(dataset, indices),
-            dealt_by,
+            key,
         }
     }
 
@@ -207,13 +207,13 @@ impl<'a> TrainSplit<'a> {
     ///
     /// - `seed`: seed of the parts of [`TrainSplit::inner`]
     pub fn all(dataset: &'a Dataset, seed: Seed) -> Self {
-        let dealt_by = DealtBy {
+        let key = SplitKey {
             scheme: Scheme::TrainOnAll,
             seed,
             repeat: 0,
             fold: 0,
         };
-        Self::new(dataset, (0..dataset.len()).collect(), dealt_by)
+        Self::new(dataset, (0..dataset.len()).collect(), key)
     }
 
     /// Returns the number of parts of [`TrainSplit::inner`]: [`Fold::INNER_FOLDS`], or as many as the material with the
@@ -240,12 +240,12 @@ impl<'a> TrainSplit<'a> {
                 part.to_string(),
             ));
         }
-        let DealtBy {
+        let SplitKey {
             seed, repeat, fold, ..
-        } = self.dealt_by;
+        } = self.key;
         let (dataset, sweeps) = (self.view.dataset, self.view.indices());
         let stream = format!("folds, inside fold {fold}");
-        let parts = deal(dataset, sweeps, folds, seed, &stream, repeat)?;
+        let parts = distribute(dataset, sweeps, folds, seed, &stream, repeat)?;
         let side = |validates: bool| -> Vec<usize> {
             let members = sweeps
                 .iter()
@@ -254,7 +254,7 @@ impl<'a> TrainSplit<'a> {
             members.map(|(&sweep, _)| sweep).collect()
         };
         Ok((
-            Self::new(dataset, side(false), self.dealt_by),
+            Self::new(dataset, side(false), self.key),
             ValidationSplit::new(dataset, side(true)),
         ))
     }
@@ -267,16 +267,15 @@ impl TrainSplit<'_> {
     /// # Errors
     /// A data set that cannot be split the same way again.
     pub fn manifest(&self) -> Result<SplitManifest, DataError> {
-        let DealtBy {
+        let SplitKey {
             scheme,
             seed,
             repeat,
             fold,
-        } = self.dealt_by;
-        let dealt = Fold::new(self.view.dataset, scheme, seed, repeat, fold)?;
+        } = self.key;
         let fold = Fold {
             train: self.clone(),
-            ..dealt
+            ..Fold::new(self.view.dataset, scheme, seed, repeat, fold)?
         };
         Ok(fold.manifest())
     }

@@ -217,13 +217,13 @@ fn seeds_runs_and_folds_give_different_splits() {
     // The same training sweeps under other numbers are split anew.
     let validated = |repeat, fold| {
         let sweeps: Vec<usize> = (0..dataset.len()).collect();
-        let dealt_by = DealtBy {
+        let key = SplitKey {
             scheme: Scheme::default(),
             seed: Seed(0),
             repeat,
             fold,
         };
-        let train = TrainSplit::new(&dataset, sweeps, dealt_by);
+        let train = TrainSplit::new(&dataset, sweeps, key);
         train.inner(0).unwrap().1.indices().to_vec()
     };
     let different: BTreeSet<_> = [validated(0, 0), validated(0, 1), validated(1, 0)].into();

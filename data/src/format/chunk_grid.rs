@@ -74,29 +74,18 @@ impl ChunkGrid {
         else {
             return Ok(None);
         };
-        // Some versions of the message contain the element's size as an additional dimension.
-        let Some(chunk) = dims.first_chunk::<RANK>().copied() else {
-            return Err(Mismatch::new("chunks of 5 dimensions", format!("{dims:?}")));
-        };
-        let chunk = chunk.map(|extent| extent as usize);
         let size = dataset.raw_element_size().map_err(hdf5)?;
-        let chunk_bytes = chunk
-            .iter()
-            .try_fold(size, |n, &extent| n.checked_mul(extent));
         let room = file.storage().len().saturating_mul(DEFLATE_LIMIT);
-        let Some(chunk_bytes) = chunk_bytes.filter(|&bytes| bytes > 0 && bytes as u64 <= room)
-        else {
-            return Err(Mismatch::new(
-                "chunks that the file can hold",
-                format!("{chunk:?}"),
-            ));
-        };
+        let (chunk, chunk_bytes) = chunk_size(dims, size, room)?;
+        let superblock = file.superblock();
         let index = ChunkIndex {
             file,
             dataset,
             address: *address,
             dims: &dims[..RANK],
             size,
+            offset_size: superblock.offset_size,
+            length_size: superblock.length_size,
         };
         let entries = index
             .entries(chunk_indexing.as_ref(), shape)
@@ -187,66 +176,58 @@ impl ChunkGrid {
     }
 }
 
+/// Returns the extents of a chunk, and its size in bytes.
+///
+/// - `size`: size of one value, in bytes
+/// - `room`: maximum size of all values of the file, in bytes
+fn chunk_size(dims: &[u32], size: usize, room: u64) -> Result<([usize; RANK], usize), Mismatch> {
+    // Some versions of the message contain the element's size as an additional dimension.
+    let Some(chunk) = dims.first_chunk::<RANK>().copied() else {
+        return Err(Mismatch::new("chunks of 5 dimensions", format!("{dims:?}")));
+    };
+    let chunk = chunk.map(|extent| extent as usize);
+    let bytes = chunk
+        .iter()
+        .try_fold(size, |n, &extent| n.checked_mul(extent));
+    match bytes.filter(|&bytes| bytes > 0 && bytes as u64 <= room) {
+        Some(bytes) => Ok((chunk, bytes)),
+        None => Err(Mismatch::new(
+            "chunks that the file can hold",
+            format!("{chunk:?}"),
+        )),
+    }
+}
+
 /// Index of the chunks in the file; HDF5 has six kinds.
 struct ChunkIndex<'a> {
     file: &'a Hdf5File,
     dataset: &'a Dataset,
     address: u64,
     dims: &'a [u32],
-    /// Returns the size of one value, in bytes.
+    /// Size of one value, in bytes.
     size: usize,
+    /// Size of an address in the file, in bytes.
+    offset_size: u8,
+    /// Size of a length in the file, in bytes.
+    length_size: u8,
 }
 
 impl ChunkIndex<'_> {
+    /// Returns the chunks of a data set with these extents, in any order.
     fn entries(
         &self,
         indexing: Option<&ChunkIndexing>,
         shape: [usize; RANK],
     ) -> hdf5_reader::error::Result<Vec<ChunkEntry>> {
-        let Self {
-            address,
-            dims,
-            size,
-            ..
-        } = *self;
+        let (address, dims) = (self.address, self.dims);
         let shape = &shape.map(|extent| extent as u64);
-        let superblock = self.file.superblock();
-        let (offset_size, length_size) = (superblock.offset_size, superblock.length_size);
         let storage = self.file.storage();
-        let undefined = u64::MAX >> (64 - 8 * u32::from(offset_size.clamp(1, 8)));
+        let undefined = u64::MAX >> (64 - 8 * u32::from(self.offset_size.clamp(1, 8)));
         if address == u64::MAX || address == undefined {
             return Ok(Vec::new());
         }
         match indexing {
-            None => btree_v1::collect_btree_v1_leaves_storage(
-                storage,
-                address,
-                offset_size,
-                length_size,
-                Some(RANK as u32),
-                dims,
-                None,
-            )?
-            .into_iter()
-            .map(|(key, address)| match key {
-                btree_v1::BTreeV1Key::RawData {
-                    chunk_size,
-                    filter_mask,
-                    mut offsets,
-                } => {
-                    offsets.truncate(RANK);
-                    Ok(ChunkEntry {
-                        address,
-                        size: chunk_size.into(),
-                        filter_mask,
-                        offsets,
-                    })
-                }
-                btree_v1::BTreeV1Key::Group { .. } => {
-                    Err(Error::InvalidData("a group's node among the chunks".into()))
-                }
-            })
-            .collect(),
+            None => self.btree_v1_entries(),
             Some(ChunkIndexing::SingleChunk {
                 filtered_size,
                 filters,
@@ -259,8 +240,8 @@ impl ChunkIndex<'_> {
             Some(ChunkIndexing::BTreeV2) => chunk_index::collect_v2_chunk_entries_storage(
                 storage,
                 address,
-                offset_size,
-                length_size,
+                self.offset_size,
+                self.length_size,
                 RANK as u32,
                 dims,
                 None,
@@ -269,7 +250,7 @@ impl ChunkIndex<'_> {
                 address,
                 shape,
                 dims,
-                size,
+                self.size,
                 None,
                 storage.len(),
             ),
@@ -277,8 +258,8 @@ impl ChunkIndex<'_> {
                 fixed_array::collect_fixed_array_chunk_entries_storage(
                     storage,
                     address,
-                    offset_size,
-                    length_size,
+                    self.offset_size,
+                    self.length_size,
                     shape,
                     dims,
                     None,
@@ -288,8 +269,8 @@ impl ChunkIndex<'_> {
                 extensible_array::collect_extensible_array_chunk_entries_storage(
                     storage,
                     address,
-                    offset_size,
-                    length_size,
+                    self.offset_size,
+                    self.length_size,
                     shape,
                     self.dataset.max_dims(),
                     dims,
@@ -297,5 +278,37 @@ impl ChunkIndex<'_> {
                 )
             }
         }
+    }
+
+    /// Returns the chunks of a B-tree of version 1, which older versions of HDF5 write.
+    fn btree_v1_entries(&self) -> hdf5_reader::error::Result<Vec<ChunkEntry>> {
+        let leaves = btree_v1::collect_btree_v1_leaves_storage(
+            self.file.storage(),
+            self.address,
+            self.offset_size,
+            self.length_size,
+            Some(RANK as u32),
+            self.dims,
+            None,
+        )?;
+        let entry = |(key, address)| match key {
+            btree_v1::BTreeV1Key::RawData {
+                chunk_size,
+                filter_mask,
+                mut offsets,
+            } => {
+                offsets.truncate(RANK);
+                Ok(ChunkEntry {
+                    address,
+                    size: chunk_size.into(),
+                    filter_mask,
+                    offsets,
+                })
+            }
+            btree_v1::BTreeV1Key::Group { .. } => {
+                Err(Error::InvalidData("a group's node among the chunks".into()))
+            }
+        };
+        leaves.into_iter().map(entry).collect()
     }
 }

@@ -45,60 +45,10 @@ pub(super) fn read_samples(
         shape,
         order,
     };
-    match *dataset.dtype() {
-        Datatype::FixedPoint {
-            size: 1,
-            signed: false,
-            ..
-        } => values.read::<u8>(),
-        Datatype::FixedPoint {
-            size: 1,
-            signed: true,
-            ..
-        } => values.read::<i8>(),
-        Datatype::FixedPoint {
-            size: 2,
-            signed: false,
-            ..
-        } => values.read::<u16>(),
-        Datatype::FixedPoint {
-            size: 2,
-            signed: true,
-            ..
-        } => values.read::<i16>(),
-        Datatype::FixedPoint {
-            size: 4,
-            signed: false,
-            ..
-        } => values.read::<u32>(),
-        Datatype::FixedPoint {
-            size: 4,
-            signed: true,
-            ..
-        } => values.read::<i32>(),
-        Datatype::FixedPoint {
-            size: 8,
-            signed: false,
-            ..
-        } => values.read::<u64>(),
-        Datatype::FixedPoint {
-            size: 8,
-            signed: true,
-            ..
-        } => values.read::<i64>(),
-        Datatype::FloatingPoint { size: 4, .. } => values.read::<f32>(),
-        Datatype::FloatingPoint { size: 8, .. } => values.read::<f64>(),
-        Datatype::FloatingPoint { size: 2, .. } => Err(Mismatch::new(
-            "numbers of 8, 16, 32 or 64 bits",
-            "float16; store it as float32: `samples.astype('f4')`",
-        )),
-        ref other => Err(Mismatch::new(
-            "integers of 8, 16, 32 or 64 bits or floats of 32 or 64 bits",
-            type_name(other),
-        )),
-    }
+    values.read_stored()
 }
 
+/// Data set with its file.
 struct Values<'a> {
     file: &'a Hdf5File,
     dataset: &'a Dataset,
@@ -107,6 +57,62 @@ struct Values<'a> {
 }
 
 impl Values<'_> {
+    /// Reads values of the stored number type.
+    fn read_stored(&self) -> Result<Samples, Mismatch> {
+        match *self.dataset.dtype() {
+            Datatype::FixedPoint {
+                size: 1,
+                signed: false,
+                ..
+            } => self.read::<u8>(),
+            Datatype::FixedPoint {
+                size: 1,
+                signed: true,
+                ..
+            } => self.read::<i8>(),
+            Datatype::FixedPoint {
+                size: 2,
+                signed: false,
+                ..
+            } => self.read::<u16>(),
+            Datatype::FixedPoint {
+                size: 2,
+                signed: true,
+                ..
+            } => self.read::<i16>(),
+            Datatype::FixedPoint {
+                size: 4,
+                signed: false,
+                ..
+            } => self.read::<u32>(),
+            Datatype::FixedPoint {
+                size: 4,
+                signed: true,
+                ..
+            } => self.read::<i32>(),
+            Datatype::FixedPoint {
+                size: 8,
+                signed: false,
+                ..
+            } => self.read::<u64>(),
+            Datatype::FixedPoint {
+                size: 8,
+                signed: true,
+                ..
+            } => self.read::<i64>(),
+            Datatype::FloatingPoint { size: 4, .. } => self.read::<f32>(),
+            Datatype::FloatingPoint { size: 8, .. } => self.read::<f64>(),
+            Datatype::FloatingPoint { size: 2, .. } => Err(Mismatch::new(
+                "numbers of 8, 16, 32 or 64 bits",
+                "float16; store it as float32: `samples.astype('f4')`",
+            )),
+            ref other => Err(Mismatch::new(
+                "integers of 8, 16, 32 or 64 bits or floats of 32 or 64 bits",
+                type_name(other),
+            )),
+        }
+    }
+
     fn read<T: Stored>(&self) -> Result<Samples, Mismatch> {
         match ChunkGrid::of(self.file, self.dataset, self.shape)? {
             Some(grid) => self.read_chunks::<T>(&grid),

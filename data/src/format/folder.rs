@@ -16,7 +16,7 @@ use super::frame_table::{MATERIAL, is_one_of, rate_of};
 use super::lengths::{Keep, settle};
 use super::named_sweeps::{NamedSweeps, some_names};
 use super::narrow::{TooWide, narrow};
-use super::sweep_file::{SweepFile, is_sweep_file};
+use super::sweep_file::{Patch, SweepFile, is_sweep_file};
 use crate::DataError;
 
 /// Name of the table of labels in a folder.
@@ -112,16 +112,8 @@ fn read_files(path: &Path, mut entries: Vec<Entry>, keep: Keep) -> Result<NamedS
         .par_iter()
         .map(|entry| SweepFile::read(&entry.file))
         .collect::<Result<_, _>>()?;
-    let patch = sweeps[0].patch;
+    let patch = common_patch(&entries, &sweeps)?;
     let taxels = patch.taxels();
-    if let Some(odd) = sweeps.iter().position(|sweep| sweep.patch != patch) {
-        return Err(DataError::format(
-            &entries[odd].file,
-            "taxels",
-            format!("{patch}, as {}", entries[0].file.display()),
-            sweeps[odd].patch.to_string(),
-        ));
-    }
     let names: Vec<String> = entries
         .iter()
         .map(|entry| entry.file.display().to_string())
@@ -171,6 +163,20 @@ fn read_files(path: &Path, mut entries: Vec<Entry>, keep: Keep) -> Result<NamedS
         left_out,
         odd_lengths,
     })
+}
+
+/// Returns the arrangement of the taxels, which all files must share.
+fn common_patch(entries: &[Entry], sweeps: &[SweepFile]) -> Result<Patch, DataError> {
+    let patch = sweeps[0].patch;
+    match sweeps.iter().position(|sweep| sweep.patch != patch) {
+        None => Ok(patch),
+        Some(odd) => Err(DataError::format(
+            &entries[odd].file,
+            "taxels",
+            format!("{patch}, as {}", entries[0].file.display()),
+            sweeps[odd].patch.to_string(),
+        )),
+    }
 }
 
 /// Returns the files' names, preceded by their folders' names if some would be equal.

@@ -8,7 +8,7 @@ use zip::write::{SimpleFileOptions, ZipWriter};
 
 use super::npy;
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
-use crate::{DataError, Dataset, Samples, write_whole};
+use crate::{DataError, Dataset, LabelSet, Samples, write_whole};
 
 /// Writes `dataset` with five dimensions if it is ordered by material with equally many sweeps of each, otherwise with
 /// four and `labels`.
@@ -18,6 +18,31 @@ use crate::{DataError, Dataset, Samples, write_whole};
 pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
     let bytes = archive(dataset).map_err(|error| DataError::io(path, "write", error.into()))?;
     write_whole(path, &bytes)
+}
+
+/// Returns true if the sweeps are ordered by material, `sweeps` of each.
+fn is_in_order(dataset: &Dataset, sweeps: usize) -> bool {
+    dataset.len() == dataset.labels().len() * sweeps
+        && dataset
+            .records()
+            .iter()
+            .enumerate()
+            .all(|(i, r)| r.label == i / sweeps && r.sweep == i % sweeps)
+}
+
+/// Returns the little-endian bytes of some numbers.
+fn bytes_of(numbers: impl Iterator<Item = u32>) -> Vec<u8> {
+    numbers.flat_map(u32::to_le_bytes).collect()
+}
+
+/// Returns the names as numpy's text of fixed width: the number of characters, and the UTF-32 bytes.
+fn fixed_width(labels: &LabelSet) -> (usize, Vec<u8>) {
+    let names: Vec<Vec<char>> = labels.names().map(|n| n.chars().collect()).collect();
+    let width = names.iter().map(Vec::len).max().unwrap_or(1);
+    let text = names
+        .iter()
+        .flat_map(|name| (0..width).map(|i| name.get(i).map_or(0, |&letter| letter as u32)));
+    (width, bytes_of(text))
 }
 
 fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
@@ -33,11 +58,7 @@ fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
     let records = dataset.records();
     let materials = dataset.labels().len();
     let sweeps = dataset.len() / materials;
-    let in_order = dataset.len() == materials * sweeps
-        && records
-            .iter()
-            .enumerate()
-            .all(|(i, r)| r.label == i / sweeps && r.sweep == i % sweeps);
+    let in_order = is_in_order(dataset, sweeps);
     let leading = if in_order {
         vec![materials, sweeps]
     } else {
@@ -55,32 +76,15 @@ fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
         .samples()
         .for_each_le_chunk(|chunk| values.extend_from_slice(chunk));
     add("samples", descr, &shape, &values)?;
-    let names: Vec<Vec<char>> = dataset
-        .labels()
-        .names()
-        .map(|n| n.chars().collect())
-        .collect();
-    let width = names.iter().map(Vec::len).max().unwrap_or(1);
-    let text: Vec<u8> = names
-        .iter()
-        .flat_map(|name| (0..width).map(|i| name.get(i).map_or(0, |&letter| letter as u32)))
-        .flat_map(u32::to_le_bytes)
-        .collect();
+    let (width, text) = fixed_width(dataset.labels());
     add("materials", &format!("<U{width}"), &[materials], &text)?;
     if !in_order {
-        let labels: Vec<u8> = records
-            .iter()
-            .flat_map(|r| (r.label as u32).to_le_bytes())
-            .collect();
-        add("labels", "<u4", &leading, &labels)?;
+        let labels = records.iter().map(|r| r.label as u32);
+        add("labels", "<u4", &leading, &bytes_of(labels))?;
     }
     if dataset.has_blocks() {
-        let blocks: Vec<u8> = records
-            .iter()
-            .filter_map(|r| r.block)
-            .flat_map(u32::to_le_bytes)
-            .collect();
-        add("blocks", "<u4", &leading, &blocks)?;
+        let blocks = records.iter().filter_map(|r| r.block);
+        add("blocks", "<u4", &leading, &bytes_of(blocks))?;
     }
     if dataset.has_test_flag() {
         let flags: Vec<u8> = records

@@ -48,24 +48,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     let file = open(path)?;
     let samples = required(&file, path, &["samples"])?;
     let item = "data set `samples`";
-    let Ok(shape) = <[u64; RANK]>::try_from(samples.shape()) else {
-        return Err(DataError::format(
-            path,
-            item,
-            "5 dimensions [materials][sweeps][steps][rows][cols]",
-            format!("{} dimensions {:?}", samples.ndim(), samples.shape()),
-        ));
-    };
-    let shape = shape.map(|extent| usize::try_from(extent).unwrap_or(usize::MAX));
-    if shape.contains(&0) {
-        let found = format!("{shape:?}");
-        return Err(DataError::format(
-            path,
-            item,
-            "no dimension of length 0",
-            found,
-        ));
-    }
+    let shape = shape_of(path, item, samples.shape())?;
     let [materials, sweeps, steps, rows, cols] = shape;
     let labels = material_names(&file, path, materials)?;
     let blocks = per_sweep(&file, path, "blocks", [materials, sweeps], u32::try_from)?;
@@ -105,6 +88,28 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         Some(version) => dataset.into_twin(version),
         None => dataset,
     })
+}
+
+/// Returns the extents of the data set `samples`.
+fn shape_of(path: &Path, item: &str, extents: &[u64]) -> Result<[usize; RANK], DataError> {
+    let Ok(shape) = <[u64; RANK]>::try_from(extents) else {
+        return Err(DataError::format(
+            path,
+            item,
+            "5 dimensions [materials][sweeps][steps][rows][cols]",
+            format!("{} dimensions {extents:?}", extents.len()),
+        ));
+    };
+    let shape = shape.map(|extent| usize::try_from(extent).unwrap_or(usize::MAX));
+    match shape.contains(&0) {
+        false => Ok(shape),
+        true => Err(DataError::format(
+            path,
+            item,
+            "no dimension of length 0",
+            format!("{shape:?}"),
+        )),
+    }
 }
 
 /// Returns the version of the twin that generated the sweeps, if the file is marked.

@@ -190,6 +190,22 @@ struct Slip {
 }
 
 impl Slip {
+    /// State before a taxel slips.
+    const START: Self = Self {
+        fast: 1.0,
+        slow: 1.0,
+        still: 1.0,
+    };
+
+    /// Returns the factors of one step; `slowness` stretches the fall of the level.
+    fn decay(slowness: f64) -> Self {
+        Self {
+            fast: (-1.0 / (FAST_SLIP_STEPS * slowness)).exp(),
+            slow: (-1.0 / (SLOW_SLIP_STEPS * slowness)).exp(),
+            still: (-1.0 / TEXTURE_ONSET_STEPS).exp(),
+        }
+    }
+
     fn step(&mut self, decay: &Self) {
         self.fast *= decay.fast;
         self.slow *= decay.slow;
@@ -221,16 +237,8 @@ pub(super) fn record(surface: &Surface, contact: &Contact, rng: &mut ChaCha8Rng,
         .envelope
         .map(|envelope| Envelopes::new(envelope, speed, rng));
     let mut force = Process::new(surface.force, FORCE_STEPS, rng);
-    let decay = Slip {
-        fast: (-1.0 / (FAST_SLIP_STEPS * surface.slip_slowness)).exp(),
-        slow: (-1.0 / (SLOW_SLIP_STEPS * surface.slip_slowness)).exp(),
-        still: (-1.0 / TEXTURE_ONSET_STEPS).exp(),
-    };
-    let mut slip = [Slip {
-        fast: 1.0,
-        slow: 1.0,
-        still: 1.0,
-    }; TAXELS];
+    let decay = Slip::decay(surface.slip_slowness);
+    let mut slip = [Slip::START; TAXELS];
     let phase = std::f64::consts::TAU * unit(rng);
 
     for (step, frame) in out.chunks_exact_mut(TAXELS).enumerate() {

@@ -1,7 +1,8 @@
 //! Spectral part of the signal statistics.
 
 use super::statistics::{BAND_EDGES_HZ, LAGS};
-use rustfft::{FftPlanner, num_complex::Complex};
+use rustfft::{Fft, FftPlanner, num_complex::Complex};
+use std::sync::Arc;
 
 /// Bands of the power law between level and fluctuation, Hz.
 const LEVEL_BANDS_HZ: [[f64; 2]; 2] = [[2.0, 60.0], [150.0, 375.0]];
@@ -32,21 +33,38 @@ pub(super) struct SweepSpectra {
     correlation: [(f64, f64); 2],
 }
 
+/// Fourier transforms of a sweep and of its tail.
+struct Transforms {
+    whole: Arc<dyn Fft<f64>>,
+    tail: Arc<dyn Fft<f64>>,
+    tail_back: Arc<dyn Fft<f64>>,
+    sample_rate_hz: f64,
+}
+
+impl Transforms {
+    fn new(steps: usize, tail_steps: usize, sample_rate_hz: f64) -> Self {
+        let mut planner = FftPlanner::new();
+        Self {
+            whole: planner.plan_fft_forward(steps),
+            tail: planner.plan_fft_forward(tail_steps),
+            tail_back: planner.plan_fft_inverse(tail_steps),
+            sample_rate_hz,
+        }
+    }
+
+    /// Returns true if a bin of a transform of `n` steps is in the band, in Hz.
+    fn in_band(&self, bin: usize, n: usize, [low, high]: [f64; 2]) -> bool {
+        let frequency = bin as f64 * self.sample_rate_hz / n as f64;
+        (low..high).contains(&frequency)
+    }
+}
+
 impl SweepSpectra {
     /// Analyses one sweep, `[steps][taxels]`.
     pub(super) fn measure(sweep: &[f32], taxels: usize, sample_rate_hz: f64) -> Self {
         let steps = sweep.len() / taxels;
         let tail_start = steps / 5;
-        let in_band = |bin: usize, n: usize, [low, high]: [f64; 2]| {
-            let frequency = bin as f64 * sample_rate_hz / n as f64;
-            (low..high).contains(&frequency)
-        };
-        let mut planner = FftPlanner::new();
-        let (fft, tail_fft, tail_back) = (
-            planner.plan_fft_forward(steps),
-            planner.plan_fft_forward(steps - tail_start),
-            planner.plan_fft_inverse(steps - tail_start),
-        );
+        let transforms = Transforms::new(steps, steps - tail_start, sample_rate_hz);
         let bins = steps / 2 + 1;
         let mut found = Self {
             shares: vec![0.0; bins],
@@ -67,7 +85,7 @@ impl SweepSpectra {
             if centred.iter().all(|&x| x == 0.0) {
                 continue;
             }
-            let powers = one_sided(&transform(&*fft, &centred), steps);
+            let powers = one_sided(&transform(&*transforms.whole, &centred), steps);
             let sum: f64 = powers.iter().sum();
             found
                 .shares
@@ -76,11 +94,11 @@ impl SweepSpectra {
                 .for_each(|(share, power)| *share += power / sum);
             found.moving += 1;
 
-            let spectrum = transform(&*fft, &without_trend(&series));
+            let spectrum = transform(&*transforms.whole, &without_trend(&series));
             for (band, (direction, members)) in
                 CORRELATION_BANDS_HZ.into_iter().zip(&mut directions)
             {
-                let bins = || (0..bins).filter(|&bin| in_band(bin, steps, band));
+                let bins = || (0..bins).filter(|&bin| transforms.in_band(bin, steps, band));
                 let norm = bins()
                     .map(|bin| spectrum[bin].norm_sqr())
                     .sum::<f64>()
@@ -90,44 +108,7 @@ impl SweepSpectra {
                     *members += 1.0;
                 }
             }
-
-            let tail = &series[tail_start..];
-            let level = tail.iter().sum::<f64>() / tail.len() as f64;
-            let detrended = without_trend(tail);
-            let energy: f64 = detrended.iter().map(|x| x * x).sum();
-            if energy <= 1e-9 || tail.len() <= LAGS[3] {
-                continue;
-            }
-            found.autocorrelation.push(LAGS.map(|lag| {
-                detrended
-                    .iter()
-                    .zip(&detrended[lag..])
-                    .map(|(a, b)| a * b)
-                    .sum::<f64>()
-                    / energy
-            }));
-            if level >= LEAST_LEVEL {
-                let spectrum = transform(&*tail_fft, &detrended);
-                let band = spectrum.iter().enumerate().map(|(bin, &value)| {
-                    let inside = in_band(bin.min(tail.len() - bin), tail.len(), INTERMITTENCY_HZ);
-                    if inside { value } else { Complex::default() }
-                });
-                found
-                    .intermittency
-                    .extend(unsteadiness(&*tail_back, band.collect()));
-                let powers = one_sided(&spectrum, tail.len());
-                for (band, points) in LEVEL_BANDS_HZ.into_iter().zip(&mut found.fluctuation) {
-                    let power: f64 = powers
-                        .iter()
-                        .enumerate()
-                        .filter(|(bin, _)| in_band(*bin, tail.len(), band))
-                        .map(|(_, p)| p)
-                        .sum();
-                    if power > 0.0 {
-                        points.push([level.ln(), power.ln() / 2.0]);
-                    }
-                }
-            }
+            found.add_tail(&series[tail_start..], &transforms);
         }
         // |sum of unit vectors|^2 = n + 2 (sum of the cosines of all pairs)
         found.correlation = directions.map(|(direction, n)| {
@@ -135,6 +116,50 @@ impl SweepSpectra {
             ((square - n) / 2.0, n * (n - 1.0) / 2.0)
         });
         found
+    }
+
+    /// Adds the figures of a taxel that are measured without the first fifth of the sweep.
+    fn add_tail(&mut self, tail: &[f64], transforms: &Transforms) {
+        let level = tail.iter().sum::<f64>() / tail.len() as f64;
+        let detrended = without_trend(tail);
+        let energy: f64 = detrended.iter().map(|x| x * x).sum();
+        if energy <= 1e-9 || tail.len() <= LAGS[3] {
+            return;
+        }
+        self.autocorrelation.push(LAGS.map(|lag| {
+            detrended
+                .iter()
+                .zip(&detrended[lag..])
+                .map(|(a, b)| a * b)
+                .sum::<f64>()
+                / energy
+        }));
+        if level < LEAST_LEVEL {
+            return;
+        }
+        let spectrum = transform(&*transforms.tail, &detrended);
+        let band = spectrum.iter().enumerate().map(|(bin, &value)| {
+            let bin = bin.min(tail.len() - bin);
+            if transforms.in_band(bin, tail.len(), INTERMITTENCY_HZ) {
+                value
+            } else {
+                Complex::default()
+            }
+        });
+        self.intermittency
+            .extend(unsteadiness(&*transforms.tail_back, band.collect()));
+        let powers = one_sided(&spectrum, tail.len());
+        for (band, points) in LEVEL_BANDS_HZ.into_iter().zip(&mut self.fluctuation) {
+            let power: f64 = powers
+                .iter()
+                .enumerate()
+                .filter(|(bin, _)| transforms.in_band(*bin, tail.len(), band))
+                .map(|(_, p)| p)
+                .sum();
+            if power > 0.0 {
+                points.push([level.ln(), power.ln() / 2.0]);
+            }
+        }
     }
 
     fn mean_shares(sweeps: &[&Self]) -> Vec<f64> {
@@ -240,7 +265,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// short.
 ///
 /// - `band`: two-sided spectrum of the analysed band
-fn unsteadiness(back: &dyn rustfft::Fft<f64>, mut band: Vec<Complex<f64>>) -> Option<f64> {
+fn unsteadiness(back: &dyn Fft<f64>, mut band: Vec<Complex<f64>>) -> Option<f64> {
     // Smallest power of a window, below the resolution of 8-bit digits.
     const LEAST_POWER: f64 = 1e-6;
     let n = band.len();
@@ -283,7 +308,7 @@ fn without_trend(series: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-fn transform(fft: &dyn rustfft::Fft<f64>, series: &[f64]) -> Vec<Complex<f64>> {
+fn transform(fft: &dyn Fft<f64>, series: &[f64]) -> Vec<Complex<f64>> {
     let mut spectrum: Vec<Complex<f64>> = series.iter().map(|&x| Complex::new(x, 0.0)).collect();
     fft.process(&mut spectrum);
     spectrum

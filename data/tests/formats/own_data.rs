@@ -13,7 +13,8 @@ use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
 use crate::tables::write;
-use crate::{expected_materials, expected_samples, fixture, is_same, names};
+use crate::written::is_same;
+use crate::{expected_materials, expected_samples, fixture, names};
 
 /// Returns the twelve sweeps of the fixtures, with the taxels in one line.
 pub(crate) fn assert_line(dataset: &Dataset) {
