@@ -364,7 +364,7 @@ fn a_missing_file_sends_people_to_the_page() {
         b"",
     )]);
     assert!(
-        error.contains("/data/tactmat.h5: the server answered 404 Not Found: look at"),
+        error.contains("/data/tactmat.h5: the server answered 404 Not Found: find the file on"),
         "{error}"
     );
     assert!(error.contains(PAGE), "{error}");

@@ -78,7 +78,7 @@ mod tests {
             unlike_the_others(&["s_0_0", "s_0_1", "s_1_0", "s_1_1", "x1"]),
             [4]
         );
-        assert!(left_out(&["t0", "force"], &[1])[0].starts_with("`force`: no taxel"));
+        assert!(left_out(&["t0", "force"], &[1])[0].starts_with("`force`: not read as a taxel"));
     }
 
     #[test]
