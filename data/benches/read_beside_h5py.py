@@ -1,11 +1,11 @@
-"""Does reading a full-size TactMat file take longer than with h5py? Alternates the two and prints medians.
+"""Compares the time to read a full-size TactMat file with h5py's. Alternates the two and prints medians.
 
     cargo build --release -p tactnet-data --example convert
     python data/benches/read_beside_h5py.py target/release/examples/convert [RUNS]
 
-The files (36 materials x 100 sweeps x 1000 steps x 4 x 4) are made in a temporary folder from a random walk with the
-step statistics of the real signal. h5py only fills an array; ours also narrows, checks that all values are finite and
-takes the SHA-256 of the content. Each runs in a process of its own; seconds are of the read alone.
+The files (36 materials x 100 sweeps x 1000 steps x 4 x 4) are generated in a temporary folder from a random walk with
+the step statistics of the real signal. h5py only fills an array; tactnet-data also narrows the values, checks that they
+are finite and computes the SHA-256 of the content. Each read runs in a separate process and is timed without its start.
 """
 
 import statistics
