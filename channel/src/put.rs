@@ -79,9 +79,6 @@ impl<T: Packet> PutPort<T> {
         };
         macro_rules! publisher {
             ($channel:expr) => {{
-                let is_full = |error: &PublisherCreateError| {
-                    *error == PublisherCreateError::ExceedsMaxSupportedPublishers
-                };
                 create_port($channel, Side::Put, is_full, || {
                     $channel
                         .publisher_builder()
@@ -365,6 +362,10 @@ fn reserve_segment(
         id,
         "no file with its memory in the folder of the bus",
     ))
+}
+
+fn is_full(error: &PublisherCreateError) -> bool {
+    *error == PublisherCreateError::ExceedsMaxSupportedPublishers
 }
 
 fn creation_error(

@@ -63,11 +63,18 @@ struct Piece {
     data: Vec<u8>,
 }
 
+/// A channel of the file.
+#[derive(Debug)]
+struct FileChannel {
+    id: u16,
+    /// Number of messages so far, which wraps.
+    messages: u32,
+}
+
 /// Writes the packets of all described channels of a table to a file.
 pub struct Recorder {
     followed: DescribedChannels,
-    /// Channel id in the file and number of messages so far, for each channel.
-    channels: Vec<(u16, u32)>,
+    channels: Vec<FileChannel>,
     /// Start of the recording, in nanoseconds since 1970.
     begun_ns: u64,
     counts: Counts,
@@ -150,29 +157,29 @@ impl Recorder {
         let Some((writer, _)) = &self.writer else {
             return Ok(());
         };
-        let mut goes_on = true;
+        let mut is_writing = true;
         let followed = self.followed.channels();
         self.followed.follow(|place, put_ns, packet| {
-            let (channel, came) = &mut self.channels[place];
+            let channel = &mut self.channels[place];
             let kind = followed[place].kind;
             let piece = Piece {
-                channel: *channel,
-                sequence: *came,
+                channel: channel.id,
+                sequence: channel.messages,
                 // Packets from the history must not extend the recording to the past.
                 log_time: put_ns.max(self.begun_ns),
                 publish_time: put_ns,
                 data: kind.to_message(packet),
             };
-            *came = came.wrapping_add(1);
+            channel.messages = channel.messages.wrapping_add(1);
             self.counts.messages += 1;
             match kind.layout.name {
                 SkinFrame::NAME => self.counts.frames += 1,
                 TactileBelief::NAME => self.counts.beliefs += 1,
                 _ => {}
             }
-            goes_on &= writer.send(piece).is_ok();
+            is_writing &= writer.send(piece).is_ok();
         })?;
-        if goes_on { Ok(()) } else { self.end() }
+        if is_writing { Ok(()) } else { self.end() }
     }
 
     /// Returns the counts so far.
@@ -225,16 +232,16 @@ fn write_options() -> WriteOptions {
         .library(concat!("tactnet ", env!("CARGO_PKG_VERSION")))
 }
 
-/// Adds schemas and channels to the file. Returns the id of each channel with a message count of zero.
+/// Adds schemas and channels to the file.
 fn add_channels(
     writer: &mut Writer<BufWriter<File>>,
     channels: &[Channel],
-) -> mcap::McapResult<Vec<(u16, u32)>> {
+) -> mcap::McapResult<Vec<FileChannel>> {
     let add = |channel: &Channel| {
         let kind = channel.kind;
         let schema = writer.add_schema(&kind.message, "protobuf", kind.schema)?;
         let id = writer.add_channel(schema, &channel.id, "protobuf", &BTreeMap::new())?;
-        Ok((id, 0))
+        Ok(FileChannel { id, messages: 0 })
     };
     channels.iter().map(add).collect()
 }

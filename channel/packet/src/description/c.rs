@@ -7,7 +7,7 @@ use super::{Choice, Description, Field, FieldType, Layout, plain, snake, wrapped
 /// Line width of the header, in characters.
 const WIDTH: usize = 110;
 
-/// Returns the type and the suffix behind the name.
+/// Returns the type and the suffix after the name.
 fn declared(project: &str, kind: &FieldType) -> (String, String) {
     let number = match kind {
         FieldType::U8 => "uint8_t",
@@ -23,8 +23,8 @@ fn declared(project: &str, kind: &FieldType) -> (String, String) {
         FieldType::Text(bytes) => return ("char".into(), format!("[{bytes}]")),
         FieldType::Packet(layout) => return (named(project, layout), String::new()),
         FieldType::Array(of, length) => {
-            let (number, behind) = declared(project, of);
-            return (number, format!("[{length}]{behind}"));
+            let (number, suffix) = declared(project, of);
+            return (number, format!("[{length}]{suffix}"));
         }
     };
     (number.into(), String::new())
@@ -104,8 +104,8 @@ impl Description {
         let _ = writeln!(text, "typedef struct {name} {{");
         for field in layout.fields {
             comment(text, "  ", &field_docs(field));
-            let (kind, behind) = declared(project, &field.kind);
-            let _ = writeln!(text, "  {kind} {}{behind};", field.name);
+            let (kind, suffix) = declared(project, &field.kind);
+            let _ = writeln!(text, "  {kind} {}{suffix};", field.name);
         }
         let _ = writeln!(text, "}} {name};");
         if layout.is_packet() {

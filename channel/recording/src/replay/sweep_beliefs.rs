@@ -156,29 +156,29 @@ mod tests {
 
     #[test]
     fn only_whole_sweeps_count_and_one_changed_bit_is_noticed() {
-        let came = [
+        let received = [
             belief(1, Stage::Anytime, 5),
             // A sweep without an end.
             belief(2, Stage::Anytime, 25),
             belief(2, Stage::Plain, 29),
             belief(2, Stage::Dropout, 29),
         ];
-        let beliefs = SweepBeliefs::of(&came);
+        let beliefs = SweepBeliefs::of(&received);
         assert_eq!((beliefs.sweeps, beliefs.beliefs), (1, 3));
-        assert_eq!(beliefs.unfinished, came.len() - 3);
-        assert_eq!(beliefs.missing_in(&SweepBeliefs::of(&came)), 0);
+        assert_eq!(beliefs.unfinished, received.len() - 3);
+        assert_eq!(beliefs.missing_in(&SweepBeliefs::of(&received)), 0);
         // Two skins in succession with the same frame numbers.
-        let mut other = came.map(|mut belief| {
+        let mut other = received.map(|mut belief| {
             belief.sweep += 10;
             belief.posterior[0] = 0.25;
             belief
         });
-        let both = SweepBeliefs::of(&[came, other].concat());
+        let both = SweepBeliefs::of(&[received, other].concat());
         assert_eq!(both.missing_in(&both), 0);
         other[3].posterior[0] = 0.5;
-        let changed = SweepBeliefs::of(&[came, other].concat());
+        let changed = SweepBeliefs::of(&[received, other].concat());
         assert_eq!(both.missing_in(&changed), 1);
-        let mut changed = came;
+        let mut changed = received;
         changed[3].posterior[1] = f32::MIN_POSITIVE;
         let changed = SweepBeliefs::of(&changed);
         assert_eq!(beliefs.missing_in(&changed), 1);

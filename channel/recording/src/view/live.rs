@@ -67,11 +67,11 @@ impl LiveView {
         match batches.try_send(all) {
             Ok(()) => Ok(()),
             Err(TrySendError::Full(mut batch)) => {
-                let came = batch.len();
+                let received = batch.len();
                 batch.retain(|entry| !matches!(entry.packet, RecordedPacket::Frame(_)));
                 let oldest = batch.len().saturating_sub(KEPT);
                 batch.drain(..oldest);
-                self.left_out += (came - batch.len()) as u64;
+                self.left_out += (received - batch.len()) as u64;
                 self.kept = batch;
                 Ok(())
             }
@@ -216,8 +216,8 @@ mod tests {
         drop(batches);
         let closed = || Err(RecordingError::ViewerGone("closed".into()));
         let mut view = LiveView::feeding(sender, std::thread::spawn(closed));
-        let told = view.show(batch());
-        assert!(matches!(told, Err(RecordingError::ViewerGone(_))));
+        let outcome = view.show(batch());
+        assert!(matches!(outcome, Err(RecordingError::ViewerGone(_))));
         view.show(batch()).unwrap();
         view.finish(batch(), None).unwrap();
     }

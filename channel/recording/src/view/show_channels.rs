@@ -108,12 +108,12 @@ pub fn show_channels(
     let (begun, mut shown) = (Instant::now(), Instant::now());
     while !stopped() && begun.elapsed() < time {
         listener.wait(EVERY)?;
-        listener.follow(|heard| {
-            viewed.count(&heard.packet);
+        listener.follow(|received| {
+            viewed.count(&received.packet);
             batch.push(Entry {
-                channel: ids[heard.channel].clone(),
-                time_ns: heard.put_ns,
-                packet: heard.packet,
+                channel: ids[received.channel].clone(),
+                time_ns: received.put_ns,
+                packet: received.packet,
             });
         })?;
         if shown.elapsed() >= EVERY {
