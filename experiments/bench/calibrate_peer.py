@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Compares our calibration with SciPy's least_squares on the same session, model, priors and loss, and therefore the same minimum.
 
-    tactnet catch calibrate --simulate --seed 7 --throws 0 --peer problem.json
+    cargo run --release -p tactnet-catching-trials --example peer_session -- 7 > problem.json
     python experiments/bench/calibrate_peer.py problem.json > experiments/results/catching_calibration_peer.json
 
 Needs numpy and scipy. The model is implemented again in numpy over all pictures at once, with numerical derivatives ("2-point"), so the

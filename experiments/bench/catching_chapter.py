@@ -16,8 +16,8 @@ from pathlib import Path
 
 ROWS = [
     *[f"catch calibrate --simulate --seed {seed} --throws 100" for seed in range(1, 9)],
-    "catch throw --throws 20 --seed 1",
-    "catch throw --throws 20 --seed 1 --wheels 0.36",
+    "bench catch-throw --throws 20 --seed 1",
+    "bench catch-throw --throws 20 --seed 1 --wheels 0.36",
     "catch rally --rallies 8 --most 50 --seed 2",
     "catch rally --rallies 4 --most 6 --distance 7.5 --wheels 0.31 --seed 1",
     *[f"catch throw-series --obstacles --throws 125 --seed {seed}" for seed in range(1, 5)],

@@ -5,7 +5,7 @@
     python experiments/bench/compare_circles.py --tactnet target/release/tactnet --throws 6 --seed 1 \\
         --out experiments/results/catching_circles.json
 
-`tactnet bench catch-detect --peer-pictures` renders the pictures and writes the true balls and our detections in each single picture,
+The example `peer_pictures` of `tactnet-catching-trials` renders the pictures and writes the true balls and our detections in each single picture,
 without gates. OpenCV runs HoughCircles on the same pictures with both of its methods:
 
     gradient        HOUGH_GRADIENT (Yuen and others), after a 5x5 blur as its documentation advises
@@ -104,8 +104,8 @@ def main():
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as folder:
         pictures = Path(folder) / "pictures"
-        command = ["bench", "catch-detect", f"--throws={arguments.throws}", f"--seed={arguments.seed}"]
-        subprocess.run([arguments.tactnet, *command, f"--peer-pictures={pictures}"], check=True, stdout=subprocess.DEVNULL)
+        export = ["cargo", "run", "--release", "-q", "-p", "tactnet-catching-trials", "--example", "peer_pictures", "--"]
+        subprocess.run([*export, str(arguments.throws), str(arguments.seed), str(pictures)], check=True)
         program = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True).stdout)
         document = json.loads((pictures / "pictures.json").read_text())
         chosen = document["pictures"][:: arguments.every]

@@ -5,8 +5,8 @@
     python experiments/bench/compare_hulls.py --tactnet target/release/tactnet --motions 2000 --seed 1 \\
         --out experiments/results/catching_hulls.json
 
-`tactnet bench catch-safety --peer-hulls` writes hulls of the robot's bodies in random postures and swept by random braking motions, with our
-distances. coal gets capsules for two points and convex polyhedra for more; hulls without volume are skipped and counted. Touching hulls are
+The example `peer_hulls` of `tactnet-catching-trials` writes hulls of the robot's bodies in random postures and swept by random braking
+motions, with our distances. coal gets capsules for two points and convex polyhedra for more; hulls without volume are skipped and counted. Touching hulls are
 not compared, because we do not compute penetration depths. Times are for one pair and one thread, in microseconds. coal runs through its
 Python bindings, where such a call takes `call_us` for two spheres.
 """
@@ -15,7 +15,6 @@ import argparse
 import json
 import platform
 import subprocess
-import tempfile
 import time
 from pathlib import Path
 
@@ -50,13 +49,12 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="write the comparison as JSON")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "hulls.json"
-        command = [arguments.tactnet, "bench", "catch-safety", f"--motions={arguments.motions}", f"--seed={arguments.seed}"]
-        subprocess.run([*command, f"--peer-hulls={path}"], check=True, stdout=subprocess.DEVNULL)
-        program = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True).stdout)
-        report = json.loads(subprocess.run([*command, "--json"], check=True, capture_output=True).stdout)
-        hulls = json.loads(path.read_text())
+    command = [arguments.tactnet, "bench", "catch-safety", f"--motions={arguments.motions}", f"--seed={arguments.seed}"]
+    export = ["cargo", "run", "--release", "-q", "-p", "tactnet-catching-trials", "--example", "peer_hulls", "--"]
+    export += [str(arguments.motions), str(arguments.seed)]
+    hulls = json.loads(subprocess.run(export, check=True, capture_output=True).stdout)
+    program = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True).stdout)
+    report = json.loads(subprocess.run([*command, "--json"], check=True, capture_output=True).stdout)
     request = coal.DistanceRequest()
     request.gjk_tolerance, request.gjk_max_iterations = 1e-12, 1000
 

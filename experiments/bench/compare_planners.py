@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Compares the catch planner with SciPy's SLSQP and CasADi with IPOPT: same problems, starts and tolerances, soft objective.
 
-    tactnet bench catch-plan --problems 200 --write-problems problems.json
+    cargo run --release -p tactnet-catching-trials --example peer_problems -- 200 1 > problems.json
     python experiments/bench/compare_planners.py problems.json > experiments/results/catching_planners.json
 
 Needs numpy, scipy, casadi, clarabel. The peers get the programme of 8 unknowns in the smooth form of `catching/src/plan/problem.rs`, with

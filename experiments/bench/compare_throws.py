@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Compares the throw planner with SciPy's SLSQP: same problems, same starts, farthest flight in a direction.
 
-    tactnet catch throw --peer-throws throws.json --throws 20
+    cargo run --release -p tactnet-catching-trials --example peer_throws -- 20 1 > throws.json
     python experiments/bench/compare_throws.py throws.json > experiments/results/catching_throws.json
 
 Needs numpy and scipy. The peer gets the programme of 17 unknowns of `catching/src/throw/problem.rs` without the robot's bodies, with central

@@ -2,10 +2,11 @@
 """The tracker of balls beside filterpy's unscented Kalman filter and Stone Soup's multi-frame assignment: same circles, models and starts.
 
     pip install numpy scipy filterpy==2.0.0 stonesoup==1.9.1 ortools
-    python experiments/bench/compare_trackers.py --tactnet target/release/tactnet --throws 200 --seed 1 \\
+    python experiments/bench/compare_trackers.py --throws 200 --seed 1 \\
         --out experiments/results/catching_trackers.json
 
-or, with circles that `tactnet bench catch-track --throws 200 --peer-circles circles.json` wrote, `--circles circles.json`.
+or, with the circles of `cargo run --release -p tactnet-catching-trials --example peer_circles -- 200 1 > circles.json`,
+`--circles circles.json`.
 
 The head stands still and is known. Everyone begins at our tracker's first report of a ball and has our models: flight by Runge and Kutta,
 outline of a sphere, noise, blur, sigma points with alpha 0.5, beta 2, kappa 0, drawn anew for each picture.
@@ -32,7 +33,6 @@ import os
 import platform
 import subprocess
 import sys
-import tempfile
 import time
 import warnings
 from datetime import datetime, timedelta
@@ -394,26 +394,21 @@ def compare_trackers(circles, window):
     }
 
 
-def export(tactnet, throws, seed):
-    """Returns the circles that our program writes."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "circles.json"
-        command = [tactnet, "bench", "catch-track", f"--throws={throws}", f"--seed={seed}", f"--peer-circles={path}"]
-        subprocess.run(command, check=True)
-        return json.loads(path.read_text())
+def export(throws, seed):
+    """Returns the circles of the example `peer_circles`."""
+    command = ["cargo", "run", "--release", "-q", "-p", "tactnet-catching-trials", "--example", "peer_circles", "--"]
+    return json.loads(subprocess.run([*command, str(throws), str(seed)], check=True, capture_output=True).stdout)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("--circles", type=Path, metavar="FILE", help="written by `tactnet bench catch-track --peer-circles`")
-    source.add_argument("--tactnet", metavar="PROGRAM", help="writes them first")
-    parser.add_argument("--throws", type=int, default=200, help="with --tactnet (default: 200)")
-    parser.add_argument("--seed", type=int, default=1, help="with --tactnet (default: 1)")
+    parser.add_argument("--circles", type=Path, metavar="FILE", help="output of the example `peer_circles` [default: run it]")
+    parser.add_argument("--throws", type=int, default=200, help="without --circles (default: 200)")
+    parser.add_argument("--seed", type=int, default=1, help="without --circles (default: 1)")
     parser.add_argument("--window", type=int, default=6, help="pictures that Stone Soup assigns together (default: 6)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the figures here, not to stdout")
     arguments = parser.parse_args()
-    circles = json.loads(arguments.circles.read_text()) if arguments.circles else export(arguments.tactnet, arguments.throws, arguments.seed)
+    circles = json.loads(arguments.circles.read_text()) if arguments.circles else export(arguments.throws, arguments.seed)
     warnings.filterwarnings("ignore", category=DeprecationWarning)
     report = {
         "seed": circles["seed"],

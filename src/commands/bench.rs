@@ -7,6 +7,8 @@ mod catch_plan;
 #[cfg(feature = "catching")]
 mod catch_safety;
 #[cfg(feature = "catching")]
+mod catch_throw;
+#[cfg(feature = "catching")]
 mod catch_track;
 mod device;
 
@@ -31,6 +33,9 @@ pub enum BenchCommand {
     /// Measure the self-collision monitor on random motions that it brakes
     #[cfg(feature = "catching")]
     CatchSafety(catch_safety::SafetyBenchArgs),
+    /// Measure throws of maximum distance, planned and in the simulated world
+    #[cfg(feature = "catching")]
+    CatchThrow(catch_throw::ThrowBenchArgs),
     /// Measure the ball detector on rendered images of throws
     #[cfg(feature = "catching")]
     CatchDetect(catch_detect::DetectBenchArgs),
@@ -50,6 +55,8 @@ pub fn run(command: BenchCommand) -> anyhow::Result<ExitCode> {
         BenchCommand::CatchTrack(arguments) => catch_track::run(&arguments),
         #[cfg(feature = "catching")]
         BenchCommand::CatchSafety(arguments) => catch_safety::run(&arguments),
+        #[cfg(feature = "catching")]
+        BenchCommand::CatchThrow(arguments) => catch_throw::run(&arguments),
         #[cfg(feature = "catching")]
         BenchCommand::CatchDetect(arguments) => catch_detect::run(&arguments),
         #[cfg(not(feature = "catching"))]

@@ -1,4 +1,4 @@
-//! `tactnet catch`: catching balls with two arms, in a simulated world.
+//! `tactnet catch`: catching balls with two arms, in the simulated world.
 
 mod calibrate;
 mod place;
@@ -16,6 +16,8 @@ mod view_rally;
 #[cfg(feature = "rerun")]
 mod view_throw;
 mod viewer;
+
+pub use throw::throw_progress;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -37,32 +39,32 @@ use tactnet_catching_world::{PlantedErrors, WorldConfig};
     tactnet catch rally --rallies 10                               two robots play catch\n  \
     tactnet catch calibrate --simulate                             find what a robot's description lacks, and catch with it")]
 pub enum CatchCommand {
-    /// Run the whole stack live, a process for each part, before the simulated world
+    /// Run the whole stack live in the simulated world, one process per part
     Run(run::RunArgs),
-    /// Throw balls at the simulated robot, in stepped time, and count what it catches
+    /// Simulate a series of throws in stepped time and count the catches
     ThrowSeries(throw_series::ThrowSeriesArgs),
-    /// Let two robots play catch, in stepped time: each throws back what it has caught
+    /// Simulate two robots that play catch, in stepped time
     Rally(rally::RallyArgs),
-    /// Throw as far as possible, or at a place, as planned and in the simulated world
+    /// Throw at a target in the simulated world, with practice
     Throw(throw::ThrowArgs),
-    /// Find what the robot's description lacks, from markers at its wrists before its cameras
+    /// Calibrate the robot's geometry from pictures of the markers on its wrists
     Calibrate(calibrate::CalibrateArgs),
-    /// Say from a recording what takes how long, from an exposure to its path
+    /// Measure the durations from an exposure to its path in a recording
     Timing(recorded::TimingArgs),
-    /// Ask tracker and planners again what a recording holds, and compare bit by bit
+    /// Run tracker and planners on a recording again and compare the results bit by bit
     Replay(recorded::ReplayArgs),
     /// Run one process of the stack, or the world, on the channels of a table
     Role(role::RoleArgs),
 }
 
-/// What a plan seeks.
+/// Objective of a plan.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub enum ObjectiveChoice {
-    /// The gentlest motion
+    /// Minimum joint motion
     Soft,
-    /// The latest catch
+    /// Latest catch
     Latest,
-    /// Move at once and wait for the ball
+    /// Immediate motion, then waiting for the ball
     Cool,
 }
 
@@ -90,12 +92,12 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Returns the robot that a file describes, or the one that is built in.
+/// Returns the robot of a description file, or the built-in one.
 pub fn robot(path: Option<&PathBuf>) -> anyhow::Result<Robot> {
     Ok(Robot::new(description(path.map(PathBuf::as_path))?))
 }
 
-/// Returns the world that a file describes, or the one that is built in.
+/// Returns the world of a settings file, or the built-in one.
 pub fn world(path: Option<&Path>) -> anyhow::Result<WorldConfig> {
     let Some(path) = path else {
         return Ok(WorldConfig::default());
@@ -104,9 +106,9 @@ pub fn world(path: Option<&Path>) -> anyhow::Result<WorldConfig> {
     serde_json::from_str(&text).with_context(|| path.display().to_string())
 }
 
-/// The same, with a robot that was put together and never calibrated.
+/// Returns the world with the planted errors of an uncalibrated robot.
 ///
-/// - `robot`: its number; `None`: the world's own errors
+/// - `robot`: number of the robot; `None` keeps the errors of the settings
 fn planted(path: Option<&Path>, robot: Option<u64>) -> anyhow::Result<WorldConfig> {
     let mut world = world(path)?;
     if let Some(robot) = robot {
@@ -115,7 +117,7 @@ fn planted(path: Option<&Path>, robot: Option<u64>) -> anyhow::Result<WorldConfi
     Ok(world)
 }
 
-/// Fails where a file cannot be written because its folder is missing: before something is run in vain.
+/// Returns an error if the folder of an output file does not exist, before a long computation.
 fn check_folder(file: &Path) -> anyhow::Result<()> {
     if let Some(folder) = file.parent()
         && !(folder.as_os_str().is_empty() || folder.is_dir())

@@ -42,37 +42,18 @@ fn a_series_is_the_same_for_any_number_of_cores_and_its_page_needs_no_network() 
 }
 
 #[test]
-fn the_detector_finds_most_balls_in_pictures_that_others_can_read() {
-    let lab = Lab::new();
-    let mut bench = tactnet(["bench", "catch-detect", "--throws", "1", "--json"]);
-    bench.arg("--peer-pictures").arg(lab.path("pictures"));
+fn the_detector_finds_most_balls() {
+    let bench = tactnet(["bench", "catch-detect", "--throws", "1", "--json"]);
     let report: serde_json::Value = serde_json::from_str(&stdout(&expect(0, bench))).unwrap();
     let of = |how: &str, what: &str| report[how][what].as_f64().unwrap();
     assert!(of("search", "recall") > 0.5, "{report}");
     assert!(of("gated", "recall") >= of("search", "recall"), "{report}");
     assert!(of("gated", "centre_px_rms") < 0.5, "{report}");
-    let document: serde_json::Value =
-        serde_json::from_slice(&lab.read("pictures/pictures.json")).unwrap();
-    let pictures = document["pictures"].as_array().unwrap();
-    assert_eq!(pictures.len() as u64, report["pictures"].as_u64().unwrap());
-    let first = lab.read("pictures/000000.pgm");
-    assert!(first.starts_with(b"P5\n1600 1250\n255\n"));
-    assert_eq!(first.len(), 17 + 1600 * 1250);
-    let mut again = tactnet(["bench", "catch-detect", "--throws", "1"]);
-    again.arg("--peer-pictures").arg(lab.path("pictures"));
-    assert!(stderr(&expect(2, again)).contains("pictures"));
 }
 
 #[test]
 fn motions_that_the_monitor_lets_go_on_stay_apart_when_braked() {
-    let lab = Lab::new();
-    let bench = || {
-        let mut bench = tactnet(["bench", "catch-safety", "--motions", "1000"]);
-        bench.current_dir(lab.folder.path());
-        bench
-    };
-    let mut json = bench();
-    json.arg("--json");
+    let json = tactnet(["bench", "catch-safety", "--motions", "1000", "--json"]);
     let report: serde_json::Value = serde_json::from_str(&stdout(&expect(0, json))).unwrap();
     assert_eq!(report["missed"], 0, "{report}");
     let count = |what: &str| report[what].as_u64().unwrap();
@@ -80,11 +61,6 @@ fn motions_that_the_monitor_lets_go_on_stay_apart_when_braked() {
         count("go") > 500 && count("braked_in_vain") < count("free") / 5,
         "{report}"
     );
-    let mut peers = bench();
-    peers.args(["--peer-hulls", "hulls.json"]);
-    expect(0, peers);
-    let hulls: serde_json::Value = serde_json::from_slice(&lab.read("hulls.json")).unwrap();
-    assert_eq!(hulls.as_array().unwrap().len(), 1000);
     let watched = stdout(&expect(0, series(&["--watch"])));
     let watched: serde_json::Value = serde_json::from_str(&watched).unwrap();
     assert!(watched["braked"].is_u64() && watched["braked_in_vain"].is_u64());

@@ -3,7 +3,6 @@
 
 mod file;
 mod page;
-mod peer;
 mod rehearsal;
 mod samples;
 mod unseen;
@@ -23,7 +22,6 @@ use tactnet_catching_world::WorldConfig;
 
 pub use file::{CalibrationFileError, keep_calibration};
 pub use page::calibration_page;
-pub use peer::{PeerSession, peer_session};
 pub use samples::CalibrationSamples;
 pub use unseen::Distances;
 

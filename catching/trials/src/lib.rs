@@ -17,8 +17,6 @@ mod look_ahead;
 mod obstacles;
 mod page;
 mod peer_circles;
-mod peer_problems;
-mod peer_throws;
 mod perception;
 mod picture;
 mod plan_bench;
@@ -40,8 +38,7 @@ pub use ablation::Ablation;
 pub use bound::{Bound, bounds};
 pub use calibration::{
     CalibrationFileError, CalibrationReport, CalibrationSamples, CalibrationTrial, Distances,
-    PeerSession, Progress, RandomFigures, SolveReport, calibration_page, keep_calibration,
-    peer_session,
+    Progress, RandomFigures, SolveReport, calibration_page, keep_calibration,
 };
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
 pub use error::TrialError;
@@ -53,8 +50,6 @@ pub use peer_circles::{
     PeerCameras, PeerCircles, PeerFilter, PeerPair, PeerPrediction, PeerState, PeerStep, PeerThrow,
     PeerTrack, peer_circles,
 };
-pub use peer_problems::{PeerAnswer, PeerProblem, peer_problems};
-pub use peer_throws::{PeerLaunch, peer_throws};
 pub use picture::picture_file;
 pub use plan_bench::{PlanBench, PlanReport};
 pub use problems::{PlanProblem, plan_problem};

@@ -261,3 +261,21 @@ impl SafetyBench {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching_packets::RobotDescription;
+
+    use super::*;
+
+    #[test]
+    fn every_motion_gives_a_pair_of_hulls() {
+        let bench = SafetyBench {
+            motions: 1000,
+            seed: 1,
+            config: MonitorConfig::default(),
+        };
+        let robot = Robot::new(RobotDescription::nominal());
+        assert_eq!(bench.peer_hulls(&robot).len(), 1000);
+    }
+}

@@ -1,13 +1,12 @@
-//! `tactnet bench catch-plan`: the planner alone.
+//! `tactnet bench catch-plan`: benchmark of the planner.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use anyhow::Context;
 use clap::Args;
 use tactnet_catching::plan::PlanConfig;
-use tactnet_catching_trials::{PlanBench, PlanReport, peer_problems};
+use tactnet_catching_trials::{PlanBench, PlanReport};
 
 use crate::commands::catch::{self, ObjectiveChoice};
 use crate::commands::progress_line::about;
@@ -16,24 +15,20 @@ use crate::output;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet bench catch-plan --problems 10000 --json\n  \
-    tactnet bench catch-plan --objective cool --robot my_robot.toml\n  \
-    tactnet bench catch-plan --problems 200 --write-problems problems.json     for other planners")]
+    tactnet bench catch-plan --objective cool --robot my_robot.toml")]
 pub struct PlanBenchArgs {
-    /// Problems that can be solved
+    /// Number of feasible problems
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     problems: u32,
-    /// Of the problems
+    /// Seed of the problems
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// What plans seek
+    /// Objective of the plans
     #[arg(long, value_enum, default_value_t = ObjectiveChoice::Soft)]
     objective: ObjectiveChoice,
-    /// The robot [default: the one that simulations use]
+    /// Description of the robot [default: built-in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Write the problems, where descents begin and what was found, as JSON, and measure nothing else
-    #[arg(long, value_name = "FILE")]
-    write_problems: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -43,12 +38,6 @@ pub struct PlanBenchArgs {
 pub fn run(arguments: &PlanBenchArgs) -> anyhow::Result<ExitCode> {
     let robot = catch::robot(arguments.robot.as_ref())?;
     let problems = arguments.problems as usize;
-    if let Some(path) = &arguments.write_problems {
-        let problems = peer_problems(&robot, arguments.objective.into(), arguments.seed, problems);
-        std::fs::write(path, serde_json::to_vec(&problems)?)
-            .with_context(|| path.display().to_string())?;
-        return Ok(ExitCode::SUCCESS);
-    }
     let bench = PlanBench {
         problems,
         seed: arguments.seed,

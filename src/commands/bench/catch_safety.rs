@@ -1,9 +1,8 @@
-//! `tactnet bench catch-safety`: the monitor of self-collisions alone.
+//! `tactnet bench catch-safety`: benchmark of the self-collision monitor.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context;
 use clap::Args;
 use tactnet_catching::safety::MonitorConfig;
 use tactnet_catching_trials::{SafetyBench, SafetyReport};
@@ -13,23 +12,19 @@ use crate::output;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet bench catch-safety --motions 1000000 --seed 1 --json\n  \
-    tactnet bench catch-safety --motions 2000 --peer-hulls hulls.json     for other libraries\n\n\
+    tactnet bench catch-safety --motions 1000000 --seed 1 --json\n\n\
     A motion begins anywhere within the joints' ranges with any velocity within their limits. Those that the monitor lets go on are braked \
     and looked at 49 times on the way.")]
 pub struct SafetyBenchArgs {
-    /// Random motions
+    /// Number of random motions
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     motions: u32,
-    /// Of the motions
+    /// Seed of the motions
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// The robot [default: the one that simulations use]
+    /// Description of the robot [default: built-in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Write hulls of bodies in those motions with our distances, as JSON, and measure nothing else
-    #[arg(long, value_name = "FILE")]
-    peer_hulls: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -43,11 +38,6 @@ pub fn run(arguments: &SafetyBenchArgs) -> anyhow::Result<ExitCode> {
         seed: arguments.seed,
         config: MonitorConfig::default(),
     };
-    if let Some(path) = &arguments.peer_hulls {
-        std::fs::write(path, serde_json::to_vec(&bench.peer_hulls(&robot))?)
-            .with_context(|| path.display().to_string())?;
-        return Ok(ExitCode::SUCCESS);
-    }
     let report = bench.run(&robot, |done| {
         if done.is_multiple_of(50_000) {
             say!("{done} of {} motions", bench.motions);

@@ -1,13 +1,12 @@
-//! `tactnet bench catch-track`: the tracker alone.
+//! `tactnet bench catch-track`: benchmark of the tracker.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use anyhow::Context;
 use clap::Args;
 use tactnet_catching::track::TrackConfig;
-use tactnet_catching_trials::{TrackBench, TrackFigures, TrackReport, peer_circles};
+use tactnet_catching_trials::{TrackBench, TrackFigures, TrackReport};
 
 use crate::commands::catch;
 use crate::commands::progress_line::about;
@@ -16,21 +15,17 @@ use crate::output;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet bench catch-track --throws 1000 --seed 1 --json\n  \
-    tactnet bench catch-track --robot my_robot.toml\n  \
-    tactnet bench catch-track --throws 200 --peer-circles circles.json     for other trackers")]
+    tactnet bench catch-track --robot my_robot.toml")]
 pub struct TrackBenchArgs {
-    /// Throws of one ball each, seen from a head that stands still and is known
+    /// Number of throws of one ball each, seen from an exactly known head at rest
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     throws: u32,
-    /// Of throws, noise and clutter
+    /// Seed of throws, noise and clutter
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// The robot [default: the one that simulations use]
+    /// Description of the robot [default: built-in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Write the circles, where trackers begin and what ours made of them, as JSON, and measure nothing else
-    #[arg(long, value_name = "FILE")]
-    peer_circles: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -52,12 +47,6 @@ pub fn run(arguments: &TrackBenchArgs) -> anyhow::Result<ExitCode> {
             say!("{done} of {throws} throws, {} to go", about(left));
         }
     };
-    if let Some(path) = &arguments.peer_circles {
-        let circles = peer_circles(&robot, config, arguments.seed, throws, progress)?;
-        std::fs::write(path, serde_json::to_vec(&circles)?)
-            .with_context(|| path.display().to_string())?;
-        return Ok(ExitCode::SUCCESS);
-    }
     let bench = TrackBench {
         throws,
         seed: arguments.seed,
@@ -83,7 +72,7 @@ fn print(report: &TrackReport) -> anyhow::Result<()> {
 
 fn print_figures(name: &str, figures: &TrackFigures) -> anyhow::Result<()> {
     output::print(format_args!(
-        "{name}: {} circles a picture that are no balls, {:.0} % of balls found",
+        "{name}: {} false detections per picture, {:.0} % of balls found",
         figures.clutter,
         100.0 * figures.detection
     ))?;

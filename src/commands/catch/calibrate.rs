@@ -1,4 +1,4 @@
-//! `tactnet catch calibrate`: what the robot's description lacks.
+//! `tactnet catch calibrate`: calibration of the robot's geometry.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,7 +12,6 @@ use tactnet_catching::calibrate::{CalibrationConfig, KeptCalibration, Model, Rou
 use tactnet_catching_stage::recorded::{read_session, write_session};
 use tactnet_catching_trials::{
     CalibrationReport, CalibrationTrial, Progress, SolveReport, calibration_page, keep_calibration,
-    peer_session,
 };
 use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
@@ -25,61 +24,58 @@ use crate::output;
     tactnet catch calibrate --simulate --seed 7 --json\n  \
     tactnet catch calibrate --simulate --page calibration.html                   hands, markers and balls, before and after\n  \
     tactnet catch calibrate --simulate --record session.mcap --out calibration.toml --throws 0\n  \
-    tactnet catch calibrate --from session.mcap --out calibration.toml           again, from what was recorded\n  \
+    tactnet catch calibrate --from session.mcap --out calibration.toml           again, from the recording\n  \
     tactnet catch throw-series --planted 1 --calibration calibration.toml         catch with it, in stepped time\n  \
-    tactnet catch run --planted 1 --calibration calibration.toml                  catch with it, live\n  \
-    tactnet catch calibrate --from session.mcap --peer problem.json              for other solvers\n\n\
-    With `--simulate` arms go through configurations that are chosen from random ones, before a simulated robot with planted errors (those of \
-    robot number SEED, unless `--world` has others). Hands are then compared with the truth at poses that the calibration has not seen, and \
-    balls are thrown before and after. Where there is no calibration, FILE of `--out` stays as it is.")]
+    tactnet catch run --planted 1 --calibration calibration.toml                  catch with it, live\n\n\
+    With `--simulate`, the arms of a simulated robot with planted errors (those of robot number SEED, unless `--world` has others) move \
+    through configurations chosen from random ones. The hands are then compared with the truth in held-out poses, and balls are thrown \
+    before and after. If the calibration fails, FILE of `--out` does not change.")]
 pub struct CalibrateArgs {
     /// Calibrate the simulated robot
     #[arg(long, required_unless_present = "from", conflicts_with = "from")]
     simulate: bool,
-    /// Calibrate from a session that was recorded
+    /// Calibrate from a recorded session
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
-    /// Of errors, noise, configurations and throws
+    /// Seed of planted errors, noise, configurations and throws
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "from")]
     seed: u64,
-    /// Configurations of each arm
+    /// Number of configurations per arm
     #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(5..=200), conflicts_with = "from")]
     configurations: u16,
-    /// Throws of the series before and after; 0: none
+    /// Number of throws before and after the calibration each; 0 for none
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(0..=1_000_000), conflicts_with = "from")]
     throws: u64,
-    /// The robot as described [default: the one that simulations use]
+    /// Description of the robot [default: built-in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Settings of the world, JSON, its planted errors included [default: the ones built in, with errors of up to about 60 mm at the hands]
+    /// Settings of the world as JSON, including planted errors [default: built-in, with errors of up to about 60 mm
+    /// at the hands]
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     world: Option<PathBuf>,
-    /// Write what was recorded into a new file (MCAP)
+    /// Record the session to a new MCAP file
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     record: Option<PathBuf>,
-    /// Keep the calibration there, TOML; with `--from` the one that is there is where the solver begins
+    /// Write the calibration to this TOML file; with `--from`, an existing one is the starting point of the solver
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Write a page with hands, markers and balls caught before and after
+    /// Write an HTML page with hands, markers and catch rates before and after
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     page: Option<PathBuf>,
     #[command(flatten)]
     viewer: ViewerArgs,
-    /// Write the least-squares problem with our answer, JSON
-    #[arg(long, value_name = "FILE")]
-    peer: Option<PathBuf>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
 }
 
-/// Returns the calibration of a robot in a file, if one is named.
+/// Returns the robot's calibration from a file, if one is named.
 pub fn calibration(path: Option<&Path>, robot: &Robot) -> anyhow::Result<Option<KeptCalibration>> {
     let Some(path) = path else {
         return Ok(None);
     };
     let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-    // What is no text is no calibration, and the line that is wrong says so.
+    // Bytes that are not text fail in `parse`, whose error names the line.
     let kept = KeptCalibration::parse(&String::from_utf8_lossy(&bytes), robot.description())
         .with_context(|| path.display().to_string())?;
     Ok(Some(kept))
@@ -107,11 +103,6 @@ fn solve(arguments: &CalibrateArgs, path: &Path) -> anyhow::Result<ExitCode> {
     )?;
     if let Some(out) = &arguments.out {
         keep_calibration(out, &report.kept)?;
-    }
-    if let Some(path) = &arguments.peer {
-        let problem = peer_session(&robot, &config, &session, &report)?;
-        std::fs::write(path, serde_json::to_vec(&problem)?)
-            .with_context(|| path.display().to_string())?;
     }
     if arguments.json {
         output::print_json(&report)?;
@@ -148,7 +139,7 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let begun = Instant::now();
     let report = trial.run(|progress| match progress {
         Progress::Choosing => say!("choosing configurations"),
-        Progress::Moving => say!("the robot moves"),
+        Progress::Moving => say!("simulating the session"),
         Progress::Solving => say!("solving"),
         Progress::Throwing => {
             let done = thrown.fetch_add(1, Ordering::Relaxed) + 1;
@@ -182,11 +173,6 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     #[cfg(feature = "rerun")]
     if let Some(target) = arguments.viewer.target() {
         super::view_calibration::view(&report, &target)?;
-    }
-    if let Some(path) = &arguments.peer {
-        let problem = peer_session(&trial.robot, &trial.config, &report.session, &report.solved)?;
-        std::fs::write(path, serde_json::to_vec(&problem)?)
-            .with_context(|| path.display().to_string())?;
     }
     if arguments.json {
         output::print_json(&report)?;

@@ -1,6 +1,6 @@
-//! Places and offsets on the command line: `X,Y,Z`, in metres.
+//! Positions and offsets on the command line: `X,Y,Z`, in metres.
 
-/// Reads three numbers.
+/// Parses three numbers.
 pub fn place(text: &str) -> Result<[f64; 3], String> {
     let numbers: Option<Vec<f64>> = text
         .split(',')

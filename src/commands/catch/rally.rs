@@ -22,31 +22,32 @@ use crate::output;
     tactnet catch rally --rallies 4 --distance 6.6 --wheels 0.4      the platform turns in throws\n  \
     tactnet catch rally --settings rally.json                        where balls come down, practice, the planner of throws")]
 pub struct RallyArgs {
-    /// Games; each ends with the first ball that is not caught
+    /// Number of games; a game ends with the first missed ball
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     rallies: u32,
-    /// Of noise, balls, everything drawn
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Between the two robots, m [default: 5]
+    /// Distance between the robots, in m [default: 5]
     #[arg(long, value_name = "M")]
     distance: Option<f64>,
-    /// In throws the platform turns on wheels so far from its middle, m [default: the torso's vertical axis turns]
+    /// Distance of the wheels from the centre of the platform, which turns in throws, in m [default: the vertical
+    /// axis of the torso turns]
     #[arg(long, value_name = "M")]
     wheels: Option<f64>,
-    /// A game ends after so many catches, at the latest [default: 100]
+    /// Maximum number of catches per game [default: 100]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     most: Option<u32>,
-    /// Settings of the games, JSON [default: the ones built in]
+    /// Settings of the games as JSON [default: built-in]
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
-    /// Both robots [default: the one that simulations use]
+    /// Description of both robots [default: built-in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// Settings of their worlds, JSON [default: the ones built in]
+    /// Settings of their worlds as JSON [default: built-in]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
-    /// Write a page with flights, games by length and misses
+    /// Write an HTML page with flights, lengths of games and misses
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
     #[command(flatten)]
@@ -83,7 +84,7 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
     };
     let begun = Instant::now();
     let (thrown, said) = (AtomicU64::new(0), AtomicU64::new(2));
-    // Games end when a ball is missed: what is left is known at most.
+    // Games end at the first missed ball, so this is the maximum of the remaining throws.
     let all = u64::from(arguments.rallies) * most;
     let report = rally.run(|| {
         let thrown = thrown.fetch_add(1, Ordering::Relaxed) + 1;

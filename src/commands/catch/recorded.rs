@@ -1,4 +1,4 @@
-//! `tactnet catch timing` and `tactnet catch replay`: what a recording of the stack tells.
+//! `tactnet catch timing` and `tactnet catch replay`: analysis of a recording of the stack.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -17,10 +17,10 @@ use crate::output;
     tactnet catch timing run.mcap                           from every exposure to its path, step by step\n  \
     tactnet catch timing run.mcap --picture timing.svg      the same as a picture, after figure 3.2 of the thesis")]
 pub struct TimingArgs {
-    /// The recording
+    /// Recording
     #[arg(value_name = "FILE.mcap")]
     recording: PathBuf,
-    /// Draw the steps into this file
+    /// Draw the steps to this file
     #[arg(long, value_name = "FILE.svg")]
     picture: Option<PathBuf>,
     /// Print one JSON document instead of a table
@@ -102,7 +102,7 @@ pub fn run_timing(arguments: &TimingArgs) -> anyhow::Result<ExitCode> {
     tactnet catch replay run.mcap          do tracker and planners answer the same again, bit by bit?\n\n\
     Ends with 1 where they do not. Plans that ran out of time are not compared: how far they come depends on the machine.")]
 pub struct ReplayArgs {
-    /// The recording
+    /// Recording
     #[arg(value_name = "FILE.mcap")]
     recording: PathBuf,
     /// Print one JSON document

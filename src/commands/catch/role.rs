@@ -16,7 +16,7 @@ use crate::output;
 use crate::stop::Stop;
 use crate::table;
 
-/// Name of the world's process, and of that of the skin which sweeps over what is caught.
+/// Name of the world's process.
 const WORLD: &str = "world";
 const SKIN: &str = "skin";
 
@@ -30,13 +30,13 @@ pub struct RoleArgs {
     /// safety, hand, planner-left, planner-right, pose, tracker, eyes, controller, coordinator, feel, thrower, slip-watch, world or skin
     #[arg(required_unless_present = "print_table")]
     role: Option<String>,
-    /// The table of channels
+    /// Table of channels
     #[arg(long, value_name = "FILE", required_unless_present = "print_table")]
     table: Option<PathBuf>,
     /// Run under SCHED_FIFO with this priority
     #[arg(long, value_name = "P", value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: Option<u8>,
-    /// Print a table with the stack's channels and settings, and end
+    /// Print a table with the channels and settings of the stack, and exit
     #[arg(long)]
     print_table: bool,
 }
@@ -64,7 +64,7 @@ pub fn run(arguments: &RoleArgs) -> anyhow::Result<ExitCode> {
         say!("{line}; going on without");
     }
     let ready = || {
-        // Without a reader there is nobody to tell.
+        // Without a reader, no process waits for this line.
         let _ = output::print(format_args!("ready"));
     };
     let stopped = || stop.asked();
@@ -82,7 +82,7 @@ enum Process {
     Skin(SkinSettings),
 }
 
-/// Settings in a line of standard input; `None` where it is empty.
+/// Reads settings from one line of standard input; `None` if it is empty.
 fn from_input<T: DeserializeOwned>() -> anyhow::Result<Option<T>> {
     let mut line = String::new();
     std::io::stdin().read_line(&mut line)?;

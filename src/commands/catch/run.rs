@@ -1,4 +1,4 @@
-//! `tactnet catch run`: the whole stack on channels, live before the simulated world.
+//! `tactnet catch run`: the whole stack on channels, live in the simulated world.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -33,55 +33,60 @@ use crate::{GIT, output};
     Every part is a process: world, pose, tracker, coordinator, two planners, controller, safety, hand (and eyes, with --pixels; thrower, with --throw-back; slip-watch, with --calibration). One that \
     ends by itself brakes the robot, is named and begins again. Ctrl-C ends all of them.")]
 pub struct RunArgs {
-    /// End after so many throws [default: go on]
+    /// Number of throws after which the run ends [default: unlimited]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     throws: Option<u64>,
-    /// End after so many seconds [default: go on]
+    /// Time after which the run ends, in s [default: unlimited]
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
-    /// Decides throws, noise and everything else that the world draws
+    /// Seed of all random numbers of the world
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Balls of a throw
+    /// Number of balls per throw
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     balls: u8,
-    /// The world draws pictures, and eyes search them for circles; otherwise circles come from the world, with noise, misses and clutter
+    /// Render pictures and detect circles in them; otherwise circles come from the world, with noise, misses and
+    /// clutter
     #[arg(long)]
     pixels: bool,
-    /// Balls are of the materials that this run knows: after a catch the free hand sweeps over the ball, at most three times, and the run's network says what it is
+    /// Run directory of a network that predicts the material of caught balls: the free hand sweeps over the ball up
+    /// to three times
     #[arg(long, value_name = "DIR", conflicts_with = "pixels")]
     feel: Option<PathBuf>,
-    /// Whose sweeps are felt [default: those of the run's data that it was not trained on]
+    /// Data set with the sweeps of the materials [default: those of the run's data that were not used for training]
     #[arg(long, value_name = "FILE|twin", requires = "feel")]
     data: Option<String>,
-    /// Throw caught balls back: to where they came from, as far as the robot can, or to a place, m (x ahead, y left, z up)
+    /// Throw caught balls back: to their origin, as far as the robot can, or to a target in m (x ahead, y left, z up)
     #[arg(long, value_name = "X,Y,Z", num_args = 0..=1, require_equals = true, value_parser = place)]
     throw_back: Option<Option<[f64; 3]>>,
-    /// Aim them so far beside that, m, as `catch throw --at` has learnt; given twice: of the left hand, then of the right
+    /// Offset of the aim from the target, in m, as learnt by `catch throw`; once for both hands, or for the left and
+    /// then the right hand
     #[arg(long, value_name = "DX,DY,DZ", requires = "throw_back", allow_hyphen_values = true, value_parser = place)]
     aim_beside: Vec<[f64; 3]>,
-    /// The monitor of self-collisions only reports, and does not brake
+    /// Let the self-collision monitor report instead of brake
     #[arg(long)]
     watch: bool,
-    /// SCHED_FIFO with this priority for the world and the loops of 1 kHz
+    /// Run the world and the 1 kHz loops under SCHED_FIFO with this priority
     #[arg(long, value_name = "P", value_parser = clap::value_parser!(u8).range(1..=99))]
     priority: Option<u8>,
-    /// The robot [default: the one that simulations use]
+    /// Description of the robot [default: built-in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// The world, as JSON [default: the one that simulations use]
+    /// Settings of the world as JSON [default: built-in]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
-    /// What `catch calibrate` found: the processes take it out of measurements and put it into commands
+    /// Calibration from `catch calibrate` that corrects measurements and commands
     #[arg(long, value_name = "FILE", conflicts_with = "pixels")]
     calibration: Option<PathBuf>,
-    /// The world's robot is the uncalibrated one of this number, as in `catch calibrate --simulate --seed N`, whatever errors `--world` has
+    /// Plant the errors of the uncalibrated robot with this number, as in `catch calibrate --simulate --seed N`;
+    /// replaces the errors of `--world`
     #[arg(long, value_name = "N")]
     planted: Option<u64>,
-    /// Just before this throw a tendon of the right arm slips: its second joint stands a degree farther than its sensor says
+    /// Number of the throw before which a tendon of the right arm slips: its second joint moves by a degree without a
+    /// change of its sensor
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     slip_at: Option<u64>,
-    /// Record everything that travels on the channels, but pictures, into an MCAP file; `catch timing` and `catch replay` read it
+    /// Record all channels except pictures to an MCAP file, for `catch timing` and `catch replay`
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
     /// Print one JSON document
@@ -89,7 +94,7 @@ pub struct RunArgs {
     json: bool,
 }
 
-/// What slips with `--slip-at`.
+/// Tendon slip of `--slip-at`.
 const SLIP: TendonSlip = TendonSlip {
     arm: 1,
     joint: 1,
@@ -128,7 +133,7 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     if arguments.throw_back.is_some() && arguments.balls > 1 {
         bail!("--throw-back: a hand throws one ball; expected `--balls 1`");
     }
-    // A mistake in a file is named before anything starts.
+    // Invalid files are reported before the processes start.
     super::robot(arguments.robot.as_ref())?;
     stack.kept()?;
     if arguments.feel.is_some() && arguments.balls > 1 {
@@ -196,7 +201,7 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Settings of the skin that feels balls of all materials of a run.
+/// Returns the settings of a skin with sweeps of all materials of a run.
 fn felt(run: &Path, arguments: &RunArgs) -> anyhow::Result<SkinSettings> {
     let own = RunDir::open(run)?.config()?.spec.data;
     Ok(SkinSettings {
@@ -207,14 +212,14 @@ fn felt(run: &Path, arguments: &RunArgs) -> anyhow::Result<SkinSettings> {
     })
 }
 
-/// Returns the materials that a run knows: those of which balls are.
+/// Returns the materials that a network knows, which are those of the balls.
 pub fn felt_materials(run: &Path) -> anyhow::Result<Vec<String>> {
     let config = RunDir::open(run)?.config()?;
     config.require_network(run, "be served")?;
     Ok(config.classifier.labels.names().map(Into::into).collect())
 }
 
-/// Says what happens in a run.
+/// Prints an event of a run.
 pub fn show(event: RunEvent) {
     match event {
         RunEvent::Started(processes) => {
@@ -263,7 +268,7 @@ pub fn show(event: RunEvent) {
     }
 }
 
-/// What a robot's owner is to do.
+/// Instruction for an invalid calibration.
 const NO_LONGER: &str = "the calibration no longer holds: run `tactnet catch calibrate`";
 
 fn squares_of(state: &CalibrationState) -> String {
@@ -271,7 +276,7 @@ fn squares_of(state: &CalibrationState) -> String {
     squares(means, state.innovations)
 }
 
-/// How far markers are from where the calibration puts them.
+/// Describes the mean squared innovations of the markers.
 fn squares(means: [Option<f64>; 2], features: [u64; 2]) -> String {
     let of = |arm: usize| {
         let side = ["left", "right"][arm];
@@ -309,7 +314,7 @@ fn thrown_back(thrown: &ThrownBack) -> String {
     )
 }
 
-/// What the ball was felt to be, behind what became of it.
+/// Describes the predicted material, after the outcome of the throw.
 fn feeling(outcome: &CatchOutcome) -> String {
     let (material, felt) = (outcome.material.as_str(), outcome.felt.as_str());
     if material.is_empty() {
@@ -387,7 +392,7 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
         report.last_measurement_age_ms,
     ))?;
     output::print(format_args!(
-        "1 kHz loop: 99.9 % of commands within {:.0} us of their beat; brakes by the monitor: {}, {} of them in vain",
+        "1 kHz loop: 99.9 % of commands within {:.0} us of their beat; brakes by the monitor: {}, {} of them false stops",
         report.loop_p999_us, report.monitor_brakes, report.false_brakes
     ))?;
     if let (Some(recording), Some(path)) = (&report.recording, file) {

@@ -1,4 +1,4 @@
-//! The skin of the hand that sweeps over caught balls: a process of `tactnet catch run --feel`.
+//! Simulated skin of the hand that sweeps over caught balls: a process of `tactnet catch run --feel`.
 
 use std::path::PathBuf;
 
@@ -18,17 +18,17 @@ use crate::source;
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SkinSettings {
-    /// Run directory of the network that serves: sweeps that it has learnt from are not played.
+    /// Run directory of the network; sweeps of its training data are excluded.
     pub run: PathBuf,
-    /// Whose sweeps: a file, or `twin`.
+    /// Data set of the sweeps: a file, or `twin`.
     pub data: String,
-    /// The materials of which balls are.
+    /// Possible materials of the balls.
     pub materials: Vec<String>,
-    /// The world's seed, which decides of what each ball is.
+    /// Seed of the world, which determines the material of each ball.
     pub seed: u64,
 }
 
-/// Plays sweeps of what is held until `stopped` returns true.
+/// Plays sweeps of the held material until `stopped` returns true.
 pub fn run(
     settings: &SkinSettings,
     bus: &Bus,

@@ -1,4 +1,4 @@
-//! `tactnet catch throw-series`: how many balls are caught.
+//! `tactnet catch throw-series`: catch rate in stepped time.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -31,34 +31,35 @@ use crate::output;
     tactnet catch throw-series --planted 7 --calibration calibration.toml    with what `catch calibrate --simulate --seed 7` found\n  \
     tactnet catch throw-series --timing thesis                       152 ms from exposure to path instead of 70")]
 pub struct ThrowSeriesArgs {
-    /// How many throws
+    /// Number of throws
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     throws: u64,
-    /// Of throws, noise, everything drawn
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Balls at once
+    /// Number of simultaneous balls
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     balls: u8,
-    /// How long the parts of the stack take
+    /// Delays of the stack
     #[arg(long, value_enum, default_value_t = TimingChoice::Ours)]
     timing: TimingChoice,
-    /// Leave this out; may be given more than once
+    /// Part of the stack to disable; may be given more than once
     #[arg(long, value_enum, value_name = "PART")]
     without: Vec<AblationChoice>,
-    /// Where head and balls are is taken from the truth
+    /// Take the poses of head and balls from the true state
     #[arg(long)]
     perfect_perception: bool,
-    /// Draw both cameras' pictures and find the balls in them: some seconds a throw
+    /// Render the pictures of both cameras and detect balls in them; takes several seconds per throw
     #[arg(long, conflicts_with = "perfect_perception")]
     pixels: bool,
-    /// Catch among a table and a box that is moved before each throw, or the boxes of --world: with a map of depth pictures, and again without
+    /// Add a table and a box that is moved before each throw, or the boxes of `--world`; runs with a map of depth
+    /// pictures and again without
     #[arg(long, conflicts_with = "calibration")]
     obstacles: bool,
-    /// Count throws in which the monitor of self-collisions would have braked
+    /// Count throws in which the self-collision monitor would have braked
     #[arg(long)]
     watch: bool,
-    /// Hands close so much too late, ms; less than 0: too early
+    /// Delay of the closing of the hands, in ms; negative for early
     #[arg(
         long,
         value_name = "MS",
@@ -66,22 +67,24 @@ pub struct ThrowSeriesArgs {
         allow_negative_numbers = true
     )]
     closing_error: f64,
-    /// The robot as the stack knows it and, but for the errors that the world adds, as it is [default: the one built in]
+    /// Description of the robot for the stack and, apart from planted errors, the world [default: built-in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
-    /// What `catch calibrate` found: the stack takes it out of measurements and puts it into commands
+    /// Calibration from `catch calibrate` that corrects measurements and commands
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
-    /// Settings of the world, JSON [default: the ones built in]
+    /// Settings of the world as JSON [default: built-in]
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
-    /// The world's robot is the uncalibrated one of this number, as in `catch calibrate --simulate --seed N`, whatever errors `--world` has
+    /// Plant the errors of the uncalibrated robot with this number, as in `catch calibrate --simulate --seed N`;
+    /// replaces the errors of `--world`
     #[arg(long, value_name = "N")]
     planted: Option<u64>,
-    /// Write a page with rates, errors over time and one throw drawn; with --obstacles: with and without the map, and a cut through it
+    /// Write an HTML page with rates, errors over time and one drawn throw; with `--obstacles`, with and without the
+    /// map
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
-    /// Draw that throw alone: robot and balls from the side, .svg
+    /// Draw that throw alone from the side as an SVG file
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     #[command(flatten)]
@@ -95,23 +98,23 @@ pub struct ThrowSeriesArgs {
 enum TimingChoice {
     /// 70 ms from exposure to path
     Ours,
-    /// 152 ms, as in the thesis
+    /// 152 ms from exposure to path, as in the thesis
     Thesis,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum AblationChoice {
-    /// The inertial unit: the head is where the joints put it
+    /// Inertial unit: the head pose follows from the joints
     Imu,
-    /// Drag: balls fly parabolas
+    /// Drag: flights are parabolas
     Drag,
-    /// Re-planning: the first plan is carried out
+    /// Replanning: the robot executes the first plan
     Replan,
-    /// Several starts of a plan
+    /// Multiple starts of a plan
     Multistart,
-    /// Platform and torso
+    /// Motion of platform and torso
     LowerBody,
-    /// Motions that come near where no exact catch is left
+    /// Near misses if no exact catch is possible
     NearMiss,
 }
 
@@ -135,7 +138,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     if arguments.obstacles && world.obstacles.boxes.is_empty() {
         world.obstacles = ObstaclesConfig::table_and_box();
     }
-    // Before a series is run in vain.
+    // Before a long computation.
     for file in arguments.page.iter().chain(&arguments.picture) {
         super::check_folder(file)?;
     }
@@ -173,7 +176,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     };
     let begun = Instant::now();
     let (done, said) = (AtomicU64::new(0), AtomicU64::new(2));
-    // Among obstacles every throw is thrown twice.
+    // Among obstacles, every throw is simulated twice.
     let runs = match arguments.obstacles {
         true => 2 * arguments.throws,
         false => arguments.throws,

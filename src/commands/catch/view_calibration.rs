@@ -1,12 +1,13 @@
-//! What a calibration leaves unexplained, in the Rerun viewer.
+//! Residuals of a calibration in the Rerun viewer.
 
 use tactnet_catching_trials::CalibrationReport;
 use tactnet_recording::view::{Curves, Motion, Target, show_motion};
 
-/// A feature or a pose takes so long, ns: they have no times of their own.
+/// Time between two features or poses, which have no times, in ns.
 const STEP_NS: i64 = 10_000_000;
 
-/// Shows features beside where description and calibration put them, and hands at unseen poses, one after the other.
+/// Shows features next to the predictions of description and calibration, and hands in held-out poses, one after the
+/// other.
 pub fn view(report: &CalibrationReport, target: &Target) -> anyhow::Result<()> {
     let samples = &report.samples;
     let line = |name: &str, values: &[f64]| {
@@ -19,15 +20,15 @@ pub fn view(report: &CalibrationReport, target: &Target) -> anyhow::Result<()> {
     let motion = Motion {
         curves: vec![
             Curves {
-                name: "markers beside where the calibration puts them, pixels".into(),
+                name: "residuals of markers with the calibration, pixels".into(),
                 lines: vec![line("calibrated", &samples.residuals_px)],
             },
             Curves {
-                name: "the same of the description, pixels".into(),
+                name: "residuals of markers with the description, pixels".into(),
                 lines: vec![line("as described", &samples.before_px)],
             },
             Curves {
-                name: "hands at unseen poses, mm".into(),
+                name: "hands in held-out poses, mm".into(),
                 lines: vec![
                     line("as described", &samples.raw_mm),
                     line("calibrated", &samples.found_mm),

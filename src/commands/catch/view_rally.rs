@@ -3,7 +3,7 @@
 use tactnet_catching_trials::{RallyFlight, RallyReport};
 use tactnet_recording::view::{Lines, Motion, Target, show_motion};
 
-/// Shows flights from the releases on, one behind the other.
+/// Shows flights from their releases on, one behind the other.
 pub fn view(report: &RallyReport, target: &Target) -> anyhow::Result<()> {
     let way = |flight: &RallyFlight| {
         let aside = 0.1 * flight.game as f64;

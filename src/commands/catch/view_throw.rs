@@ -7,13 +7,13 @@ use tactnet_catching_trials::{Series, SeriesReport, Trace, TraceTick};
 use tactnet_catching_world::StandingBox;
 use tactnet_recording::view::{Ball, Capsule, Curves, Lines, Motion, Points, Target, show_motion};
 
-/// Every so many ticks of 1 ms are shown.
+/// Number of ticks of 1 ms between two shown states.
 const EVERY: usize = 4;
 
-/// Edge of the cells of a map that are shown, cells.
+/// Edge length of the shown cells of a map, in cells of the map.
 const COARSE: usize = 2;
 
-/// Shows the throw that a page would draw, with what the robot has seen of obstacles.
+/// Shows the throw that a page would draw, with the robot's map of obstacles.
 pub fn view(series: &Series, report: &SeriesReport, target: &Target) -> anyhow::Result<()> {
     if let Some((number, trace)) = series.drawn(report)? {
         show_motion(target, &format!("throw {number}"), &motion(&trace))?;
@@ -104,7 +104,7 @@ fn motion(trace: &Trace) -> Motion {
     }
 }
 
-/// Cells at the surface of what the robot has seen.
+/// Returns the cells at the surface of the mapped obstacles.
 fn surface(field: &DistanceField) -> Points {
     let grid = field.grid();
     let near = grid.voxel * COARSE as f64;
@@ -120,7 +120,7 @@ fn surface(field: &DistanceField) -> Points {
     }
 }
 
-/// The bottom, the top and the upright edges of a box.
+/// Returns the bottom, the top and the upright edges of a box.
 fn edges(of: &StandingBox) -> Vec<Vec<[f64; 3]>> {
     let (sin, cos) = of.turn.sin_cos();
     let corner = |number: usize, up: f64| {

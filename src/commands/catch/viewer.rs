@@ -1,4 +1,4 @@
-//! `--view` of commands that catch: where the Rerun viewer is.
+//! `--view` of the catching commands: output to the Rerun viewer.
 
 use std::path::Path;
 
@@ -6,13 +6,13 @@ use clap::Args;
 
 #[derive(Args)]
 pub struct ViewerArgs {
-    /// Show what the page draws in the Rerun viewer, or write it for one, or show it in one that runs already
+    /// Show the content of the page in the Rerun viewer, write it to a file, or send it to a running viewer
     #[arg(long, value_name = "FILE.rrd|URL", num_args = 0..=1)]
     view: Option<Option<String>>,
 }
 
 impl ViewerArgs {
-    /// Refuses what could not be shown, before anything is computed in vain.
+    /// Returns an error for an invalid target, before a long computation.
     pub fn check(&self) -> anyhow::Result<()> {
         #[cfg(not(feature = "rerun"))]
         if self.view.is_some() {
@@ -21,12 +21,12 @@ impl ViewerArgs {
         if let Some(Some(file)) = &self.view
             && Path::new(file).exists()
         {
-            anyhow::bail!("{file}: there is such a file already");
+            anyhow::bail!("{file}: expected a new file, found an existing one");
         }
         Ok(())
     }
 
-    /// Returns where to show it, if it is to be shown.
+    /// Returns the target of `--view`, if it is given.
     #[cfg(feature = "rerun")]
     pub fn target(&self) -> Option<tactnet_recording::view::Target> {
         use tactnet_recording::view::Target;

@@ -1,4 +1,4 @@
-//! `tactnet demo --catching`: balls are caught, and felt, while a page shows robot and beliefs.
+//! `tactnet demo --catching`: the robot catches and explores balls, and a web page shows robot and beliefs.
 
 use std::net::TcpListener;
 use std::path::Path;
@@ -17,8 +17,8 @@ use crate::commands::stage_source::stage_source;
 use crate::stop::Stop;
 use crate::{GIT, output, table};
 
-/// - `run`: of the network that serves
-/// - `sweeps`: data set whose sweeps are felt
+/// - `run`: run directory of the network
+/// - `sweeps`: data set with the sweeps of the balls
 pub fn run(
     program: &Path,
     folder: &Path,
@@ -87,7 +87,7 @@ fn show(
     ended: &dyn Fn() -> bool,
 ) -> anyhow::Result<()> {
     say!(
-        "a robot catches balls and feels of what they are; open {} in a browser; Ctrl-C ends",
+        "a robot catches balls and determines their materials; open {} in a browser; Ctrl-C ends the demo",
         page.link()
     );
     say!(
@@ -104,7 +104,7 @@ fn show(
 fn ended<T>(caught: Result<T, StageError>, stop: &Stop) -> anyhow::Result<()> {
     caught?;
     if !stop.asked() {
-        bail!("the catching stack has ended by itself");
+        bail!("the catching stack ended unexpectedly");
     }
     Ok(())
 }

@@ -1,55 +1,81 @@
-//! Least-squares problem of a session for other solvers, with the solution of this project.
+//! Writes the least-squares problem of a simulated calibration session for other solvers as JSON, with the solution of
+//! this project.
+//!
+//!     cargo run --release -p tactnet-catching-trials --example peer_session -- SEED > problem.json
 
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{
-    CalibrationConfig, Noise, Session, UNKNOWNS, Unknowns, at, name,
+    CalibrationConfig, Noise, RoutineConfig, Session, UNKNOWNS, Unknowns, at, name,
 };
+use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_trials::{CalibrationTrial, SolveReport, TrialError};
+use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
-use super::SolveReport;
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let seed: u64 = std::env::args().nth(1).ok_or("expected SEED")?.parse()?;
+    let trial = CalibrationTrial {
+        robot: Robot::new(RobotDescription::nominal()),
+        world: WorldConfig {
+            errors: PlantedErrors::uncalibrated(seed),
+            ..WorldConfig::default()
+        },
+        config: CalibrationConfig::default(),
+        routine: RoutineConfig::default(),
+        seed,
+        of_each_arm: 15,
+        candidates: 500,
+        unseen: 200,
+        throws: 0,
+    };
+    let report = trial.run(|_| ())?;
+    let problem = peer_session(&trial.robot, &trial.config, &report.session, &report.solved)?;
+    println!("{}", serde_json::to_string(&problem)?);
+    Ok(())
+}
 
 /// Least-squares problem of a session and its solution.
 #[derive(Debug, Clone, Serialize)]
-pub struct PeerSession {
+struct PeerSession {
     /// Names of the unknowns.
-    pub names: Vec<String>,
+    names: Vec<String>,
     /// Indices of the unknowns: left camera, marker, offsets, compliances, mount; neck; rotation of the inertial
     /// unit, biases; clocks.
-    pub places: Vec<usize>,
+    places: Vec<usize>,
     /// Means of the priors, the starting point of solvers.
-    pub guess: Vec<f64>,
+    guess: Vec<f64>,
     /// Standard deviations of the priors.
-    pub sigmas: Vec<f64>,
+    sigmas: Vec<f64>,
     /// Standard deviations of the measurements.
-    pub noise: Noise,
+    noise: Noise,
     /// Threshold of the Huber loss, in standard deviations.
-    pub huber: f64,
+    huber: f64,
     /// Recorded session.
-    pub session: Session,
+    session: Session,
     /// Solution of this project.
-    pub ours: Vec<f64>,
+    ours: Vec<f64>,
     /// Cost of the solution.
-    pub cost: f64,
+    cost: f64,
     /// Time of this project's solver, in s.
-    pub solve_seconds: f64,
+    solve_seconds: f64,
     /// Height of the neck above the chest, in m.
-    pub neck_height: f64,
+    neck_height: f64,
     /// Centre between the cameras and baseline in m; focal length, width and height in pixels.
-    pub cameras: ([f64; 3], f64, [f64; 3]),
+    cameras: ([f64; 3], f64, [f64; 3]),
     /// Position in m, inclination in rad, and lengths from base to shoulder, elbow and wrist in m, for each arm.
-    pub arms: Vec<([f64; 3], f64, [f64; 3])>,
+    arms: Vec<([f64; 3], f64, [f64; 3])>,
 }
 
 /// Returns the problem of a session.
 ///
 /// # Errors
 /// An invalid setting.
-pub fn peer_session(
+fn peer_session(
     robot: &Robot,
     config: &CalibrationConfig,
     session: &Session,
     report: &SolveReport,
-) -> Result<PeerSession, crate::error::TrialError> {
+) -> Result<PeerSession, TrialError> {
     let description = robot.description();
     let cameras = &description.cameras;
     let list = |x: Unknowns| x.as_slice().to_vec();

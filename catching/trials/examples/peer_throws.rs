@@ -1,4 +1,6 @@
-//! Throw problems for other planners, with initial values and the solutions of this project.
+//! Writes throw problems for other planners as JSON, with initial values and the solutions of this project.
+//!
+//!     cargo run --release -p tactnet-catching-trials --example peer_throws -- THROWS SEED > throws.json
 
 use std::time::Instant;
 
@@ -10,38 +12,49 @@ use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{Aim, ThrowPlanConfig, ThrowRequest, Thrower};
 use tactnet_catching_packets::ARMS;
 
-use crate::error::TrialError;
+use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_trials::TrialError;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let mut number = || arguments.next().ok_or("expected THROWS SEED");
+    let (count, seed): (usize, u64) = (number()?.parse()?, number()?.parse()?);
+    let robot = Robot::new(RobotDescription::nominal());
+    let throws = peer_throws(&robot, seed, count)?;
+    println!("{}", serde_json::to_string(&throws)?);
+    Ok(())
+}
 
 /// A throw of maximum distance with its solution, in SI units, inertial frame.
 #[derive(Debug, Clone, Serialize)]
-pub struct PeerLaunch {
+struct PeerLaunch {
     /// Arm, 0 for left and 1 for right.
-    pub arm: usize,
+    arm: usize,
     /// Direction of the throw about the vertical, from straight ahead, in rad.
-    pub heading: f64,
+    heading: f64,
     /// Height at which the flight ends, in m.
-    pub height: f64,
+    height: f64,
     /// Drag of the ball, in 1/m.
-    pub drag: f64,
+    drag: f64,
     /// Duration of constant joint speeds before and after the release, in s.
-    pub coast: f64,
+    coast: f64,
     /// Maximum angle between the hand's axis and the velocity of the ball, in rad.
-    pub palm: f64,
+    palm: f64,
     /// Initial angles of turn and arm, shares of their maximum speeds, and time; the best first.
-    pub starts: Vec<Vec<f64>>,
+    starts: Vec<Vec<f64>>,
     /// Solution of this project, in the same order.
-    pub unknowns: Vec<f64>,
+    unknowns: Vec<f64>,
     /// Length of its flight, in m.
-    pub distance: f64,
+    distance: f64,
     /// Computation time on one core including the initial values, in ms.
-    pub ms: f64,
+    ms: f64,
 }
 
 /// Returns `count` throws.
 ///
 /// # Errors
 /// A throw that cannot be planned.
-pub fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<PeerLaunch>, TrialError> {
+fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<PeerLaunch>, TrialError> {
     // The exported problem has limits and flight, but not the robot's bodies, so that peers stay short.
     let config = ThrowPlanConfig {
         clearance: 0.0,

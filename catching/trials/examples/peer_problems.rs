@@ -1,4 +1,6 @@
-//! Catch problems for other planners, with initial values and the solutions of this project.
+//! Writes catch problems for other planners as JSON, with initial values and the solutions of this project.
+//!
+//!     cargo run --release -p tactnet-catching-trials --example peer_problems -- PROBLEMS SEED > problems.json
 
 use std::time::Instant;
 
@@ -6,55 +8,61 @@ use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::plan::{BODIES, Body, Objective, PlanConditions, PlanConfig, Planner};
 
-use crate::problems::{PlanProblem, plan_problem};
+use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_trials::{PlanProblem, plan_problem};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let mut number = || arguments.next().ok_or("expected PROBLEMS SEED");
+    let (count, seed): (usize, u64) = (number()?.parse()?, number()?.parse()?);
+    let robot = Robot::new(RobotDescription::nominal());
+    let problems = peer_problems(&robot, Objective::Soft, seed, count);
+    println!("{}", serde_json::to_string(&problems)?);
+    Ok(())
+}
 
 /// A catch problem with its solution, in SI units. Ball and arm are in the chest frame.
 #[derive(Debug, Clone, Serialize)]
-pub struct PeerProblem {
+struct PeerProblem {
     /// Number of the problem.
-    pub number: u64,
+    number: u64,
     /// Arm, 0 for left and 1 for right.
-    pub arm: usize,
+    arm: usize,
     /// Position of the ball at the start of the motion.
-    pub p: [f64; 3],
+    p: [f64; 3],
     /// Velocity of the ball.
-    pub v: [f64; 3],
+    v: [f64; 3],
     /// Drag of the ball, in 1/m.
-    pub k: f64,
+    k: f64,
     /// Joint angles at the start of the motion.
-    pub q0: [f64; 7],
+    q0: [f64; 7],
     /// Joint rates at the start of the motion.
-    pub w0: [f64; 7],
+    w0: [f64; 7],
     /// Latest time of the catch.
-    pub latest: f64,
+    latest: f64,
     /// Bodies that the hand must avoid.
-    pub bodies: [Body; BODIES],
+    bodies: [Body; BODIES],
     /// Initial joint angles and times of the descents, the best first.
-    pub starts: Vec<([f64; 7], f64)>,
+    starts: Vec<([f64; 7], f64)>,
     /// Solution of this project; `None` if it found none.
-    pub ours: Option<PeerAnswer>,
+    ours: Option<PeerAnswer>,
 }
 
 /// A plan.
 #[derive(Debug, Clone, Serialize)]
-pub struct PeerAnswer {
+struct PeerAnswer {
     /// Joint angles at the catch.
-    pub q: [f64; 7],
+    q: [f64; 7],
     /// Time of the catch.
-    pub t: f64,
+    t: f64,
     /// Cost.
-    pub cost: f64,
+    cost: f64,
     /// Computation time on one core including the grid, in ms.
-    pub ms: f64,
+    ms: f64,
 }
 
 /// Returns the first `count` problems of a seed that have initial values.
-pub fn peer_problems(
-    robot: &Robot,
-    objective: Objective,
-    seed: u64,
-    count: usize,
-) -> Vec<PeerProblem> {
+fn peer_problems(robot: &Robot, objective: Objective, seed: u64, count: usize) -> Vec<PeerProblem> {
     // The optimisation problem of the thesis includes only the hand's distance from the chest, and is short enough to
     // be implemented for peers.
     let config = PlanConfig {
