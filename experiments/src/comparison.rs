@@ -56,41 +56,19 @@ pub(crate) fn comparisons(
 ) -> Vec<Comparison> {
     let mut found: Vec<(Family, Comparison)> = Vec::new();
     for (position, first) in rows.iter().enumerate() {
-        match of(first.row.measure) {
-            None => {}
-            Some(Compared::With(reference)) => found.extend(
-                rows.iter()
-                    .filter(|second| {
-                        first.row.method != reference
-                            && second.row.method == reference
-                            && second.row.model == first.row.model
-                            && alike(&first.row, &second.row)
-                    })
-                    .filter_map(|second| Some((family(&first.row), compare(first, second)?))),
-            ),
-            Some(Compared::Networks { sweeps }) => found.extend(
-                rows[position + 1..]
-                    .iter()
-                    .filter(|second| {
-                        first.row.sweeps == Some(sweeps)
-                            && first.row.method == second.row.method
-                            && first.row.model != second.row.model
-                            && alike(&first.row, &second.row)
-                    })
-                    .filter_map(|second| Some((family(&first.row), compare(first, second)?))),
-            ),
-            Some(Compared::WithEachOther { sweeps }) => found.extend(
-                rows[position + 1..]
-                    .iter()
-                    .filter(|second| {
-                        first.row.sweeps == Some(sweeps)
-                            && !first.probe
-                            && !second.probe
-                            && alike(&first.row, &second.row)
-                    })
-                    .filter_map(|second| Some((family(&first.row), compare(first, second)?))),
-            ),
-        }
+        let Some(compared) = of(first.row.measure) else {
+            continue;
+        };
+        let others = match compared {
+            Compared::With(_) => rows,
+            _ => &rows[position + 1..],
+        };
+        let others = others.iter().filter(|second| {
+            is_compared(compared, first, second) && alike(&first.row, &second.row)
+        });
+        found.extend(
+            others.filter_map(|second| Some((family(&first.row), compare(first, second)?))),
+        );
     }
     let families: BTreeSet<Family> = found.iter().map(|(family, _)| family.clone()).collect();
     for family in families {
@@ -115,6 +93,22 @@ pub(crate) fn comparisons(
         .into_iter()
         .map(|(_, comparison)| comparison)
         .collect()
+}
+
+/// Returns true if `first` is compared with `second`.
+fn is_compared(compared: Compared, first: &RowOfTasks, second: &RowOfTasks) -> bool {
+    let (a, b) = (&first.row, &second.row);
+    match compared {
+        Compared::With(reference) => {
+            a.method != reference && b.method == reference && a.model == b.model
+        }
+        Compared::Networks { sweeps } => {
+            a.sweeps == Some(sweeps) && a.method == b.method && a.model != b.model
+        }
+        Compared::WithEachOther { sweeps } => {
+            a.sweeps == Some(sweeps) && !first.probe && !second.probe
+        }
+    }
 }
 
 /// Key of the comparisons that are corrected together: measure, data set, levels, split.

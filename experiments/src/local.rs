@@ -108,104 +108,148 @@ pub fn run_locally(
     mut tell: impl FnMut(Event<'_>),
 ) -> Result<(), ExperimentError> {
     let tasks = &dir.plan.tasks;
-    let mut attempts = vec![0; tasks.len()];
-    let mut ended: Vec<bool> = tasks
-        .iter()
-        .map(|t| dir.state(t) == TaskState::Done)
-        .collect();
-    let mut running: Vec<Running> = Vec::new();
+    let is_done = |task| dir.state(task) == TaskState::Done;
+    let mut runner = Runner {
+        dir,
+        program,
+        pool,
+        attempts: vec![0; tasks.len()],
+        ended: tasks.iter().map(is_done).collect(),
+        running: Vec::new(),
+    };
     tell(Event::Begun {
-        done: ended.iter().filter(|ended| **ended).count(),
+        done: runner.ended.iter().filter(|ended| **ended).count(),
         all: tasks.len(),
         left: TimeLeft::of(dir, pool.jobs),
     });
     loop {
         let stopping = stop();
         if stopping {
-            running.iter_mut().for_each(|r| r.process.interrupt());
+            let running = runner.running.iter_mut();
+            running.for_each(|running| running.process.interrupt());
         }
-        let mut position = 0;
-        while position < running.len() {
-            let Some(status) = running[position].process.status()? else {
-                position += 1;
-                continue;
-            };
-            let Running { indices, process } = running.swap_remove(position);
-            for &index in &indices {
-                let task = &tasks[index];
-                if dir.state(task) == TaskState::Done {
-                    ended[index] = true;
-                    tell(Event::Done {
-                        task,
-                        seconds: process.seconds() / indices.len() as f64,
-                    });
-                } else if !stopping {
-                    attempts[index] += 1;
-                    // With several tasks in a process, the wrong call cannot be attributed to one of them.
-                    if status.code() == Some(HOPELESS) && indices.len() == 1 {
-                        attempts[index] = ATTEMPTS;
-                    }
-                    tell(Event::Failed {
-                        task,
-                        attempt: attempts[index],
-                        reason: dir.last_words(task),
-                    });
-                    ended[index] = attempts[index] >= ATTEMPTS;
-                }
+        runner.collect(stopping, &mut tell)?;
+        if stopping {
+            if runner.running.is_empty() {
+                return Ok(());
             }
+        } else {
+            runner.start(&mut tell)?;
         }
-        if stopping && running.is_empty() {
-            return Ok(());
-        }
-        let mut open: Vec<usize> = (0..tasks.len())
-            .filter(|i| !ended[*i] && running.iter().all(|r| !r.indices.contains(i)))
-            .collect();
-        while !stopping && running.len() < pool.jobs && !open.is_empty() {
-            let index = open.remove(0);
-            let task = &tasks[index];
-            match dir.state(task) {
-                TaskState::Done => {
-                    ended[index] = true;
-                    tell(Event::Done { task, seconds: 0.0 });
-                }
-                TaskState::Running => {}
-                TaskState::Open | TaskState::Interrupted => {
-                    // A task that has failed is retried alone.
-                    let fresh = |i: &usize| {
-                        let state = dir.state(&tasks[*i]);
-                        let waits = matches!(state, TaskState::Open | TaskState::Interrupted);
-                        attempts[*i] == 0 && waits
-                    };
-                    let others: Vec<usize> = open.iter().copied().filter(fresh).collect();
-                    let most = match attempts[index] {
-                        0 => pool.at_once.unwrap_or(TOGETHER),
-                        _ => 1,
-                    };
-                    let mut group = together(dir, index, &others, most);
-                    let of_group: Vec<&Task> = group.iter().map(|&i| &tasks[i]).collect();
-                    let started = TaskProcess::start(dir, program, &of_group, pool)?;
-                    if let Some((process, claimed)) = started {
-                        group = claimed.iter().map(|&at| group[at]).collect();
-                        open.retain(|i| !group.contains(i));
-                        for &index in &group {
-                            tell(Event::Started {
-                                task: &tasks[index],
-                            });
-                        }
-                        running.push(Running {
-                            indices: group,
-                            process,
-                        });
-                    }
-                }
-            }
-        }
-        if ended.iter().all(|ended| *ended) {
+        if runner.ended.iter().all(|ended| *ended) {
             break;
         }
         thread::sleep(POLL);
     }
     failures(dir)
+}
+
+/// The state of [`run_locally`].
+struct Runner<'a> {
+    dir: &'a ExperimentDir,
+    program: &'a Path,
+    pool: LocalPool,
+    /// Number of failures of each task.
+    attempts: Vec<usize>,
+    /// True for tasks that are finished or have failed finally.
+    ended: Vec<bool>,
+    running: Vec<Running>,
+}
+
+impl Runner<'_> {
+    /// Removes the processes that have ended, and reports their tasks.
+    fn collect(
+        &mut self,
+        stopping: bool,
+        tell: &mut impl FnMut(Event<'_>),
+    ) -> Result<(), ExperimentError> {
+        let mut position = 0;
+        while position < self.running.len() {
+            let Some(status) = self.running[position].process.status()? else {
+                position += 1;
+                continue;
+            };
+            let Running { indices, process } = self.running.swap_remove(position);
+            for &index in &indices {
+                let task = &self.dir.plan.tasks[index];
+                if self.dir.state(task) == TaskState::Done {
+                    self.ended[index] = true;
+                    let seconds = process.seconds() / indices.len() as f64;
+                    tell(Event::Done { task, seconds });
+                } else if !stopping {
+                    self.attempts[index] += 1;
+                    // With several tasks in a process, the wrong call cannot be attributed to one of them.
+                    if status.code() == Some(HOPELESS) && indices.len() == 1 {
+                        self.attempts[index] = ATTEMPTS;
+                    }
+                    tell(Event::Failed {
+                        task,
+                        attempt: self.attempts[index],
+                        reason: self.dir.last_words(task),
+                    });
+                    self.ended[index] = self.attempts[index] >= ATTEMPTS;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts tasks while the pool has room.
+    fn start(&mut self, tell: &mut impl FnMut(Event<'_>)) -> Result<(), ExperimentError> {
+        let is_running = |i: &usize| self.running.iter().any(|r| r.indices.contains(i));
+        let mut open: Vec<usize> = (0..self.ended.len())
+            .filter(|i| !self.ended[*i] && !is_running(i))
+            .collect();
+        while self.running.len() < self.pool.jobs && !open.is_empty() {
+            let index = open.remove(0);
+            let task = &self.dir.plan.tasks[index];
+            match self.dir.state(task) {
+                TaskState::Done => {
+                    self.ended[index] = true;
+                    tell(Event::Done { task, seconds: 0.0 });
+                }
+                TaskState::Running => {}
+                TaskState::Open | TaskState::Interrupted => {
+                    self.start_group(index, &mut open, tell)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts a process for a task and for those of `open` that can be trained together with it.
+    fn start_group(
+        &mut self,
+        index: usize,
+        open: &mut Vec<usize>,
+        tell: &mut impl FnMut(Event<'_>),
+    ) -> Result<(), ExperimentError> {
+        let (dir, tasks) = (self.dir, &self.dir.plan.tasks);
+        // A task that has failed is retried alone.
+        let fresh = |i: &usize| {
+            let state = dir.state(&tasks[*i]);
+            let waits = matches!(state, TaskState::Open | TaskState::Interrupted);
+            self.attempts[*i] == 0 && waits
+        };
+        let others: Vec<usize> = open.iter().copied().filter(fresh).collect();
+        let most = match self.attempts[index] {
+            0 => self.pool.at_once.unwrap_or(TOGETHER),
+            _ => 1,
+        };
+        let group = together(dir, index, &others, most);
+        let of_group: Vec<&Task> = group.iter().map(|&i| &tasks[i]).collect();
+        let started = TaskProcess::start(dir, self.program, &of_group, self.pool)?;
+        if let Some((process, claimed)) = started {
+            let indices: Vec<usize> = claimed.iter().map(|&at| group[at]).collect();
+            open.retain(|i| !indices.contains(i));
+            for &index in &indices {
+                let task = &tasks[index];
+                tell(Event::Started { task });
+            }
+            self.running.push(Running { indices, process });
+        }
+        Ok(())
+    }
 }
 
 /// Returns an error if any task is unfinished.

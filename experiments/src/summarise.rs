@@ -98,8 +98,18 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         sample_efficiency: None,
         maps: Vec::new(),
     };
-    match &recipe.question {
-        Question::Crossval(asked) => complete(&mut summary, dir, &finished, asked)?,
+    complete(&mut summary, dir, &finished)?;
+    Ok(summary)
+}
+
+/// Adds the results that are specific to the question.
+fn complete(
+    summary: &mut Summary,
+    dir: &ExperimentDir,
+    finished: &[FinishedTask<'_>],
+) -> Result<(), ExperimentError> {
+    match &dir.plan.recipe.question {
+        Question::Crossval(asked) => complete_crossval(summary, dir, finished, asked)?,
         Question::Nshot(_) => {
             let seed = Seed(summary.seed);
             summary.sample_efficiency = Some(sample_efficiency(&summary.rows, seed));
@@ -109,19 +119,16 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         }
         Question::Networks(_) => {
             let costs = costs(&summary.rows);
-            summary
-                .rows
-                .iter_mut()
-                .zip(costs)
-                .for_each(|(row, cost)| row.cost = cost);
+            let rows = summary.rows.iter_mut().zip(costs);
+            rows.for_each(|(row, cost)| row.cost = cost);
         }
         _ => {}
     }
-    Ok(summary)
+    Ok(())
 }
 
 /// Adds contenders, published values, audits and groups to the summary of a cross-validation.
-fn complete(
+fn complete_crossval(
     summary: &mut Summary,
     dir: &ExperimentDir,
     finished: &[FinishedTask<'_>],

@@ -120,7 +120,7 @@ pub(super) fn plain(caption: &Markup, headings: &[Heading], rows: &Markup) -> Ma
     }
 }
 
-/// Returns rows under a heading of their own; sorting keeps them together.
+/// Returns rows under a common heading; sorting keeps them together.
 pub(super) fn body(heading: Option<&str>, columns: usize, rows: &Markup) -> Markup {
     html! {
         tbody {

@@ -15,12 +15,12 @@ use crate::commands::choices::DeviceChoice;
     tactnet experiment run nshot --set splits=3 --set 'shots=[1,10]'    n-shot transfer\n  \
     tactnet experiment run my.toml --engine slurm --out /shared/my      on a cluster\n\n\
     The same command resumes a stopped experiment, and so does the command with its folder alone. Finished tasks are not run again.\n\n\
-    Fields for --set: data, models, levels, steps (a value or a list), seed, epochs, device, search.trials, and those of the question. Of a \
-    cross-validation: split, probes (a value or a list), folds (how many of the five random folds are trained), runs (1 or 2), groups. Of the others: \
-    splits (draws of new materials, or of the 2 x 5 folds), shots (sweeps that nshot and enrolment learn from, or behind a decision of the \
-    others), new_materials, methods (nshot: nk, ol, ol-fcl, ol-mean, nn, siamese, siamese-full, simpleshot, lda, tuned-ol, whitened-ol). `tactnet experiment show \
-    NAME` prints a whole recipe.\n\n\
-    With --engine slurm, folder and program must lie under the same path on every node.")]
+    Fields for --set: data, models, levels, steps (a value or a list), seed, epochs, device, search.trials, and those of the question. \
+    Cross-validation: split, probes (a value or a list), folds (number of trained folds out of five random ones), runs (1 or 2), groups. \
+    Other questions: splits (number of draws of new materials, or of the 2 x 5 folds), shots (support sweeps of nshot and enrolment, sweeps \
+    per decision of the others), new_materials, methods (nshot: nk, ol, ol-fcl, ol-mean, nn, siamese, siamese-full, simpleshot, lda, \
+    tuned-ol, whitened-ol). `tactnet experiment show NAME` prints a complete recipe.\n\n\
+    With --engine slurm, every node must see the folder and the program under the same path.")]
 pub struct RunArgs {
     /// A built-in experiment (see `tactnet experiment list`), a TOML file, or the folder of an experiment to resume
     #[arg(value_name = "NAME|FILE|DIR")]
@@ -44,7 +44,7 @@ pub struct RunArgs {
     /// Number of networks that a GPU trains together [default: as many as its memory allows]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
     pub at_once: Option<u32>,
-    /// Where tasks run
+    /// Engine that runs the tasks
     #[arg(long, value_enum, default_value_t)]
     pub engine: Engine,
     /// Number of parallel tasks [default: one per core, one on a GPU; with Slurm: 100]
@@ -100,7 +100,7 @@ pub struct TaskArgs {
     pub threads: usize,
 }
 
-/// Where tasks run.
+/// Engine that runs the tasks.
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub enum Engine {
     /// Processes on this machine

@@ -205,7 +205,7 @@ fn study(question: &str, found: &[Found]) -> String {
 }
 
 #[test]
-fn every_study_begins_with_its_result_and_what_it_is_to_be_judged_by() {
+fn the_headline_of_nshot_is_its_best_method() {
     use Measure::*;
     let nshot = study(
         "kind='nshot'\nshots=[1, 5]\nnew_materials=4",
@@ -221,6 +221,11 @@ fn every_study_begins_with_its_result_and_what_it_is_to_be_judged_by() {
         nshot.contains("A network from scratch reaches 30.0 %, guessing 25.0 %."),
         "{nshot}"
     );
+}
+
+#[test]
+fn the_headline_of_unknown_is_its_best_score() {
+    use Measure::*;
     let unknown = study(
         "kind='unknown'",
         &[
@@ -241,6 +246,11 @@ fn every_study_begins_with_its_result_and_what_it_is_to_be_judged_by() {
         ),
         "{unknown}"
     );
+}
+
+#[test]
+fn the_headline_of_sequential_is_the_earliest_sufficient_rule() {
+    use Measure::*;
     let sequential = study(
         "kind='sequential'",
         &[
@@ -259,6 +269,11 @@ fn every_study_begins_with_its_result_and_what_it_is_to_be_judged_by() {
         sequential.contains("Three fixed sweeps reach 95.0 %, a single one 85.0 %."),
         "{sequential}"
     );
+}
+
+#[test]
+fn the_headline_of_enrolment_is_the_new_material() {
+    use Measure::*;
     let enrolment = study(
         "kind='enrolment'\nshots=[1, 5]",
         &[
@@ -278,6 +293,11 @@ fn every_study_begins_with_its_result_and_what_it_is_to_be_judged_by() {
         enrolment.contains("changes from 85.0 % to 84.0 %."),
         "{enrolment}"
     );
+}
+
+#[test]
+fn the_headline_of_differentiate_is_all_pairs() {
+    use Measure::*;
     let differentiate = study(
         "kind='differentiate'",
         &[
@@ -293,6 +313,11 @@ fn every_study_begins_with_its_result_and_what_it_is_to_be_judged_by() {
             .contains("Of the hardest pairs it classifies 77.0 % correctly; guessing, 50.0 %."),
         "{differentiate}"
     );
+}
+
+#[test]
+fn the_headline_of_feature_maps_is_the_purity() {
+    use Measure::*;
     let maps = study(
         "kind='feature-maps'",
         &[
