@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::measure::Measurement;
 
 /// The answer to a question about one part of a data set.
+#[derive(Default)]
 pub(crate) struct Answer {
     pub(crate) measurements: Vec<Measurement>,
     pub(crate) split: String,

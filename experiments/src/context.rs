@@ -14,7 +14,7 @@ use crate::networks::FinishedNetworks;
 use crate::{ExperimentError, Part};
 
 /// Progress callback: receives the current step and each training batch, and returns false to stop.
-pub(crate) type GoOn<'a> = dyn Fn(&str, Option<&BatchReport>) -> bool + 'a;
+pub(crate) type OnProgress<'a> = dyn Fn(&str, Option<&BatchReport>) -> bool + 'a;
 
 /// Data, recipe, device and seeds of one task.
 pub(crate) struct StudyContext<'a> {
@@ -26,7 +26,7 @@ pub(crate) struct StudyContext<'a> {
     pub(crate) seed: Seed,
     pub(crate) part: Part,
     pub(crate) networks: &'a FinishedNetworks,
-    pub(crate) go_on: &'a GoOn<'a>,
+    pub(crate) on_progress: &'a OnProgress<'a>,
 }
 
 /// Reason why a task ended without an answer.
@@ -49,7 +49,7 @@ impl StudyContext<'_> {
     /// # Errors
     /// [`Cancelled::Stopped`] if the progress callback asks to stop.
     pub(crate) fn say(&self, what: &str) -> Result<(), Cancelled> {
-        if (self.go_on)(what, None) {
+        if (self.on_progress)(what, None) {
             Ok(())
         } else {
             Err(Cancelled::Stopped)
@@ -78,8 +78,8 @@ impl StudyContext<'_> {
         train: &TrainSplit<'_>,
         seed: Seed,
     ) -> Result<(Classifier, Option<f64>), Cancelled> {
-        self.finished_or(what, train, seed, |go_on| {
-            train_network(self.recipe, train, seed, self.device, go_on)
+        self.finished_or(what, train, seed, |on_progress| {
+            train_network(self.recipe, train, seed, self.device, on_progress)
         })
     }
 
@@ -90,8 +90,8 @@ impl StudyContext<'_> {
         train: &TrainSplit<'_>,
         seed: Seed,
     ) -> Result<Classifier, Cancelled> {
-        let (classifier, _) = self.finished_or(what, train, seed, |go_on| {
-            train_siamese(self.recipe, train, seed, self.device, go_on)
+        let (classifier, _) = self.finished_or(what, train, seed, |on_progress| {
+            train_siamese(self.recipe, train, seed, self.device, on_progress)
         })?;
         Ok(classifier)
     }
@@ -116,9 +116,9 @@ impl StudyContext<'_> {
             let config = ClassifierConfig::new(ModelConfig::Network(setup), train, seed);
             return Ok((Classifier::new(config, &weights, self.device)?, None));
         }
-        let go_on = |batch: &BatchReport| (self.go_on)(what, Some(batch));
+        let on_progress = |batch: &BatchReport| (self.on_progress)(what, Some(batch));
         let begun = Instant::now();
-        let classifier = fit(&go_on)?.ok_or(Cancelled::Stopped)?;
+        let classifier = fit(&on_progress)?.ok_or(Cancelled::Stopped)?;
         let seconds = begun.elapsed().as_secs_f64();
         network.write(&classifier).map_err(Cancelled::Failed)?;
         Ok((classifier, Some(seconds)))

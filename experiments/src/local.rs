@@ -185,7 +185,7 @@ impl Runner<'_> {
                     tell(Event::Failed {
                         task,
                         attempt: self.attempts[index],
-                        reason: self.dir.last_words(task),
+                        reason: self.dir.last_log_line(task),
                     });
                     self.ended[index] = self.attempts[index] >= ATTEMPTS;
                 }
@@ -265,7 +265,7 @@ pub(crate) fn failures(dir: &ExperimentDir) -> Result<(), ExperimentError> {
             count: failed.len(),
             all: tasks.len(),
             first: first.id.clone(),
-            reason: dir.last_words(first),
+            reason: dir.last_log_line(first),
         }),
     }
 }
@@ -313,6 +313,6 @@ pub fn run_task(
     }
     match dir.state(task) {
         TaskState::Done => Ok(()),
-        _ => Err(failed(dir.last_words(task))),
+        _ => Err(failed(dir.last_log_line(task))),
     }
 }

@@ -137,10 +137,14 @@ pub(crate) trait Ask: Named {
 
     /// Returns the number of test sweeps divided by the number of training sweeps, or 0 if every task draws its own
     /// split of the materials.
-    fn test_share(&self) -> f64;
+    fn test_share(&self) -> f64 {
+        0.0
+    }
 
-    /// Returns the reference for comparisons by this measure.
-    fn compared(&self, measure: Measure) -> Option<Compared>;
+    /// Returns the reference for comparisons by this measure; `None` without comparisons.
+    fn compared(&self, _measure: Measure) -> Option<Compared> {
+        None
+    }
 
     /// Returns the values published for TactMat, in the measure's unit.
     fn published(&self, _row: &Row) -> Published {

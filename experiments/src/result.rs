@@ -10,7 +10,7 @@ use tactnet_models::Compute;
 use tactnet_pipeline::{MeanRemoval, Provenance, Recipe, write_whole};
 
 use crate::answer::FeatureMap;
-use crate::context::{Cancelled, GoOn, StudyContext};
+use crate::context::{Cancelled, OnProgress, StudyContext};
 use crate::networks::FinishedNetworks;
 use crate::{ExperimentError, Measurement, QuestionTask};
 
@@ -69,12 +69,12 @@ impl QuestionResult {
 
 /// Answers a question for one part of a data set and writes `result.json`.
 ///
-/// Returns `None` if `go_on` returned false; trained networks are then kept for the next call.
+/// Returns `None` if `on_progress` returned false; trained networks are then kept for the next call.
 ///
 /// - `dataset`: data set, cut to the task's number of steps
 /// - `recipe`: recipe of the networks, with the task's levels and epochs
 /// - `folder`: folder of the task
-/// - `go_on`: receives the current step and each training batch, and returns false to stop
+/// - `on_progress`: receives the current step and each training batch, and returns false to stop
 ///
 /// # Errors
 /// A device that this build does not support; a data set that is too small for the question; a file that cannot be
@@ -85,7 +85,7 @@ pub fn answer_question(
     recipe: &Recipe,
     folder: &Path,
     provenance: Provenance,
-    go_on: &GoOn<'_>,
+    on_progress: &OnProgress<'_>,
 ) -> Result<Option<QuestionResult>, ExperimentError> {
     let begun = Instant::now();
     let device = task
@@ -102,7 +102,7 @@ pub fn answer_question(
         seed: task.networks.seed,
         part: task.part,
         networks: &networks,
-        go_on,
+        on_progress,
     };
     let answer = match task.question.ask().answer(&context) {
         Ok(answer) => answer,

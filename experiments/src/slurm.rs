@@ -95,7 +95,7 @@ pub fn run_on_slurm(
         report_done(dir, &open, &mut known, &mut tell);
         for &index in open.iter().filter(|&&index| !known[index]) {
             let task = &tasks[index];
-            let reason = why(dir, task, &logs, &job, index);
+            let reason = failure_reason(dir, task, &logs, &job, index);
             tell(Event::Failed {
                 task,
                 attempt,
@@ -201,7 +201,13 @@ fn in_queue(job: &str) -> Result<bool, ExperimentError> {
 }
 
 /// Returns the reason for a missing result: the state known to accounting, and the last line of the log.
-fn why(dir: &ExperimentDir, task: &Task, logs: &Path, job: &str, index: usize) -> String {
+fn failure_reason(
+    dir: &ExperimentDir,
+    task: &Task,
+    logs: &Path,
+    job: &str,
+    index: usize,
+) -> String {
     let id = format!("{job}_{index}");
     let state = call(
         "sacct",
@@ -213,7 +219,10 @@ fn why(dir: &ExperimentDir, task: &Task, logs: &Path, job: &str, index: usize) -
     let log = logs.join(format!("{id}.log"));
     let of_job = std::fs::read_to_string(&log).unwrap_or_default();
     let last = of_job.lines().rev().find(|line| !line.trim().is_empty());
-    let words = last.map_or_else(|| dir.last_words(task), |line| without_prefix(line).into());
+    let words = last.map_or_else(
+        || dir.last_log_line(task),
+        |line| without_prefix(line).into(),
+    );
     format!("{state}{words} (log: {})", log.display())
 }
 

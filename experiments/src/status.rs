@@ -24,7 +24,7 @@ pub struct TaskStatus {
     pub state: TaskState,
     /// Last progress message of a running or interrupted task; empty if there is none.
     #[serde(skip)]
-    pub last_words: String,
+    pub last_progress: String,
 }
 
 impl Status {
@@ -32,14 +32,14 @@ impl Status {
     pub fn of(dir: &ExperimentDir) -> Self {
         let tasks = dir.plan.tasks.iter().map(|task| {
             let state = dir.state(task);
-            let last_words = match state {
+            let last_progress = match state {
                 TaskState::Done | TaskState::Open => String::new(),
                 TaskState::Running | TaskState::Interrupted => dir.last_progress(task),
             };
             TaskStatus {
                 id: task.id.clone(),
                 state,
-                last_words,
+                last_progress,
             }
         });
         Self {

@@ -282,7 +282,7 @@ impl ExperimentDir {
     }
 
     /// Returns the last line of a task's log.
-    pub fn last_words(&self, task: &Task) -> String {
+    pub fn last_log_line(&self, task: &Task) -> String {
         let log = fs::read_to_string(self.log_file(task)).unwrap_or_default();
         let line = log.lines().rev().find(|line| !line.trim().is_empty());
         without_prefix(line.unwrap_or("its log is empty")).into()

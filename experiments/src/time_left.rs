@@ -23,11 +23,11 @@ pub struct TimeLeft {
     /// Number of tasks that run at the same time.
     jobs: usize,
     /// Unfinished tasks by identifier.
-    open: BTreeMap<String, Open>,
+    open: BTreeMap<String, OpenTask>,
     /// Durations of finished tasks, in seconds.
-    took: BTreeMap<Kind, Vec<f64>>,
+    durations: BTreeMap<Kind, Vec<f64>>,
     /// Time of the last [`TimeLeft::look`].
-    looked: Option<Instant>,
+    last_look: Option<Instant>,
 }
 
 /// Properties that determine the duration of a task.
@@ -40,19 +40,19 @@ struct Kind {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-struct Open {
+struct OpenTask {
     kind: Kind,
     /// Start time; `None` while the task waits.
     started: Option<Instant>,
     /// Run directory of the task.
     run: PathBuf,
     /// Training progress at the last look.
-    trained: Option<Trained>,
+    trained: Option<TrainingProgress>,
 }
 
 /// Progress of a network's training.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Trained {
+struct TrainingProgress {
     /// Estimated time of all epochs, in seconds.
     seconds: f64,
     /// Estimated time of the remaining epochs, in seconds.
@@ -67,12 +67,12 @@ impl TimeLeft {
         let mut left = Self {
             jobs,
             open: BTreeMap::new(),
-            took: BTreeMap::new(),
-            looked: None,
+            durations: BTreeMap::new(),
+            last_look: None,
         };
         for task in &dir.plan.tasks {
             let kind = Kind::of(&dir.plan, task);
-            let open = Open {
+            let open = OpenTask {
                 kind,
                 started: None,
                 run: dir.task_dir(task),
@@ -100,7 +100,7 @@ impl TimeLeft {
         if let Some(open) = self.open.remove(&task.id)
             && seconds > 0.0
         {
-            self.took.entry(open.kind).or_default().push(seconds);
+            self.durations.entry(open.kind).or_default().push(seconds);
         }
     }
 
@@ -114,15 +114,15 @@ impl TimeLeft {
     /// Reads the progress of running trainings from their run directories, at most every two seconds.
     pub fn look(&mut self, now: Instant) {
         if self
-            .looked
+            .last_look
             .is_some_and(|at| now.saturating_duration_since(at) < LOOK_EVERY)
         {
             return;
         }
-        self.looked = Some(now);
+        self.last_look = Some(now);
         for open in self.open.values_mut() {
             if open.started.is_some() && open.kind.trains_network {
-                open.trained = Trained::of(&open.run);
+                open.trained = TrainingProgress::of(&open.run);
             }
         }
     }
@@ -156,14 +156,15 @@ impl TimeLeft {
     fn expected(&self, kind: &Kind) -> Option<f64> {
         let weight = |kind: &Kind| if kind.trains_network { NETWORK } else { 1.0 };
         let mean = |of: &dyn Fn(&Kind) -> bool| {
-            let own = self.took.iter().filter(|(other, _)| of(other));
-            let (seconds, weights) = own.fold((0.0, 0.0), |(seconds, weights), (other, took)| {
-                let all = took.len() as f64;
-                (
-                    seconds + took.iter().sum::<f64>(),
-                    weights + all * weight(other),
-                )
-            });
+            let own = self.durations.iter().filter(|(other, _)| of(other));
+            let (seconds, weights) =
+                own.fold((0.0, 0.0), |(seconds, weights), (other, durations)| {
+                    let all = durations.len() as f64;
+                    (
+                        seconds + durations.iter().sum::<f64>(),
+                        weights + all * weight(other),
+                    )
+                });
             (weights > 0.0).then(|| weight(kind) * seconds / weights)
         };
         let training = |of: &dyn Fn(&Kind) -> bool| {
@@ -187,7 +188,7 @@ impl TimeLeft {
     }
 }
 
-impl Trained {
+impl TrainingProgress {
     /// Reads the progress of a network's training; `None` before the end of the first epoch and for other tasks.
     fn of(run: &Path) -> Option<Self> {
         let run = RunDir::open(run).ok()?;

@@ -4,8 +4,6 @@
 mod hard_pairs;
 mod pair_scorer;
 
-use std::collections::BTreeMap;
-
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, Scheme, Seed};
@@ -192,8 +190,7 @@ fn differentiate(sweeps: &[usize], context: &StudyContext<'_>) -> Result<Answer,
         measurements,
         split: format!("repeat {repeat}, fold {number}"),
         split_content: fold.manifest().sha256,
-        chosen: BTreeMap::new(),
-        maps: Vec::new(),
+        ..Answer::default()
     })
 }
 

@@ -1,14 +1,12 @@
 //! Enrolment of one more material into a trained classifier: accuracy on the new one, and loss on the known ones.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
 use tactnet_models::{Features, LinearHead, WeightPrior, argmax, fit_new_class};
 use tactnet_pipeline::Embedding;
 
 use super::headline::{Headline, best};
-use super::{Ask, Compared, Figure, check_counts, draws, one, six, within};
+use super::{Ask, Figure, check_counts, draws, one, six, within};
 use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext, embedded};
 use crate::one_or_many::one_or_many;
@@ -50,14 +48,6 @@ impl Ask for Enrolment {
 
     fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
         enrolment(self, context)
-    }
-
-    fn test_share(&self) -> f64 {
-        0.0
-    }
-
-    fn compared(&self, _measure: Measure) -> Option<Compared> {
-        None
     }
 
     fn headline(&self, rows: &[&Row]) -> Option<Headline> {
@@ -222,7 +212,6 @@ fn enrolment(task: &Enrolment, context: &StudyContext<'_>) -> Result<Answer, Can
         measurements,
         split: format!("new materials, one at a time: {}", names.join(", ")),
         split_content: format!("{:?} {}", split.new_labels, new.manifest().sha256),
-        chosen: BTreeMap::new(),
-        maps: Vec::new(),
+        ..Answer::default()
     })
 }

@@ -1,8 +1,6 @@
 //! Two-dimensional maps of the input and feature spaces for six new materials, once easy and once hard to tell apart
 //! (thesis, section 4.6.4 and figure 4.13).
 
-use std::collections::BTreeMap;
-
 use bhtsne::tSNE;
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -12,7 +10,7 @@ use tactnet_data::{Fold, MaterialSplit, Scheme, SweepView};
 use tactnet_models::Features;
 
 use super::headline::Headline;
-use super::{Ask, Compared, Figure, draws, one, six, within};
+use super::{Ask, Figure, draws, one, six, within};
 use crate::answer::{Answer, FeatureMap};
 use crate::context::{Cancelled, StudyContext, embedded};
 use crate::phrases::in_percent;
@@ -84,14 +82,6 @@ impl Ask for FeatureMaps {
 
     fn answer(&self, context: &StudyContext<'_>) -> Result<Answer, Cancelled> {
         feature_maps(self, context)
-    }
-
-    fn test_share(&self) -> f64 {
-        0.0
-    }
-
-    fn compared(&self, _measure: Measure) -> Option<Compared> {
-        None
     }
 
     fn headline(&self, rows: &[&Row]) -> Option<Headline> {
@@ -183,8 +173,8 @@ fn feature_maps(task: &FeatureMaps, context: &StudyContext<'_>) -> Result<Answer
         measurements,
         split: format!("{choice} materials: {}", materials.join(", ")),
         split_content: format!("{:?} {}", split.new_labels, fold.manifest().sha256),
-        chosen: BTreeMap::new(),
         maps,
+        ..Answer::default()
     })
 }
 

@@ -1,6 +1,5 @@
 //! Accuracy of networks under several conditions, and their cost.
 
-use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -236,8 +235,7 @@ fn networks(asked: &Networks, context: &StudyContext<'_>) -> Result<Answer, Canc
         measurements,
         split: format!("repeat {repeat}, fold {number}{judged_by}"),
         split_content: format!("{}{judged_by}", manifest.sha256),
-        chosen: BTreeMap::new(),
-        maps: Vec::new(),
+        ..Answer::default()
     })
 }
 

@@ -117,10 +117,6 @@ impl Ask for Nshot {
         transfer(self, context)
     }
 
-    fn test_share(&self) -> f64 {
-        0.0
-    }
-
     fn compared(&self, measure: Measure) -> Option<Compared> {
         (measure == Measure::Accuracy).then_some(Compared::With("ol-mean"))
     }

@@ -1,16 +1,12 @@
 //! Sequential decisions: take sweeps until the belief exceeds a threshold, compared with fixed numbers of sweeps.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, Scheme, Seed, shuffle};
 use tactnet_models::Belief;
 use tactnet_pipeline::{PredictionMethod, Predictions};
 
 use super::headline::{Headline, best};
-use super::{
-    Ask, Compared, Figure, Published, check_counts, check_folds, five, folds, given_or, one,
-};
+use super::{Ask, Figure, Published, check_counts, check_folds, five, folds, given_or, one};
 use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext};
 use crate::measure::method_name;
@@ -69,10 +65,6 @@ impl Ask for Sequential {
 
     fn test_share(&self) -> f64 {
         0.25
-    }
-
-    fn compared(&self, _measure: Measure) -> Option<Compared> {
-        None
     }
 
     /// The base network of table 4.2 of the thesis.
@@ -195,8 +187,7 @@ fn sequential(fixed: &[usize], context: &StudyContext<'_>) -> Result<Answer, Can
         measurements,
         split: format!("repeat {repeat}, fold {number}"),
         split_content: fold.manifest().sha256,
-        chosen: BTreeMap::new(),
-        maps: Vec::new(),
+        ..Answer::default()
     })
 }
 

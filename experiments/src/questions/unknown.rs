@@ -73,10 +73,6 @@ impl Ask for Unknown {
         unknown(self, context)
     }
 
-    fn test_share(&self) -> f64 {
-        0.0
-    }
-
     fn compared(&self, measure: Measure) -> Option<Compared> {
         (measure == Measure::Auroc).then_some(Compared::With("largest probability"))
     }
@@ -189,8 +185,7 @@ fn unknown(task: &Unknown, context: &StudyContext<'_>) -> Result<Answer, Cancell
         measurements,
         split: format!("new materials: {}", names.join(", ")),
         split_content: format!("{:?} {}", split.new_labels, fold.manifest().sha256),
-        chosen: BTreeMap::new(),
-        maps: Vec::new(),
+        ..Answer::default()
     })
 }
 

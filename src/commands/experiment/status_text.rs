@@ -35,8 +35,8 @@ impl fmt::Display for StatusText<'_> {
                 TaskState::Interrupted => "interrupted",
             };
             write!(f, "\n  {}: {state}", task.id)?;
-            if !task.last_words.is_empty() {
-                write!(f, ": {}", task.last_words)?;
+            if !task.last_progress.is_empty() {
+                write!(f, ": {}", task.last_progress)?;
             }
         }
         if count(TaskState::Running) == 0 && count(TaskState::Done) < status.tasks.len() {

@@ -66,7 +66,7 @@ pub(super) fn transfer(task: &Nshot, context: &StudyContext<'_>) -> Result<Answe
         split: format!("new materials: {}", names.join(", ")),
         split_content: format!("{:?} {}", split.new_labels, folds[0].manifest().sha256),
         chosen: knowledge.tuned.chosen(),
-        maps: Vec::new(),
+        ..Answer::default()
     })
 }
 
@@ -233,7 +233,7 @@ mod tests {
             seed: Seed(1),
             part: crate::Part::Draw(0),
             networks: &crate::networks::FinishedNetworks::of_task(folder.path()),
-            go_on: &|_, _| true,
+            on_progress: &|_, _| true,
         };
         let task: Nshot = serde_json::from_str(
             r#"{"shots": 1, "new_materials": 2, "methods": ["ol", "ol-mean"]}"#,

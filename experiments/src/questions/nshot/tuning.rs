@@ -337,7 +337,7 @@ mod tests {
             seed: Seed(1),
             part: crate::Part::Draw(0),
             networks: &crate::networks::FinishedNetworks::of_task(folder.path()),
-            go_on: &|_, _| true,
+            on_progress: &|_, _| true,
         };
         let task: Nshot =
             serde_json::from_str(r#"{"shots": [1, 3, 5], "new_materials": 4}"#).unwrap();
