@@ -1,4 +1,4 @@
-# What to run while working. `just --list` names them.
+# Commands for development. `just --list` shows them.
 
 # Formatting, lints and unit tests, without optional features: under three minutes once dependencies are built.
 quick:
@@ -6,15 +6,15 @@ quick:
     cargo clippy --release --workspace --all-targets --locked -- -D warnings
     cargo test --release --workspace --lib --locked --quiet
 
-# Everything a change must pass, with all features; prints its steps in seconds at the end.
+# All checks that a change must pass, with all features; prints the time of each step at the end.
 ci:
     .ci/run
 
-# Benchmarks: `just bench` runs all, `just bench block` one. They compare in one run; no test asserts a time.
+# Benchmarks: `just bench` runs all, `just bench block` one. They compare within one run; no test asserts a time.
 bench NAME='':
     {{ if NAME == '' { 'cargo bench --workspace' } else { 'cargo bench --workspace --bench ' + NAME } }}
 
-# Packets for other languages, after a change of serving/skin/src/packets.rs.
+# Packet definitions for other languages; run after a change of serving/skin/src/packets.rs.
 packets:
     cargo build --release --locked --quiet
     tests/generated_packets.sh

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Makes the release archive: the program, manual pages, shell completions, INSTALL, README, documentation with all it links to, licence.
+# Creates the release archive: program, manual pages, shell completions, INSTALL, README, documentation with all linked files, licences.
 #
-#   packaging/release.sh                          builds it, statically linked: runs on any Linux of this architecture
+#   packaging/release.sh                          statically linked, for any Linux of this architecture
 #   packaging/release.sh --features parquet       with optional features
-#   packaging/release.sh --program FILE           packs a program that is built already
+#   packaging/release.sh --program FILE           packs an existing program
 #   packaging/release.sh --out FOLDER             default: dist
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -20,7 +20,7 @@ done
 
 if [ -z "$program" ]; then
   host=$(rustc -vV | sed -n 's/^host: //p')
-  # Libraries that are loaded at run time (ONNX Runtime, Vulkan, CUDA) need a dynamic C library.
+  # Libraries loaded at run time (ONNX Runtime, Vulkan, CUDA) need a dynamic C library.
   case ",$features," in
     *,onnxruntime,* | *,vulkan,* | *,cuda,*) linked='' ;;
     *) linked='-C target-feature=+crt-static' ;;
@@ -42,7 +42,7 @@ strip "$folder/bin/tactnet"
 "$program" completions zsh >"$folder/share/zsh/site-functions/_tactnet"
 "$program" completions fish >"$folder/share/fish/vendor_completions.d/tactnet.fish"
 cp -r README.md CHANGELOG.md SECURITY.md LICENSE* docs packaging/INSTALL.md "$folder/"
-# What the documents link to, and what those link to.
+# Files linked from the documents, and files linked from those.
 declare -A packed
 more=1
 while [ $more = 1 ]; do

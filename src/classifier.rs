@@ -238,8 +238,8 @@ impl Classifier {
     /// let dataset = Dataset::twin(&small)?;
     /// let fold = dataset.folds(Seed(1)).first();
     /// let classifier = Recipe::named("fast")?.epochs(1).fit(&fold.train)?;
-    /// let extended = classifier.enroll("felt", &fold.test)?;
-    /// assert_eq!(extended.materials().last(), Some("felt"));
+    /// let extended = classifier.enroll("new felt", &fold.test)?;
+    /// assert_eq!(extended.materials().last(), Some("new felt"));
     /// # Ok::<(), tactnet::Error>(())
     /// ```
     pub fn enroll(&self, material: &str, sweeps: &SweepView<'_>) -> Result<Self, Error> {

@@ -158,7 +158,7 @@ impl Recipe {
     /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
     /// let dataset = Dataset::twin(&small)?;
     /// let fold = dataset.folds(Seed(1)).first();
-    /// let stopped = Recipe::named("fast")?.fit_while(&fold.train, |batch| batch.batch < 1)?;
+    /// let stopped = Recipe::named("fast")?.fit_while(&fold.train, |_| false)?;
     /// assert!(stopped.is_none());
     /// # Ok::<(), tactnet::Error>(())
     /// ```

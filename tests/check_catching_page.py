@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Runs `tactnet demo --catching` and opens its page in a real headless Chromium. Usage: check_catching_page.py TACTNET SCREENSHOTS_FOLDER
+"""Runs `tactnet demo --catching` and opens its page in a headless Chromium. Usage: check_catching_page.py TACTNET SCREENSHOTS_FOLDER
 
-Fails on any console message, a robot that is not drawn, a ball that does not fly, one that nobody feels, a belief that is not shown, anything
-cut off or scrolling sideways, or a demo that does not end when asked to. Leaves screenshots: a laptop and a phone, light and dark.
+Fails on console messages, if the robot or a flying ball is not drawn, if no caught ball is classified, if a belief is not shown, if content is cut
+off or scrolls horizontally, or if the demo does not end when asked to. Writes screenshots: laptop and phone, light and dark.
 """
 
 import itertools
@@ -32,12 +32,12 @@ try:
             browser.call(f"{domain}.enable")
         browser.call("Page.navigate", url=f"http://{address}/")
         show_at(browser, "laptop", "light")
-        wait_for(browser, "document.readyState === 'complete' && typeof view !== 'undefined' && view && view.stage", 20, "the page comes", wrong)
+        wait_for(browser, "document.readyState === 'complete' && typeof view !== 'undefined' && view && view.stage", 20, "the page loads", wrong)
         limbs = "document.querySelectorAll('#stage polyline').length === 4"
         wait_for(browser, limbs, 60, "body, head and both arms are drawn", wrong)
         wait_for(browser, "document.querySelectorAll('#stage .was').length > 5", 60, "a ball flies, with its trail", wrong)
         shoot(browser, folder, "flight")
-        # Balls out of reach are missed, and not felt.
+        # Balls out of reach are missed and not classified.
         feels = "view.stage.holds !== null && view.belief && document.getElementById('stage-about').textContent.includes('feels the ball')"
         if wait_for(browser, feels, 90, "a caught ball is felt", wrong):
             for size, scheme in itertools.product(SIZES, ("light", "dark")):
@@ -45,11 +45,11 @@ try:
                 check_frame(browser, f"{size} {scheme}", wrong)
                 shoot(browser, folder, f"{size}_{scheme}")
             show_at(browser, "laptop", "light")
-        told = "/caught with the (left|right) hand; felt like .+, it is .+: (right|wrong)\\.$/.test(document.getElementById('stage-last').textContent)"
-        wait_for(browser, told, 40, "what the ball was is told", wrong)
-        wait_for(browser, "/^\\d+ of \\d+ felt right/.test(document.getElementById('stage-felt').textContent)", 5, "it is counted", wrong)
+        outcome = "/caught with the (left|right) hand; felt like .+, it is .+: (right|wrong)\\.$/.test(document.getElementById('stage-last').textContent)"
+        wait_for(browser, outcome, 40, "the true material of the ball is shown", wrong)
+        wait_for(browser, "/^\\d+ of \\d+ felt right/.test(document.getElementById('stage-felt').textContent)", 5, "the outcome is counted", wrong)
         if browser.run("document.querySelector('#stage-last').getAttribute('aria-live')") != "polite":
-            wrong.append("what became of a ball is not spoken")
+            wrong.append("the outcome of a ball is not announced to screen readers")
         for event in browser.events:
             method, parameters = event.get("method"), event.get("params", {})
             if method in ("Runtime.consoleAPICalled", "Runtime.exceptionThrown"):
@@ -60,7 +60,7 @@ try:
     finally:
         browser.close()
 finally:
-    # Killed at once it could not end its parts.
+    # If killed at once, it could not end its child processes.
     demo.terminate()
     try:
         demo.wait(20)
@@ -68,4 +68,4 @@ finally:
         demo.kill()
 if wrong:
     sys.exit("\n".join(wrong))
-print(f"the page of catching is sound; screenshots in {folder}")
+print(f"the catching page passes all checks; screenshots in {folder}")

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Runs `tactnet demo` and opens its page in a real headless Chromium. Usage: check_dashboard.py TACTNET SCREENSHOTS_FOLDER
+"""Runs `tactnet demo` and opens its page in a headless Chromium. Usage: check_dashboard.py TACTNET SCREENSHOTS_FOLDER
 
-Fails on any console message, a request to anywhere else, a page without answer, truth, score, skin or traces, more than three sweeps fused,
-an answer during a sweep that does not say that it is provisional, a scale that forgets the readings of a sweep, a stale page that looks live, anything cut off or scrolling sideways, or a demo that does not end when asked to. Leaves screenshots: a laptop and
-a phone, light and dark, without a connection, and other skins with other numbers of materials.
+Fails on console messages, requests to other servers, and missing parts of the page: prediction, true material, score, skin, traces. Fails if more
+than three sweeps are fused, a prediction during a sweep is not marked provisional, the scale shrinks after a sweep, a stale page looks live, content is
+cut off or scrolls horizontally, or the demo does not end when asked to. Writes screenshots: laptop and phone, light and dark, without a connection, and
+with other skins and numbers of materials.
 """
 
 import itertools
@@ -21,7 +22,7 @@ from page import SIZES, show_at
 
 SWEEPS_OF_AN_OBJECT = 3
 PAINTED = "[...document.getElementById('{}').getContext('2d').getImageData(0, 0, 300, 200).data].some(v => v > 0)"
-# A view of another skin and another number of materials, made from the last one.
+# A view of another skin with another number of materials, made from the last view.
 OTHER_SKIN = """(() => {
   const n = ROWS * COLS, wave = t => Array.from({ length: n }, (_, i) => 60 + 50 * Math.sin(i / 3 + t / 20));
   const names = Array.from({ length: Math.min(MATERIALS, 5) }, (_, i) => ['material ' + (i + 1) + ' with quite a long name, as people give them', (5 - i) / 20]);
@@ -32,21 +33,21 @@ OTHER_SKIN = """(() => {
   traces = []; source.close(); source.onmessage({ data: JSON.stringify(next) }); show();
 })()"""
 
-# What is shown of an object's first sweep while it goes on, drawn and read in one go.
+# Texts during an object's first sweep, drawn and read in one step.
 PROVISIONAL = """(() => {
   if (!view || !view.belief || view.belief.stage !== 'anytime' || view.object.sweeps > 0) return null;
   show();
   const bar = document.querySelector('#bars li b');
   return [...['sweep', 'answer-title'].map(id => document.getElementById(id).textContent), getComputedStyle(bar).backgroundImage];
 })()"""
-# How many lines the answer takes when its name is as long as names get.
+# Number of lines of a prediction with a very long name.
 LONG_ANSWER = """(() => {
   const name = 'synthetic leather with a very coarse grain, reverse side', object = { ...view.object, sweeps: 2, answer: { material: name, nearest: name, probability: .9 } };
   view = { ...view, object }; show();
   const answer = document.getElementById('answer'), style = getComputedStyle(answer);
   return Math.round(answer.getBoundingClientRect().height / parseFloat(style.lineHeight));
 })()"""
-# A page that is opened while the skin is at rest, after a sweep whose readings reached 3.2.
+# A page opened while the skin is at rest, after a sweep with readings up to 3.2.
 AT_REST = """(() => {
   traces = []; low_ = top_ = most_ = 0; source.close();
   const rest = view.frame.map(() => 0);
@@ -78,7 +79,7 @@ def shoot(browser, name):
 
 
 def check_live(browser):
-    # Until the first object is finished: its sweeps are counted, and forgotten afterwards.
+    # Until the first object is finished: its sweeps are counted and then discarded.
     seen, provisional = [], None
     for _ in range(600):
         provisional = provisional or browser.run(PROVISIONAL)
@@ -90,30 +91,30 @@ def check_live(browser):
         time.sleep(0.05)
     if not provisional or not re.fullmatch(r"Sweep \d, \d+ of \d+ readings, provisional: .+", provisional[0]) \
             or not provisional[1].startswith("Provisional") or "gradient" not in provisional[2]:
-        wrong.append(f"an answer during a sweep does not look provisional: {provisional}")
+        wrong.append(f"a prediction during a sweep is not marked provisional: {provisional}")
     for number, sweeps, fused in seen:
         if max(sweeps, fused) > SWEEPS_OF_AN_OBJECT or fused > sweeps:
             wrong.append(f"object {number}: {fused} fused of {sweeps} sweeps")
     if [1, SWEEPS_OF_AN_OBJECT] not in [state[:2] for state in seen] or seen[-1][0] < 2:
         wrong.append(f"no reset after three sweeps: {seen}")
-    # The truth comes by a packet of its own, and the page is drawn when the browser has time: each must hold at one of the looks of three
-    # seconds, in which no second object can be finished.
+    # The true material arrives in another packet, and the browser draws when it has time. Each condition must hold once within three seconds,
+    # in which no second object can finish.
     unseen = {
-        "the classifier is said to serve": "document.getElementById('state').className === 'alive'",
-        "a material is named": "document.getElementById('answer').textContent.length > 2",
-        "the truth is told": "/^(✓ Right|✗ Wrong): it is .+/.test(document.getElementById('truth').textContent)",
+        "the state is live": "document.getElementById('state').className === 'alive'",
+        "a material is shown": "document.getElementById('answer').textContent.length > 2",
+        "the true material is shown": "/^(✓ Right|✗ Wrong): it is .+/.test(document.getElementById('truth').textContent)",
         "the score counts the first object": "/^[01] of 1$/.test(document.getElementById('score').textContent)",
-        "its mark is there": "document.querySelectorAll('#marks li').length === 1",
+        "the outcome of the first object is shown": "document.querySelectorAll('#marks li').length === 1",
         "probabilities are shown": "document.querySelectorAll('#bars li').length === 6",
         "counters are shown": "document.querySelectorAll('#counters div').length >= 6",
         "no reading is lost": "view.counters.some(([name, n]) => name === 'lost readings' && n === 0)",
-        "sweeps are among the events, with their truth": "/sweep 1: .*, it was /.test(document.getElementById('events').innerText)",
-        "the object is among the events, with its truth": "/\\d\\d:\\d\\d:\\d\\d.*object 1: said .*it was /.test(document.getElementById('events').innerText.replaceAll('\\n', ' '))",
+        "events contain sweeps with their true material": "/sweep 1: .*, it was /.test(document.getElementById('events').innerText)",
+        "events contain the object with its true material": "/\\d\\d:\\d\\d:\\d\\d.*object 1: said .*it was /.test(document.getElementById('events').innerText.replaceAll('\\n', ' '))",
         "the skin is drawn": PAINTED.format("heat"),
         "traces are drawn": PAINTED.format("traces"),
         "the scale has an end and a unit": "/^0\\d+raw sensor reading$/.test(document.getElementById('scale').textContent)",
-        "the answer is spoken": "document.querySelector('#said[aria-live=polite]').textContent.includes('. It is ')",
-        "nothing is called old": "!document.body.classList.contains('stale') && !document.getElementById('age').textContent",
+        "the prediction is announced to screen readers": "document.querySelector('#said[aria-live=polite]').textContent.includes('. It is ')",
+        "nothing is marked stale": "!document.body.classList.contains('stale') && !document.getElementById('age').textContent",
     }
     for _ in range(60):
         unseen = {what: script for what, script in unseen.items() if not browser.run(script)}
@@ -122,15 +123,15 @@ def check_live(browser):
         time.sleep(0.05)
     if unseen:
         state = browser.run("JSON.stringify({ object: view.object, belief: view.belief, truth: document.getElementById('truth').textContent })")
-        wrong += [f"not so: {what}; the page knows {state}" for what in unseen]
+        wrong += [f"failed: {what}; state of the page: {state}" for what in unseen]
 
 
 def check_choice(browser):
-    """A sensor is found by mouse and by keyboard, which reaches everything."""
+    """Sensors can be selected by mouse and keyboard, and the keyboard reaches every control."""
     box = browser.run("(() => { const b = heatBox(), r = document.getElementById('heat').getBoundingClientRect(); return [r.left + b.left, r.top + b.top, b.side]; })()")
     browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=box[0] + 2.5 * box[2], y=box[1] + 1.5 * box[2])
     if not browser.run("document.getElementById('chosen').textContent.startsWith('Sensor in row 2, column 3: now ')"):
-        wrong.append("the mouse does not find the sensor in row 2, column 3")
+        wrong.append("the mouse does not select the sensor in row 2, column 3")
     shoot(browser, "laptop_chosen")
     reached = []
     for _ in range(4):
@@ -141,7 +142,7 @@ def check_choice(browser):
             browser.press("ArrowRight", 39)
             browser.press("ArrowDown", 40)
             if not browser.run("document.getElementById('chosen-said').textContent.startsWith('Sensor in row 2, column 1')"):
-                wrong.append("the arrow keys do not choose a sensor")
+                wrong.append("the arrow keys do not select a sensor")
             browser.press("Escape", 27)
     if not {"reset", "heat", "events"} <= set(reached):
         wrong.append(f"the keyboard reaches only {reached}")
@@ -155,7 +156,7 @@ try:
         for domain in ("Page", "Runtime", "Log", "Network"):
             browser.call(f"{domain}.enable")
         browser.call("Page.navigate", url=f"http://{address}/")
-        wait_for(browser, "document.readyState === 'complete' && typeof view !== 'undefined'", 10, "the page comes")
+        wait_for(browser, "document.readyState === 'complete' && typeof view !== 'undefined'", 10, "the page loads")
         show_at(browser, "laptop", "light")
         check_live(browser)
         for size, scheme in itertools.product(SIZES, ("light", "dark")):
@@ -166,8 +167,8 @@ try:
         check_choice(browser)
         before = browser.run("view.object.number")
         browser.run("document.getElementById('reset').click()")
-        wait_for(browser, f"view.object.number > {before}", 5, "the button begins a new object")
-        wait_for(browser, "view.object.answer", 10, "the new object is judged")
+        wait_for(browser, f"view.object.number > {before}", 5, "the button starts a new object")
+        wait_for(browser, "view.object.answer", 10, "the new object is classified")
         demo.send_signal(signal.SIGTERM)
         if demo.wait(20) != 0:
             wrong.append(f"the demo ended with {demo.returncode}")
@@ -176,17 +177,17 @@ try:
             time.sleep(1.2)
             for name in ("answer", "bars", "truth", "heat"):
                 if browser.run(f"Number(getComputedStyle(document.getElementById('{name}')).opacity)") > 0.6:
-                    wrong.append(f"stale, but not greyed: {name}")
+                    wrong.append(f"stale but not greyed out: {name}")
             age = browser.run("document.getElementById('age').textContent")
-            if not re.fullmatch(r"Old: this was the answer [1-9]\d* s ago\.", age):
-                wrong.append(f"a stale answer without its age: `{age}`")
+            if not re.fullmatch(r"Stale: this prediction is [1-9]\d* s old\.", age):
+                wrong.append(f"a stale prediction without its age: `{age}`")
             shoot(browser, "laptop_stale")
         if (scale := browser.run(AT_REST)) != "-0.40 to 3.50":
-            wrong.append(f"the scale of a skin at rest, whose readings reached -0.4 to 3.2, is {scale}")
+            wrong.append(f"the scale of a skin at rest with readings from -0.4 to 3.2 is {scale}")
         for size, most in (("laptop", 2), ("phone", 3)):
             show_at(browser, size, "light")
             if (lines := browser.run(LONG_ANSWER)) > most:
-                wrong.append(f"{size}: an answer of 56 letters takes {lines} lines")
+                wrong.append(f"{size}: a prediction of 56 characters takes {lines} lines")
         for rows, cols, materials in ((8, 8, 64), (6, 10, 2), (32, 32, 12)):
             for size in SIZES:
                 show_at(browser, size, "dark" if materials == 2 else "light")
@@ -201,13 +202,13 @@ try:
                 wrong.append(f"request to {parameters['request']['url']}")
             if method == "Runtime.consoleAPICalled" or method == "Runtime.exceptionThrown":
                 wrong.append(f"console: {parameters}")
-            # The second is about this script's own reading of pixels; the third about the end of the demo.
+            # The second message concerns this script's reading of pixels, the third the end of the demo.
             if method == "Log.entryAdded" and not any(word in str(parameters) for word in ("favicon", "willReadFrequently", "/events")):
                 wrong.append(f"log: {parameters}")
     finally:
         browser.close()
 finally:
-    # Killed at once it could not end its parts.
+    # If killed at once, it could not end its child processes.
     demo.terminate()
     try:
         demo.wait(20)
@@ -215,4 +216,4 @@ finally:
         demo.kill()
 if wrong:
     sys.exit("\n".join(wrong))
-print(f"the dashboard is sound; screenshots in {folder}")
+print(f"the dashboard passes all checks; screenshots in {folder}")

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Checks that the links of a release archive's documents lead somewhere, unpacks it in a bare Debian, trains and runs the demo there.
+# Checks the links of a release archive's documents. With a folder, it also unpacks the archive in a minimal Debian, trains there and runs the demo.
 # Usage: check_release.sh ARCHIVE [FOLDER_OF_DEBIAN]
 #
-# Without the folder it looks at the links alone. The rest needs root. The folder is filled by debootstrap where it is empty, and used again where it is not.
+# The second part needs root. debootstrap fills the folder if it is empty; otherwise it is used again.
 set -euo pipefail
 archive=$(realpath "$1") debian=${2:-}
 unpacked=$(mktemp -d)
@@ -30,7 +30,7 @@ home=$debian/home/lab
 rm -rf "$home" "$debian/opt"
 mkdir -p "$home" "$debian/opt" "$debian/dev/shm"
 tar -xzf "$archive" -C "$debian/opt" --strip-components=1
-# Two materials that a vibration tells apart, in NumPy's own format.
+# Two materials with different vibrations, in NumPy's format.
 "${PYTHON:-python3}" - "$home/own.npz" <<'PY'
 import sys
 import numpy

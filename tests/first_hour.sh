@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# A newcomer's first hour as a script, in an empty folder: own data, training, a live belief, a report, mistakes at the command line.
+# The first hour of a new user as a script, in an empty folder: own data, training, live predictions, a report, errors of the command line.
 #
 #   tests/first_hour.sh [--json] [--tactnet FILE] [--python FILE]
 #
-# Python needs NumPy; with onnxruntime beside it the exported network runs too. `--json` prints `steps` and `passed` last.
+# Python needs NumPy; with onnxruntime the exported network runs, too. `--json` prints `steps` and `passed` at the end.
 set -uo pipefail
 repository=$(cd "$(dirname "$0")/.." && pwd)
 json='' tactnet=$repository/target/release/tactnet python=python3
@@ -23,7 +23,7 @@ cd "$work"
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$work}
 
 steps=0 passed=0 failed=()
-# step WORDS COMMAND...: one claim; what the command printed is shown where it does not hold.
+# step WORDS COMMAND...: one check; prints the command's output on failure.
 step() {
   local words=$1 begun=$SECONDS
   shift
@@ -36,7 +36,7 @@ step() {
     { echo "FAILED  $words"; sed 's/^/        /' said | tail -15; } >&2
   fi
 }
-# exits CODE WORDS COMMAND...: it ends with that code, says these words in one line, and no line says `error:` twice.
+# exits CODE WORDS COMMAND...: checks the exit code, the words in one line, and that at most one line starts with `error:`.
 exits() {
   local code=$1 words=$2 found=0
   shift 2
@@ -48,7 +48,7 @@ exits() {
   ! grep -q 'error:.*error:' err
 }
 t() { "$tactnet" "$@"; }
-# t WITH the words on stdout or stderr.
+# t runs the program with stdout and stderr combined.
 says() {
   local words=$1
   shift
@@ -56,7 +56,7 @@ says() {
   grep -qF -- "$words" shown
 }
 
-# --- the program explains itself
+# --- help
 step 'version names the commit and the features' says 'optional features' t version
 step 'help COMMAND is COMMAND --help' says '--calibrate' t help train
 manual() { t man --out man && man=$(cat man/tactnet-train.1) && [[ $man == *calibrate* ]]; }
@@ -114,7 +114,7 @@ resumed() {
 step 'stopped and resumed from another folder' resumed
 cd "$work"
 
-# --- a live belief
+# --- live predictions
 free_port() { "$python" -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])'; }
 port_taken() {
   local port
@@ -174,7 +174,7 @@ PY
 }
 step 'it begins with the best result' headline
 
-# --- mistakes
+# --- errors
 step 'did you mean: recipes' exits 2 'did you mean `thesis`?' t train --recipe tesis
 step 'did you mean: studies' exits 2 'did you mean `nshot`?' t experiment run nshto
 step 'did you mean: settings' exits 2 'did you mean `folds`?' t experiment run crossval_baselines --set fold=2
@@ -193,7 +193,7 @@ left_out() {
 }
 step 'a feature that is not built in names the build that has it' left_out
 
-# --- the network elsewhere
+# --- the exported network
 onnx() {
   t export own --out plain.onnx && t export own --out masks.onnx --masks || return 1
   "$python" -c 'import onnxruntime' 2>/dev/null || { echo 'onnxruntime is not there: left out'; return 0; }

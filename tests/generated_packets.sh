@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Writes the files that are generated from packets.rs of serving/skin and catching/packets; with --check it compares them instead.
+# Writes the files that are generated from packets.rs of serving/skin and catching/packets. With --check it compares them instead.
 # Usage: tests/generated_packets.sh [--check] [TACTNET]
 set -euo pipefail
 cd "$(dirname "$0")/.."

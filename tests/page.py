@@ -1,10 +1,10 @@
-"""What checks of the live page have in common: sizes, screenshots, and whether anything is cut off."""
+"""Shared parts of the checks of the live page: sizes, screenshots, and a check for content that is cut off."""
 
 import base64
 import time
 
 SIZES = {"laptop": (1280, 800), "phone": (390, 844)}
-# Elements whose text or picture leaves the window sideways or its card downwards.
+# Elements that extend beyond the window horizontally or beyond their card.
 CUT_OFF = """[...document.querySelectorAll('section:not([hidden]) *, header *')].filter(e => {
   if (e.closest('.spoken') || !e.getClientRects().length) return false;
   const r = e.getBoundingClientRect(), card = e.closest('section'), box = card && card.getBoundingClientRect();
@@ -14,12 +14,12 @@ CUT_OFF = """[...document.querySelectorAll('section:not([hidden]) *, header *')]
 
 
 def wait_for(browser, script, seconds, what, wrong):
-    """Adds to `wrong` what has not become so in time."""
+    """Waits until the script returns true; adds `what` to `wrong` if it does not in time."""
     for _ in range(int(10 * seconds)):
         if browser.run(script):
             return True
         time.sleep(0.1)
-    wrong.append(f"not so: {what}")
+    wrong.append(f"failed: {what}")
     return False
 
 
@@ -31,9 +31,9 @@ def show_at(browser, size, scheme):
 
 
 def check_frame(browser, where, wrong):
-    """Adds to `wrong` what is cut off or scrolls sideways; on a laptop also a page that is higher than its window."""
+    """Adds content that is cut off or scrolls horizontally to `wrong`; on a laptop also a page that is higher than its window."""
     if not browser.run("document.documentElement.scrollWidth <= innerWidth"):
-        wrong.append(f"{where}: the page scrolls sideways")
+        wrong.append(f"{where}: the page scrolls horizontally")
     if cut := browser.run(CUT_OFF):
         wrong.append(f"{where}: cut off: {cut}")
     if where.startswith("laptop") and not browser.run("document.documentElement.scrollHeight <= innerHeight"):

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Attacks on everything that reads files or packets of others, and kills at random moments. Prints one JSON with a row for each attack.
+# Hostile input for all readers of files and foreign packets, and kills at random moments. Prints one JSON document with a row for each attack.
 #
 #   tests/attacks/run.sh --quick     a minute, in CI
-#   tests/attacks/run.sh --full      hours: ten million inputs or an hour for each target, 200 kills of each kind, 500 on the channels
+#   tests/attacks/run.sh --full      hours: ten million inputs or an hour per target, 200 kills of each kind, 500 on the channels
 #
 #   tests/attacks/run.sh --full --part inputs     one part of it: inputs, kills or long
 #
-# Inputs that break something are kept in tactnet-attacks in the folder for temporary files.
-# --programs DIR names the folder with `tactnet` and `tactnet-attacks` [default: target/release, built where they are missing].
+# Failing inputs are kept in the folder tactnet-attacks in the folder for temporary files.
+# --programs DIR names the folder with `tactnet` and `tactnet-attacks` [default: target/release, built if missing].
 set -euo pipefail
 repository=$(cd "$(dirname "$0")/../.." && pwd)
 programs=$repository/target/release how='' parts='inputs kills long'
@@ -28,11 +28,11 @@ fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 if [ $how = quick ]; then
-  # Its channel holds 0.34 s at six times the speed, as a robot's own does.
+  # The channel holds 0.34 s at six times the speed, as on a robot.
   inputs=(--seconds 2) kills=(--kills 2) long=(--frames 100000 --speed 6 --depth 1536)
 else
   inputs=(--seconds 3600 --executions 10000000) kills=(--kills 200 --channel-kills 500)
-  # A day of a skin in 36 minutes; its channel holds 0.14 s of it, a robot's own 0.34.
+  # A day of skin data in 36 minutes; the channel holds 0.14 s of it, on a robot 0.34 s.
   long=(--frames 64800000 --speed 40 --depth 4096)
 fi
 failed=0

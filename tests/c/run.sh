@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# The library for C and C++ as its users have it: installed, found by CMake and pkg-config, compiled without warnings, beside a real hub and
-# a real classifier, under AddressSanitizer, and as fast as Rust.
+# Tests the C and C++ library as users have it: installed, found by CMake and pkg-config, compiled without warnings, with a real hub and a
+# real classifier, under AddressSanitizer, and with the speed of Rust.
 #
 #   tests/c/run.sh [--built FOLDER] [--rounds N] [--json]
 #
-# Needs cc, c++, cmake and pkg-config. `--built` names the folder of a build of all crates and their examples, with the program `tactnet`.
+# Needs cc, c++, cmake and pkg-config. `--built` names the folder of a build of all crates and examples, with the program `tactnet`.
 set -euo pipefail
 repository=$(cd "$(dirname "$0")/../.." && pwd)
 built=${CARGO_TARGET_DIR:-$repository/target}/release rounds=20000 json=''
@@ -64,7 +64,7 @@ say "installed; found by pkg-config and by CMake, shared and static; C11 and C++
 diff rust.txt c.txt
 say "the same packets have the same bytes in Rust and C ($(wc -l <rust.txt) packets)"
 
-# --- a hub of its own for faults, threads and round trips
+# --- a private hub for faults, threads and round trips
 cat >bench.toml <<'EOF'
 bus = "c-bench"
 [channels.ping]
@@ -88,7 +88,7 @@ say "wrong calls are answered with code and text; packets are given back; C++ mo
 "$tactnet" data twin --materials 4 --sweeps 15 --steps 300 --out twin.h5 >/dev/null 2>&1
 "$tactnet" train --data twin.h5 --epochs 12 --out run >/dev/null 2>&1
 "$tactnet" serve --print-table >robot.toml 2>/dev/null
-# The sweeps of this data set are what a network sees: nothing of the beginning is skipped.
+# The sweeps of this data set are complete windows, so no frame is skipped.
 sed -i 's/^bus = .*/bus = "c-robot"/; s/^skip = 250 /skip = 0 /' robot.toml
 "$built/examples/sweeps_as_text" twin.h5 6 >frames.txt 2>truth.txt
 "$tactnet" channel hub --table robot.toml >robot_hub.log 2>&1 &

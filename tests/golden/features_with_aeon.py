@@ -67,7 +67,7 @@ def l_features(sweep, rate):
     for band in (high, low):
         amplitude = spectrum[band].sum(axis=0)
         moment = (spectrum[band] * frequency[band, None]).sum(axis=0)
-        # A taxel that is silent in a band adds nothing.
+        # A taxel without power in a band adds nothing.
         centroids.append((weights * moment / np.where(amplitude > 0, amplitude, 1)).sum())
     return [roughness, *centroids]
 
@@ -146,7 +146,7 @@ def main():
     put("sparse.train", counts)
     put("sparse.scaled", _SparseScaler().fit_transform(torch.tensor(counts)).numpy())
 
-    # Ridge classifier: more features than sweeps, one feature repeated, one sweep twice.
+    # Ridge classifier: more features than sweeps, a repeated feature, and a repeated sweep.
     x = rng.normal(size=(40, 90)).astype(np.float32)
     labels = np.arange(40) % 4
     x[np.arange(40), labels] += 1.5

@@ -26,7 +26,7 @@ x = (centres[labels] + 0.7 * rng.normal(size=(len(labels), WIDTH))).astype(np.fl
 queries = (centres[rng.integers(0, CLASSES, 9)] + 0.7 * rng.normal(size=(9, WIDTH))).astype(np.float32)
 knowledge = rng.normal(size=(7, WIDTH + 1)) * 0.6 + rng.normal(size=WIDTH + 1) * 0.3  # weights and bias of each class
 mean = knowledge.mean(axis=0)
-# The thesis's prior is one on the F weights of a class; its bias is as good as free.
+# The thesis's prior covers the F weights of a class; its bias has an almost flat prior.
 away = (knowledge - mean)[:, :WIDTH]
 strength = 1 / (2 * (away**2).sum() / away.size)
 FREE_BIAS = 30.0

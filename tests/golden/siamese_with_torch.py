@@ -26,7 +26,7 @@ def contrastive(distance, margin):
 
 
 distance = torch.linalg.vector_norm(first - second, dim=1, keepdim=True)
-# Some pairs closer than the margin, some farther away.
+# Some pairs are closer than the margin, others are not.
 scaled = distance / 2
 direct = contrastive(scaled, MARGIN)
 direct.backward()

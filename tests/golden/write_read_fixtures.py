@@ -82,7 +82,7 @@ def main():
     np.savez_compressed(OUT / "big_endian.npz", samples=SAMPLES.astype(">u2"), materials=np.array(NAMES).astype(">U11"))
     np.savez_compressed(OUT / "text_labels.npz", samples=flat, labels=np.array(NAMES)[label])
     np.savez_compressed(OUT / "bad_pickled.npz", samples=SAMPLES, materials=np.array(NAMES, dtype=object))
-    # What people have at hand.
+    # Common table formats.
     np.savez_compressed(OUT / "x_y_float16.npz", X=flat.reshape(12, 60, 16).astype("f2"), y=label.astype("f8"))
     np.savez_compressed(OUT / "x_y_names.npz", X=flat, y=np.array(NAMES)[label][:, None], sample_rate_hz=100)
     frames = pd.DataFrame(flat.reshape(720, 16), columns=[f"taxel{taxel}" for taxel in range(16)])

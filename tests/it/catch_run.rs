@@ -257,7 +257,7 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
     let output = replay.arg(&file).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(said.contains("no packets of a catching stack"), "{said}");
+    assert!(said.contains("found no packets of it"), "{said}");
     world.end();
     hub.end();
 }

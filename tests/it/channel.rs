@@ -171,7 +171,7 @@ fn without_a_hub_and_with_a_second_one_there_is_one_clear_line() {
     assert!(none.contains("no hub of bus"), "{none}");
     let _hub = robot.hub();
     let second = stderr(&expect(2, robot.command(&["hub"])));
-    assert!(second.contains("runs on this host already"), "{second}");
+    assert!(second.contains("already runs on this host"), "{second}");
     let unknown = stderr(&expect(2, robot.command(&["hz", "b"])));
     assert!(
         unknown.contains("channel `b` is not in the table; the table contains a"),

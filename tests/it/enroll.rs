@@ -440,7 +440,7 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
             "twin.h5",
             first.as_str(),
             &["--sweeps", "11"],
-            "has 10 sweeps, 11 were asked for",
+            "has 10 sweeps, 11 were requested",
         ),
         (
             "run",

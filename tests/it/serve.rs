@@ -473,7 +473,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     assert!(reset.starts_with("reset, finger 0"), "{reset}");
     service.end();
     let nobody = stderr(&by_hand(2, &["stop"]));
-    assert!(nobody.contains("nobody listens"), "{nobody}");
+    assert!(nobody.contains("no classifier listens"), "{nobody}");
 }
 
 #[test]

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Coverage-guided attacks by libFuzzer: valid inputs are its first corpus, and what reaches new code is mutated further.
+# Coverage-guided fuzzing with libFuzzer. The first corpus consists of valid inputs; inputs that reach new code are mutated further.
 #
-#   tests/attacks/fuzz/run.sh mcap 3600          one target, for so many seconds
+#   tests/attacks/fuzz/run.sh mcap 3600          one target for 3600 s
 #   tests/attacks/fuzz/run.sh all 600            every target
 #
-# Needs `rustup toolchain install nightly` and `cargo install cargo-fuzz`. Prints a JSON row for each target; corpora and what breaks stay in
+# Needs `rustup toolchain install nightly` and `cargo install cargo-fuzz`. Prints a JSON row for each target. Corpora and failing inputs stay in
 # the target folder, under fuzz-corpus and fuzz-artifacts.
 set -euo pipefail
 cd "$(dirname "$0")"

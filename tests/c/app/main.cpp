@@ -1,4 +1,4 @@
-// The C++ wrapper: loans, moves, groups and exceptions. Usage: round_trip_cpp TABLE, with channels ping and pong of SkinFrame.
+// C++ wrapper: loans, moves, groups and exceptions. Usage: round_trip_cpp TABLE, with channels ping and pong of SkinFrame.
 #undef NDEBUG
 #include <cassert>
 #include <cstring>
