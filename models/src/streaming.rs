@@ -1,12 +1,12 @@
 //! Network evaluated frame by frame.
 
-use tactnet_conv::StreamHead;
+use tactnet_conv::{StreamHead, StreamLayer};
 
 use crate::conv_stream::ConvStream;
 use crate::network::TrunkNet;
 use crate::spectral_stream::SpectralStream;
 use crate::weights::values;
-use crate::{Network, NetworkConfig};
+use crate::{DenseWeights, Network, NetworkConfig};
 
 /// Trained network with fixed statistics that receives one sweep frame by frame.
 ///
@@ -55,15 +55,21 @@ impl StreamingNet {
             TrunkNet::Spectra(trunk) => TrunkStream::Spectra(Box::new(SpectralStream::new(trunk))),
         };
         let hidden = net.hidden.folded();
-        let output = [
-            values(net.output_weight.val()),
-            values(net.output_bias.val()),
-        ];
+        let output = DenseWeights {
+            weight: values(net.output_weight.val()),
+            bias: values(net.output_bias.val()),
+        };
         Self {
             trunk,
             head: StreamHead::new(
-                [&hidden.weight, &hidden.bias],
-                [&output[0], &output[1]],
+                StreamLayer {
+                    weight: &hidden.weight,
+                    bias: &hidden.bias,
+                },
+                StreamLayer {
+                    weight: &output.weight,
+                    bias: &output.bias,
+                },
                 masks,
             ),
             steps: input.steps,

@@ -62,46 +62,11 @@ fn run() {
             kernel: [15, 5],
             pool: POOL,
         };
-        let block = Block::plan(shape);
-        let (input, weight) = (values(shape.input_len()), values(shape.weight_len()));
-        let (gamma, beta) = (vec![1.0; shape.maps_out], vec![0.0; shape.maps_out]);
-        let gradient = values(shape.output_len());
-        let forward = || block.forward_train(&input, &weight, &gamma, &beta);
-        let ahead = median(
-            || (),
-            |()| {
-                let found = forward();
-                spare::give(black_box(found.pooled));
-                block.recycle(found.saved);
-            },
-        );
-        let back = [false, true].map(|need_input| {
-            median(
-                || {
-                    let found = forward();
-                    spare::give(found.pooled);
-                    found.saved
-                },
-                |saved| {
-                    let found = block.backward(saved, &gradient, need_input);
-                    spare::give(black_box(found.weight));
-                    found.input.into_iter().for_each(spare::give);
-                },
-            )
-        });
-        let frozen = median(
-            || (),
-            |()| {
-                let found = block.forward_eval(&input, &weight, &gamma, &beta, &beta, &gamma);
-                spare::give(black_box(found));
-            },
-        );
+        let [ahead, back, with_input, frozen] = times(shape);
         let tiling = Block::candidates(shape, Isa::detect());
         println!(
-            "layer {}: {ahead:7.3} {:7.3} {:7.3} {frozen:7.3}   {}",
+            "layer {}: {ahead:7.3} {back:7.3} {with_input:7.3} {frozen:7.3}   {}",
             layer + 1,
-            back[0],
-            back[1],
             tiling.first().map(Candidate::to_string).unwrap_or_default()
         );
         steps = steps.div_ceil(POOL);
@@ -111,4 +76,43 @@ fn run() {
         workspace_bytes() >> 20,
         spare::bytes() >> 20
     );
+}
+
+/// Returns the medians in ms of forward, backward, backward with the input's gradient, and forward with fixed statistics.
+fn times(shape: BlockShape) -> [f64; 4] {
+    let block = Block::plan(shape);
+    let (input, weight) = (values(shape.input_len()), values(shape.weight_len()));
+    let (gamma, beta) = (vec![1.0; shape.maps_out], vec![0.0; shape.maps_out]);
+    let gradient = values(shape.output_len());
+    let forward = || block.forward_train(&input, &weight, &gamma, &beta);
+    let ahead = median(
+        || (),
+        |()| {
+            let found = forward();
+            spare::give(black_box(found.pooled));
+            block.recycle(found.saved);
+        },
+    );
+    let back = [false, true].map(|need_input| {
+        median(
+            || {
+                let found = forward();
+                spare::give(found.pooled);
+                found.saved
+            },
+            |saved| {
+                let found = block.backward(saved, &gradient, need_input);
+                spare::give(black_box(found.weight));
+                found.input.into_iter().for_each(spare::give);
+            },
+        )
+    });
+    let frozen = median(
+        || (),
+        |()| {
+            let found = block.forward_eval(&input, &weight, &gamma, &beta, &beta, &gamma);
+            spare::give(black_box(found));
+        },
+    );
+    [ahead, back[0], back[1], frozen]
 }

@@ -1,11 +1,12 @@
-//! The planner's choice compared with all its tilings: `cargo bench -p tactnet-conv --bench planner [-- --threads 1] [--json]`.
+//! The planner's choice compared with all its tilings: `cargo bench -p tactnet-conv --bench planner`.
+//! `RAYON_NUM_THREADS` sets the number of threads.
 //!
 //! Times a training step with the input's gradient for each candidate of each shape in a grid, interleaved, as medians. `choice` is the time of
 //! the first candidate over that of the fastest; the cost model aims at 1.15 or less.
 
 use std::time::Instant;
 
-use tactnet_conv::{Block, BlockShape, Isa};
+use tactnet_conv::{Block, BlockShape, Candidate, Isa};
 
 const TURNS: usize = 5;
 /// Taxels, steps, kernel, batch; each with two pairs of maps.
@@ -49,13 +50,47 @@ fn step(block: &Block, input: &[f32], weight: &[f32]) -> f64 {
     seconds * 1e3
 }
 
+/// Candidate with its median time in ms.
+struct Timed {
+    candidate: Candidate,
+    median: f64,
+}
+
+/// Times the candidates of a shape in turns; the first is the planner's choice.
+fn time_candidates(shape: BlockShape, isa: Isa) -> Vec<Timed> {
+    let (input, weight) = (values(shape.input_len()), values(shape.weight_len()));
+    let candidates = Block::candidates(shape, isa);
+    // Skips candidates with three times the best predicted time.
+    let limit = 3.0 * candidates[0].predicted_ms;
+    let mut timed: Vec<_> = candidates
+        .into_iter()
+        .filter(|candidate| candidate.predicted_ms <= limit)
+        .map(|candidate| {
+            let block = Block::plan_candidate(shape, isa, &candidate);
+            step(&block, &input, &weight);
+            (candidate, block, Vec::new())
+        })
+        .collect();
+    for _ in 0..TURNS {
+        for (_, block, times) in &mut timed {
+            times.push(step(block, &input, &weight));
+        }
+    }
+    timed
+        .into_iter()
+        .map(|(candidate, _, mut times)| {
+            times.sort_by(f64::total_cmp);
+            let median = times[TURNS / 2];
+            Timed { candidate, median }
+        })
+        .collect()
+}
+
 fn main() {
     let threads = std::env::var("RAYON_NUM_THREADS").unwrap_or_else(|_| "all".into());
     let mut worst = Vec::new();
-    for isa in Isa::all() {
-        if format!("{isa:?}") == "Plain" || format!("{isa:?}") == "Portable" {
-            continue;
-        }
+    let sets = Isa::all();
+    for isa in sets.into_iter().filter(|isa| *isa != Isa::Portable) {
         for (taxels, steps, kernel, batch) in GRID {
             for maps in MAPS {
                 let shape = BlockShape {
@@ -67,38 +102,14 @@ fn main() {
                     kernel,
                     pool: 10,
                 };
-                let (input, weight) = (values(shape.input_len()), values(shape.weight_len()));
-                let candidates = Block::candidates(shape, isa);
-                // Skips candidates with three times the best predicted time.
-                let limit = 3.0 * candidates[0].predicted_ms;
-                let mut timed: Vec<_> = candidates
-                    .iter()
-                    .filter(|candidate| candidate.predicted_ms <= limit)
-                    .map(|candidate| {
-                        let block = Block::plan_candidate(shape, isa, candidate);
-                        step(&block, &input, &weight);
-                        (candidate, block, Vec::new())
-                    })
-                    .collect();
-                for _ in 0..TURNS {
-                    for (_, block, times) in &mut timed {
-                        times.push(step(block, &input, &weight));
-                    }
-                }
-                let medians: Vec<f64> = timed
-                    .iter_mut()
-                    .map(|(_, _, times)| {
-                        times.sort_by(f64::total_cmp);
-                        times[TURNS / 2]
-                    })
-                    .collect();
-                let fastest = medians.iter().copied().fold(f64::INFINITY, f64::min);
-                let choice = medians[0] / fastest;
+                let timed = time_candidates(shape, isa);
+                let medians = timed.iter().map(|timed| timed.median);
+                let choice = timed[0].median / medians.fold(f64::INFINITY, f64::min);
                 worst.push(choice);
                 println!(
                     "{isa:?} {batch} x {steps} x {taxels}, {maps:?}, kernel {kernel:?}, {threads} threads: choice {choice:.2}"
                 );
-                for ((candidate, _, _), median) in timed.iter().zip(&medians) {
+                for Timed { candidate, median } in timed {
                     println!(
                         "    {candidate}: {median:.2} ms, predicted {:.2}",
                         candidate.predicted_ms

@@ -11,18 +11,21 @@
 //! One complex transform handles two taxels as its real and imaginary part. With `Z = A + iB`, where `A` and `B` are spectra of real signals,
 //! `A(f) = (Z(f) + conj Z(-f)) / 2` and `B(f) = (Z(f) - conj Z(-f)) / 2i`.
 
+mod stages;
+
 use rayon::prelude::*;
 
-use super::batch_one_stages::{Pool, Spectra, Tangle, Untangle};
 use super::buffers::{Buffers, OCTETS};
 use super::cost::Tiling;
+use super::fft::Transform;
 use super::pooling::Goal;
 use super::product::{Left, Soon};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, Octet, Octets, Rows, floats, floats_mut};
 use super::spare;
-use super::spectral_plan::{Plan, by_group, following, padded};
+use super::spectral::plan::{Plan, by_group, following, padded};
 use super::weight::{Remembered, Weight};
+use stages::{Pool, Spectra, Tangle, Untangle};
 
 /// Maximum number of steps; longer sweeps are faster in ranges.
 const MAX_STEPS: usize = 1024;
@@ -154,10 +157,18 @@ impl BatchOne {
                             parts: pair.map(|tap| tap * group),
                             ahead: NOTHING,
                         };
-                        let lanes = (plan.isa, plan.outs);
                         let to = self.both(group);
-                        plan.time
-                            .run(lanes, (taps, from), (&mut both, to), &mut scratch);
+                        plan.isa.run(
+                            plan.outs,
+                            Transform {
+                                plan: &plan.time,
+                                source: taps,
+                                from,
+                                target: &mut both,
+                                to,
+                                scratch: &mut scratch,
+                            },
+                        );
                         let untangle = Untangle {
                             both: &both,
                             length: plan.time.length(),
@@ -204,11 +215,16 @@ impl BatchOne {
                     ahead: NOTHING,
                 };
                 let to = self.both(group);
-                plan.time.run(
-                    (plan.isa, ins),
-                    (&rows, from),
-                    (&mut both, to),
-                    &mut scratch,
+                plan.isa.run(
+                    ins,
+                    Transform {
+                        plan: &plan.time,
+                        source: &rows,
+                        from,
+                        target: &mut both,
+                        to,
+                        scratch: &mut scratch,
+                    },
                 );
                 let untangle = Untangle {
                     both: &both,
@@ -270,11 +286,16 @@ impl BatchOne {
                     parts: pair.map(|taxel| taxel * block + v),
                     ahead: NOTHING,
                 };
-                plan.time.run(
-                    (plan.isa, block),
-                    (&both, from.exchanged()),
-                    (&mut maps, to.exchanged()),
-                    &mut scratch,
+                plan.isa.run(
+                    block,
+                    Transform {
+                        plan: &plan.time,
+                        source: &both,
+                        from: from.exchanged(),
+                        target: &mut maps,
+                        to: to.exchanged(),
+                        scratch: &mut scratch,
+                    },
                 );
             }
         }

@@ -1,12 +1,12 @@
 //! Planned block, forward and backward.
 
 use super::batch_one::BatchOne;
-use super::buffers::{BYTES, Buffers, VALUES};
+use super::buffers::{BYTES, Buffers, OCTETS, VALUES};
 use super::cost::Tiling;
 use super::direct::{self, SavedDirect};
-use super::first_layer::{FirstLayer, SavedFirstLayer};
+use super::first_layer::{FirstLayer, SavedFirstLayer, WINNERS};
 use super::norm::{Normalizer, OutputGradient, Pooled};
-use super::pooling::{Goal, octets, signs};
+use super::pooling::{Goal, PoolBuffers, octets, signs};
 use super::shape::BlockShape;
 use super::simd::Isa;
 use super::spare;
@@ -16,6 +16,11 @@ use super::weight::Weight;
 
 /// Minimum number of output maps for which zero maps are added to the input.
 const MIN_PADDED_MAPS: usize = 16;
+
+/// Returns the bytes that all workspace pools keep between passes, without the results that [`crate::spare`] keeps.
+pub fn workspace_bytes() -> usize {
+    OCTETS.bytes() + VALUES.bytes() + BYTES.bytes() + WINNERS.bytes()
+}
 
 /// Block planned for one shape. All blocks share process-wide workspace pools.
 ///
@@ -193,7 +198,10 @@ impl Block {
         out: impl FnOnce(usize) -> Vec<f32>,
     ) -> (Pooled, SavedRoute) {
         let outputs = self.met.output_len();
-        let to = || (out(outputs), self.bytes.take(outputs));
+        let to = || PoolBuffers {
+            winners: out(outputs),
+            positions: self.bytes.take(outputs),
+        };
         match &self.route {
             Route::Direct => {
                 let (pooled, saved) = direct::forward(&self.met, input, &weight.values(), gamma);

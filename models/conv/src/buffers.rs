@@ -6,13 +6,12 @@
 use std::fmt::Debug;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::first_layer_backward::Winner;
 use super::simd::Octets;
 
 /// Maximum number of bytes in a pool: 1 GiB.
 const MAX_BYTES: usize = 1 << 30;
 /// Maximum number of buffers in a pool.
-const MAX_KEPT: usize = 256;
+pub(super) const MAX_KEPT: usize = 256;
 
 /// Pool of spectra, maps and rows between the stages of a block.
 pub(super) static OCTETS: Buffers<Octets> = Buffers::at_most(MAX_KEPT);
@@ -20,13 +19,6 @@ pub(super) static OCTETS: Buffers<Octets> = Buffers::at_most(MAX_KEPT);
 pub(super) static VALUES: Buffers<Vec<f32>> = Buffers::at_most(MAX_KEPT);
 /// Pool of the winners' steps.
 pub(super) static BYTES: Buffers<Vec<u8>> = Buffers::at_most(MAX_KEPT);
-/// Pool of winner lists.
-pub(super) static WINNERS: Buffers<Vec<Winner>> = Buffers::at_most(MAX_KEPT);
-
-/// Returns the bytes that all workspace pools keep between passes, without the results that [`crate::spare`] keeps.
-pub fn workspace_bytes() -> usize {
-    OCTETS.bytes() + VALUES.bytes() + BYTES.bytes() + WINNERS.bytes()
-}
 
 /// Pool of buffers, ordered by last use, oldest first.
 #[derive(Debug)]

@@ -7,7 +7,7 @@
 
 use super::butterfly::butterfly;
 use super::simd::{
-    Isa, Kernel, Lanes, NOTHING, Octet, Reader, Rows, Sequence, Table, WRITTEN, Writer, unrolled,
+    Kernel, Lanes, NOTHING, Octet, Reader, Rows, Sequence, Table, WRITTEN, Writer, unrolled,
 };
 
 /// Transform of one length.
@@ -74,40 +74,25 @@ impl TimePlan {
         self.length
     }
 
-    /// Returns the octets of scratch that [`TimePlan::run`] needs for vectors of up to `octets` octets.
+    /// Returns the octets of scratch that a [`Transform`] needs for vectors of up to `octets` octets.
     pub(super) fn scratch(&self, octets: usize) -> usize {
         4 * self.length * octets
     }
-
-    /// Transforms one vector of maps from `source` to `target`, of rows of `octets` octets; inlined for [`Isa::run`]'s reason.
-    #[inline(always)]
-    pub(super) fn run(
-        &self,
-        (isa, octets): (Isa, usize),
-        (source, from): (&[Octet], Rows<'_>),
-        (target, to): (&mut [Octet], Rows<'_>),
-        scratch: &mut [Octet],
-    ) {
-        let transform = Transform {
-            plan: self,
-            source,
-            from,
-            target,
-            to,
-            scratch,
-        };
-        isa.run(octets, transform);
-    }
 }
 
-/// Transform kernel, compiled once per instruction set: it is too large to inline into other kernels.
-struct Transform<'a> {
-    plan: &'a TimePlan,
-    source: &'a [Octet],
-    from: Rows<'a>,
-    target: &'a mut [Octet],
-    to: Rows<'a>,
-    scratch: &'a mut [Octet],
+/// Transform of one vector of maps.
+///
+/// It is a separate kernel, compiled once per instruction set, because it is too large to inline into other kernels.
+pub(super) struct Transform<'a> {
+    pub(super) plan: &'a TimePlan,
+    pub(super) source: &'a [Octet],
+    /// Layout of the input in `source`.
+    pub(super) from: Rows<'a>,
+    pub(super) target: &'a mut [Octet],
+    /// Layout of the output in `target`.
+    pub(super) to: Rows<'a>,
+    /// Working memory of [`TimePlan::scratch`] octets.
+    pub(super) scratch: &'a mut [Octet],
 }
 
 impl Kernel for Transform<'_> {
@@ -296,7 +281,17 @@ mod tests {
                         parts: [v, 2 + v],
                         ahead: NOTHING,
                     };
-                    plan.run((isa, 2), (&x, at), (&mut y, at), &mut scratch);
+                    isa.run(
+                        2,
+                        Transform {
+                            plan: &plan,
+                            source: &x,
+                            from: at,
+                            target: &mut y,
+                            to: at,
+                            scratch: &mut scratch,
+                        },
+                    );
                 }
                 let (x, y) = (floats(&x), floats(&y));
                 for f in 0..length {

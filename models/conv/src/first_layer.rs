@@ -4,25 +4,35 @@
 //! The spectra of eight tiles are computed at once, one tile per lane; from the product on, lanes are maps. Each tile is
 //! pooled while it is in cache, so the full-resolution maps are never written. The backward pass does not need them either.
 //!
-//! Processors with AVX-512 convolve tap by tap instead (`first_layer_taps.rs`).
+//! Processors with AVX-512 convolve tap by tap instead (`taps.rs`).
+
+mod autocorrelation;
+mod backward;
+mod input_gradient;
+mod padding;
+mod stages;
+mod taps;
+mod winners;
 
 use rayon::prelude::*;
 
 use super::bands::Bands;
-use super::buffers::{Buffers, OCTETS, VALUES, WINNERS};
-use super::fft::TimePlan;
-use super::first_layer_backward::Winner;
-use super::first_layer_stages::{Analyze, Scale, Synthesize};
-use super::first_layer_taps::by_taps;
+use super::buffers::{Buffers, OCTETS, VALUES};
+use super::fft::{TimePlan, Transform};
 use super::norm::Pooled;
-use super::pooling::{Goal, Window, merge_sums};
+use super::pooling::{Goal, PoolBuffers, Window, merge_sums};
 use super::shape::BlockShape;
 use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, Table};
 use super::spare;
-use super::spectral_plan::by_group;
-use super::spectral_stages::KernelRows;
+use super::spectral::plan::by_group;
+use super::spectral::stages::KernelRows;
 use super::taxel::TaxelPlan;
 use super::weight::{Remembered, Weight};
+
+use stages::{Analyze, Scale, Synthesize};
+use taps::by_taps;
+pub(super) use winners::WINNERS;
+use winners::Winner;
 
 /// Maximum number of steps in a tile, unless one pooling window is longer.
 const TILE: usize = 100;
@@ -67,6 +77,62 @@ pub(super) struct Tile<'a> {
     pub(super) first: usize,
     pub(super) steps: usize,
     pub(super) to: Window<'a>,
+}
+
+/// Working memory for up to eight tiles.
+struct TileMemory {
+    /// `[length, width of a band]`
+    rows: Octets,
+    /// `[column, length, 2]`, spectra over taxels
+    taxel_spectra: Octets,
+    /// `[column, length, 2]`, spectra over taxels and time
+    tile_spectra: Octets,
+    /// `[length, 2, vector]`
+    product: Octets,
+    /// `[column, steps of a tile, 2, vector]`
+    cropped: Octets,
+    /// `[pool, taxels of a band, vector]`
+    maps: Octets,
+    scratch: Octets,
+}
+
+impl TileMemory {
+    fn take(plan: &FirstLayer) -> Self {
+        let (columns, length) = (plan.taxel.frequencies(), plan.time.length());
+        let take = |len: usize| plan.buffers.take(len);
+        Self {
+            rows: take(length * plan.bands.width),
+            taxel_spectra: take(columns * length * 2),
+            tile_spectra: take(columns * length * 2),
+            product: take(2 * length * plan.group),
+            cropped: take(columns * plan.tile * 2 * plan.group),
+            maps: take(plan.shape.pool * plan.bands.span * plan.group),
+            scratch: take(plan.time.scratch(2)),
+        }
+    }
+
+    fn give_back(self, buffers: &Buffers<Octets>) {
+        let Self {
+            rows,
+            taxel_spectra,
+            tile_spectra,
+            product,
+            cropped,
+            maps,
+            scratch,
+        } = self;
+        for buffer in [
+            rows,
+            taxel_spectra,
+            tile_spectra,
+            product,
+            cropped,
+            maps,
+            scratch,
+        ] {
+            buffers.give(buffer);
+        }
+    }
 }
 
 impl FirstLayer {
@@ -125,47 +191,26 @@ impl FirstLayer {
         input: &[f32],
         weight: &Weight<'_>,
         goal: Goal<'_>,
-        to: (Vec<f32>, Vec<u8>),
+        to: PoolBuffers,
     ) -> (Pooled, SavedFirstLayer) {
         let shape = &self.shape;
-        let (windows, tile_windows) = (shape.pooled_steps(), self.tile / shape.pool);
-        let window = shape.taxels * shape.maps_out;
-        let (mut winners, mut positions) = to;
-        let bands = self.bands.count();
+        let PoolBuffers {
+            mut winners,
+            mut positions,
+        } = to;
+        let windows = shape.batch * shape.pooled_steps();
         let mut sums = self
             .buffers
-            .take(shape.batch * windows * bands * 3 * self.outs);
-        let mut tiles = Vec::new();
-        let sweeps = input.chunks_exact(shape.steps * shape.taxels);
-        let outputs = winners
-            .chunks_exact_mut(windows * window)
-            .zip(positions.chunks_exact_mut(windows * window));
-        for ((input, (winners, positions)), sums) in sweeps
-            .zip(outputs)
-            .zip(sums.chunks_exact_mut(windows * bands * 3 * self.outs))
-        {
-            let parts = winners
-                .chunks_mut(tile_windows * window)
-                .zip(positions.chunks_mut(tile_windows * window));
-            for (index, ((winners, positions), sums)) in parts
-                .zip(sums.chunks_mut(tile_windows * bands * 3 * self.outs))
-                .enumerate()
-            {
-                let first = index * self.tile;
-                let to = Window {
-                    winners,
-                    positions,
-                    sums,
-                    columns: self.outs,
-                };
-                tiles.push(Tile {
-                    input,
-                    first,
-                    steps: (shape.steps - first).min(self.tile),
-                    to,
-                });
-            }
-        }
+            .take(windows * self.bands.count() * 3 * self.outs);
+        let mut tiles = self.tiles(
+            input,
+            Window {
+                winners: &mut winners,
+                positions: &mut positions,
+                sums: &mut sums,
+                columns: self.outs,
+            },
+        );
         if by_taps(shape, self.isa) {
             let panels = self.panels(&weight.values());
             self.convolve_by_taps(&panels, goal, &mut tiles);
@@ -174,13 +219,9 @@ impl FirstLayer {
             self.convolve_by_tiles(weight, goal, &mut tiles);
         }
         drop(tiles);
-        let moments = goal.is_winners().then(|| {
-            merge_sums(&sums, self.outs, |index| {
-                let (window, band) = (index / bands % windows, index % bands);
-                let steps = (shape.steps - window * shape.pool).min(shape.pool);
-                steps * self.bands.outputs(band).len()
-            })
-        });
+        let moments = goal
+            .is_winners()
+            .then(|| merge_sums(&sums, self.outs, shape, &self.bands));
         self.buffers.give(sums);
         let mut saved = SavedFirstLayer {
             input: Vec::new(),
@@ -200,10 +241,50 @@ impl FirstLayer {
         )
     }
 
+    /// Divides sweeps and the output buffers of all windows into tiles.
+    fn tiles<'a>(&self, input: &'a [f32], to: Window<'a>) -> Vec<Tile<'a>> {
+        let shape = &self.shape;
+        let (windows, tile_windows) = (shape.pooled_steps(), self.tile / shape.pool);
+        let window = shape.taxels * shape.maps_out;
+        let window_sums = self.bands.count() * 3 * self.outs;
+        let mut tiles = Vec::new();
+        let sweeps = input.chunks_exact(shape.steps * shape.taxels);
+        let outputs = to
+            .winners
+            .chunks_exact_mut(windows * window)
+            .zip(to.positions.chunks_exact_mut(windows * window));
+        for ((input, (winners, positions)), sums) in sweeps
+            .zip(outputs)
+            .zip(to.sums.chunks_exact_mut(windows * window_sums))
+        {
+            let parts = winners
+                .chunks_mut(tile_windows * window)
+                .zip(positions.chunks_mut(tile_windows * window));
+            for (index, ((winners, positions), sums)) in parts
+                .zip(sums.chunks_mut(tile_windows * window_sums))
+                .enumerate()
+            {
+                let first = index * self.tile;
+                let to = Window {
+                    winners,
+                    positions,
+                    sums,
+                    columns: self.outs,
+                };
+                tiles.push(Tile {
+                    input,
+                    first,
+                    steps: (shape.steps - first).min(self.tile),
+                    to,
+                });
+            }
+        }
+        tiles
+    }
+
     /// Convolves and pools every tile through its spectrum.
     fn convolve_by_tiles(&self, weight: &Weight<'_>, goal: Goal<'_>, tiles: &mut [Tile<'_>]) {
-        let shape = &self.shape;
-        let spectra = self.weights.get_or_make(weight, |before| {
+        let kernels = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
             self.weight_spectra(&weight.values())
         });
@@ -216,100 +297,109 @@ impl FirstLayer {
             .par_chunks_mut(at_once)
             .with_max_len(1)
             .for_each(|tiles| {
-                let columns = self.taxel.frequencies();
-                let length = self.time.length();
-                let mut rows = self.buffers.take(length * self.bands.width);
-                let mut taxel_spectra = self.buffers.take(columns * length * 2);
-                let mut tile_spectra = self.buffers.take(columns * length * 2);
-                let mut scratch = self.buffers.take(self.time.scratch(2));
-                let pairs = Rows {
-                    table: &self.all,
-                    stride: 2,
-                    parts: [0, 1],
-                    ahead: NOTHING,
-                };
-                let group = self.group;
-                let mut product = self.buffers.take(2 * length * group);
-                let mut cropped = self.buffers.take(columns * self.tile * 2 * group);
-                let mut maps = self.buffers.take(shape.pool * self.bands.span * group);
-                let [whole, inside] = [&self.all, &self.cropped].map(|table| {
-                    let rows = Rows {
-                        table,
-                        stride: 2 * group,
-                        parts: [0, group],
-                        ahead: NOTHING,
-                    };
-                    rows.exchanged()
-                });
+                let mut memory = TileMemory::take(self);
                 for band in 0..self.bands.count() {
-                    self.gather(tiles, band, &mut rows);
-                    let stage = Analyze {
-                        plan: self,
-                        rows: &rows,
-                        spectra: &mut taxel_spectra,
-                    };
-                    self.isa.run(1, stage);
-                    for (source, target) in taxel_spectra
-                        .chunks_exact(2 * length)
-                        .zip(tile_spectra.chunks_exact_mut(2 * length))
-                    {
-                        self.time.run(
-                            (self.isa, 1),
-                            (source, pairs),
-                            (target, pairs),
-                            &mut scratch,
-                        );
-                    }
-                    for (kernels, v) in spectra
-                        .chunks_exact(columns * 2 * length * group)
-                        .zip((0..).step_by(group))
-                    {
-                        for (lane, tile) in tiles.iter_mut().enumerate() {
-                            let factors = tile_spectra
-                                .chunks_exact(2 * length)
-                                .zip(kernels.chunks_exact(2 * length * group));
-                            for ((spectrum, kernel), target) in
-                                factors.zip(cropped.chunks_exact_mut(self.tile * 2 * group))
-                            {
-                                let stage = Scale {
-                                    spectrum,
-                                    lane,
-                                    kernel,
-                                    product: &mut product,
-                                };
-                                self.isa.run(self.outs, stage);
-                                self.time.run(
-                                    (self.isa, self.outs),
-                                    (&product, whole),
-                                    (target, inside),
-                                    &mut scratch,
-                                );
-                            }
-                            let stage = Synthesize {
-                                plan: self,
-                                spectra: &cropped,
-                                maps: &mut maps,
-                                goal,
-                                tile,
-                                band,
-                                column: v,
-                            };
-                            self.isa.run(self.outs, stage);
-                        }
-                    }
+                    self.analyze(tiles, band, &mut memory);
+                    self.multiply_and_pool(&kernels, goal, tiles, band, &mut memory);
                 }
-                for buffer in [
-                    rows,
-                    taxel_spectra,
-                    tile_spectra,
-                    scratch,
-                    product,
-                    cropped,
-                    maps,
-                ] {
-                    self.buffers.give(buffer);
-                }
+                memory.give_back(self.buffers);
             });
+    }
+
+    /// Computes the spectra of a band of up to eight tiles.
+    fn analyze(&self, tiles: &[Tile<'_>], band: usize, memory: &mut TileMemory) {
+        let spectrum = 2 * self.time.length();
+        self.gather(tiles, band, &mut memory.rows);
+        let stage = Analyze {
+            plan: self,
+            rows: &memory.rows,
+            spectra: &mut memory.taxel_spectra,
+        };
+        self.isa.run(1, stage);
+        let pairs = Rows {
+            table: &self.all,
+            stride: 2,
+            parts: [0, 1],
+            ahead: NOTHING,
+        };
+        for (source, target) in memory
+            .taxel_spectra
+            .chunks_exact(spectrum)
+            .zip(memory.tile_spectra.chunks_exact_mut(spectrum))
+        {
+            let transform = Transform {
+                plan: &self.time,
+                source,
+                from: pairs,
+                target,
+                to: pairs,
+                scratch: &mut memory.scratch,
+            };
+            self.isa.run(1, transform);
+        }
+    }
+
+    /// Multiplies a band's spectra with those of the kernels, transforms back and pools.
+    fn multiply_and_pool(
+        &self,
+        kernels: &[Octet],
+        goal: Goal<'_>,
+        tiles: &mut [Tile<'_>],
+        band: usize,
+        memory: &mut TileMemory,
+    ) {
+        let (length, group) = (self.time.length(), self.group);
+        let columns = self.taxel.frequencies();
+        let [whole, inside] = [&self.all, &self.cropped].map(|table| {
+            let rows = Rows {
+                table,
+                stride: 2 * group,
+                parts: [0, group],
+                ahead: NOTHING,
+            };
+            rows.exchanged()
+        });
+        for (kernels, column) in kernels
+            .chunks_exact(columns * 2 * length * group)
+            .zip((0..).step_by(group))
+        {
+            for (lane, tile) in tiles.iter_mut().enumerate() {
+                let factors = memory
+                    .tile_spectra
+                    .chunks_exact(2 * length)
+                    .zip(kernels.chunks_exact(2 * length * group));
+                for ((spectrum, kernel), target) in
+                    factors.zip(memory.cropped.chunks_exact_mut(self.tile * 2 * group))
+                {
+                    let stage = Scale {
+                        spectrum,
+                        lane,
+                        kernel,
+                        product: &mut memory.product,
+                    };
+                    self.isa.run(self.outs, stage);
+                    let transform = Transform {
+                        plan: &self.time,
+                        source: &memory.product,
+                        from: whole,
+                        target,
+                        to: inside,
+                        scratch: &mut memory.scratch,
+                    };
+                    self.isa.run(self.outs, transform);
+                }
+                let stage = Synthesize {
+                    plan: self,
+                    spectra: &memory.cropped,
+                    maps: &mut memory.maps,
+                    goal,
+                    tile,
+                    band,
+                    column,
+                };
+                self.isa.run(self.outs, stage);
+            }
+        }
     }
 
     /// Returns the kernels' spectra, `[group of maps_out octets, column, time frequency, 2]`.
@@ -339,9 +429,17 @@ impl FirstLayer {
                     lags: &mut lags,
                 };
                 self.isa.run(self.outs, rows);
-                let lanes = (self.isa, self.outs);
-                self.time
-                    .run(lanes, (&lags, from), (spectrum, to), &mut scratch);
+                self.isa.run(
+                    self.outs,
+                    Transform {
+                        plan: &self.time,
+                        source: &lags,
+                        from,
+                        target: spectrum,
+                        to,
+                        scratch: &mut scratch,
+                    },
+                );
             }
         }
         self.buffers.give(taps);

@@ -34,7 +34,7 @@
 //!      plans -> block             planned block and its route
 //!       ┌────────┼─────────┐
 //!  first_layer spectral  direct   one input map | multiples of eight maps | any shape
-//!  first_layer_taps batch_one     first layer with AVX-512 | single sweep with fixed statistics
+//!            batch_one           single sweep with fixed statistics
 //!       └────┬───┘
 //!        cost  bands             division of taxels and steps
 //!    taxel  fft  product          transforms over taxels and time, products of spectra
@@ -50,7 +50,6 @@
 mod adam;
 mod bands;
 mod batch_one;
-mod batch_one_stages;
 mod block;
 mod buffers;
 mod butterfly;
@@ -58,10 +57,6 @@ mod cost;
 mod direct;
 mod fft;
 mod first_layer;
-mod first_layer_backward;
-mod first_layer_input;
-mod first_layer_stages;
-mod first_layer_taps;
 #[cfg(test)]
 mod noise;
 mod norm;
@@ -72,9 +67,6 @@ mod shape;
 mod simd;
 pub mod spare;
 mod spectral;
-mod spectral_backward;
-mod spectral_plan;
-mod spectral_stages;
 mod stream;
 mod stream_head;
 mod taxel;
@@ -84,11 +76,10 @@ mod trim;
 mod weight;
 
 pub use adam::AdamStep;
-pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved};
-pub use buffers::workspace_bytes;
+pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved, workspace_bytes};
 pub use plans::shared_block;
 pub use shape::BlockShape;
 pub use simd::Isa;
 pub use stream::{StreamBlock, StreamShape};
-pub use stream_head::StreamHead;
+pub use stream_head::{StreamHead, StreamLayer};
 pub use weight::{Identity, Weight};

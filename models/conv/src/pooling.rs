@@ -3,7 +3,9 @@
 
 use rayon::prelude::*;
 
+use super::bands::Bands;
 use super::norm::Moments;
+use super::shape::BlockShape;
 use super::simd::{Lanes, Octet, floats};
 
 /// Result of pooling: winners or outputs.
@@ -44,6 +46,12 @@ impl<'a> Goal<'a> {
             shift: self.shift.map(|shift| &shift[range]),
         }
     }
+}
+
+/// Buffers for winners (or outputs) and their positions, `[batch, pooled_steps, taxels, maps_out]` each.
+pub(super) struct PoolBuffers {
+    pub(super) winners: Vec<f32>,
+    pub(super) positions: Vec<u8>,
 }
 
 /// Output buffers of a window.
@@ -124,12 +132,21 @@ pub(super) fn pool_column<L: Lanes>(
 /// Number of windows whose sums one task merges.
 const RUN: usize = 64;
 
-/// Merges the sums of windows in an order that does not depend on threads; `count` returns the number of values per map in a window.
+/// Merges the sums of windows, `[batch, window, band, 3, columns]`, in an order that does not depend on threads.
 pub(super) fn merge_sums(
     sums: &[Octet],
     columns: usize,
-    count: impl Fn(usize) -> usize + Sync,
+    shape: &BlockShape,
+    bands: &Bands,
 ) -> Moments {
+    let count = |index: usize| {
+        let (window, band) = (
+            index / bands.count() % shape.pooled_steps(),
+            index % bands.count(),
+        );
+        let steps = (shape.steps - window * shape.pool).min(shape.pool);
+        steps * bands.outputs(band).len()
+    };
     let run = |(run, sums): (usize, &[Octet])| {
         let mut moments = Moments::new(columns * 8);
         for (window, sums) in sums.chunks_exact(3 * columns).enumerate() {

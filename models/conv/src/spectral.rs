@@ -7,6 +7,12 @@
 //! Each taxel frequency (a *column*) goes separately through its time spectrum, its products and back, and its output maps in
 //! blocks of sixteen, so that only these spectra need to stay in a core's cache. Columns are the units that threads share.
 
+mod backward;
+mod backward_column;
+mod column;
+pub(super) mod plan;
+pub(super) mod stages;
+
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -14,13 +20,13 @@ use rayon::prelude::*;
 use super::buffers::{Buffers, OCTETS};
 use super::cost::Tiling;
 use super::norm::Pooled;
-use super::pooling::{Goal, Window, merge_sums};
-use super::product::{Left, Soon};
+use super::pooling::{Goal, PoolBuffers, Window, merge_sums};
 use super::shape::BlockShape;
-use super::simd::{Isa, NOTHING, NOWHERE, Octet, Octets, Rows, WRITTEN, floats};
-use super::spectral_plan::{Plan, by_group, following, in_blocks};
-use super::spectral_stages::{Analyze, KernelRows, Synthesize};
+use super::simd::{Isa, Octet, Octets};
 use super::weight::{Remembered, Weight};
+use column::{Column, weight_spectrum};
+use plan::{Plan, by_group};
+use stages::{Analyze, Synthesize};
 
 /// Plan with cached weight spectra.
 #[derive(Debug)]
@@ -102,18 +108,20 @@ impl Spectral {
         input: &[f32],
         weight: &Weight<'_>,
         goal: Goal<'_>,
-        to: (Vec<f32>, Vec<u8>),
+        to: PoolBuffers,
     ) -> (Pooled, SavedSpectral) {
         let plan = &self.plan;
-        let (mut winners, mut positions) = to;
+        let PoolBuffers {
+            mut winners,
+            mut positions,
+        } = to;
         let weight = self.weights.get_or_make(weight, |before| {
             before.into_iter().for_each(|made| self.buffers.give(made));
             self.weight_spectra(&weight.values())
         });
-        let (windows, bands) = (plan.shape.pooled_steps(), plan.bands.count());
         let [sweep_in, sweep_out] =
             [plan.shape.input_len(), plan.shape.output_len()].map(|len| len / plan.shape.batch);
-        let sweep_sums = windows * bands * 3 * plan.outs;
+        let sweep_sums = plan.shape.pooled_steps() * plan.bands.count() * 3 * plan.outs;
         let mut sums = self.buffers.take(input.len() / sweep_in * sweep_sums);
         let together = plan.shape.batch;
         let groups = winners
@@ -133,14 +141,9 @@ impl Spectral {
                 self.forward_group(plan, input, &weight, goal, to)
             })
             .collect();
-        let moments = goal.is_winners().then(|| {
-            merge_sums(&sums, plan.outs, |index| {
-                let (window, band) = (index / bands % windows, index % bands);
-                let shape = &plan.shape;
-                let steps = (shape.steps - window * shape.pool).min(shape.pool);
-                steps * plan.bands.outputs(band).len()
-            })
-        });
+        let moments = goal
+            .is_winners()
+            .then(|| merge_sums(&sums, plan.outs, &plan.shape, &plan.bands));
         self.buffers.give(sums);
         let pooled = Pooled {
             winners,
@@ -306,154 +309,5 @@ impl Spectral {
         if let Some(weight) = Arc::into_inner(saved.weight) {
             self.buffers.give(weight);
         }
-    }
-}
-
-/// Forward pass of one column: time spectra of the input, then for each block of output maps the products and the inverse transform,
-/// `[block, parts, steps, 2, block's octets]`.
-struct Column<'a> {
-    plan: &'a Plan,
-    column: usize,
-    rows: &'a [Octet],
-    input: &'a mut [Octet],
-    weight: &'a [Octet],
-    spectrum: &'a mut [Octet],
-    out: &'a mut [Octet],
-    scratch: &'a mut [Octet],
-}
-
-impl Column<'_> {
-    fn run(self) {
-        let (plan, column) = (self.plan, self.column);
-        let (parts, maps_in) = (plan.parts(), plan.shape.maps_in);
-        let (seen, steps) = (plan.ranges.width, plan.ranges.span);
-        let (ins, block) = (plan.ins, plan.in_block);
-        let wanted = plan.wanted(column);
-        let columns = plan.taxel.frequencies();
-        for part in 0..parts {
-            let source = &self.rows[(part * columns + column) * seen * 2 * ins..][..seen * 2 * ins];
-            for v in (0..ins).step_by(plan.in_group) {
-                let first = in_blocks(v, block, seen * 2 * block);
-                let from = Rows {
-                    table: &plan.seen,
-                    stride: 2 * block,
-                    parts: [first, first + block],
-                    ahead: columns * seen * 2 * ins,
-                };
-                let at = part * 2 * ins + v;
-                let to = Rows {
-                    table: wanted,
-                    stride: plan.input_stride(),
-                    parts: [at, at + ins],
-                    ahead: WRITTEN,
-                };
-                let lanes = (plan.isa, ins);
-                plan.time
-                    .run(lanes, (source, from), (self.input, to), self.scratch);
-            }
-        }
-        let block = plan.out_block;
-        let weights = self
-            .weight
-            .chunks_exact(plan.time.length() * plan.weight_stride());
-        let outs = self.out.chunks_exact_mut(parts * steps * 2 * block);
-        for (weight, out) in weights.zip(outs) {
-            let lefts = self.input.chunks_exact(plan.input_stride());
-            let rights = weight.chunks_exact(plan.weight_stride());
-            let products = self.spectrum.chunks_exact_mut(plan.output_stride());
-            let nexts = following(lefts.clone()).zip(following(rights.clone()));
-            let products = lefts.zip(rights).zip(products).zip(nexts);
-            for ((((left, right), out), next), &row) in products.zip(wanted.rows()) {
-                if row != NOWHERE {
-                    let left = Left {
-                        values: floats(left),
-                        row: 2 * maps_in,
-                        inner: 1,
-                        imaginary: maps_in,
-                        soon: Soon {
-                            left: floats(next.0),
-                            right: next.1,
-                        },
-                    };
-                    left.times(
-                        plan.isa,
-                        &right[..maps_in * 2 * block],
-                        &mut out[..parts * 2 * block],
-                        block,
-                    );
-                }
-            }
-            plan.mirror(
-                plan.taxel.mirror(column),
-                self.spectrum,
-                plan.output_stride(),
-                block,
-            );
-            for (part, out) in out.chunks_exact_mut(steps * 2 * block).enumerate() {
-                for v in (0..block).step_by(plan.out_group) {
-                    let at = part * 2 * block + v;
-                    let from = Rows {
-                        table: &plan.all,
-                        stride: plan.output_stride(),
-                        parts: [at, at + block],
-                        ahead: 2 * block,
-                    };
-                    let to = Rows {
-                        table: &plan.steps,
-                        stride: 2 * block,
-                        parts: [v, v + block],
-                        ahead: WRITTEN,
-                    };
-                    plan.time.run(
-                        (plan.isa, block),
-                        (self.spectrum, from.exchanged()),
-                        (out, to.exchanged()),
-                        self.scratch,
-                    );
-                }
-            }
-        }
-    }
-}
-
-/// Computes one column of the weights' spectra, `[block of maps_out, time frequency, maps_in, 2, block's octets]`.
-fn weight_spectrum(
-    plan: &Plan,
-    column: usize,
-    taps: &[Octet],
-    spectrum: &mut [Octet],
-    scratch: &mut [Octet],
-) {
-    let [kernel_steps, kernel_taxels] = plan.shape.kernel;
-    let (maps_in, outs, group) = (plan.shape.maps_in, plan.outs, plan.out_group);
-    let mut lags = Octets::zeros(2 * kernel_steps * group);
-    for (kernel, taps) in taps
-        .chunks_exact(kernel_steps * kernel_taxels * group)
-        .enumerate()
-    {
-        let rows = KernelRows {
-            plan: &plan.taxel,
-            column,
-            taps,
-            lags: &mut lags,
-        };
-        plan.isa.run(outs, rows);
-        let block = plan.out_block;
-        let span = plan.time.length() * plan.weight_stride();
-        let at = in_blocks(kernel / maps_in * group, block, span) + kernel % maps_in * 2 * block;
-        let from = Rows {
-            table: &plan.taps,
-            stride: 2 * group,
-            parts: [0, group],
-            ahead: NOTHING,
-        };
-        let to = Rows {
-            table: plan.wanted(column),
-            stride: plan.weight_stride(),
-            parts: [at, at + block],
-            ahead: WRITTEN,
-        };
-        plan.time
-            .run((plan.isa, outs), (&lags, from), (spectrum, to), scratch);
     }
 }

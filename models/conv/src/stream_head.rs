@@ -32,6 +32,15 @@ pub struct StreamHead {
     scores: Octets,
 }
 
+/// Weights of a layer: `y = weight x + bias`.
+#[derive(Debug, Clone, Copy)]
+pub struct StreamLayer<'a> {
+    /// `[outputs][inputs]`
+    pub weight: &'a [f32],
+    /// `[outputs]`
+    pub bias: &'a [f32],
+}
+
 /// One dropout mask.
 #[derive(Debug, Clone)]
 struct Mask {
@@ -65,16 +74,12 @@ impl Mask {
 impl StreamHead {
     /// Copies the weights and converts the masks.
     ///
-    /// - `hidden_weight`: `[hidden][features]`, `hidden_bias`: `[hidden]`, with batch normalisation folded in
-    /// - `output_weight`: `[materials][hidden]`, `output_bias`: `[materials]`
+    /// - `dense`: from features to hidden units, with batch normalisation folded in
+    /// - `output`: from hidden units to materials
     /// - `masks`: `[mc_samples][features]`, zero or one positive gain per sample; may be empty
-    pub fn new(
-        [hidden_weight, hidden_bias]: [&[f32]; 2],
-        [output_weight, output_bias]: [&[f32]; 2],
-        masks: &[f32],
-    ) -> Self {
-        let (hidden, materials) = (hidden_bias.len(), output_bias.len());
-        let features = hidden_weight.len() / hidden;
+    pub fn new(dense: StreamLayer<'_>, output: StreamLayer<'_>, masks: &[f32]) -> Self {
+        let (hidden, materials) = (dense.bias.len(), output.bias.len());
+        let features = dense.weight.len() / hidden;
         let panels = hidden.div_ceil(8 * PANEL);
         let octets = materials.div_ceil(8).next_multiple_of(2);
         let mut head = Self {
@@ -91,17 +96,17 @@ impl StreamHead {
         };
         for unit in 0..hidden {
             let (panel, octet, lane) = (unit / 8 / PANEL, unit / 8 % PANEL, unit % 8);
-            head.bias[panel * PANEL + octet].0[lane] = hidden_bias[unit];
+            head.bias[panel * PANEL + octet].0[lane] = dense.bias[unit];
             for feature in 0..features {
                 let row = (panel * features + feature) * PANEL;
-                head.hidden[row + octet].0[lane] = hidden_weight[unit * features + feature];
+                head.hidden[row + octet].0[lane] = dense.weight[unit * features + feature];
             }
         }
         for material in 0..materials {
             let (octet, lane) = (material / 8, material % 8);
-            head.output_bias[octet].0[lane] = output_bias[material];
+            head.output_bias[octet].0[lane] = output.bias[material];
             for unit in 0..hidden {
-                let weight = output_weight[material * hidden + unit];
+                let weight = output.weight[material * hidden + unit];
                 head.output[unit * octets + octet].0[lane] = weight;
             }
         }
@@ -273,6 +278,31 @@ mod tests {
     use super::*;
     use crate::noise::noise;
 
+    /// Returns the scores of masked features in double precision.
+    fn masked(
+        dense: StreamLayer<'_>,
+        output: StreamLayer<'_>,
+        input: &[f32],
+        mask: &[f32],
+    ) -> Vec<f64> {
+        let rows = dense.weight.chunks_exact(input.len()).zip(dense.bias);
+        let units: Vec<f64> = rows
+            .map(|(row, bias)| {
+                let terms = row.iter().zip(input).zip(mask);
+                let sum: f64 = terms
+                    .map(|((w, x), m)| f64::from(*w) * f64::from(*x) * f64::from(*m))
+                    .sum();
+                (sum + f64::from(*bias)).max(0.0)
+            })
+            .collect();
+        let rows = output.weight.chunks_exact(units.len()).zip(output.bias);
+        rows.map(|(row, bias)| {
+            let terms = row.iter().zip(&units);
+            terms.map(|(w, u)| f64::from(*w) * u).sum::<f64>() + f64::from(*bias)
+        })
+        .collect()
+    }
+
     #[test]
     fn masked_rows_are_those_of_a_masked_product() {
         for (features, hidden, materials, keep) in
@@ -294,30 +324,16 @@ mod tests {
                 })
                 .collect();
             let input = noise(features, 6);
-            let expected = |mask: &[f32]| -> Vec<f64> {
-                let rows = hidden_weight.chunks_exact(features).zip(&hidden_bias);
-                let units: Vec<f64> = rows
-                    .map(|(row, bias)| {
-                        let terms = row.iter().zip(&input).zip(mask);
-                        let sum: f64 = terms
-                            .map(|((w, x), m)| f64::from(*w) * f64::from(*x) * f64::from(*m))
-                            .sum();
-                        (sum + f64::from(*bias)).max(0.0)
-                    })
-                    .collect();
-                let rows = output_weight.chunks_exact(hidden).zip(&output_bias);
-                rows.map(|(row, bias)| {
-                    let terms = row.iter().zip(&units);
-                    terms.map(|(w, u)| f64::from(*w) * u).sum::<f64>() + f64::from(*bias)
-                })
-                .collect()
+            let dense = StreamLayer {
+                weight: &hidden_weight,
+                bias: &hidden_bias,
+            };
+            let output = StreamLayer {
+                weight: &output_weight,
+                bias: &output_bias,
             };
             for isa in Isa::all() {
-                let mut head = StreamHead::new(
-                    [&hidden_weight, &hidden_bias],
-                    [&output_weight, &output_bias],
-                    &masks,
-                );
+                let mut head = StreamHead::new(dense, output, &masks);
                 head.isa = isa;
                 let mut found = Vec::new();
                 head.plain(&input, |scores| found.push(scores.to_vec()));
@@ -326,7 +342,7 @@ mod tests {
                 let all = std::iter::once(whole.as_slice()).chain(masks.chunks_exact(features));
                 assert_eq!(found.len(), 1 + mc_samples);
                 for (found, mask) in found.iter().zip(all) {
-                    for (found, expected) in found.iter().zip(expected(mask)) {
+                    for (found, expected) in found.iter().zip(masked(dense, output, &input, mask)) {
                         assert!(
                             (f64::from(*found) - expected).abs() < 1e-4,
                             "{found} {expected}"

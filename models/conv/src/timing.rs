@@ -1,6 +1,6 @@
 //! Single transforms and products for `benches/crates.rs`, which compares them with `rustfft` and `gemm`.
 
-use super::fft::TimePlan;
+use super::fft::{TimePlan, Transform};
 use super::product::{Left, Soon};
 use super::simd::{Isa, NOTHING, Octets, Rows, Table};
 
@@ -20,7 +20,17 @@ pub fn transform(length: usize) -> impl FnMut() {
                 parts: [v, 2 + v],
                 ahead: NOTHING,
             };
-            plan.run((isa, 2), (&source, at), (&mut target, at), &mut scratch);
+            isa.run(
+                2,
+                Transform {
+                    plan: &plan,
+                    source: &source,
+                    from: at,
+                    target: &mut target,
+                    to: at,
+                    scratch: &mut scratch,
+                },
+            );
         }
     }
 }

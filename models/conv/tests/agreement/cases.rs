@@ -3,7 +3,7 @@
 use tactnet_conv::{Block, BlockShape};
 
 use crate::noise::noise;
-use crate::reference::{Branch, Reference, reference};
+use crate::reference::{Branch, Case, frozen, reference};
 
 /// Unit roundoff of single precision.
 const UNIT: f64 = f32::EPSILON as f64 / 2.0;
@@ -13,14 +13,6 @@ const ROUNDINGS: f64 = 1.0;
 ///
 /// Normalisation then cancels the whole sum, which leaves the rounding of variance, root, factors and additions.
 const ROUNDINGS_WHERE_ALL_CANCELS: f64 = 16.0;
-
-pub(crate) struct Case {
-    pub(crate) x: Vec<f32>,
-    pub(crate) weight: Vec<f32>,
-    pub(crate) gamma: Vec<f32>,
-    pub(crate) beta: Vec<f32>,
-    pub(crate) grad: Vec<f32>,
-}
 
 pub(crate) fn case(s: &BlockShape, seed: u64) -> Case {
     let fan = (s.maps_in * s.kernel[0] * s.kernel[1]) as f32;
@@ -65,19 +57,11 @@ pub(crate) fn errors(s: BlockShape, seed: u64) -> [f64; 7] {
     let c = case(&s, seed);
     let block = Block::plan(s);
     let t = block.forward_train(&c.x, &c.weight, &c.gamma, &c.beta);
-    let r: Reference = reference(
-        &s,
-        &c.x,
-        &c.weight,
-        &c.gamma,
-        &c.beta,
-        None,
-        &c.grad,
-        Some(Branch {
-            positions: t.saved.positions(),
-            pooled: &t.pooled,
-        }),
-    );
+    let branch = Branch {
+        positions: t.saved.positions(),
+        pooled: &t.pooled,
+    };
+    let r = reference(&s, &c, branch);
     let forward = [
         error(&t.pooled, &r.pooled),
         error(&t.mean, &r.mean),
@@ -86,21 +70,9 @@ pub(crate) fn errors(s: BlockShape, seed: u64) -> [f64; 7] {
     let g = block.backward(t.saved, &c.grad, true);
     let input = g.input.expect("asked for");
     let eval = block.forward_eval(&c.x, &c.weight, &c.gamma, &c.beta, &c.beta, &t.variance);
-    let e = reference(
-        &s,
-        &c.x,
-        &c.weight,
-        &c.gamma,
-        &c.beta,
-        Some((&c.beta, &t.variance)),
-        &c.grad,
-        None,
-    );
-    assert!(
-        error(&eval, &e.pooled) < 2e-5,
-        "eval {s:?}: {}",
-        error(&eval, &e.pooled)
-    );
+    let expected = frozen(&s, &c, &c.beta, &t.variance);
+    let apart = error(&eval, &expected);
+    assert!(apart < 2e-5, "eval {s:?}: {apart}");
     let all_cancels = s.maps_in * s.kernel[0] * s.kernel[1] == 1 || s.count() <= 2;
     let roundings = if all_cancels {
         ROUNDINGS_WHERE_ALL_CANCELS

@@ -2,6 +2,15 @@
 
 use tactnet_conv::BlockShape;
 
+/// Inputs of a block, and a gradient of its output.
+pub(crate) struct Case {
+    pub(crate) x: Vec<f32>,
+    pub(crate) weight: Vec<f32>,
+    pub(crate) gamma: Vec<f32>,
+    pub(crate) beta: Vec<f32>,
+    pub(crate) grad: Vec<f32>,
+}
+
 /// Choices of a forward pass in single precision, `[batch, pooled_steps, taxels, maps_out]`.
 #[derive(Clone, Copy)]
 pub(crate) struct Branch<'a> {
@@ -47,86 +56,124 @@ fn taps(s: &BlockShape, mut visit: impl FnMut(usize, usize, usize)) {
     }
 }
 
-/// Computes the block with the statistics of the batch, or with mean and variance in `running` (gradients then stay zero).
+/// Convolution output in f64, with the statistics that normalise it.
+struct Convolved {
+    /// `[batch, steps, taxels, maps_out]`
+    y: Vec<f64>,
+    mean: Vec<f64>,
+    variance: Vec<f64>,
+}
+
+/// Results of the max-pool and ReLU.
+struct Pooled {
+    pooled: Vec<f64>,
+    /// `[batch, steps, taxels, maps_out]`: gradient of the normalised maps.
+    dz: Vec<f64>,
+}
+
+impl Convolved {
+    /// Convolves and computes the batch statistics.
+    fn new(s: &BlockShape, x: &[f64], turned: &[f64]) -> Self {
+        let (ci, co, n) = (s.maps_in, s.maps_out, s.count());
+        let mut y = vec![0f64; n * co];
+        taps(s, |tap, to, from| {
+            for i in 0..ci {
+                for o in 0..co {
+                    y[to * co + o] += x[from * ci + i] * turned[(tap * ci + i) * co + o];
+                }
+            }
+        });
+        let (mut mean, mut variance) = (vec![0f64; co], vec![0f64; co]);
+        (0..n * co).for_each(|at| mean[at % co] += y[at] / n as f64);
+        (0..n * co).for_each(|at| variance[at % co] += (y[at] - mean[at % co]).powi(2) / n as f64);
+        Self { y, mean, variance }
+    }
+
+    fn inverse_deviation(&self) -> Vec<f64> {
+        let variance = self.variance.iter();
+        variance.map(|v| 1.0 / (v + 1e-5).sqrt()).collect()
+    }
+
+    /// Pools; `branch` holds the choices of the implementation under test.
+    fn pool(&self, s: &BlockShape, case: &Case, branch: Option<Branch<'_>>) -> Pooled {
+        let co = s.maps_out;
+        let inverse = self.inverse_deviation();
+        let mut pooled = vec![0f64; s.output_len()];
+        let mut dz = vec![0f64; self.y.len()];
+        for (at, output) in pooled.iter_mut().enumerate() {
+            let (o, w) = (at % co, at / co % s.taxels);
+            let (p, b) = (
+                at / co / s.taxels % s.pooled_steps(),
+                at / co / s.taxels / s.pooled_steps(),
+            );
+            let cell = |t: usize| ((b * s.steps + t) * s.taxels + w) * co + o;
+            let z = |t: usize| {
+                f64::from(case.gamma[o]) * (self.y[cell(t)] - self.mean[o]) * inverse[o]
+                    + f64::from(case.beta[o])
+            };
+            let mut best = p * s.pool;
+            for t in p * s.pool..((p + 1) * s.pool).min(s.steps) {
+                if z(t) > z(best) {
+                    best = t;
+                }
+            }
+            *output = z(best).max(0.0);
+            let mut passes = z(best) > 0.0;
+            if let Some(branch) = branch {
+                let winner = p * s.pool + usize::from(branch.positions[at]);
+                assert!(
+                    z(best) - z(winner) < ROUNDING,
+                    "{s:?}: not the winner of window {at}"
+                );
+                best = winner;
+                let chosen = branch.pooled[at] > 0.0;
+                assert!(
+                    chosen == passes || z(best).abs() < ROUNDING,
+                    "{s:?}: wrong side of zero in window {at}: {}",
+                    z(best)
+                );
+                passes = chosen;
+            }
+            if passes {
+                dz[cell(best)] = f64::from(case.grad[at]);
+            }
+        }
+        Pooled { pooled, dz }
+    }
+}
+
+/// Returns the input in f64, and the weights in f64 as `[tap, maps_in, maps_out]`.
+fn widened(s: &BlockShape, case: &Case) -> (Vec<f64>, Vec<f64>) {
+    let (ci, co, k) = (s.maps_in, s.maps_out, s.kernel[0] * s.kernel[1]);
+    let x = case.x.iter().map(|&v| f64::from(v)).collect();
+    let mut turned = vec![0f64; case.weight.len()];
+    for (at, &v) in case.weight.iter().enumerate() {
+        turned[((at % k) * ci + at / k % ci) * co + at / k / ci] = f64::from(v);
+    }
+    (x, turned)
+}
+
+/// Returns the pooled output with the given mean and variance.
+pub(crate) fn frozen(s: &BlockShape, case: &Case, mean: &[f32], variance: &[f32]) -> Vec<f64> {
+    let (x, turned) = widened(s, case);
+    let mut convolved = Convolved::new(s, &x, &turned);
+    convolved.mean = mean.iter().map(|&v| f64::from(v)).collect();
+    convolved.variance = variance.iter().map(|&v| f64::from(v)).collect();
+    convolved.pool(s, case, None).pooled
+}
+
+/// Computes the block with batch statistics, and its gradients.
 ///
 /// `branch` holds the choices of the implementation under test at ties and at zero. Within rounding either choice is correct, but their
 /// gradients differ. A choice that rounding does not explain panics.
-/// their gradients differ. A choice that rounding does not explain is a panic.
-#[allow(clippy::too_many_arguments)]
-pub(crate) fn reference(
-    s: &BlockShape,
-    x: &[f32],
-    weight: &[f32],
-    gamma: &[f32],
-    beta: &[f32],
-    running: Option<(&[f32], &[f32])>,
-    grad: &[f32],
-    branch: Option<Branch<'_>>,
-) -> Reference {
+pub(crate) fn reference(s: &BlockShape, case: &Case, branch: Branch<'_>) -> Reference {
     let (ci, co, k) = (s.maps_in, s.maps_out, s.kernel[0] * s.kernel[1]);
     let n = s.count();
-    let x: Vec<f64> = x.iter().map(|&v| f64::from(v)).collect();
-    let mut turned = vec![0f64; weight.len()];
-    for (at, &v) in weight.iter().enumerate() {
-        turned[((at % k) * ci + at / k % ci) * co + at / k / ci] = f64::from(v);
-    }
-    let mut y = vec![0f64; n * co];
-    taps(s, |tap, to, from| {
-        for i in 0..ci {
-            for o in 0..co {
-                y[to * co + o] += x[from * ci + i] * turned[(tap * ci + i) * co + o];
-            }
-        }
-    });
-    let (mut mean, mut variance) = (vec![0f64; co], vec![0f64; co]);
-    if let Some((m, v)) = running {
-        for o in 0..co {
-            (mean[o], variance[o]) = (f64::from(m[o]), f64::from(v[o]));
-        }
-    } else {
-        (0..n * co).for_each(|at| mean[at % co] += y[at] / n as f64);
-        (0..n * co).for_each(|at| variance[at % co] += (y[at] - mean[at % co]).powi(2) / n as f64);
-    }
-    let inverse: Vec<f64> = variance.iter().map(|v| 1.0 / (v + 1e-5).sqrt()).collect();
-    let mut pooled = vec![0f64; s.output_len()];
-    let mut dz = vec![0f64; n * co];
-    for at in 0..s.output_len() {
-        let (o, w) = (at % co, at / co % s.taxels);
-        let (p, b) = (
-            at / co / s.taxels % s.pooled_steps(),
-            at / co / s.taxels / s.pooled_steps(),
-        );
-        let cell = |t: usize| ((b * s.steps + t) * s.taxels + w) * co + o;
-        let z = |t: usize| {
-            f64::from(gamma[o]) * (y[cell(t)] - mean[o]) * inverse[o] + f64::from(beta[o])
-        };
-        let mut best = p * s.pool;
-        for t in p * s.pool..((p + 1) * s.pool).min(s.steps) {
-            if z(t) > z(best) {
-                best = t;
-            }
-        }
-        pooled[at] = z(best).max(0.0);
-        let mut passes = z(best) > 0.0;
-        if let Some(branch) = branch {
-            let winner = p * s.pool + usize::from(branch.positions[at]);
-            assert!(
-                z(best) - z(winner) < ROUNDING,
-                "{s:?}: not the winner of window {at}"
-            );
-            best = winner;
-            let chosen = branch.pooled[at] > 0.0;
-            assert!(
-                chosen == passes || z(best).abs() < ROUNDING,
-                "{s:?}: wrong side of zero in window {at}: {}",
-                z(best)
-            );
-            passes = chosen;
-        }
-        if passes {
-            dz[cell(best)] = f64::from(grad[at]);
-        }
-    }
+    let (x, turned) = widened(s, case);
+    let convolved = Convolved::new(s, &x, &turned);
+    let inverse = convolved.inverse_deviation();
+    let Pooled { pooled, dz } = convolved.pool(s, case, Some(branch));
+    let Convolved { y, mean, variance } = convolved;
     let (mut d_gamma, mut d_beta) = (vec![0f64; co], vec![0f64; co]);
     for at in 0..n * co {
         d_beta[at % co] += dz[at];
@@ -135,28 +182,27 @@ pub(crate) fn reference(
     let parts = |at: usize| {
         let o = at % co;
         let hat = (y[at] - mean[o]) * inverse[o];
-        let scale = f64::from(gamma[o]) * inverse[o];
+        let scale = f64::from(case.gamma[o]) * inverse[o];
         [dz[at], -d_beta[o] / n as f64, -hat * d_gamma[o] / n as f64].map(|part| scale * part)
     };
     let dy: Vec<f64> = (0..n * co).map(|at| parts(at).iter().sum()).collect();
     let terms: Vec<f64> = (0..n * co)
         .map(|at| parts(at).iter().map(|part| part.abs()).sum())
         .collect();
-    let (mut dw, mut d_input) = (vec![0f64; weight.len()], vec![0f64; n * ci]);
-    let (mut dw_terms, mut input_terms) = (vec![0f64; weight.len()], vec![0f64; n * ci]);
+    let (mut dw, mut d_input) = (vec![0f64; turned.len()], vec![0f64; n * ci]);
+    let (mut dw_terms, mut input_terms) = (vec![0f64; turned.len()], vec![0f64; n * ci]);
     taps(s, |tap, to, from| {
         for i in 0..ci {
             for o in 0..co {
                 let (at, x) = ((tap * ci + i) * co + o, x[from * ci + i]);
                 dw[at] += dy[to * co + o] * x;
                 dw_terms[at] += terms[to * co + o] * x.abs();
-                let weight = turned[(tap * ci + i) * co + o];
-                d_input[from * ci + i] += dy[to * co + o] * weight;
-                input_terms[from * ci + i] += terms[to * co + o] * weight.abs();
+                d_input[from * ci + i] += dy[to * co + o] * turned[at];
+                input_terms[from * ci + i] += terms[to * co + o] * turned[at].abs();
             }
         }
     });
-    let d_weight = (0..weight.len())
+    let d_weight = (0..turned.len())
         .map(|at| dw[((at % k) * ci + at / k % ci) * co + at / k / ci])
         .collect();
     let largest = |terms: &[f64]| terms.iter().fold(0.0, |m: f64, &v| m.max(v));

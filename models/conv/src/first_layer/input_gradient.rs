@@ -7,20 +7,19 @@
 
 use rayon::prelude::*;
 
-use super::first_layer::{FirstLayer, MAX_KERNEL};
-use super::first_layer_backward::{MARGIN, Winners};
-use super::norm::GradientAffine;
-use super::simd::{Narrow, NarrowKernel, Octet};
+use super::padding::{ACROSS, MARGIN};
+use super::winners::Winners;
+use super::{FirstLayer, MAX_KERNEL};
+use crate::norm::GradientAffine;
+use crate::simd::{Narrow, NarrowKernel, Octet};
 
-/// Number of distances between two taps of a row, from `-MARGIN` to `MARGIN`.
-const ACROSS: usize = 2 * MARGIN + 1;
 /// Number of zero rows around the sweep: the largest distance between two taps in time.
 const REACH: usize = MAX_KERNEL[0] - 1;
 /// Number of steps that are computed together.
 const STEPS: usize = 4;
 
 /// Coefficients of the affine part.
-pub(super) struct Composite {
+pub(crate) struct Composite {
     /// One table per range of kernel rows
     tables: Vec<Table>,
     /// Index of each step's table
@@ -36,7 +35,7 @@ struct Table {
 
 impl FirstLayer {
     /// Returns the tables for the weights and affine part of this training step.
-    pub(super) fn composite(&self, weight: &[f32], affine: &GradientAffine) -> Composite {
+    pub(crate) fn composite(&self, weight: &[f32], affine: &GradientAffine) -> Composite {
         let [kernel_steps, kernel_taxels] = self.shape.kernel;
         let (taps, pad) = (kernel_steps * kernel_taxels, self.shape.padding()[0]);
         let mut pairs = vec![0f64; taps * taps];
@@ -109,7 +108,7 @@ impl FirstLayer {
     }
 
     /// Overwrites `out` with one sweep's input gradient, `[steps, taxels]`.
-    pub(super) fn input_gradient(
+    pub(crate) fn input_gradient(
         &self,
         composite: &Composite,
         weight: &[f32],
@@ -248,15 +247,9 @@ impl Convolve<'_> {
             let table = &self.composite.tables[of_step[step]];
             for half in (0..lanes).step_by(8) {
                 if together {
-                    convolve::<L, STEPS, LANES>(
-                        table,
-                        (self.wide, lanes),
-                        step,
-                        half,
-                        self.gradient,
-                    );
+                    convolve::<L, STEPS, LANES>(table, self.wide, lanes, step, half, self.gradient);
                 } else {
-                    convolve::<L, 1, LANES>(table, (self.wide, lanes), step, half, self.gradient);
+                    convolve::<L, 1, LANES>(table, self.wide, lanes, step, half, self.gradient);
                 }
             }
             step += if together { STEPS } else { 1 };
@@ -264,10 +257,12 @@ impl Convolve<'_> {
     }
 }
 
+/// Adds the convolution at `COUNT` steps from `step` on, for eight taxels from `half` on, to `gradient`.
 #[inline(always)]
 fn convolve<L: Narrow, const COUNT: usize, const LANES: usize>(
     table: &Table,
-    (wide, lanes): (&[f32], usize),
+    wide: &[f32],
+    lanes: usize,
     step: usize,
     half: usize,
     gradient: &mut [f32],

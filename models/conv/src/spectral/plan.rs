@@ -2,46 +2,46 @@
 
 use rayon::prelude::*;
 
-use super::bands::Bands;
-use super::cost::Tiling;
-use super::fft::TimePlan;
-use super::shape::BlockShape;
-use super::simd::{Isa, NOWHERE, Octet, Table};
-use super::taxel::{Mirror, TaxelPlan};
+use crate::bands::Bands;
+use crate::cost::Tiling;
+use crate::fft::TimePlan;
+use crate::shape::BlockShape;
+use crate::simd::{Isa, NOWHERE, Octet, Table};
+use crate::taxel::{Mirror, TaxelPlan};
 
 /// Sizes, transforms and row tables.
 #[derive(Debug)]
-pub(super) struct Plan {
-    pub(super) shape: BlockShape,
-    pub(super) isa: Isa,
-    pub(super) time: TimePlan,
-    pub(super) taxel: TaxelPlan,
+pub(crate) struct Plan {
+    pub(crate) shape: BlockShape,
+    pub(crate) isa: Isa,
+    pub(crate) time: TimePlan,
+    pub(crate) taxel: TaxelPlan,
     /// Division of the taxels; bands are transformed separately.
-    pub(super) bands: Bands,
+    pub(crate) bands: Bands,
     /// Division of the steps; ranges are transformed separately.
-    pub(super) ranges: Bands,
+    pub(crate) ranges: Bands,
     /// Octets of input maps.
-    pub(super) ins: usize,
+    pub(crate) ins: usize,
     /// Octets of output maps.
-    pub(super) outs: usize,
+    pub(crate) outs: usize,
     /// Octets of input maps per vector.
-    pub(super) in_group: usize,
+    pub(crate) in_group: usize,
     /// Octets of output maps per vector.
-    pub(super) out_group: usize,
+    pub(crate) out_group: usize,
     /// Octets of input maps per block; blocks are processed one after another, so that their spectra stay in a core's cache.
-    pub(super) in_block: usize,
+    pub(crate) in_block: usize,
     /// Octets of output maps per block, one or more vectors.
-    pub(super) out_block: usize,
+    pub(crate) out_block: usize,
     /// Steps that a part reads, as rows of the transform.
-    pub(super) seen: Table,
+    pub(crate) seen: Table,
     /// Steps that a part computes, as rows of the transform.
-    pub(super) steps: Table,
+    pub(crate) steps: Table,
     /// Kernel taps, as rows of the transform.
-    pub(super) taps: Table,
+    pub(crate) taps: Table,
     /// All time frequencies.
-    pub(super) all: Table,
+    pub(crate) all: Table,
     /// Time frequencies that do not mirror another.
-    pub(super) half: Table,
+    pub(crate) half: Table,
 }
 
 /// Returns the octets of a block: two, which fill a cache line and the product's registers, or one if `octets` is odd.
@@ -51,25 +51,25 @@ fn block_of(octets: usize) -> usize {
 
 /// Returns the index of octet `v` in blocks of `block` octets that each span `span` octets.
 #[inline(always)]
-pub(super) fn in_blocks(v: usize, block: usize, span: usize) -> usize {
+pub(crate) fn in_blocks(v: usize, block: usize, span: usize) -> usize {
     v / block * span + v % block
 }
 
 /// Iterates over each row's successor; the last row has an empty one.
-pub(super) fn following<'a>(
+pub(crate) fn following<'a>(
     rows: impl Iterator<Item = &'a [Octet]>,
 ) -> impl Iterator<Item = &'a [Octet]> {
     rows.skip(1).chain(std::iter::once(&[][..]))
 }
 
 /// Returns octets per time frequency with padding, since strides of powers of two collide in few cache sets.
-pub(super) fn padded(octets: usize) -> usize {
+pub(crate) fn padded(octets: usize) -> usize {
     octets + 2
 }
 
 impl Plan {
     /// Returns `None` unless both counts of maps are multiples of eight and [`TaxelPlan`] supports the kernel.
-    pub(super) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
+    pub(crate) fn tiled(shape: BlockShape, isa: Isa, tiling: Tiling) -> Option<Self> {
         let [pad_steps, pad_taxels] = shape.padding();
         if !shape.maps_in.is_multiple_of(8) || !shape.maps_out.is_multiple_of(8) {
             return None;
@@ -113,54 +113,54 @@ impl Plan {
     }
 
     /// Returns the octets between the stages.
-    pub(super) fn between(&self) -> usize {
+    pub(crate) fn between(&self) -> usize {
         let Bands { width, span, .. } = self.ranges;
         self.parts() * self.taxel.frequencies() * 2 * (width * self.ins + span * self.outs)
     }
 
     /// Returns the number of parts in a sweep: the ranges of steps of all bands.
-    pub(super) fn parts_of_sweep(&self) -> usize {
+    pub(crate) fn parts_of_sweep(&self) -> usize {
         self.bands.count() * self.ranges.count()
     }
 
     /// Returns the number of parts in the batch, which the transforms treat as separate sweeps.
-    pub(super) fn parts(&self) -> usize {
+    pub(crate) fn parts(&self) -> usize {
         self.shape.batch * self.parts_of_sweep()
     }
 
     /// Returns sweep, band and range of a part.
-    pub(super) fn place(&self, part: usize) -> (usize, usize, usize) {
+    pub(crate) fn place(&self, part: usize) -> (usize, usize, usize) {
         let (bands, ranges) = (self.bands.count(), self.ranges.count());
         (part / ranges / bands, part / ranges % bands, part % ranges)
     }
 
     /// Returns the octets per time frequency of a column's inputs, `[parts, 2, maps_in]`.
-    pub(super) fn input_stride(&self) -> usize {
+    pub(crate) fn input_stride(&self) -> usize {
         padded(self.parts() * 2 * self.ins)
     }
 
     /// Returns the octets per time frequency of a block of outputs, `[parts, 2, block]`.
-    pub(super) fn output_stride(&self) -> usize {
+    pub(crate) fn output_stride(&self) -> usize {
         padded(self.parts() * 2 * self.out_block)
     }
 
     /// Returns the octets per time frequency of a block of weights, `[maps_in, 2, block]`.
-    pub(super) fn weight_stride(&self) -> usize {
+    pub(crate) fn weight_stride(&self) -> usize {
         padded(self.shape.maps_in * 2 * self.out_block)
     }
 
     /// Returns the number of blocks of output maps.
-    pub(super) fn out_blocks(&self) -> usize {
+    pub(crate) fn out_blocks(&self) -> usize {
         self.outs / self.out_block
     }
 
     /// Returns the octets of a column of weights, `[block, time frequency, maps_in, 2, block's octets]`.
-    pub(super) fn weight_column(&self) -> usize {
+    pub(crate) fn weight_column(&self) -> usize {
         self.out_blocks() * self.time.length() * self.weight_stride()
     }
 
     /// Returns the time frequencies to multiply in a column, as a table of rows.
-    pub(super) fn wanted(&self, column: usize) -> &Table {
+    pub(crate) fn wanted(&self, column: usize) -> &Table {
         if self.taxel.mirror(column) == Mirror::Free {
             &self.all
         } else {
@@ -169,7 +169,7 @@ impl Plan {
     }
 
     /// Computes the mirrored half of a column's spectrum.
-    pub(super) fn mirror(
+    pub(crate) fn mirror(
         &self,
         mirror: Mirror,
         spectrum: &mut [Octet],
@@ -196,7 +196,7 @@ impl Plan {
 }
 
 /// Reorders weights from `[out][in][tap]` to `[group of out octets][in][tap]` vectors of `group` octets.
-pub(super) fn by_group(weight: &[f32], row: usize, group: usize, out: &mut [Octet]) {
+pub(crate) fn by_group(weight: &[f32], row: usize, group: usize, out: &mut [Octet]) {
     out.par_chunks_exact_mut(row * group)
         .zip(weight.par_chunks_exact(8 * row * group))
         .for_each(|(out, weight)| {

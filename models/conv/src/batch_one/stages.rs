@@ -1,29 +1,29 @@
 //! Kernels of the single-sweep route: spectra of two taxels from one transform, its inverse, and pooling.
 
-use super::pooling::{Goal, Window, WindowMaps, pool_column};
-use super::shape::BlockShape;
-use super::simd::{Kernel, Lanes, Octet};
-use super::spectral_plan::Plan;
+use crate::pooling::{Goal, Window, WindowMaps, pool_column};
+use crate::shape::BlockShape;
+use crate::simd::{Kernel, Lanes, Octet};
+use crate::spectral::plan::Plan;
 
 /// Layout of the spectra of two signals.
-pub(super) struct Spectra {
+pub(crate) struct Spectra {
     /// Octets from one frequency to the next.
-    pub(super) stride: usize,
+    pub(crate) stride: usize,
     /// Index of each signal's real part at frequency zero.
-    pub(super) firsts: [usize; 2],
+    pub(crate) firsts: [usize; 2],
     /// Octets from a real part to its imaginary part.
-    pub(super) imaginary: usize,
+    pub(crate) imaginary: usize,
 }
 
 /// Separation of two real signals' spectra from the transform that holds them as real and imaginary part.
-pub(super) struct Untangle<'a> {
+pub(crate) struct Untangle<'a> {
     /// `[length, 2, vector]`
-    pub(super) both: &'a [Octet],
-    pub(super) length: usize,
+    pub(crate) both: &'a [Octet],
+    pub(crate) length: usize,
     /// Half of the factor applied to both spectra.
-    pub(super) scale: f32,
-    pub(super) to: Spectra,
-    pub(super) target: &'a mut [Octet],
+    pub(crate) scale: f32,
+    pub(crate) to: Spectra,
+    pub(crate) target: &'a mut [Octet],
 }
 
 impl Kernel for Untangle<'_> {
@@ -60,12 +60,12 @@ fn element<L: Lanes>(both: &[Octet], f: usize, scale: L) -> [L; 2] {
 }
 
 /// Combination of two spectra into one whose signal holds them as real and imaginary part; inverse of [`Untangle`].
-pub(super) struct Tangle<'a> {
-    pub(super) source: &'a [Octet],
-    pub(super) from: Spectra,
-    pub(super) length: usize,
+pub(crate) struct Tangle<'a> {
+    pub(crate) source: &'a [Octet],
+    pub(crate) from: Spectra,
+    pub(crate) length: usize,
     /// `[length, 2, vector]`
-    pub(super) both: &'a mut [Octet],
+    pub(crate) both: &'a mut [Octet],
 }
 
 impl Kernel for Tangle<'_> {
@@ -95,13 +95,13 @@ impl Kernel for Tangle<'_> {
 }
 
 /// Pooling of all windows of one block of maps.
-pub(super) struct Pool<'a> {
-    pub(super) plan: &'a Plan,
+pub(crate) struct Pool<'a> {
+    pub(crate) plan: &'a Plan,
     /// `[steps, taxels, block]`
-    pub(super) maps: &'a [Octet],
-    pub(super) goal: Goal<'a>,
+    pub(crate) maps: &'a [Octet],
+    pub(crate) goal: Goal<'a>,
     /// `[pooled_steps, taxels, block's maps]`
-    pub(super) outputs: &'a mut [f32],
+    pub(crate) outputs: &'a mut [f32],
 }
 
 impl Kernel for Pool<'_> {

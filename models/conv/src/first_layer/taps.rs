@@ -6,12 +6,12 @@
 
 use rayon::prelude::*;
 
-use super::first_layer::{FirstLayer, Tile};
-use super::first_layer_backward::MARGIN;
-use super::pooling::{Goal, Window, WindowMaps, pool_column};
-use super::shape::BlockShape;
-use super::simd::{Isa, Kernel, Lanes, Octet, Octets, Walk};
-use super::spectral_plan::by_group;
+use super::padding::MARGIN;
+use super::{FirstLayer, Tile};
+use crate::pooling::{Goal, Window, WindowMaps, pool_column};
+use crate::shape::BlockShape;
+use crate::simd::{Isa, Kernel, Lanes, Octet, Octets, Walk};
+use crate::spectral::plan::by_group;
 
 /// Number of output steps that are summed at once.
 const STRIP: usize = 10;
@@ -19,7 +19,7 @@ const STRIP: usize = 10;
 const VECTORS: usize = 2;
 
 /// Returns true if the shape is convolved tap by tap.
-pub(super) fn by_taps(shape: &BlockShape, isa: Isa) -> bool {
+pub(crate) fn by_taps(shape: &BlockShape, isa: Isa) -> bool {
     let octets = shape.maps_out / 8;
     let whole = octets.is_multiple_of(2 * VECTORS) && shape.pool.is_multiple_of(STRIP);
     isa.group(octets) == 2 && whole
@@ -27,7 +27,7 @@ pub(super) fn by_taps(shape: &BlockShape, isa: Isa) -> bool {
 
 impl FirstLayer {
     /// Reorders weights to `[panel of maps_out octets, kernel step, kernel taxel, octets of a panel]`.
-    pub(super) fn panels(&self, weight: &[f32]) -> Octets {
+    pub(crate) fn panels(&self, weight: &[f32]) -> Octets {
         let taps = self.shape.kernel[0] * self.shape.kernel[1];
         let mut panels = self.buffers.take(weight.len() / 8);
         by_group(weight, taps, VECTORS * self.group, &mut panels);
@@ -35,7 +35,7 @@ impl FirstLayer {
     }
 
     /// Convolves and pools every tile.
-    pub(super) fn convolve_by_taps(
+    pub(crate) fn convolve_by_taps(
         &self,
         panels: &[Octet],
         goal: Goal<'_>,

@@ -1,20 +1,20 @@
 //! Kernels of the spectral route: taxel spectra of inputs, kernels and gradients, and their inverses.
 
-use super::bands::Bands;
-use super::norm::OutputGradient;
-use super::pooling::{Goal, Window, WindowMaps, pool_column};
-use super::shape::BlockShape;
-use super::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
-use super::spectral_plan::{Plan, in_blocks};
-use super::taxel::{MAX_TAXELS, Sink, Source, TaxelPlan};
+use super::plan::{Plan, in_blocks};
+use crate::bands::Bands;
+use crate::norm::OutputGradient;
+use crate::pooling::{Goal, Window, WindowMaps, pool_column};
+use crate::shape::BlockShape;
+use crate::simd::{Kernel, Lanes, Narrow, NarrowKernel, Octet, floats};
+use crate::taxel::{MAX_TAXELS, Sink, Source, TaxelPlan};
 
 /// Taxel spectra of one part: from a sweep `[steps, taxels, maps_in]` to `[column, block of maps_in, input steps, 2, block's octets]`.
-pub(super) struct Analyze<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) band: usize,
-    pub(super) range: usize,
-    pub(super) input: &'a [f32],
-    pub(super) rows: &'a mut [Octet],
+pub(crate) struct Analyze<'a> {
+    pub(crate) plan: &'a Plan,
+    pub(crate) band: usize,
+    pub(crate) range: usize,
+    pub(crate) input: &'a [f32],
+    pub(crate) rows: &'a mut [Octet],
 }
 
 impl Kernel for Analyze<'_> {
@@ -60,11 +60,11 @@ impl Analyze<'_> {
 }
 
 /// One taxel frequency of the rows of a vector of kernels: `[kernel steps, kernel taxels]` to `[kernel steps, 2]`.
-pub(super) struct KernelRows<'a> {
-    pub(super) plan: &'a TaxelPlan,
-    pub(super) column: usize,
-    pub(super) taps: &'a [Octet],
-    pub(super) lags: &'a mut [Octet],
+pub(crate) struct KernelRows<'a> {
+    pub(crate) plan: &'a TaxelPlan,
+    pub(crate) column: usize,
+    pub(crate) taps: &'a [Octet],
+    pub(crate) lags: &'a mut [Octet],
 }
 
 impl Kernel for KernelRows<'_> {
@@ -85,16 +85,16 @@ impl Kernel for KernelRows<'_> {
 }
 
 /// Maps of one pooling window from the columns, and their pooling.
-pub(super) struct Synthesize<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) sweep: usize,
-    pub(super) window: usize,
-    pub(super) products: &'a [Octet],
+pub(crate) struct Synthesize<'a> {
+    pub(crate) plan: &'a Plan,
+    pub(crate) sweep: usize,
+    pub(crate) window: usize,
+    pub(crate) products: &'a [Octet],
     /// `[steps of the window, taxels, maps_out]`
-    pub(super) maps: &'a mut [Octet],
-    pub(super) goal: Goal<'a>,
+    pub(crate) maps: &'a mut [Octet],
+    pub(crate) goal: Goal<'a>,
     /// Output buffers; their sums are `[band, 3, columns]`.
-    pub(super) to: Window<'a>,
+    pub(crate) to: Window<'a>,
 }
 
 impl Kernel for Synthesize<'_> {
@@ -164,15 +164,15 @@ impl Synthesize<'_> {
 }
 
 /// Taxel spectra of one part's `dy`, `[column, block of maps_out, steps, 2, block's octets]`; zero outside the part's outputs.
-pub(super) struct Spread<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) sweep: usize,
-    pub(super) band: usize,
-    pub(super) range: usize,
-    pub(super) output: OutputGradient<'a>,
+pub(crate) struct Spread<'a> {
+    pub(crate) plan: &'a Plan,
+    pub(crate) sweep: usize,
+    pub(crate) band: usize,
+    pub(crate) range: usize,
+    pub(crate) output: OutputGradient<'a>,
     /// `[steps of the range, taxels, maps_out]`
-    pub(super) maps: &'a [Octet],
-    pub(super) rows: &'a mut [Octet],
+    pub(crate) maps: &'a [Octet],
+    pub(crate) rows: &'a mut [Octet],
 }
 
 impl Kernel for Spread<'_> {
@@ -240,11 +240,11 @@ impl Spread<'_> {
 }
 
 /// Conjugate transpose from `[maps_in, 2, maps_out]` to `[maps_out, 2, maps_in]`, for `outs` octets of output maps.
-pub(super) struct TurnConjugated<'a> {
-    pub(super) weight: &'a [Octet],
-    pub(super) turned: &'a mut [Octet],
-    pub(super) ins: usize,
-    pub(super) outs: usize,
+pub(crate) struct TurnConjugated<'a> {
+    pub(crate) weight: &'a [Octet],
+    pub(crate) turned: &'a mut [Octet],
+    pub(crate) ins: usize,
+    pub(crate) outs: usize,
 }
 
 impl NarrowKernel for TurnConjugated<'_> {
@@ -276,13 +276,13 @@ impl NarrowKernel for TurnConjugated<'_> {
 }
 
 /// Weight gradients of a vector of output maps from all columns, `[maps, maps_in, kernel steps, kernel taxels]`.
-pub(super) struct WeightGradient<'a> {
-    pub(super) plan: &'a Plan,
+pub(crate) struct WeightGradient<'a> {
+    pub(crate) plan: &'a Plan,
     /// Index of the vector of output maps.
-    pub(super) group: usize,
+    pub(crate) group: usize,
     /// `[column, group of maps_out octets, maps_in, kernel steps, 2]`
-    pub(super) d_taps: &'a [Octet],
-    pub(super) weight: &'a mut [f32],
+    pub(crate) d_taps: &'a [Octet],
+    pub(crate) weight: &'a mut [f32],
 }
 
 impl Kernel for WeightGradient<'_> {
@@ -314,11 +314,11 @@ impl Kernel for WeightGradient<'_> {
 }
 
 /// Input gradient of one sweep from the columns, `[steps, taxels, maps_in]`.
-pub(super) struct InputGradient<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) sweep: usize,
-    pub(super) spectra: &'a [Octet],
-    pub(super) input: &'a mut [f32],
+pub(crate) struct InputGradient<'a> {
+    pub(crate) plan: &'a Plan,
+    pub(crate) sweep: usize,
+    pub(crate) spectra: &'a [Octet],
+    pub(crate) input: &'a mut [f32],
 }
 
 impl Kernel for InputGradient<'_> {

@@ -1,11 +1,11 @@
 //! Kernels of the first layer's tiles.
 
-use super::bands::Bands;
-use super::first_layer::{FirstLayer, Tile};
-use super::pooling::{Goal, Window, WindowMaps, pool_column};
-use super::shape::BlockShape;
-use super::simd::{Kernel, Lanes, Octet};
-use super::taxel::{Sink, Source};
+use super::{FirstLayer, Tile};
+use crate::bands::Bands;
+use crate::pooling::{Goal, Window, WindowMaps, pool_column};
+use crate::shape::BlockShape;
+use crate::simd::{Kernel, Lanes, Octet};
+use crate::taxel::{Sink, Source};
 
 /// Row of up to eight tiles, one per lane.
 struct Tiles<'a>(&'a [Octet]);
@@ -38,10 +38,10 @@ impl<L: Lanes, const CUT: bool> Sink<L> for MapRow<'_, CUT> {
 }
 
 /// Spectra of tiles: `[length, width of a band]` to `[column, length, 2]`.
-pub(super) struct Analyze<'a> {
-    pub(super) plan: &'a FirstLayer,
-    pub(super) rows: &'a [Octet],
-    pub(super) spectra: &'a mut [Octet],
+pub(crate) struct Analyze<'a> {
+    pub(crate) plan: &'a FirstLayer,
+    pub(crate) rows: &'a [Octet],
+    pub(crate) spectra: &'a mut [Octet],
 }
 
 impl Kernel for Analyze<'_> {
@@ -57,11 +57,11 @@ impl Kernel for Analyze<'_> {
 }
 
 /// Product of one lane of the tiles' spectra with the spectra of a vector of kernels.
-pub(super) struct Scale<'a> {
-    pub(super) spectrum: &'a [Octet],
-    pub(super) lane: usize,
-    pub(super) kernel: &'a [Octet],
-    pub(super) product: &'a mut [Octet],
+pub(crate) struct Scale<'a> {
+    pub(crate) spectrum: &'a [Octet],
+    pub(crate) lane: usize,
+    pub(crate) kernel: &'a [Octet],
+    pub(crate) product: &'a mut [Octet],
 }
 
 impl Kernel for Scale<'_> {
@@ -84,15 +84,15 @@ impl Kernel for Scale<'_> {
 }
 
 /// Inverse transform and pooling of a vector of maps of one band and tile.
-pub(super) struct Synthesize<'a, 'b> {
-    pub(super) plan: &'a FirstLayer,
-    pub(super) spectra: &'a [Octet],
-    pub(super) maps: &'a mut [Octet],
-    pub(super) goal: Goal<'a>,
-    pub(super) tile: &'a mut Tile<'b>,
-    pub(super) band: usize,
+pub(crate) struct Synthesize<'a, 'b> {
+    pub(crate) plan: &'a FirstLayer,
+    pub(crate) spectra: &'a [Octet],
+    pub(crate) maps: &'a mut [Octet],
+    pub(crate) goal: Goal<'a>,
+    pub(crate) tile: &'a mut Tile<'b>,
+    pub(crate) band: usize,
     /// First octet of the maps.
-    pub(super) column: usize,
+    pub(crate) column: usize,
 }
 
 impl Kernel for Synthesize<'_, '_> {
