@@ -111,7 +111,7 @@ impl TryFrom<Table> for Architecture {
                 ];
                 if let Some((name, _)) = foreign.iter().find(|(_, given)| *given) {
                     return Err(format!(
-                        "`network.{name}` belongs to convolutions: not beside `network.spectra`"
+                        "`network.{name}` is a setting of convolutions and excludes `network.spectra`"
                     ));
                 }
                 Trunk::Spectra(spectra)

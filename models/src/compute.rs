@@ -3,7 +3,7 @@
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 
-use crate::{ModelError, left_out};
+use crate::{MissingFeature, ModelError};
 
 /// The device a network runs on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -29,11 +29,11 @@ impl Compute {
             #[cfg(feature = "vulkan")]
             Self::Vulkan => vulkan::gpu().map(|gpu| gpu.device.clone()),
             #[cfg(not(feature = "vulkan"))]
-            Self::Vulkan => Err(missing("vulkan")),
+            Self::Vulkan => Err(MissingFeature { feature: "vulkan" }.into()),
             #[cfg(feature = "cuda")]
             Self::Cuda => Ok(Device::cuda(0)),
             #[cfg(not(feature = "cuda"))]
-            Self::Cuda => Err(missing("cuda")),
+            Self::Cuda => Err(MissingFeature { feature: "cuda" }.into()),
         }
     }
 }
@@ -61,7 +61,7 @@ impl Compute {
             })
         }
         #[cfg(not(feature = "vulkan"))]
-        Err(missing("vulkan"))
+        Err(MissingFeature { feature: "vulkan" }.into())
     }
 
     /// Returns the devices of this machine with their names, without GPUs that a driver emulates on the CPU.
@@ -124,13 +124,5 @@ mod vulkan {
             name: info.name,
             software: info.device_type == DeviceType::Cpu,
         })
-    }
-}
-
-#[cfg(not(all(feature = "vulkan", feature = "cuda")))]
-fn missing(feature: &'static str) -> ModelError {
-    ModelError::Compute {
-        device: feature,
-        reason: left_out(feature),
     }
 }

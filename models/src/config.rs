@@ -196,7 +196,7 @@ impl NetworkConfig {
                 numbers.is_some_and(|numbers| numbers <= MAX_NUMBERS),
                 setting,
                 &format!("parameters, and outputs of each layer, of at most {MAX_NUMBERS} numbers"),
-                numbers.map_or("more than a machine addresses".into(), |n| n.to_string()),
+                numbers.map_or("more than 2^64".into(), |n| n.to_string()),
             )?;
         }
         Ok(config)

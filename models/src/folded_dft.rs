@@ -69,9 +69,10 @@ impl Matrix {
 
     /// Computes `y[output] = sum over inputs of matrix x[input]` for every lane.
     ///
-    /// - `x`, `y`: `[rows][lanes]`; only their selected rows are read and written
+    /// - `x`: `[rows][lanes]`, of which the rows `of` are read
+    /// - `y`: `[rows][lanes]`, of which the rows `to` are written
     #[inline(always)]
-    fn times(&self, (x, of): (&[f32], Rows), (y, to): (&mut [f32], Rows), lanes: usize) {
+    fn times(&self, x: &[f32], of: Rows, y: &mut [f32], to: Rows, lanes: usize) {
         let padded = self.outputs.next_multiple_of(TILE);
         for lane in (0..lanes).step_by(LANES) {
             for tile in (0..self.outputs).step_by(TILE) {
@@ -223,7 +224,7 @@ impl FoldedDft {
             } else {
                 &mut *imaginary
             };
-            product.times((folded, ALL), (output, bins(number)), lanes);
+            product.times(folded, ALL, output, bins(number), lanes);
         }
     }
 
@@ -240,7 +241,7 @@ impl FoldedDft {
     ) {
         for (number, (product, folded)) in self.back.iter().zip(&mut folded.0).enumerate() {
             let input = if number < 2 { real } else { imaginary };
-            product.times((input, bins(number)), (folded, ALL), lanes);
+            product.times(input, bins(number), folded, ALL, lanes);
         }
     }
 

@@ -62,39 +62,23 @@ pub fn minimise(
             direction = gradient.iter().map(|g| -g).collect();
             slope = -norm * norm;
         }
-        // Bisection between a step that is too long and one that is too short (weak Wolfe conditions).
-        let mut length = if steps.is_empty() {
+        let first = if steps.is_empty() {
             (1.0 / norm).min(1.0)
         } else {
             1.0
         };
-        let (mut low, mut high) = (0.0, f64::INFINITY);
-        let mut found = false;
-        for _ in 0..60 {
+        let found = line_search(first, |length| {
             for i in 0..size {
                 trial[i] = x[i] + length * direction[i];
             }
             let trial_value = function(&trial, &mut trial_gradient);
             let trial_slope = dot(&direction, &trial_gradient);
-            // Near the minimum, function values differ only by rounding, but slopes are still accurate.
-            let decreases = trial_value <= value + DECREASE * length * slope
-                || trial_value <= value + ROUNDING * value.abs()
-                    && trial_slope <= (2.0 * DECREASE - 1.0) * slope;
-            if !(trial_value.is_finite() && decreases) {
-                high = length;
-            } else if trial_slope < CURVATURE * slope {
-                low = length;
-            } else {
+            let verdict = Verdict::of(value, slope, length, trial_value, trial_slope);
+            if verdict == Verdict::Accepted {
                 value = trial_value;
-                found = true;
-                break;
             }
-            length = if high.is_finite() {
-                f64::midpoint(low, high)
-            } else {
-                2.0 * low
-            };
-        }
+            verdict
+        });
         if !found {
             break;
         }
@@ -120,6 +104,49 @@ pub fn minimise(
         point: x,
         iterations: most_iterations,
     }
+}
+
+/// Assessment of a step by the weak Wolfe conditions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    TooLong,
+    TooShort,
+    Accepted,
+}
+
+impl Verdict {
+    /// Assesses a step of `length` from a point with `value` and `slope` along the direction.
+    fn of(value: f64, slope: f64, length: f64, trial_value: f64, trial_slope: f64) -> Self {
+        // Near the minimum, function values differ only by rounding, but slopes are still accurate.
+        let decreases = trial_value <= value + DECREASE * length * slope
+            || trial_value <= value + ROUNDING * value.abs()
+                && trial_slope <= (2.0 * DECREASE - 1.0) * slope;
+        if !(trial_value.is_finite() && decreases) {
+            Self::TooLong
+        } else if trial_slope < CURVATURE * slope {
+            Self::TooShort
+        } else {
+            Self::Accepted
+        }
+    }
+}
+
+/// Bisects between a step that is too long and one that is too short, starting with `length`; returns true if a step is accepted.
+fn line_search(mut length: f64, mut assess: impl FnMut(f64) -> Verdict) -> bool {
+    let (mut low, mut high) = (0.0, f64::INFINITY);
+    for _ in 0..60 {
+        match assess(length) {
+            Verdict::TooLong => high = length,
+            Verdict::TooShort => low = length,
+            Verdict::Accepted => return true,
+        }
+        length = if high.is_finite() {
+            f64::midpoint(low, high)
+        } else {
+            2.0 * low
+        };
+    }
+    false
 }
 
 /// Returns minus the approximate inverse Hessian times the gradient.

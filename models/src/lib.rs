@@ -31,10 +31,10 @@ mod initial;
 mod knn;
 mod lbfgs;
 mod lda;
-mod left_out;
 mod log_spectra;
 mod log_spectra_op;
 mod loss;
+mod missing_feature;
 mod mlp;
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 mod net_stack;
@@ -69,9 +69,9 @@ pub use heads::{
 };
 pub use knn::Knn;
 pub use lda::Lda;
-pub use left_out::left_out;
 pub use log_spectra::{ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, SpectralTables};
 pub use loss::cross_entropy;
+pub use missing_feature::MissingFeature;
 pub use mlp::{DenseWeights, Mlp, matrix};
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 pub use net_stack::{NetStack, StackSettings, StackedNet};
@@ -116,6 +116,9 @@ pub enum ModelError {
     /// Bytes are not a valid safetensors file.
     #[error("weights: not a safetensors file: {0}")]
     Safetensors(#[from] safetensors::SafeTensorError),
+    /// The build lacks a cargo feature.
+    #[error("{0}")]
+    MissingFeature(#[from] MissingFeature),
     /// A device cannot be used on this machine.
     #[error("compute device `{device}`: {reason}")]
     Compute {

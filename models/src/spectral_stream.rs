@@ -181,6 +181,22 @@ mod tests {
         dropout_masks, values,
     };
 
+    fn config(window: usize, hop: usize, input: InputShape) -> NetworkConfig {
+        let trunk = Spectra {
+            window: Some(window),
+            hop: Some(hop),
+            bands: 6,
+            taxel_units: 5,
+            units: 7,
+        };
+        let architecture = Architecture {
+            trunk: Trunk::Spectra(trunk),
+            hidden: 9,
+            keep_probability: 0.7,
+        };
+        NetworkConfig::new(architecture, input, 4).unwrap()
+    }
+
     #[test]
     fn at_any_frame_the_features_are_those_of_a_shorter_sweep() {
         let device = Device::flex();
@@ -192,20 +208,7 @@ mod tests {
             [4, 1, 12, 1],
             [4, 1, 4, 1],
         ] {
-            let trunk = Spectra {
-                window: Some(window),
-                hop: Some(hop),
-                bands: 6,
-                taxel_units: 5,
-                units: 7,
-            };
-            let architecture = Architecture {
-                trunk: Trunk::Spectra(trunk),
-                hidden: 9,
-                keep_probability: 0.7,
-            };
-            let input = InputShape { steps, taxels };
-            let config = NetworkConfig::new(architecture, input, 4).unwrap();
+            let config = config(window, hop, InputShape { steps, taxels });
             let mut rng = ChaCha8Rng::seed_from_u64(7);
             let mut net = Network::init(&config, &device, &mut rng);
             let mut noise = |sweeps: usize| -> Vec<f32> {

@@ -233,7 +233,7 @@ impl Network {
         if expected > (16 * numbers as u64).max(1 << 20) {
             return Err(ModelError::Weights {
                 tensor: "*".into(),
-                expected: format!("{expected} numbers in all, as the configuration says"),
+                expected: format!("{expected} numbers in total, by the configuration"),
                 found: numbers.to_string(),
             });
         }

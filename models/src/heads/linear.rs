@@ -92,6 +92,50 @@ impl WeightPrior {
     }
 }
 
+/// Penalised negative log-likelihood of softmax regression.
+struct SoftmaxRegression<'a> {
+    /// `[sweeps][dimension]`
+    rows: &'a [Vec<f64>],
+    /// `[sweeps]`
+    labels: &'a [usize],
+    /// `[dimension]`, mean of the prior
+    mean: &'a [f64],
+    strength: f64,
+}
+
+impl SoftmaxRegression<'_> {
+    /// Returns the value at weights `x` `[materials][dimension]` and writes the gradient.
+    fn value(&self, x: &[f64], gradient: &mut [f64]) -> f64 {
+        let size = self.mean.len();
+        let mut value = 0.0;
+        for (class, gradient) in gradient.chunks_exact_mut(size).enumerate() {
+            let weights = &x[class * size..][..size];
+            for ((g, w), m) in gradient.iter_mut().zip(weights).zip(self.mean) {
+                *g = 2.0 * self.strength * (w - m);
+                value += self.strength * (w - m).powi(2);
+            }
+        }
+        for (row, label) in self.rows.iter().zip(self.labels) {
+            let scores: Vec<f64> = x
+                .chunks_exact(size)
+                .map(|weights| dot(weights, row))
+                .collect();
+            let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let sum: f64 = scores.iter().map(|s| (s - largest).exp()).sum();
+            value += largest + sum.ln() - scores[*label];
+            for (class, gradient) in gradient.chunks_exact_mut(size).enumerate() {
+                let p = (scores[class] - largest).exp() / sum;
+                let error = p - f64::from(u8::from(class == *label));
+                gradient
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(g, u)| *g += error * u);
+            }
+        }
+        value
+    }
+}
+
 impl LinearHead {
     /// Fits softmax regression: minimises `-log p(labels | W) + s sum over classes of |w_c - m|^2`.
     ///
@@ -119,40 +163,23 @@ impl LinearHead {
         let (rows, size) = (&span.coordinates, span.dimension());
         let mean = span.project(&centre);
         let start: Vec<f64> = mean.repeat(materials);
-        let objective = |x: &[f64], gradient: &mut [f64]| -> f64 {
-            let mut value = 0.0;
-            for (class, gradient) in gradient.chunks_exact_mut(size).enumerate() {
-                let weights = &x[class * size..][..size];
-                for ((g, w), m) in gradient.iter_mut().zip(weights).zip(&mean) {
-                    *g = 2.0 * prior.strength * (w - m);
-                    value += prior.strength * (w - m).powi(2);
-                }
-            }
-            for (row, label) in rows.iter().zip(labels) {
-                let scores: Vec<f64> = x
-                    .chunks_exact(size)
-                    .map(|weights| dot(weights, row))
-                    .collect();
-                let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-                let sum: f64 = scores.iter().map(|s| (s - largest).exp()).sum();
-                value += largest + sum.ln() - scores[*label];
-                for (class, gradient) in gradient.chunks_exact_mut(size).enumerate() {
-                    let p = (scores[class] - largest).exp() / sum;
-                    let error = p - f64::from(u8::from(class == *label));
-                    gradient
-                        .iter_mut()
-                        .zip(row)
-                        .for_each(|(g, u)| *g += error * u);
-                }
-            }
-            value
+        let problem = SoftmaxRegression {
+            rows,
+            labels,
+            mean: &mean,
+            strength: prior.strength,
         };
         let Minimum {
             point,
             gradient_norm,
             start_norm,
             ..
-        } = minimise(start, objective, TOLERANCE, ITERATIONS);
+        } = minimise(
+            start,
+            |x, gradient| problem.value(x, gradient),
+            TOLERANCE,
+            ITERATIONS,
+        );
         let norm = point.iter().map(|w| w * w).sum::<f64>().sqrt().max(1.0);
         // The gradient is a sum over all sweeps, so its rounding error grows with its norm at the start.
         let most = TOLERANCE * (100.0 * norm).max(start_norm);

@@ -40,56 +40,29 @@ pub fn fit_new_class(
         size,
         "a mean for each weight and the bias"
     );
-    let rows = |features: &Features| -> Vec<(Vec<f64>, f64)> {
-        let scores = head.scores(features);
-        features
-            .rows()
-            .zip(scores)
-            .map(|(row, scores)| {
-                let row = row.iter().map(|v| f64::from(*v)).chain([1.0]).collect();
-                (row, log_sum_exp(&scores))
-            })
-            .collect()
-    };
     let classes = head.weights.len();
     let mut counts = vec![0.0; classes];
     labels.iter().for_each(|label| counts[*label] += 1.0);
     let present = counts.iter().filter(|count| **count > 0.0).count();
     let each = known.len() as f64 / present as f64;
-    let known_weights: Vec<f64> = labels.iter().map(|label| each / counts[*label]).collect();
-    let new_weights = vec![each / new.len() as f64; new.len()];
-    let (known, new) = (rows(known), rows(new));
-    let last = size - 1;
-    let objective = |x: &[f64], gradient: &mut [f64]| -> f64 {
-        let mut value = 0.0;
-        for ((g, w), m) in gradient.iter_mut().zip(x).zip(&prior.mean) {
-            *g = 2.0 * prior.strength * (w - m);
-            value += prior.strength * (w - m).powi(2);
-        }
-        // The bias has a separate penalty.
-        let (away, share) = (x[last] - prior.mean[last], prior.bias_scale.powi(-2));
-        gradient[last] *= share;
-        value -= prior.strength * (1.0 - share) * away * away;
-        // The loss of a sweep is the softplus of the margin by which the wrong side leads.
-        for (rows, sign, weights) in [(&known, 1.0, &known_weights), (&new, -1.0, &new_weights)] {
-            for ((row, others), weight) in rows.iter().zip(weights) {
-                let ahead = sign * (dot(x, row) - others);
-                value += weight * (ahead.max(0.0) + (-ahead.abs()).exp().ln_1p());
-                let slope = weight * sign / (1.0 + (-ahead).exp());
-                gradient
-                    .iter_mut()
-                    .zip(row)
-                    .for_each(|(g, u)| *g += slope * u);
-            }
-        }
-        value
+    let problem = NewClassProblem {
+        known: rows(head, known),
+        known_weights: labels.iter().map(|label| each / counts[*label]).collect(),
+        new_weights: vec![each / new.len() as f64; new.len()],
+        new: rows(head, new),
+        prior,
     };
     let Minimum {
         point,
         gradient_norm,
         start_norm,
         ..
-    } = minimise(prior.mean.clone(), objective, TOLERANCE, ITERATIONS);
+    } = minimise(
+        prior.mean.clone(),
+        |x, gradient| problem.value(x, gradient),
+        TOLERANCE,
+        ITERATIONS,
+    );
     let most = TOLERANCE * (100.0 * dot(&point, &point).sqrt().max(1.0)).max(start_norm);
     if gradient_norm.is_nan() || gradient_norm > most {
         return Err(ModelError::Fit {
@@ -101,6 +74,62 @@ pub fn fit_new_class(
         bias: point[size - 1],
         weights: point[..size - 1].to_vec(),
     })
+}
+
+/// Features of a sweep, followed by the constant 1 of the bias, and the log-sum-exp of the known classes' scores.
+type Row = (Vec<f64>, f64);
+
+fn rows(head: &LinearHead, features: &Features) -> Vec<Row> {
+    let scores = head.scores(features);
+    features
+        .rows()
+        .zip(scores)
+        .map(|(row, scores)| {
+            let row = row.iter().map(|v| f64::from(*v)).chain([1.0]).collect();
+            (row, log_sum_exp(&scores))
+        })
+        .collect()
+}
+
+/// Penalised negative log-likelihood of a new class.
+struct NewClassProblem<'a> {
+    known: Vec<Row>,
+    known_weights: Vec<f64>,
+    new: Vec<Row>,
+    new_weights: Vec<f64>,
+    prior: &'a WeightPrior,
+}
+
+impl NewClassProblem<'_> {
+    /// Returns the value at weights and bias `x` and writes the gradient.
+    fn value(&self, x: &[f64], gradient: &mut [f64]) -> f64 {
+        let (prior, last) = (self.prior, x.len() - 1);
+        let mut value = 0.0;
+        for ((g, w), m) in gradient.iter_mut().zip(x).zip(&prior.mean) {
+            *g = 2.0 * prior.strength * (w - m);
+            value += prior.strength * (w - m).powi(2);
+        }
+        // The bias has a separate penalty.
+        let (away, share) = (x[last] - prior.mean[last], prior.bias_scale.powi(-2));
+        gradient[last] *= share;
+        value -= prior.strength * (1.0 - share) * away * away;
+        // The loss of a sweep is the softplus of the margin by which the wrong side leads.
+        for (rows, sign, weights) in [
+            (&self.known, 1.0, &self.known_weights),
+            (&self.new, -1.0, &self.new_weights),
+        ] {
+            for ((row, others), weight) in rows.iter().zip(weights) {
+                let ahead = sign * (dot(x, row) - others);
+                value += weight * (ahead.max(0.0) + (-ahead.abs()).exp().ln_1p());
+                let slope = weight * sign / (1.0 + (-ahead).exp());
+                gradient
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(g, u)| *g += slope * u);
+            }
+        }
+        value
+    }
 }
 
 fn log_sum_exp(scores: &[f64]) -> f64 {
@@ -150,35 +179,37 @@ mod tests {
         );
     }
 
+    const CLASSES: usize = 4;
+    const WIDTH: usize = 8 * (CLASSES + 1);
+
+    /// Returns features in which a class activates its eight features; the last eight belong to the new class.
+    fn activation(class: usize, strength: f32) -> Vec<f32> {
+        let own = 8 * class..8 * class + 8;
+        (0..WIDTH)
+            .map(|feature| {
+                if own.contains(&feature) {
+                    strength
+                } else {
+                    0.0
+                }
+            })
+            .collect()
+    }
+
     /// Features of training sweeps are stronger than those of other sweeps. With a free bias, the new class would claim all weak features.
     #[test]
-    fn a_penalised_bias_leaves_weakly_felt_sweeps_of_known_classes_to_them() {
-        const CLASSES: usize = 4;
-        const WIDTH: usize = 8 * (CLASSES + 1);
-        // Each class activates eight features; the last eight belong to the new class.
-        let felt = |class: usize, strength: f32| -> Vec<f32> {
-            let own = 8 * class..8 * class + 8;
-            (0..WIDTH)
-                .map(|feature| {
-                    if own.contains(&feature) {
-                        strength
-                    } else {
-                        0.0
-                    }
-                })
-                .collect()
-        };
+    fn a_penalised_bias_does_not_claim_weak_features_of_known_classes() {
         let jitter = |i: usize| 0.8 + 0.1 * (i % 5) as f32;
         let sweeps = |strength: f32| {
-            let rows = (0..CLASSES * 12).flat_map(|i| felt(i / 12, strength * jitter(i)));
+            let rows = (0..CLASSES * 12).flat_map(|i| activation(i / 12, strength * jitter(i)));
             Features::new(WIDTH, rows.collect())
         };
         let (learnt, others) = (sweeps(1.0), sweeps(0.3));
         let labels: Vec<usize> = (0..CLASSES * 12).map(|i| i / 12).collect();
         let news = |range: std::ops::Range<usize>| {
             let rows = range.flat_map(|i| {
-                let beside = felt(i % 2, 0.15);
-                let own = felt(CLASSES, 0.4 * jitter(i));
+                let beside = activation(i % 2, 0.15);
+                let own = activation(CLASSES, 0.4 * jitter(i));
                 own.into_iter()
                     .zip(beside)
                     .map(|(a, b)| a + b)
@@ -189,7 +220,7 @@ mod tests {
         let head = LinearHead {
             weights: (0..CLASSES)
                 .map(|class| {
-                    felt(class, 0.5)
+                    activation(class, 0.5)
                         .iter()
                         .map(|w| f64::from(w - 0.05))
                         .collect()
