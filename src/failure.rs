@@ -56,6 +56,9 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
         message.push_str("; ");
         message.push_str(remedy);
     }
+    if let Some(remedy) = error.chain().find_map(remedy::words_of_missing_feature) {
+        message.push_str(&format!("; {remedy}"));
+    }
     say!(
         "error: {}",
         shortened(&harmless(&without_codes(&message).replace('\n', " ")))

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use tactnet_data::{DataError, Remedy, is_wrong_path};
-use tactnet_models::{ModelError, left_out};
+use tactnet_models::{MissingFeature, ModelError};
 
 /// An error of training, prediction or a run directory.
 #[derive(Debug, thiserror::Error)]
@@ -104,10 +104,10 @@ pub enum PipelineError {
         reason: String,
     },
     /// Runtime that this build lacks.
-    #[error("{}", left_out(runtime))]
+    #[error("{source}")]
     NoRuntime {
-        /// Name of the runtime, which is also the cargo feature.
-        runtime: &'static str,
+        /// Missing cargo feature, which has the name of the runtime.
+        source: MissingFeature,
     },
     /// Failure of another runtime.
     #[error("{runtime}: {reason}")]
@@ -262,7 +262,9 @@ mod tests {
                 material: what("felt"),
                 reason: text(),
             },
-            PipelineError::NoRuntime { runtime: "candle" },
+            PipelineError::NoRuntime {
+                source: MissingFeature { feature: "candle" },
+            },
         ] {
             assert!(error.is_usage(), "{error}");
         }

@@ -62,7 +62,9 @@ pub fn run(command: BenchCommand) -> anyhow::Result<ExitCode> {
         #[cfg(not(feature = "catching"))]
         BenchCommand::Missing(words) => match words.first() {
             Some(name) if name.starts_with("catch-") => {
-                anyhow::bail!(tactnet_models::left_out("catching"))
+                anyhow::bail!(tactnet_models::MissingFeature {
+                    feature: "catching"
+                })
             }
             name => anyhow::bail!(
                 "unrecognized subcommand `{}`; see `tactnet bench --help`",

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use tactnet_channel::Hub;
-use tactnet_models::left_out;
+use tactnet_models::MissingFeature;
 
 use crate::output;
 use crate::stop::Stop;
@@ -85,11 +85,9 @@ fn hub(arguments: &HubArgs) -> anyhow::Result<ExitCode> {
     let distributed = table.channels.values().any(|channel| channel.distributed);
     let endpoints = table.network.listen.len() + table.network.connect.len();
     if distributed && endpoints > 0 && !cfg!(feature = "zenoh") {
-        anyhow::bail!(
-            "{}: the table has channels between hosts; {}",
-            arguments.table.table.display(),
-            left_out("zenoh")
-        );
+        let table = arguments.table.table.display();
+        return Err(anyhow::Error::from(MissingFeature { feature: "zenoh" })
+            .context(format!("{table}: the table has channels between hosts")));
     }
     let mut hub = Hub::start(&table)?;
     say!(

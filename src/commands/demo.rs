@@ -52,7 +52,9 @@ pub struct DemoArgs {
 pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     #[cfg(not(feature = "catching"))]
     if arguments.catching {
-        anyhow::bail!(tactnet_models::left_out("catching"));
+        anyhow::bail!(tactnet_models::MissingFeature {
+            feature: "catching"
+        });
     }
     let stop = Stop::listen_saying("stopping")?;
     // Before training: a port in use is an error at once.

@@ -15,18 +15,18 @@ pub use {channels::run, sweeps::run as run_sweeps};
 mod left_out {
     use std::process::ExitCode;
 
-    use tactnet_models::left_out;
+    use tactnet_models::MissingFeature;
 
     use super::{SweepsArgs, ViewArgs};
 
     /// Returns the error that names the missing feature.
     pub fn run(_: &ViewArgs) -> anyhow::Result<ExitCode> {
-        anyhow::bail!(left_out("rerun"))
+        anyhow::bail!(MissingFeature { feature: "rerun" })
     }
 
     /// Returns the error that names the missing feature.
     pub fn run_sweeps(_: &SweepsArgs) -> anyhow::Result<ExitCode> {
-        anyhow::bail!(left_out("rerun"))
+        anyhow::bail!(MissingFeature { feature: "rerun" })
     }
 }
 

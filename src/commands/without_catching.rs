@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use tactnet_models::left_out;
+use tactnet_models::MissingFeature;
 
 #[derive(Subcommand)]
 pub enum CatchCommand {
@@ -15,5 +15,7 @@ pub enum CatchCommand {
 
 /// Returns the error that names the missing feature.
 pub fn run(_: CatchCommand) -> anyhow::Result<ExitCode> {
-    anyhow::bail!(left_out("catching"))
+    anyhow::bail!(MissingFeature {
+        feature: "catching"
+    })
 }

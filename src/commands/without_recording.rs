@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_models::left_out;
+use tactnet_models::MissingFeature;
 
 #[derive(Args)]
 pub struct RecordArgs {
@@ -17,5 +17,7 @@ pub type ReplayArgs = RecordArgs;
 
 /// Returns the error that names the missing feature.
 pub fn run(_: &RecordArgs) -> anyhow::Result<ExitCode> {
-    anyhow::bail!(left_out("recording"))
+    anyhow::bail!(MissingFeature {
+        feature: "recording"
+    })
 }

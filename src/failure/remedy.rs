@@ -4,6 +4,7 @@ use std::error::Error;
 
 use tactnet_data::{DataError, Remedy};
 use tactnet_experiments::{ExperimentError, ExperimentRemedy};
+use tactnet_models::MissingFeature;
 use tactnet_pipeline::PipelineError;
 use tactnet_serving::ServeError;
 use tactnet_simulation::SimulationError;
@@ -39,6 +40,14 @@ fn words_of(remedy: &Remedy) -> String {
             "then pass it with `--data FILE` or convert it with `tactnet data import FILE`".into()
         }
     }
+}
+
+/// Returns the command that builds a program with the missing cargo feature; `None` for other errors.
+pub(super) fn words_of_missing_feature(cause: &(dyn Error + 'static)) -> Option<String> {
+    let MissingFeature { feature } = cause.downcast_ref()?;
+    Some(format!(
+        "in a checkout of the source, `cargo install --path . --features {feature}` builds one that has it"
+    ))
 }
 
 /// Returns the remedy of an error of this workspace; `None` for other errors.

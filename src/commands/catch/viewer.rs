@@ -16,7 +16,7 @@ impl ViewerArgs {
     pub fn check(&self) -> anyhow::Result<()> {
         #[cfg(not(feature = "rerun"))]
         if self.view.is_some() {
-            anyhow::bail!(tactnet_models::left_out("rerun"));
+            anyhow::bail!(tactnet_models::MissingFeature { feature: "rerun" });
         }
         if let Some(Some(file)) = &self.view
             && Path::new(file).exists()

@@ -9,7 +9,7 @@ use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
 use tactnet_channel_stress::{ClientProgram, Origin, Plan, PlanError, Row, Rows, page, run_client};
-use tactnet_models::left_out;
+use tactnet_models::MissingFeature;
 use tactnet_pipeline::{Provenance, write_whole};
 
 use super::stress_choices::{
@@ -138,7 +138,7 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
 /// Adds the build flag of a missing feature.
 fn with_feature(error: PlanError) -> anyhow::Error {
     match error {
-        PlanError::WithoutZenoh => anyhow::anyhow!("{}", left_out("zenoh")),
+        PlanError::WithoutZenoh => MissingFeature { feature: "zenoh" }.into(),
         error => error.into(),
     }
 }

@@ -126,5 +126,7 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     #[cfg(feature = "recording")]
     return super::import_recording::run(arguments, format);
     #[cfg(not(feature = "recording"))]
-    bail!(tactnet_models::left_out("recording"))
+    bail!(tactnet_models::MissingFeature {
+        feature: "recording"
+    })
 }

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_models::left_out;
+use tactnet_models::MissingFeature;
 
 #[derive(Args)]
 pub struct FetchArgs {
@@ -13,5 +13,5 @@ pub struct FetchArgs {
 
 /// Returns the error that names the missing feature.
 pub fn run(_: &FetchArgs) -> anyhow::Result<ExitCode> {
-    anyhow::bail!(left_out("fetch"))
+    anyhow::bail!(MissingFeature { feature: "fetch" })
 }

@@ -60,7 +60,9 @@ impl CompanyChoice {
             #[cfg(feature = "catching")]
             Self::Catching => Ok(Company::Catching),
             #[cfg(not(feature = "catching"))]
-            Self::Catching => bail!(tactnet_models::left_out("catching")),
+            Self::Catching => bail!(tactnet_models::MissingFeature {
+                feature: "catching"
+            }),
         }
     }
 }

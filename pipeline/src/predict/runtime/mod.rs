@@ -8,6 +8,7 @@ mod onnx_runtime;
 use std::time::Instant;
 
 use tactnet_data::SweepView;
+use tactnet_models::MissingFeature;
 
 use crate::{Classifier, OnlineClassifier, PipelineError, PredictionMethod, Predictions};
 
@@ -32,6 +33,15 @@ impl RuntimeKind {
             Self::Online => "online",
             Self::OnnxRuntime => "onnxruntime",
             Self::Candle => "candle",
+        }
+    }
+
+    /// Returns the error of a build without this runtime, whose cargo feature has the same name.
+    fn missing(self) -> PipelineError {
+        PipelineError::NoRuntime {
+            source: MissingFeature {
+                feature: self.name(),
+            },
         }
     }
 }
@@ -155,9 +165,7 @@ fn compare_exported(
             Box::new(network.map_err(failed)?)
         }
         _ => {
-            return Err(PipelineError::NoRuntime {
-                runtime: kind.name(),
-            });
+            return Err(kind.missing());
         }
     };
     compare(kind, view, burn, |_, sweep| {
@@ -190,9 +198,7 @@ fn compare_exported(
     _: &Predictions,
     _: usize,
 ) -> Result<RuntimeComparison, PipelineError> {
-    Err(PipelineError::NoRuntime {
-        runtime: kind.name(),
-    })
+    Err(kind.missing())
 }
 
 /// - `score`: returns the log-probabilities of a sweep and the time that they took in microseconds
