@@ -7,8 +7,8 @@ use cubecl::prelude::*;
 use cubecl::server::Handle;
 use tactnet_conv::BlockShape;
 
-use crate::blocks::{self, Blocks, Learnt};
-use crate::networks::Stacked;
+use crate::blocks::{self, Blocks};
+use crate::networks::{LayerParameters, Stacked, Statistics};
 
 /// Block planned for one shape on one device. All buffers are contiguous 32-bit floats in the order that [`BlockShape`] describes.
 pub struct Block {
@@ -81,18 +81,21 @@ impl Block {
         gamma: &Handle,
         beta: &Handle,
     ) -> ForwardTrain {
-        let [mean, variance] = [(); 2].map(|()| self.per_map());
+        let statistics = Statistics {
+            mean: self.per_map(),
+            variance: self.per_map(),
+        };
         let (pooled, saved) = self.of_one.forward_train(
             &self.client,
             &self.counts,
             &Stacked::single(input, self.shape().input_len()),
-            &self.learnt([weight, gamma, beta]),
-            [&mean, &variance],
+            &self.parameters(weight, gamma, beta),
+            &statistics,
         );
         ForwardTrain {
             pooled: pooled.buffer.0,
-            mean: mean.buffer.0,
-            variance: variance.buffer.0,
+            mean: statistics.mean.buffer.0,
+            variance: statistics.variance.buffer.0,
             saved: Saved(saved),
         }
     }
@@ -102,21 +105,24 @@ impl Block {
     /// - `norm`: gamma, beta, mean and variance, `[maps_out]` each
     pub fn forward_eval(&self, input: &Handle, weight: &Handle, norm: [&Handle; 4]) -> Handle {
         let [gamma, beta, mean, variance] = norm;
-        let [mean, variance] =
-            [mean, variance].map(|handle| Stacked::single(handle, self.shape().maps_out));
+        let of_maps = |handle| Stacked::single(handle, self.shape().maps_out);
+        let statistics = Statistics {
+            mean: of_maps(mean),
+            variance: of_maps(variance),
+        };
         let pooled = self.of_one.forward_eval(
             &self.client,
             &self.counts,
             &Stacked::single(input, self.shape().input_len()),
-            &self.learnt([weight, gamma, beta]),
-            [&mean, &variance],
+            &self.parameters(weight, gamma, beta),
+            &statistics,
         );
         pooled.buffer.0
     }
 
     /// Returns the gradients, given the gradient of the pooled output.
     pub fn backward(&self, saved: Saved, gradient: &Handle, need_input: bool) -> Gradients {
-        let into = Learnt {
+        let into = LayerParameters {
             weight: Stacked::floats(&self.client, 1, self.shape().weight_len()),
             gamma: self.per_map(),
             beta: self.per_map(),
@@ -137,9 +143,9 @@ impl Block {
         Stacked::floats(&self.client, 1, self.shape().maps_out)
     }
 
-    fn learnt(&self, [weight, gamma, beta]: [&Handle; 3]) -> Learnt {
+    fn parameters(&self, weight: &Handle, gamma: &Handle, beta: &Handle) -> LayerParameters {
         let maps = self.shape().maps_out;
-        Learnt {
+        LayerParameters {
             weight: Stacked::single(weight, self.shape().weight_len()),
             gamma: Stacked::single(gamma, maps),
             beta: Stacked::single(beta, maps),

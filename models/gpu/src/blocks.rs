@@ -5,8 +5,8 @@ use tactnet_conv::BlockShape;
 
 use crate::direct;
 use crate::first_layer::FirstLayer;
-use crate::networks::Stacked;
-use crate::norm::{self, Passed, Run};
+use crate::networks::{LayerParameters, Stacked, Statistics};
+use crate::norm::{self, PassedBlock, Run};
 use crate::spectral::Spectral;
 
 /// Minimum number of input maps for which products of spectra are fewer than products of taps.
@@ -33,24 +33,12 @@ enum Route {
     Spectral(Box<Spectral>),
 }
 
-/// Parameters of a block, or buffers for their gradients.
-#[derive(Debug, Clone)]
-pub(crate) struct Learnt {
-    /// `[maps_out, maps_in, kernel steps, kernel taxels]`
-    pub(crate) weight: Stacked,
-    /// `[maps_out]`
-    pub(crate) gamma: Stacked,
-    /// `[maps_out]`
-    pub(crate) beta: Stacked,
-}
-
 /// State of a forward pass for its backward pass.
 #[derive(Debug)]
 pub(crate) struct Saved {
     convolved: Convolved,
     gamma: Stacked,
-    mean: Stacked,
-    variance: Stacked,
+    statistics: Statistics,
     pooled: Stacked,
     winners: Stacked,
     counts: Stacked,
@@ -101,29 +89,23 @@ impl Blocks {
     /// Runs the forward pass with each network's batch statistics; returns `[batch, pooled_steps, taxels, maps_out]`.
     ///
     /// - `counts`: number of valid sweeps of each network, without padding sweeps, `[1]` each
-    /// - `statistics`: target of mean and biased variance, `[maps_out]` each
+    /// - `statistics`: target of mean and variance
     pub(crate) fn forward_train(
         &self,
         client: &Client,
         counts: &Stacked,
         input: &Stacked,
-        learnt: &Learnt,
-        statistics: [&Stacked; 2],
+        parameters: &LayerParameters,
+        statistics: &Statistics,
     ) -> (Stacked, Saved) {
         let run = self.run(client, counts);
-        let convolved = self.convolve(&run, input, &learnt.weight);
+        let convolved = self.convolve(&run, input, &parameters.weight);
         norm::statistics(&run, &convolved.out, statistics);
-        let [mean, variance] = statistics;
-        let [pooled, winners] = norm::pool(
-            &run,
-            &convolved.out,
-            [&learnt.gamma, &learnt.beta, mean, variance],
-        );
+        let [pooled, winners] = norm::pool(&run, &convolved.out, parameters, statistics);
         let saved = Saved {
             convolved,
-            gamma: learnt.gamma.clone(),
-            mean: mean.clone(),
-            variance: variance.clone(),
+            gamma: parameters.gamma.clone(),
+            statistics: statistics.clone(),
             pooled: pooled.clone(),
             winners,
             counts: counts.clone(),
@@ -131,19 +113,18 @@ impl Blocks {
         (pooled, saved)
     }
 
-    /// Runs the forward pass with fixed statistics `[mean, variance]`.
+    /// Runs the forward pass with fixed statistics.
     pub(crate) fn forward_eval(
         &self,
         client: &Client,
         counts: &Stacked,
         input: &Stacked,
-        learnt: &Learnt,
-        [mean, variance]: [&Stacked; 2],
+        parameters: &LayerParameters,
+        statistics: &Statistics,
     ) -> Stacked {
         let run = self.run(client, counts);
-        let convolved = self.convolve(&run, input, &learnt.weight);
-        let norm = [&learnt.gamma, &learnt.beta, mean, variance];
-        let [pooled, _] = norm::pool(&run, &convolved.out, norm);
+        let convolved = self.convolve(&run, input, &parameters.weight);
+        let [pooled, _] = norm::pool(&run, &convolved.out, parameters, statistics);
         pooled
     }
 
@@ -153,16 +134,15 @@ impl Blocks {
         client: &Client,
         saved: Saved,
         gradient: &Stacked,
-        into: &Learnt,
+        into: &LayerParameters,
         need_input: bool,
     ) -> Option<Stacked> {
         let run = self.run(client, &saved.counts);
         let Convolved { out, input, weight } = &saved.convolved;
-        let passed = Passed {
+        let passed = PassedBlock {
             convolved: out,
             gamma: &saved.gamma,
-            mean: &saved.mean,
-            variance: &saved.variance,
+            statistics: &saved.statistics,
             pooled: &saved.pooled,
             winners: &saved.winners,
             gradient,
@@ -185,7 +165,7 @@ impl Blocks {
             }
             Route::Spectral(spectral) => {
                 let gradient = norm::spread(&run, &passed);
-                spectral.backward(&run, [input, weight], &gradient, &into.weight, need_input)
+                spectral.backward(&run, input, weight, &gradient, &into.weight, need_input)
             }
         }
     }

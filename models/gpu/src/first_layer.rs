@@ -4,7 +4,7 @@ use cubecl::prelude::*;
 use tactnet_conv::BlockShape;
 
 use crate::networks::{Place, Stacked, begin};
-use crate::norm::{Passed, Places, Run, Sizes as NormSizes, gradient_at};
+use crate::norm::{PassedBlock, Places, Run, Sizes as NormSizes, gradient_at};
 
 /// Number of steps per unit.
 const STRIP: usize = 8;
@@ -130,7 +130,7 @@ impl FirstLayer {
         &self,
         run: &Run<'_>,
         input: &Stacked,
-        passed: &Passed<'_>,
+        passed: &PassedBlock<'_>,
         out: &Stacked,
     ) {
         let s = self.sizes;
@@ -145,8 +145,8 @@ impl FirstLayer {
                 input.arg(),
                 passed.convolved.arg(),
                 passed.gamma.arg(),
-                passed.mean.arg(),
-                passed.variance.arg(),
+                passed.statistics.mean.arg(),
+                passed.statistics.variance.arg(),
                 passed.of_gamma.arg(),
                 passed.of_beta.arg(),
                 passed.pooled.arg(),

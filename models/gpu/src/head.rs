@@ -3,10 +3,8 @@
 use cubecl::client::Client;
 use cubecl::prelude::*;
 
-use crate::matrix::{InOrder, Layout, Matrix, Shared2, Transposed};
-use crate::networks::{Place, Stacked, begin};
+use crate::networks::{LayerParameters, Place, Stacked, Statistics, begin};
 use crate::norm::EPSILON;
-use crate::product::{Problem, Side, product};
 use crate::stack_shape::WORD;
 
 /// Number of units per cube.
@@ -26,6 +24,31 @@ pub(crate) struct Head {
     pub(crate) materials: usize,
     /// Location of each network's number of sweeps.
     pub(crate) counts: Place,
+}
+
+/// Results of the normalised dense layer, gradient of its output, and targets of the gradients of scale and shift.
+pub(crate) struct PassedDense<'a> {
+    /// `[batch][hidden]`, before normalisation
+    pub(crate) dense: &'a Stacked,
+    /// `[batch][hidden]`, rectified output
+    pub(crate) hidden: &'a Stacked,
+    /// `[batch][hidden]`, gradient of `hidden`
+    pub(crate) gradient: &'a Stacked,
+    pub(crate) counts: &'a Stacked,
+    pub(crate) gamma: &'a Stacked,
+    pub(crate) statistics: &'a Statistics,
+    pub(crate) of_gamma: &'a Stacked,
+    pub(crate) of_beta: &'a Stacked,
+}
+
+/// Inputs of the loss.
+pub(crate) struct LossInputs<'a> {
+    /// `[batch][materials]`, without the bias
+    pub(crate) logits: &'a Stacked,
+    pub(crate) bias: &'a Stacked,
+    /// `[batch]`
+    pub(crate) labels: &'a Stacked,
+    pub(crate) counts: &'a Stacked,
 }
 
 /// Returns the grid of an elementwise kernel over `len` values of each network.
@@ -121,16 +144,18 @@ impl Head {
         out
     }
 
-    /// Returns `relu(batch_norm(dense))`, `[batch][hidden]`, zero for padding sweeps; writes mean and biased variance to `statistics`.
+    /// Returns `relu(batch_norm(dense))`, `[batch][hidden]`, zero for padding sweeps; writes mean and variance to `statistics`.
     pub(crate) fn normalise(
         &self,
         client: &Client,
         networks: usize,
         dense: &Stacked,
         counts: &Stacked,
-        [gamma, beta]: [&Stacked; 2],
-        [mean, variance]: [&Stacked; 2],
+        parameters: &LayerParameters,
+        statistics: &Statistics,
     ) -> Stacked {
+        let LayerParameters { gamma, beta, .. } = parameters;
+        let Statistics { mean, variance } = statistics;
         let out = Stacked::floats(client, networks, self.batch * self.hidden);
         let (count, dim) = launch(self.hidden, networks);
         // SAFETY: lengths are those of the buffers, and the kernel stays within the head's sizes.
@@ -154,16 +179,23 @@ impl Head {
         out
     }
 
-    /// Returns the gradient of `dense`, given that of the rectified output `hidden`; writes those of scale and shift to `into`.
+    /// Returns the gradient of `dense`, given that of `hidden`; writes those of scale and shift.
     pub(crate) fn normalise_gradient(
         &self,
         client: &Client,
         networks: usize,
-        [dense, hidden, gradient]: [&Stacked; 3],
-        counts: &Stacked,
-        [gamma, mean, variance]: [&Stacked; 3],
-        [of_gamma, of_beta]: [&Stacked; 2],
+        passed: &PassedDense<'_>,
     ) -> Stacked {
+        let PassedDense {
+            dense,
+            hidden,
+            gradient,
+            counts,
+            gamma,
+            statistics: Statistics { mean, variance },
+            of_gamma,
+            of_beta,
+        } = passed;
         let out = Stacked::floats(client, networks, self.batch * self.hidden);
         let (count, dim) = launch(self.hidden, networks);
         // SAFETY: lengths are those of the buffers, and the kernel stays within the head's sizes.
@@ -198,17 +230,20 @@ impl Head {
 
     /// Returns the gradient of the logits, `[batch][materials]`, and `[2]`: mean cross entropy and number of correct predictions.
     ///
-    /// - `logits`: `[batch][materials]` without the bias
-    /// - `labels`: `[batch]`
     /// - `weight`: factor of the cross entropy in the gradient
     pub(crate) fn losses(
         &self,
         client: &Client,
         networks: usize,
-        [logits, bias]: [&Stacked; 2],
-        [labels, counts]: [&Stacked; 2],
+        inputs: &LossInputs<'_>,
         weight: f32,
     ) -> [Stacked; 2] {
+        let LossInputs {
+            logits,
+            bias,
+            labels,
+            counts,
+        } = inputs;
         let gradient = Stacked::floats(client, networks, self.batch * self.materials);
         let measured = Stacked::floats(client, networks, 2);
         // SAFETY: lengths are those of the buffers, and the kernel stays within the head's sizes.
@@ -254,77 +289,6 @@ impl Head {
             );
         }
     }
-}
-
-/// Multiplies `[rows][inputs]` by the transpose of `[outputs][inputs]`; returns `[rows][outputs]`.
-pub(crate) fn dense(
-    client: &Client,
-    networks: usize,
-    [rows, inputs, outputs]: [usize; 3],
-    [input, weight]: [&Stacked; 2],
-) -> Stacked {
-    let sides = [
-        Side::along_depth(Layout::in_order(rows, inputs)),
-        Side::along_depth(Layout::in_order(outputs, inputs)),
-    ];
-    let out = Stacked::floats(client, networks, rows * outputs);
-    let sizes = [rows, inputs, outputs];
-    multiply::<Shared2, Transposed<Shared2>>(client, networks, sizes, sides, [input, weight], &out);
-    out
-}
-
-/// Returns the gradient of [`dense`]'s input, given that of its output.
-pub(crate) fn dense_gradient(
-    client: &Client,
-    networks: usize,
-    [rows, inputs, outputs]: [usize; 3],
-    [gradient, weight]: [&Stacked; 2],
-) -> Stacked {
-    let sides = [
-        Side::along_depth(Layout::in_order(rows, outputs)),
-        Side::across(Layout::in_order(outputs, inputs)),
-    ];
-    let out = Stacked::floats(client, networks, rows * inputs);
-    let sizes = [rows, outputs, inputs];
-    multiply::<Shared2, Shared2>(client, networks, sizes, sides, [gradient, weight], &out);
-    out
-}
-
-/// Writes the gradient of [`dense`]'s weights to `into`.
-pub(crate) fn dense_weight_gradient(
-    client: &Client,
-    networks: usize,
-    [rows, inputs, outputs]: [usize; 3],
-    [gradient, input]: [&Stacked; 2],
-    into: &Stacked,
-) {
-    let sides = [
-        Side::across(Layout::in_order(rows, outputs)),
-        Side::across(Layout::in_order(rows, inputs)),
-    ];
-    let sizes = [outputs, rows, inputs];
-    multiply::<Transposed<Shared2>, Shared2>(
-        client,
-        networks,
-        sizes,
-        sides,
-        [gradient, input],
-        into,
-    );
-}
-
-fn multiply<L: Matrix, R: Matrix>(
-    client: &Client,
-    networks: usize,
-    sizes: [usize; 3],
-    [left_side, right_side]: [Side; 2],
-    [left, right]: [&Stacked; 2],
-    out: &Stacked,
-) {
-    let problem = Problem::of(sizes, left_side.of(left.place), right_side.of(right.place))
-        .networks(networks, out.place);
-    let [left, right, target] = [&left.buffer, &right.buffer, &out.buffer];
-    product::<L, R, InOrder>(client, problem, left, right, target);
 }
 
 /// Reorders from the blocks' order `[steps][taxels][maps]` to the dense layer's `[maps][steps][taxels]`, or `back`, and applies the mask.

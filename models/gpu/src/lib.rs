@@ -5,14 +5,14 @@
 //! With few input maps, the convolution is one product over the kernel's taps. With more, it uses spectra over time: Fourier transforms
 //! of any length are products with small constant matrices, and each frequency needs one product over the kernel's taxels and all
 //! maps. That takes a seventh of the multiplications for a kernel of 15 steps. All products share one kernel with rules for the
-//! location of entries. There are no atomics, so results do not depend on the order of execution, and runs on one device are equal to the bit.
-
+//! location of entries. No kernel uses atomics, so results do not depend on the order of execution, and runs on one device are equal to the bit.
 //!
 //! [`Block`] is one block of one network. [`Stack`] is the whole training step of several networks; each kernel is launched once for all.
 
 mod adam;
 mod block;
 mod blocks;
+mod dense;
 mod device;
 mod direct;
 mod first_layer;
@@ -24,14 +24,15 @@ mod product;
 mod spectral;
 mod stack;
 mod stack_adam;
+mod stack_data;
 mod stack_shape;
 mod sweeps;
 mod tables;
 
 pub use adam::adam_update;
 pub use block::{Block, ForwardTrain, Gradients, Saved};
-pub use stack::{
-    Stack, StackAttack, StackBatch, StackDigits, StackMeasured, StackMethod, StackState,
-    StackSweeps,
+pub use stack::Stack;
+pub use stack_data::{
+    StackAttack, StackBatch, StackDigits, StackMeasured, StackMethod, StackState, StackSweeps,
 };
 pub use stack_shape::StackShape;

@@ -92,3 +92,22 @@ impl Stacked {
         unsafe { buffer(&self.buffer) }
     }
 }
+
+/// Parameters of a normalised layer, or buffers for their gradients.
+#[derive(Debug, Clone)]
+pub(crate) struct LayerParameters {
+    /// `[maps_out, maps_in, kernel steps, kernel taxels]` of a block, `[outputs, inputs]` of a dense layer
+    pub(crate) weight: Stacked,
+    /// `[maps_out]` or `[outputs]`
+    pub(crate) gamma: Stacked,
+    /// `[maps_out]` or `[outputs]`
+    pub(crate) beta: Stacked,
+}
+
+/// Statistics of a normalised layer, `[maps_out]` or `[outputs]` each.
+#[derive(Debug, Clone)]
+pub(crate) struct Statistics {
+    pub(crate) mean: Stacked,
+    /// Biased variance.
+    pub(crate) variance: Stacked,
+}

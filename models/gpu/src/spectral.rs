@@ -77,7 +77,7 @@ impl Spectral {
         product::<Shared2, TapsInTime, InOrder>(run.client, problem, &self.of_taps, weight, target);
         let taxels = Side::across(Layout::of(&self.shape));
         let maps = self.shape.maps_out;
-        let products = self.multiply::<Factors>(run, incoming, taxels, maps, [&spectra, &factors]);
+        let products = self.multiply::<Factors>(run, incoming, taxels, maps, &spectra, &factors);
         let outgoing = self.windowed(maps);
         let out = self.to_steps(run, outgoing, &self.backward, &products);
         Convolved {
@@ -91,7 +91,8 @@ impl Spectral {
     pub(crate) fn backward(
         &self,
         run: &Run<'_>,
-        [spectra, factors]: [&Stacked; 2],
+        spectra: &Stacked,
+        factors: &Stacked,
         gradient: &Stacked,
         of_weight: &Stacked,
         need_input: bool,
@@ -109,15 +110,15 @@ impl Spectral {
             };
             let taxels = Side::along_depth(Layout::of(&self.shape));
             let maps = self.shape.maps_in;
-            let sides = [&of_gradient, factors];
-            let products = self.multiply::<AdjointFactors>(run, mirrored, taxels, maps, sides);
+            let products =
+                self.multiply::<AdjointFactors>(run, mirrored, taxels, maps, &of_gradient, factors);
             let incoming = Layout {
                 neighbours: windows.neighbours,
                 ..self.windowed(maps)
             };
             self.to_steps(run, incoming, &self.overlapped, &products)
         });
-        self.weight_gradient(run, outgoing, [spectra, &of_gradient], of_weight);
+        self.weight_gradient(run, outgoing, spectra, &of_gradient, of_weight);
         input
     }
 
@@ -125,7 +126,8 @@ impl Spectral {
         &self,
         run: &Run<'_>,
         outgoing: Layout,
-        [spectra, of_gradient]: [&Stacked; 2],
+        spectra: &Stacked,
+        of_gradient: &Stacked,
         out: &Stacked,
     ) {
         let BlockShape {
@@ -213,7 +215,8 @@ impl Spectral {
         layout: Layout,
         factors: Side,
         maps: usize,
-        [left, right]: [&Stacked; 2],
+        left: &Stacked,
+        right: &Stacked,
     ) -> Stacked {
         let (rows, columns) = (layout.windows * self.shape.taxels, 2 * maps);
         let out = Stacked::floats(run.client, run.networks, layout.bins * rows * columns);

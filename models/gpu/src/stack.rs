@@ -9,93 +9,17 @@ use std::ops::Range;
 
 use cubecl::client::Client;
 use cubecl::prelude::*;
-use tactnet_conv::AdamStep;
 
-use crate::blocks::{Blocks, Learnt};
-use crate::head::{self, Head};
-use crate::networks::{Place, Stacked};
-use crate::stack_adam::{Learning, adam, follow};
+use crate::blocks::{Blocks, Saved};
+use crate::dense::DenseShape;
+use crate::head::{Head, LossInputs, PassedDense};
+use crate::networks::{LayerParameters, Place, Stacked, Statistics};
+use crate::stack_adam::{AdamMethod, AdamState, StepInputs, adam, follow};
+use crate::stack_data::{
+    StackBatch, StackDigits, StackMeasured, StackMethod, StackState, StackSweeps,
+};
 use crate::stack_shape::StackShape;
 use crate::sweeps::{Digits, perturbed};
-
-/// Training method that all networks share.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StackMethod {
-    /// Factor of the features that dropout keeps.
-    pub kept: f32,
-    /// L2 penalty and betas of Adam; learning rate and epsilon come with each network's batch.
-    pub adam: AdamStep,
-    /// Number of leading parameters with an L2 penalty.
-    pub penalized: usize,
-    /// Adversarial perturbation of the sweeps, if any.
-    pub attack: Option<StackAttack>,
-}
-
-/// Adversarial training: `alpha E(x) + (1 - alpha) E(x + r)` with `r = epsilon sign(dE/dx)`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StackAttack {
-    /// Weight of the clean loss.
-    pub alpha: f64,
-    /// Perturbation of each taxel in the units of the sweeps: `[networks][taxels]`.
-    pub epsilon: Vec<f32>,
-    /// True if running statistics also follow the perturbed sweeps.
-    pub follow_both: bool,
-}
-
-/// State of all networks, one after another.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StackState {
-    /// `[networks][parameters]`
-    pub parameters: Vec<f32>,
-    /// First and second moments of Adam, `[networks][parameters]` each.
-    pub moments: [Vec<f32>; 2],
-    /// `[networks][statistics]`: running means and variances.
-    pub running: Vec<f32>,
-}
-
-/// Raw sweeps on the device, from which batches are selected.
-#[derive(Debug, Clone, Copy)]
-pub struct StackDigits<'a> {
-    /// Bits per raw value: 8 or 16.
-    pub bits: usize,
-    /// `[sweeps][words]`: raw values of each sweep, the first in the lowest bits of a word.
-    pub words: &'a [u32],
-    /// `[networks][2][taxels]`: value to subtract from a raw value, then factor.
-    pub scaling: &'a [f32],
-}
-
-/// Sweeps of a batch, `[networks][batch]`.
-#[derive(Debug, Clone, Copy)]
-pub enum StackSweeps<'a> {
-    /// Indices of sweeps on the device.
-    Chosen(&'a [u32]),
-    /// `[networks][batch][steps][taxels]`, normalised.
-    Values(&'a [f32]),
-}
-
-/// Batch of every network. Padding sweeps have no effect, but must be finite; use zeros.
-#[derive(Debug, Clone, Copy)]
-pub struct StackBatch<'a> {
-    /// Number of sweeps in each network's batch; 0 leaves the network unchanged.
-    pub counts: &'a [u32],
-    /// Sweeps of all networks.
-    pub sweeps: StackSweeps<'a>,
-    /// `[networks][batch]`
-    pub labels: &'a [u32],
-    /// `[networks][batch][words]` for each pass (clean, perturbed): bit `f % 32` of word `f / 32` is set if feature `f` is kept.
-    pub masks: &'a [&'a [u32]],
-    /// Learning rate and epsilon of Adam for each network, with bias correction.
-    pub rates: &'a [[f32; 2]],
-}
-
-/// Measurements of one network in one step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StackMeasured {
-    /// Mean cross entropy in nats of the clean and of the perturbed sweeps.
-    pub loss: [f32; 2],
-    /// Number of correct predictions on the clean and on the perturbed sweeps; the latter is 0 without a perturbation.
-    pub correct: [usize; 2],
-}
 
 /// Networks that train together on a device.
 pub struct Stack {
@@ -106,7 +30,7 @@ pub struct Stack {
     head: Head,
     digits: Option<Digits>,
     epsilon: Option<Stacked>,
-    learning: Learning,
+    adam_state: AdamState,
     running: Stacked,
     /// For each statistic, the index of the step's number that corrects its bias.
     factors: Stacked,
@@ -168,7 +92,7 @@ impl Stack {
             )
         };
         let [first, second] = &state.moments;
-        let learning = Learning {
+        let adam_state = AdamState {
             parameters: upload(&state.parameters, shape.parameters()),
             first: upload(first, shape.parameters()),
             second: upload(second, shape.parameters()),
@@ -195,20 +119,12 @@ impl Stack {
                 // The counts come first among a step's words.
                 counts: Place::each(1),
             },
-            digits: digits.map(|digits| {
-                let sizes = [shape.batch, shape.steps, shape.taxels];
-                let StackDigits {
-                    bits,
-                    words,
-                    scaling,
-                } = digits;
-                Digits::upload(client, networks, sizes, bits, words, scaling)
-            }),
+            digits: digits.map(|digits| Digits::upload(client, &shape, digits)),
             epsilon: method
                 .attack
                 .as_ref()
                 .map(|attack| upload(&attack.epsilon, shape.taxels)),
-            learning,
+            adam_state,
             running: upload(&state.running, shape.statistics()),
             factors: Stacked::single(&of_factors, factors.len()),
             measured: Vec::new(),
@@ -273,18 +189,31 @@ impl Stack {
             }
         }
         let networks = self.shape.networks;
-        let own = [&device.of_step, &device.counts];
-        self.learning = adam(
+        let inputs = StepInputs {
+            of_step: &device.of_step,
+            counts: &device.counts,
+        };
+        let method = AdamMethod {
+            step: self.method.adam,
+            penalized: self.method.penalized,
+        };
+        self.adam_state = adam(
             &self.client,
             networks,
-            &self.learning,
+            &self.adam_state,
             &gradients,
-            own,
-            (self.method.adam, self.method.penalized),
+            inputs,
+            method,
         );
         for batch in &statistics {
-            let towards = [&self.running, batch];
-            self.running = follow(&self.client, networks, towards, &self.factors, own);
+            self.running = follow(
+                &self.client,
+                networks,
+                &self.running,
+                batch,
+                &self.factors,
+                inputs,
+            );
         }
         self.measured.push(measured);
     }
@@ -293,9 +222,7 @@ impl Stack {
         let (Some(gradient), Some(epsilon)) = (&clean.input, &self.epsilon) else {
             panic!("an attack has an epsilon, and a gradient of the sweeps");
         };
-        let sizes = [self.shape.batch * self.shape.values(), self.shape.taxels];
-        let of = [sweeps, gradient, epsilon];
-        perturbed(&self.client, self.shape.networks, sizes, of)
+        perturbed(&self.client, &self.shape, sweeps, gradient, epsilon)
     }
 
     fn upload(&self, batch: &StackBatch<'_>) -> OnDevice {
@@ -369,91 +296,130 @@ impl Stack {
         weight: f32,
         need_input: bool,
     ) -> Pass {
-        let (client, shape, head) = (&self.client, &self.shape, &self.head);
-        let networks = shape.networks;
-        let (counts, mask) = (&device.counts, &device.masks[number]);
-        let parameters = &self.learning.parameters;
-        let statistics = Stacked::floats(client, networks, shape.statistics());
-        let gradients = Stacked::floats(client, networks, shape.parameters());
-        let of_layer = |layer: usize| {
-            [shape.mean(layer), shape.variance(layer)].map(|range| part(&statistics, &range))
+        let (client, networks) = (&self.client, self.shape.networks);
+        let targets = Targets {
+            statistics: Stacked::floats(client, networks, self.shape.statistics()),
+            gradients: Stacked::floats(client, networks, self.shape.parameters()),
         };
-
         let mut maps = sweeps.clone();
         let mut saved = Vec::with_capacity(self.blocks.len());
         for (layer, block) in self.blocks.iter().enumerate() {
-            let [mean, variance] = of_layer(layer);
-            let learnt = self.learnt(parameters, layer);
+            let statistics = self.statistics(&targets.statistics, layer);
+            let parameters = self.layer(&self.adam_state.parameters, layer);
             let (pooled, left) =
-                block.forward_train(client, counts, &maps, &learnt, [&mean, &variance]);
+                block.forward_train(client, &device.counts, &maps, &parameters, &statistics);
             maps = pooled;
             saved.push(left);
         }
-        let last = self.blocks.len();
-        let dropped = head.drop_out(client, networks, &maps, mask, self.method.kept);
-        let of_dense = self.learnt(parameters, last);
-        let into_dense = self.learnt(&gradients, last);
-        let dense_sizes = [shape.batch, shape.features(), shape.hidden];
-        let input = [&dropped, &of_dense.weight];
-        let dense = head::dense(client, networks, dense_sizes, input);
-        let [mean, variance] = of_layer(last);
-        let norm = [&of_dense.gamma, &of_dense.beta];
-        let hidden = head.normalise(client, networks, &dense, counts, norm, [&mean, &variance]);
-        let output_sizes = [shape.batch, shape.hidden, shape.materials];
-        let [output, into_output] =
-            [parameters, &gradients].map(|of| part(of, &shape.weight(last + 1)));
-        let [bias, into_bias] = [parameters, &gradients].map(|of| part(of, &shape.bias()));
-        let logits = head::dense(client, networks, output_sizes, [&hidden, &output]);
-        let [of_logits, measured] = head.losses(
-            client,
-            networks,
-            [&logits, &bias],
-            [&device.labels, counts],
-            weight,
-        );
+        let (of_maps, measured) = self.pass_head(device, number, &maps, weight, &targets);
+        let input = self.backward_blocks(saved, of_maps, &targets, need_input);
+        Pass {
+            gradients: targets.gradients,
+            statistics: targets.statistics,
+            measured,
+            input,
+        }
+    }
 
-        let by_hidden = [&of_logits, &hidden];
-        head::dense_weight_gradient(client, networks, output_sizes, by_hidden, &into_output);
-        head.bias_gradient(client, networks, &of_logits, &into_bias);
-        let of_hidden = head::dense_gradient(client, networks, output_sizes, [&of_logits, &output]);
-        let of_dense_out = head.normalise_gradient(
-            client,
-            networks,
-            [&dense, &hidden, &of_hidden],
+    /// Runs forward and backward pass of the head on the last block's `maps`; returns their gradient and the measurements.
+    fn pass_head(
+        &self,
+        device: &OnDevice,
+        number: usize,
+        maps: &Stacked,
+        weight: f32,
+        targets: &Targets,
+    ) -> (Stacked, Stacked) {
+        let (client, shape, head) = (&self.client, &self.shape, &self.head);
+        let (networks, last) = (shape.networks, self.blocks.len());
+        let (counts, mask) = (&device.counts, &device.masks[number]);
+        let parameters = &self.adam_state.parameters;
+        let gradients = &targets.gradients;
+        let dense_shape = DenseShape {
+            rows: shape.batch,
+            inputs: shape.features(),
+            outputs: shape.hidden,
+        };
+        let output_shape = DenseShape {
+            rows: shape.batch,
+            inputs: shape.hidden,
+            outputs: shape.materials,
+        };
+        let [dense_layer, into_dense] = [parameters, gradients].map(|of| self.layer(of, last));
+        let [output, into_output] =
+            [parameters, gradients].map(|of| part(of, &shape.weight(last + 1)));
+        let [bias, into_bias] = [parameters, gradients].map(|of| part(of, &shape.bias()));
+        let statistics = self.statistics(&targets.statistics, last);
+
+        let dropped = head.drop_out(client, networks, maps, mask, self.method.kept);
+        let dense = dense_shape.forward(client, networks, &dropped, &dense_layer.weight);
+        let hidden = head.normalise(client, networks, &dense, counts, &dense_layer, &statistics);
+        let logits = output_shape.forward(client, networks, &hidden, &output);
+        let inputs = LossInputs {
+            logits: &logits,
+            bias: &bias,
+            labels: &device.labels,
             counts,
-            [&of_dense.gamma, &mean, &variance],
-            [&into_dense.gamma, &into_dense.beta],
-        );
-        let by_features = [&of_dense_out, &dropped];
-        head::dense_weight_gradient(
-            client,
-            networks,
-            dense_sizes,
-            by_features,
-            &into_dense.weight,
-        );
-        let weights = [&of_dense_out, &of_dense.weight];
-        let of_dropped = head::dense_gradient(client, networks, dense_sizes, weights);
+        };
+        let [of_logits, measured] = head.losses(client, networks, &inputs, weight);
+
+        output_shape.weight_gradient(client, networks, &of_logits, &hidden, &into_output);
+        head.bias_gradient(client, networks, &of_logits, &into_bias);
+        let of_hidden = output_shape.input_gradient(client, networks, &of_logits, &output);
+        let passed = PassedDense {
+            dense: &dense,
+            hidden: &hidden,
+            gradient: &of_hidden,
+            counts,
+            gamma: &dense_layer.gamma,
+            statistics: &statistics,
+            of_gamma: &into_dense.gamma,
+            of_beta: &into_dense.beta,
+        };
+        let of_dense = head.normalise_gradient(client, networks, &passed);
+        dense_shape.weight_gradient(client, networks, &of_dense, &dropped, &into_dense.weight);
+        let of_dropped =
+            dense_shape.input_gradient(client, networks, &of_dense, &dense_layer.weight);
         let of_maps = head.drop_out_gradient(client, networks, &of_dropped, mask, self.method.kept);
+        (of_maps, measured)
+    }
+
+    /// Runs the backward pass of the blocks; returns the gradient of the sweeps if requested.
+    fn backward_blocks(
+        &self,
+        saved: Vec<Saved>,
+        of_maps: Stacked,
+        targets: &Targets,
+        need_input: bool,
+    ) -> Option<Stacked> {
         let mut gradient = Some(of_maps);
         for (layer, (block, left)) in self.blocks.iter().zip(saved).enumerate().rev() {
-            let into = self.learnt(&gradients, layer);
+            let into = self.layer(&targets.gradients, layer);
             gradient = gradient.and_then(|gradient| {
-                block.backward(client, left, &gradient, &into, layer > 0 || need_input)
+                block.backward(
+                    &self.client,
+                    left,
+                    &gradient,
+                    &into,
+                    layer > 0 || need_input,
+                )
             });
         }
-        Pass {
-            gradients,
-            statistics,
-            measured,
-            input: gradient,
+        gradient
+    }
+
+    /// Returns a normalised layer's part of all statistics.
+    fn statistics(&self, all: &Stacked, layer: usize) -> Statistics {
+        Statistics {
+            mean: part(all, &self.shape.mean(layer)),
+            variance: part(all, &self.shape.variance(layer)),
         }
     }
 
     /// Returns a normalised layer's part of all parameters or of their gradients.
-    fn learnt(&self, all: &Stacked, layer: usize) -> Learnt {
+    fn layer(&self, all: &Stacked, layer: usize) -> LayerParameters {
         let shape = &self.shape;
-        Learnt {
+        LayerParameters {
             weight: part(all, &shape.weight(layer)),
             gamma: part(all, &shape.gamma(layer)),
             beta: part(all, &shape.beta(layer)),
@@ -489,11 +455,11 @@ impl Stack {
 
     /// Waits for the device and returns the current state of the networks.
     pub fn state(&self) -> StackState {
-        let Learning {
+        let AdamState {
             parameters,
             first,
             second,
-        } = &self.learning;
+        } = &self.adam_state;
         let all = [parameters, first, second, &self.running];
         let handles = all.map(|stacked| stacked.buffer.0.clone());
         let mut read = self.read_all(handles.to_vec()).into_iter();
@@ -517,6 +483,12 @@ impl Stack {
             .map(|bytes| f32::from_bytes(bytes).to_vec())
             .collect()
     }
+}
+
+/// Buffers that a pass fills.
+struct Targets {
+    statistics: Stacked,
+    gradients: Stacked,
 }
 
 /// Results of a pass.

@@ -10,9 +10,27 @@ use crate::networks::{Place, Stacked, begin};
 /// Weight of the latest batch in the running statistics.
 const MOMENTUM: f32 = 0.1;
 
+/// Inputs of one step.
+#[derive(Clone, Copy)]
+pub(crate) struct StepInputs<'a> {
+    /// `[rate, epsilon, correction of each layer's variance]` of each network
+    pub(crate) of_step: &'a Stacked,
+    /// Number of sweeps of each network, `[1]` each.
+    pub(crate) counts: &'a Stacked,
+}
+
+/// Settings of Adam that all networks share.
+#[derive(Clone, Copy)]
+pub(crate) struct AdamMethod {
+    /// L2 penalty and betas; rate and epsilon come with [`StepInputs::of_step`].
+    pub(crate) step: AdamStep,
+    /// Number of leading parameters with an L2 penalty.
+    pub(crate) penalized: usize,
+}
+
 /// Parameters and moments of every network, `[parameters]` each.
 #[derive(Debug, Clone)]
-pub(crate) struct Learning {
+pub(crate) struct AdamState {
     pub(crate) parameters: Stacked,
     pub(crate) first: Stacked,
     pub(crate) second: Stacked,
@@ -35,16 +53,17 @@ struct Sizes {
 /// Returns parameters and moments after a step; networks without sweeps do not change.
 ///
 /// - `gradients`: one gradient, or two that are added
-/// - `step`: L2 penalty and betas; `of_step` holds each network's `[rate, epsilon, …]`
 pub(crate) fn adam(
     client: &Client,
     networks: usize,
-    learning: &Learning,
+    state: &AdamState,
     gradients: &[Stacked],
-    [of_step, counts]: [&Stacked; 2],
-    (step, penalized): (AdamStep, usize),
-) -> Learning {
-    let len = learning.parameters.place.stride;
+    inputs: StepInputs<'_>,
+    method: AdamMethod,
+) -> AdamState {
+    let StepInputs { of_step, counts } = inputs;
+    let AdamMethod { step, penalized } = method;
+    let len = state.parameters.place.stride;
     let sizes = Sizes {
         len,
         penalized,
@@ -62,11 +81,11 @@ pub(crate) fn adam(
             client,
             count,
             dim,
-            learning.parameters.arg(),
+            state.parameters.arg(),
             first.arg(),
             last.arg(),
-            learning.first.arg(),
-            learning.second.arg(),
+            state.first.arg(),
+            state.second.arg(),
             of_step.arg(),
             counts.arg(),
             parameters.arg(),
@@ -78,7 +97,7 @@ pub(crate) fn adam(
             sizes,
         );
     }
-    Learning {
+    AdamState {
         parameters,
         first: mean,
         second: square,
@@ -137,10 +156,12 @@ fn update(
 pub(crate) fn follow(
     client: &Client,
     networks: usize,
-    [running, batch]: [&Stacked; 2],
+    running: &Stacked,
+    batch: &Stacked,
     factors: &Stacked,
-    [of_step, counts]: [&Stacked; 2],
+    inputs: StepInputs<'_>,
 ) -> Stacked {
+    let StepInputs { of_step, counts } = inputs;
     let len = running.place.stride;
     let out = Stacked::floats(client, networks, len);
     let (count, dim) = launch(len, networks);

@@ -5,6 +5,8 @@ use cubecl::prelude::*;
 
 use crate::head::{element, launch, row};
 use crate::networks::{Place, Stacked, begin};
+use crate::stack_data::StackDigits;
+use crate::stack_shape::StackShape;
 
 /// Number of bits in a word of raw values.
 const WORD: usize = 32;
@@ -32,22 +34,18 @@ struct Sizes {
 }
 
 impl Digits {
-    /// - `bits`: bits per raw value, 8 or 16
-    /// - `words`: `[sweeps][words]`
-    /// - `scaling`: `[networks][2][taxels]`
-    pub(crate) fn upload(
-        client: &Client,
-        networks: usize,
-        [batch, steps, taxels]: [usize; 3],
-        bits: usize,
-        words: &[u32],
-        scaling: &[f32],
-    ) -> Self {
-        let values = steps * taxels;
+    /// Uploads the raw sweeps.
+    pub(crate) fn upload(client: &Client, shape: &StackShape, digits: StackDigits<'_>) -> Self {
+        let StackDigits {
+            bits,
+            words,
+            scaling,
+        } = digits;
+        let values = shape.values();
         let sizes = Sizes {
-            batch,
+            batch: shape.batch,
             values,
-            taxels,
+            taxels: shape.taxels,
             bits,
             width: values.div_ceil(WORD / bits),
         };
@@ -55,7 +53,7 @@ impl Digits {
         let own = client.create_from_slice(f32::as_bytes(scaling));
         Self {
             words: Stacked::single(&of_all, words.len()),
-            scaling: Stacked::each(&own, networks, 2 * taxels),
+            scaling: Stacked::each(&own, shape.networks, 2 * shape.taxels),
             sizes,
         }
     }
@@ -125,14 +123,16 @@ fn unpack(
 
 /// Returns `sweeps + epsilon sign(gradient)`, each `[batch][steps][taxels]`.
 ///
-/// - `len`: number of values in a network's batch
 /// - `epsilon`: `[taxels]`
 pub(crate) fn perturbed(
     client: &Client,
-    networks: usize,
-    [len, taxels]: [usize; 2],
-    [sweeps, gradient, epsilon]: [&Stacked; 3],
+    shape: &StackShape,
+    sweeps: &Stacked,
+    gradient: &Stacked,
+    epsilon: &Stacked,
 ) -> Stacked {
+    let (networks, taxels) = (shape.networks, shape.taxels);
+    let len = shape.batch * shape.values();
     let out = Stacked::floats(client, networks, len);
     let (count, dim) = launch(len, networks);
     // SAFETY: lengths are those of the buffers, and the kernel stays below `len`.
