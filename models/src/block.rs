@@ -9,7 +9,7 @@ use rand::Rng;
 
 use crate::conv::{self, TrainedBlock};
 use crate::initial::{constant_parameter, uniform_parameter};
-use crate::weights::values;
+use crate::values::values;
 
 /// Added to the variance before the square root in every batch normalisation.
 pub const NORM_EPSILON: f64 = 1e-5;

@@ -1,6 +1,7 @@
 //! Validated description of a network.
 
 use crate::architecture::{Convolutions, InputShape, Trunk, default_pools};
+use crate::setting::{product, require};
 use crate::spectral_shape::SpectralShape;
 use crate::{Architecture, ModelError};
 
@@ -31,31 +32,6 @@ pub(crate) struct ConvolutionShape {
     /// Pool size of each block in steps.
     pub(crate) pools: Vec<usize>,
     pub(crate) input: InputShape,
-}
-
-/// Returns an error that names `setting` unless `holds`.
-pub(crate) fn require(
-    holds: bool,
-    setting: &'static str,
-    expected: &str,
-    found: String,
-) -> Result<(), ModelError> {
-    if holds {
-        Ok(())
-    } else {
-        Err(ModelError::Setting {
-            setting,
-            expected: expected.into(),
-            found,
-        })
-    }
-}
-
-/// Returns the product; `None` on overflow.
-pub(crate) fn product(factors: &[usize]) -> Option<u64> {
-    factors
-        .iter()
-        .try_fold(1u64, |all, factor| all.checked_mul(*factor as u64))
 }
 
 impl ConvolutionShape {

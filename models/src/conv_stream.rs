@@ -4,7 +4,7 @@ use tactnet_conv::{StreamBlock, StreamShape};
 
 use crate::InputShape;
 use crate::conv_trunk::ConvTrunk;
-use crate::weights::values;
+use crate::values::values;
 
 /// Features of the frames so far; pooled steps that have not begun are zero.
 #[derive(Debug, Clone)]

@@ -11,7 +11,7 @@ use crate::block::{BatchStatistics, NORM_EPSILON, updated_running_stat};
 use crate::dense_product::dense_product;
 use crate::initial::{constant_parameter, uniform_parameter};
 use crate::norm_relu::norm_relu;
-use crate::weights::values;
+use crate::values::values;
 
 /// `relu(batch_norm(x W^T))`: `[batch, inputs] -> [batch, outputs]`; no bias, since batch normalisation follows.
 #[derive(Module, Debug)]

@@ -42,7 +42,7 @@ pub fn minimise(
     let mut gradient = vec![0.0; size];
     let mut value = function(&x, &mut gradient);
     let start_norm = dot(&gradient, &gradient).sqrt();
-    let mut steps: Vec<(Vec<f64>, Vec<f64>, f64)> = Vec::new();
+    let mut steps: Vec<Step> = Vec::new();
     let mut trial = vec![0.0; size];
     let mut trial_gradient = vec![0.0; size];
     for iteration in 0..most_iterations {
@@ -82,19 +82,11 @@ pub fn minimise(
         if !found {
             break;
         }
-        let step: Vec<f64> = trial.iter().zip(&x).map(|(a, b)| a - b).collect();
-        let change: Vec<f64> = trial_gradient
-            .iter()
-            .zip(&gradient)
-            .map(|(a, b)| a - b)
-            .collect();
-        let curvature = dot(&step, &change);
-        if curvature > 0.0 {
-            if steps.len() == MEMORY {
-                steps.remove(0);
-            }
-            steps.push((step, change, 1.0 / curvature));
-        }
+        remember(
+            &mut steps,
+            difference(&trial, &x),
+            difference(&trial_gradient, &gradient),
+        );
         x.copy_from_slice(&trial);
         gradient.copy_from_slice(&trial_gradient);
     }
@@ -103,6 +95,34 @@ pub fn minimise(
         start_norm,
         point: x,
         iterations: most_iterations,
+    }
+}
+
+/// Step of the minimisation.
+struct Step {
+    step: Vec<f64>,
+    /// Change of the gradient.
+    change: Vec<f64>,
+    /// Inverse of the product of `step` and `change`.
+    inverse: f64,
+}
+
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// Stores a step of positive curvature in place of the oldest.
+fn remember(steps: &mut Vec<Step>, step: Vec<f64>, change: Vec<f64>) {
+    let curvature = dot(&step, &change);
+    if curvature > 0.0 {
+        if steps.len() == MEMORY {
+            steps.remove(0);
+        }
+        steps.push(Step {
+            step,
+            change,
+            inverse: 1.0 / curvature,
+        });
     }
 }
 
@@ -150,20 +170,20 @@ fn line_search(mut length: f64, mut assess: impl FnMut(f64) -> Verdict) -> bool 
 }
 
 /// Returns minus the approximate inverse Hessian times the gradient.
-fn direction(gradient: &[f64], steps: &[(Vec<f64>, Vec<f64>, f64)]) -> Vec<f64> {
+fn direction(gradient: &[f64], steps: &[Step]) -> Vec<f64> {
     let mut q: Vec<f64> = gradient.iter().map(|g| -g).collect();
     let mut factors = vec![0.0; steps.len()];
-    for (factor, (step, change, inverse)) in factors.iter_mut().zip(steps).rev() {
-        *factor = inverse * dot(step, &q);
-        add(&mut q, -*factor, change);
+    for (factor, step) in factors.iter_mut().zip(steps).rev() {
+        *factor = step.inverse * dot(&step.step, &q);
+        add(&mut q, -*factor, &step.change);
     }
-    if let Some((_, change, inverse)) = steps.last() {
-        let scale = 1.0 / (inverse * dot(change, change));
+    if let Some(step) = steps.last() {
+        let scale = 1.0 / (step.inverse * dot(&step.change, &step.change));
         q.iter_mut().for_each(|q| *q *= scale);
     }
-    for (factor, (step, change, inverse)) in factors.iter().zip(steps) {
-        let back = inverse * dot(change, &q);
-        add(&mut q, factor - back, step);
+    for (factor, step) in factors.iter().zip(steps) {
+        let back = step.inverse * dot(&step.change, &q);
+        add(&mut q, factor - back, &step.step);
     }
     q
 }

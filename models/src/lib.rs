@@ -42,6 +42,7 @@ mod network;
 mod norm_relu;
 mod ridge;
 mod safetensors_bytes;
+mod setting;
 mod siamese;
 mod spectral_shape;
 mod spectral_stream;
@@ -49,10 +50,13 @@ mod spectral_trunk;
 mod streaming;
 mod svm;
 mod temperature;
+mod values;
 mod weights;
 
 pub use adam_update::adam_update;
-pub use architecture::{Architecture, Convolutions, InputShape, Trunk, default_pools};
+pub use architecture::{
+    Architecture, Convolutions, InputShape, Spectra, Trunk, default_pools, default_window,
+};
 pub use belief::{
     Belief, argmax, entropy, log_mean_exp_into, log_softmax, log_softmax_into, majority_vote,
     mutual_information,
@@ -79,7 +83,7 @@ pub use network::{Network, TrainingForward};
 pub use ridge::{Gram, Ridge, default_penalties};
 pub use safetensors_bytes::safetensors_bytes;
 pub use siamese::{batch_contrastive_loss, contrastive_loss, distance, probability_of_difference};
-pub use spectral_shape::{Spectra, SpectralShape, default_window};
+pub use spectral_shape::SpectralShape;
 pub use spectral_trunk::DEVIATION_EPSILON;
 pub use streaming::StreamingNet;
 pub use svm::{Pair, PlattSigmoids, Svm, SvmSettings, fit_platt};
@@ -88,7 +92,8 @@ pub use tactnet_conv::{AdamStep, Isa};
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 pub use tactnet_conv_gpu::{StackAttack, StackBatch, StackDigits, StackMeasured, StackSweeps};
 pub use temperature::fit_inverse_temperature;
-pub use weights::{NamedTensor, Weights, values};
+pub use values::values;
+pub use weights::{NamedTensor, Weights};
 
 /// Errors of network descriptions, weights, devices and fits.
 #[derive(Debug, thiserror::Error)]

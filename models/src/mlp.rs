@@ -7,7 +7,7 @@ use rand::Rng;
 
 use crate::Features;
 use crate::initial::{constant_parameter, parameter, uniform_parameter};
-use crate::weights::values;
+use crate::values::values;
 
 /// Weights of one layer: `y = weight x + bias`.
 #[derive(Debug, Clone, PartialEq)]

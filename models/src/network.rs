@@ -180,8 +180,8 @@ impl Network {
     /// Returns the output layer.
     pub fn output_layer(&self) -> LinearHead {
         let [materials, hidden] = self.output_weight.val().dims();
-        let weights = crate::weights::values(self.output_weight.val());
-        let biases = crate::weights::values(self.output_bias.val());
+        let weights = crate::values::values(self.output_weight.val());
+        let biases = crate::values::values(self.output_bias.val());
         debug_assert_eq!(biases.len(), materials);
         LinearHead {
             weights: weights
@@ -247,8 +247,8 @@ mod tests {
             .abs()
             .max();
         assert!(apart.into_scalar::<f32>() < 1e-5);
-        let embedding = Features::new(4, crate::weights::values(embedding));
-        let head: Vec<f32> = crate::weights::values(net.head(features));
+        let embedding = Features::new(4, crate::values::values(embedding));
+        let head: Vec<f32> = crate::values::values(net.head(features));
         for (found, scores) in net
             .output_layer()
             .log_probabilities(&embedding)

@@ -1,52 +1,9 @@
-//! Settings of a network on spectra, and the resulting sizes for sweeps of one shape.
+//! Sizes of a network on spectra for sweeps of one shape.
 
-use serde::{Deserialize, Serialize};
-
-use crate::config::{product, require};
+use crate::ModelError;
+use crate::architecture::{InputShape, Spectra, default_window};
 use crate::log_spectra::{LogSpectra, SpectralTables, windows};
-use crate::{InputShape, ModelError};
-
-/// Settings of a network on the spectra of short windows, as a recipe describes them.
-///
-/// Sizes in steps depend on the sweep length by default, see [`default_window`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Spectra {
-    /// Window length in steps, a multiple of four; [`default_window`] when absent.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub window: Option<usize>,
-    /// Steps from one window to the next; a quarter of a window when absent.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub hop: Option<usize>,
-    /// Number of frequency bands per taxel, limited to half the window length.
-    pub bands: usize,
-    /// Number of units of the layer that combines the bands of a taxel, with weights shared by all taxels.
-    pub taxel_units: usize,
-    /// Number of units of the layer that combines the taxels of a window.
-    pub units: usize,
-}
-
-impl Default for Spectra {
-    fn default() -> Self {
-        Self {
-            window: None,
-            hop: None,
-            bands: 12,
-            taxel_units: 32,
-            units: 64,
-        }
-    }
-}
-
-/// Returns the window length for sweeps of `steps` steps.
-///
-/// It is the largest power of two that is at most a sixth of the sweep, between 8 and 128, and never longer than the sweep.
-/// 1000 steps give 128, 400 steps give 64, 8800 steps give 128.
-pub fn default_window(steps: usize) -> usize {
-    let sixth = (steps / 6).clamp(8, 128);
-    let window = 1 << sixth.ilog2();
-    window.min(steps - steps % 4)
-}
+use crate::setting::{product, require};
 
 /// Validated sizes of a network on spectra.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,7 +5,7 @@ use tactnet_conv::{StreamHead, StreamLayer};
 use crate::conv_stream::ConvStream;
 use crate::network::TrunkNet;
 use crate::spectral_stream::SpectralStream;
-use crate::weights::values;
+use crate::values::values;
 use crate::{DenseWeights, Network, NetworkConfig};
 
 /// Trained network with fixed statistics that receives one sweep frame by frame.

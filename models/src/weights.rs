@@ -12,6 +12,7 @@ use safetensors::tensor::{Dtype, TensorView};
 use crate::initial::parameter;
 use crate::network::{Network, TrunkNet};
 use crate::safetensors_bytes::safetensors_bytes;
+use crate::values::values;
 use crate::{ModelError, NetworkConfig};
 
 /// Shape and values of one tensor.
@@ -131,14 +132,6 @@ impl Weights {
             device,
         ))
     }
-}
-
-/// Returns a tensor's values in row-major order; copies them only if they are shared.
-pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor
-        .into_data_as::<f32>()
-        .try_into_vec::<f32>()
-        .unwrap_or_else(|error| panic!("was converted to f32: {error:?}"))
 }
 
 fn gradient_of<const D: usize>(

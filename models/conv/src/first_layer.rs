@@ -10,6 +10,7 @@ mod autocorrelation;
 mod backward;
 mod input_gradient;
 mod padding;
+mod shares;
 mod stages;
 mod taps;
 mod winners;

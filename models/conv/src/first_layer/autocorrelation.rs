@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::FirstLayer;
-use super::backward::Share;
 use super::padding::{ACROSS, MARGIN};
+use super::shares::Share;
 use crate::simd::{Narrow, NarrowKernel};
 
 /// Computation of the products of any two rows up to a kernel apart, summed over all rows and over each edge row, and of column sums.
