@@ -13,7 +13,7 @@ use crate::channels::{
     ARM_PATH, BODY_PATH, CONTROLLER_COMMAND, CONTROLLER_STATE, HEAD_GAZE, JOINT_COMMAND,
     JOINT_STATE, SAFETY_STATE, THROW_PATH,
 };
-use crate::newest::{Newest, PATIENCE};
+use crate::latest_value::{LatestValue, PATIENCE};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
@@ -38,7 +38,7 @@ pub(crate) fn run(
     let gazes = bus.get_port::<Gaze>(HEAD_GAZE, Start::Now)?;
     let orders = bus.get_port::<ControllerCommand>(CONTROLLER_COMMAND, Start::Now)?;
     let joints = bus.get_port::<JointState>(JOINT_STATE, Start::Now)?;
-    let mut word = Newest::<SafetyState>::open(bus, SAFETY_STATE)?;
+    let mut word = LatestValue::<SafetyState>::open(bus, SAFETY_STATE)?;
     let commands = bus.put_port::<JointCommand>(JOINT_COMMAND, Priority::RealTime)?;
     let states = bus.put_port::<ControllerState>(CONTROLLER_STATE, Priority::High)?;
     ready();

@@ -20,7 +20,7 @@ use crate::channels::{
     ARM_PATH, BODY_PATH, CATCH_STATE, CONTROLLER_COMMAND, CONTROLLER_STATE, HAND_COMMAND,
     HEAD_GAZE, HEAD_POSE, JOINT_STATE, PLAN_REQUEST, PLAN_RESULT, PREDICTION,
 };
-use crate::newest::Newest;
+use crate::latest_value::LatestValue;
 use crate::times::Times;
 use crate::translate::{Origin, body_packet, flight_packet, isometry, planned, request_packet};
 use crate::{RoleError, RoleReport, RoleSettings};
@@ -65,11 +65,11 @@ pub(crate) fn run(
     let predictions = bus.get_port::<BallPredictions>(PREDICTION, Start::Now)?;
     let results = bus.get_port::<PlanResult>(PLAN_RESULT, Start::Now)?;
     let states = bus.get_port::<ControllerState>(CONTROLLER_STATE, Start::Now)?;
-    let mut joints = Newest::<JointState>::open(bus, JOINT_STATE)?;
-    let mut pose = Newest::<HeadPose>::open(bus, HEAD_POSE)?;
+    let mut joints = LatestValue::<JointState>::open(bus, JOINT_STATE)?;
+    let mut pose = LatestValue::<HeadPose>::open(bus, HEAD_POSE)?;
     let mut group = bus.sync_group(&[&predictions, &results, &states])?;
     let mut times = Times::at(25);
-    let mut live = Live::open(bus, settings, corrections)?;
+    let mut live = CoordinatorTask::open(bus, settings, corrections)?;
     ready();
     while !stopped() {
         group.wait(BEAT)?;
@@ -124,7 +124,7 @@ struct Asked {
     answers: Vec<Planned>,
 }
 
-struct Live {
+struct CoordinatorTask {
     puts: Puts,
     corrections: Corrections,
     settings: RoleSettings,
@@ -147,7 +147,7 @@ struct Live {
     no_plans: u64,
 }
 
-impl Live {
+impl CoordinatorTask {
     fn open(
         bus: &Bus,
         settings: &RoleSettings,

@@ -9,7 +9,7 @@ use tactnet_catching_packets::packets::{BallPredictions, Circles, MAX_BALLS};
 use tactnet_channel::{Bus, Priority, Start, now_ns};
 
 use crate::channels::{CAMERA_LEFT, CAMERA_RIGHT, CIRCLES, PREDICTION};
-use crate::newest::{Newest, PATIENCE};
+use crate::latest_value::{LatestValue, PATIENCE};
 use crate::times::Times;
 use crate::tracker::Poses;
 use crate::{PictureHead, RoleError, RoleReport, RoleSettings};
@@ -61,7 +61,7 @@ fn look(
 ) -> Result<RoleReport, RoleError> {
     let cameras = &corrections.robot().description().cameras;
     let pictures = bus.get_port::<u8>(id, Start::Now)?;
-    let mut expected = Newest::<BallPredictions>::open(bus, PREDICTION)?;
+    let mut expected = LatestValue::<BallPredictions>::open(bus, PREDICTION)?;
     let mut poses = Poses::open(bus)?;
     let found = bus.put_port::<Circles>(CIRCLES, Priority::High)?;
     let mut detector = CircleDetector::new(cameras, CircleConfig::default());

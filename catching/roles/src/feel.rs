@@ -15,7 +15,7 @@ use tactnet_skin::packets::{
 };
 
 use crate::channels::{CATCH_FELT, CATCH_STATE, HAND_STATE};
-use crate::newest::Newest;
+use crate::latest_value::LatestValue;
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
@@ -126,11 +126,11 @@ impl Grip {
 }
 
 struct Ports {
-    hand: Newest<HandState>,
-    status: Newest<CatchStatus>,
+    hand: LatestValue<HandState>,
+    status: LatestValue<CatchStatus>,
     beliefs: GetPort<TactileBelief>,
     events: GetPort<TactileStatus>,
-    names: Newest<ModelNames>,
+    names: LatestValue<ModelNames>,
     commands: PutPort<SweepCommand>,
     felt: PutPort<FeltMaterial>,
 }
@@ -138,11 +138,11 @@ struct Ports {
 impl Ports {
     fn open(bus: &Bus, config: &ServeConfig) -> Result<Self, RoleError> {
         Ok(Self {
-            hand: Newest::open(bus, HAND_STATE)?,
-            status: Newest::open(bus, CATCH_STATE)?,
+            hand: LatestValue::open(bus, HAND_STATE)?,
+            status: LatestValue::open(bus, CATCH_STATE)?,
             beliefs: bus.get_port(config.belief.as_str(), Start::Now)?,
             events: bus.get_port(config.status.as_str(), Start::Now)?,
-            names: Newest::open_from(bus, &config.model, Start::History(1))?,
+            names: LatestValue::open_from(bus, &config.model, Start::History(1))?,
             commands: bus.put_port(config.command.as_str(), Priority::High)?,
             felt: bus.put_port(CATCH_FELT, Priority::Normal)?,
         })

@@ -5,7 +5,7 @@ use tactnet_catching_packets::packets::{PlanRequest, PlanResult};
 use tactnet_channel::{Bus, Priority, Start, now_ns};
 
 use crate::channels::{PLAN_REQUEST, PLAN_RESULT};
-use crate::newest::PATIENCE;
+use crate::latest_value::PATIENCE;
 use crate::times::Times;
 use crate::translate::{request, result_packet};
 use crate::{RoleError, RoleReport, RoleSettings};

@@ -6,7 +6,7 @@ use tactnet_catching_packets::packets::{CatchPhase, CatchStatus, HeadPose, ImuSa
 use tactnet_channel::{Bus, Priority, Start, now_ns};
 
 use crate::channels::{CATCH_STATE, HEAD_POSE, IMU, JOINT_STATE};
-use crate::newest::{Newest, PATIENCE};
+use crate::latest_value::{LatestValue, PATIENCE};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
@@ -24,8 +24,8 @@ pub(crate) fn run(
     let corrections = settings.corrections()?;
     let robot = corrections.robot();
     let samples = bus.get_port::<ImuSample>(IMU, Start::Now)?;
-    let mut joints = Newest::<JointState>::open(bus, JOINT_STATE)?;
-    let mut status = Newest::<CatchStatus>::open(bus, CATCH_STATE)?;
+    let mut joints = LatestValue::<JointState>::open(bus, JOINT_STATE)?;
+    let mut status = LatestValue::<CatchStatus>::open(bus, CATCH_STATE)?;
     let poses = bus.put_port::<HeadPose>(HEAD_POSE, Priority::High)?;
     let mut estimator = PoseEstimator::new(robot.description(), PoseConfig::default())?;
     let mut times = Times::at(512);

@@ -6,7 +6,7 @@ use tactnet_catching_packets::packets::{JointCommand, SafetyState};
 use tactnet_channel::{Bus, Priority, Start, now_ns};
 
 use crate::channels::{JOINT_COMMAND, SAFETY_STATE};
-use crate::newest::PATIENCE;
+use crate::latest_value::PATIENCE;
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 

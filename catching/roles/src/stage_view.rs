@@ -12,7 +12,7 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Start, Table, now_ns};
 
 use crate::channels::{CATCH_OUTCOME, CATCH_STATE, HAND_STATE, JOINT_STATE, PREDICTION};
-use crate::newest::Newest;
+use crate::latest_value::LatestValue;
 use crate::{RoleError, RoleSettings};
 
 /// Age of a prediction after which its ball is no longer drawn, in ns.
@@ -51,10 +51,10 @@ pub struct Stage {
 /// Subscribes to the channels that the drawing needs.
 pub struct StageView {
     corrections: Corrections,
-    joints: Newest<JointState>,
-    predictions: Newest<BallPredictions>,
-    hand: Newest<HandState>,
-    status: Newest<CatchStatus>,
+    joints: LatestValue<JointState>,
+    predictions: LatestValue<BallPredictions>,
+    hand: LatestValue<HandState>,
+    status: LatestValue<CatchStatus>,
     outcomes: GetPort<CatchOutcome>,
     stage: Stage,
 }
@@ -73,10 +73,10 @@ impl StageView {
     pub fn open(bus: &Bus) -> Result<Self, RoleError> {
         Ok(Self {
             corrections: RoleSettings::of(bus.table())?.corrections()?,
-            joints: Newest::open(bus, JOINT_STATE)?,
-            predictions: Newest::open(bus, PREDICTION)?,
-            hand: Newest::open(bus, HAND_STATE)?,
-            status: Newest::open(bus, CATCH_STATE)?,
+            joints: LatestValue::open(bus, JOINT_STATE)?,
+            predictions: LatestValue::open(bus, PREDICTION)?,
+            hand: LatestValue::open(bus, HAND_STATE)?,
+            status: LatestValue::open(bus, CATCH_STATE)?,
             outcomes: bus.get_port(CATCH_OUTCOME, Start::Now)?,
             stage: Stage::default(),
         })

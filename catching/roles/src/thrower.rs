@@ -20,7 +20,7 @@ use crate::channels::{
     ARM_PATH, CATCH_FELT, CATCH_STATE, CONTROLLER_STATE, HAND_RELEASE, HAND_STATE, PREDICTION,
     THROW_PATH, THROW_STATE,
 };
-use crate::newest::Newest;
+use crate::latest_value::LatestValue;
 use crate::throw_back::ThrowBack;
 use crate::throw_duty::{Do, Seen, ThrowDuty};
 use crate::times::Times;
@@ -172,11 +172,11 @@ impl Origins {
 }
 
 struct Ports {
-    hand: Newest<HandState>,
-    status: Newest<CatchStatus>,
+    hand: LatestValue<HandState>,
+    status: LatestValue<CatchStatus>,
     controller: GetPort<ControllerState>,
     state: Option<ControllerState>,
-    felt: Newest<FeltMaterial>,
+    felt: LatestValue<FeltMaterial>,
     predictions: GetPort<BallPredictions>,
     arms: GetPort<ArmPath>,
     paths: PutPort<ThrowPath>,
@@ -187,11 +187,11 @@ struct Ports {
 impl Ports {
     fn open(bus: &Bus) -> Result<Self, RoleError> {
         Ok(Self {
-            hand: Newest::open(bus, HAND_STATE)?,
-            status: Newest::open(bus, CATCH_STATE)?,
+            hand: LatestValue::open(bus, HAND_STATE)?,
+            status: LatestValue::open(bus, CATCH_STATE)?,
             controller: bus.get_port(CONTROLLER_STATE, Start::Now)?,
             state: None,
-            felt: Newest::open_from(bus, CATCH_FELT, Start::History(1))?,
+            felt: LatestValue::open_from(bus, CATCH_FELT, Start::History(1))?,
             predictions: bus.get_port(PREDICTION, Start::Now)?,
             arms: bus.get_port(ARM_PATH, Start::Now)?,
             paths: bus.put_port(THROW_PATH, Priority::High)?,

@@ -7,7 +7,7 @@ use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose};
 use tactnet_channel::{Bus, GetPort, Priority, Start, now_ns};
 
 use crate::channels::{CIRCLES, HEAD_POSE, PREDICTION};
-use crate::newest::PATIENCE;
+use crate::latest_value::PATIENCE;
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 

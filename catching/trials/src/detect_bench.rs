@@ -14,7 +14,7 @@ use tactnet_catching_world::{Pictures, Truth, World, WorldConfig};
 use crate::error::TrialError;
 use crate::perception::{isometry, known_pose};
 use crate::quantiles::Quantiles;
-use crate::throw::{nanoseconds, ticks, world_seed};
+use crate::stepped_time::{nanoseconds, ticks, world_seed};
 
 /// Time before a ball is thrown, in s.
 const WAIT: f64 = 0.3;

@@ -17,7 +17,8 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 use tactnet_catching_world::{DepthConfig, TICK_NS, World};
 
 use crate::error::TrialError;
-use crate::throw::{ThrowConfig, ticks};
+use crate::stepped_time::ticks;
+use crate::throw_config::{Mapping, ThrowConfig};
 
 /// Pan and tilt of the head for each depth picture, in rad.
 const VIEWS: [[f64; 2]; 4] = [[1.0, 0.55], [0.35, 0.55], [-0.35, 0.55], [-1.0, 0.55]];
@@ -27,19 +28,6 @@ const PACE: f64 = 0.4;
 const LEAST: f64 = 0.3;
 /// Standstill after each motion, in s.
 const STAND: f64 = 0.15;
-
-/// Use of a map by the robot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Mapping {
-    /// The robot does not look around, and plans without obstacles.
-    #[default]
-    Off,
-    /// The robot makes the motions of looking around, but takes no pictures, and plans without obstacles. The
-    /// baseline for the map.
-    Blind,
-    /// The robot builds a map from depth pictures and plans with it.
-    Depth,
-}
 
 /// State of a robot after it has looked around.
 pub(crate) struct Looked {

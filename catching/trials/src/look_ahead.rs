@@ -7,6 +7,8 @@ use tactnet_catching_world::{FlightSample, TICK_NS};
 
 use crate::chi_square::chi_square_band;
 
+/// Time before the catch at which predictions are evaluated, in s.
+pub const AHEAD: f64 = 0.2;
 /// Maximum distance between a prediction and its ball, in m.
 pub(crate) const SAME_BALL: f64 = 0.5;
 
@@ -29,14 +31,14 @@ pub struct LookAhead {
 
 /// A prediction and the true head pose at its exposure.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Said {
+pub(crate) struct TimedPrediction {
     pub exposure_ns: u64,
     pub prediction: BallPrediction,
     /// Transformation from the estimated to the true head pose at the exposure.
     pub aligned: Isometry3<f64>,
 }
 
-impl Said {
+impl TimedPrediction {
     fn as_said(&self, t_ns: u64) -> Flight {
         let ball = &self.prediction;
         let flight = Flight {
@@ -140,6 +142,11 @@ pub(crate) fn as_flight(sample: &FlightSample) -> Flight {
 pub(crate) fn true_at(flight: &[FlightSample], at_ns: u64) -> Option<Flight> {
     let sample = flight.iter().rfind(|sample| sample.t_ns <= at_ns)?;
     Some(as_flight(sample).after((at_ns - sample.t_ns) as f64 * 1e-9))
+}
+
+/// Returns the transformation from an estimated to a true frame.
+pub(crate) fn between(thought: &Isometry3<f64>, is: &Isometry3<f64>) -> Isometry3<f64> {
+    is * thought.inverse()
 }
 
 /// Root mean square errors of many predictions, and the consistency of the filter.

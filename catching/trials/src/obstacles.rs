@@ -7,29 +7,13 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Serialize;
-use tactnet_catching_world::Contacts;
 
 pub use page::obstacles_page;
 
 use crate::quantiles::Quantiles;
 use crate::series::SeriesReport;
-use crate::throw::{BallOutcome, ThrowOutcome};
+use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 use tactnet_plot::wilson_of_counts;
-
-/// Result of a throw in which the robot looked around.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AmongObstacles {
-    /// Contacts of the robot.
-    pub contacts: Contacts,
-    /// Number of plans without a collision-free path.
-    pub obstructed: u64,
-    /// Number of arms that stayed up because their path down was not clear.
-    pub arms_held_up: usize,
-    /// Time from the last depth pictures to the map, in s.
-    pub look_seconds: f64,
-    /// Time of the first plans of both arms in s; `None` without a plan request.
-    pub plan_seconds: Option<f64>,
-}
 
 /// Additional results of a series among obstacles.
 #[derive(Debug, Clone, Serialize)]

@@ -10,7 +10,7 @@ use tactnet_catching::track::{BallState, Head, STATES, TrackConfig};
 use tactnet_catching_packets::packets::{BallPrediction, Circles, HeadPose};
 
 use crate::error::TrialError;
-use crate::look_ahead::Said;
+use crate::look_ahead::TimedPrediction;
 use crate::still_head::{Detectors, StillThrow};
 
 /// Throws with all parameters of their models, in SI units and pixels, inertial frame.
@@ -281,7 +281,7 @@ fn only(circles: &Circles) -> Option<Vector3<f64>> {
     Some(Vector3::new(circle.u, circle.v, circle.r))
 }
 
-fn reported(said: &Said) -> PeerState {
+fn reported(said: &TimedPrediction) -> PeerState {
     let BallPrediction {
         t_ns,
         p,

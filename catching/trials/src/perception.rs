@@ -17,8 +17,9 @@ use tactnet_catching_world::{FrameMotion, Sensed, Truth};
 use crate::ablation::Ablation;
 use crate::error::TrialError;
 use crate::eyes::Eyes;
-use crate::look_ahead::Said;
-use crate::throw::{ThrowConfig, between, nanoseconds};
+use crate::look_ahead::{TimedPrediction, between};
+use crate::stepped_time::nanoseconds;
+use crate::throw_config::ThrowConfig;
 
 /// Variance of the kinematic head pose without the inertial unit, in m^2: a tenth of a millimetre.
 const KINEMATIC_VARIANCE: f64 = 1e-8;
@@ -78,12 +79,15 @@ pub(crate) struct Seen {
 
 impl Seen {
     /// Returns the predictions with the true head pose.
-    pub fn said(&self) -> impl Iterator<Item = Said> + '_ {
-        self.predictions.valid().iter().map(|prediction| Said {
-            exposure_ns: self.exposure_ns,
-            prediction: *prediction,
-            aligned: self.aligned,
-        })
+    pub fn said(&self) -> impl Iterator<Item = TimedPrediction> + '_ {
+        self.predictions
+            .valid()
+            .iter()
+            .map(|prediction| TimedPrediction {
+                exposure_ns: self.exposure_ns,
+                prediction: *prediction,
+                aligned: self.aligned,
+            })
     }
 }
 

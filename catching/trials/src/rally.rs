@@ -22,8 +22,8 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{BallState, Released, WorldConfig};
 
 use crate::error::TrialError;
-use crate::look::Mapping;
-use crate::throw::{ThrowConfig, world_seed};
+use crate::stepped_time::world_seed;
+use crate::throw_config::{Mapping, ThrowConfig};
 pub use flight::RallyFlight;
 use flight::{landings, profile};
 pub use page::rally_page;

@@ -13,17 +13,14 @@ use tactnet_catching_world::{Miss, Verdict};
 use crate::ablation::Ablation;
 use crate::bound::Bound;
 use crate::error::TrialError;
-use crate::look::Mapping;
 use crate::look_ahead::{Errors, LookAhead};
 use crate::obstacles::{ObstaclesReport, WithoutMap};
-use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
+use crate::throw_config::{Mapping, ThrowConfig};
+use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 use crate::trace::Trace;
 use tactnet_catching::CatchSpace;
 use tactnet_catching::ChainDelays;
 use tactnet_plot::wilson_of_counts;
-
-/// Time before the catch at which predictions are evaluated, in s.
-pub const AHEAD: f64 = 0.2;
 
 /// A series of throws.
 #[derive(Debug, Clone)]

@@ -13,10 +13,9 @@ use tactnet_catching_world::{
 };
 
 use crate::error::TrialError;
-use crate::look_ahead::{LookAhead, SAME_BALL, Said, true_at};
+use crate::look_ahead::{AHEAD, LookAhead, SAME_BALL, TimedPrediction, true_at};
 use crate::perception::{isometry, known_pose};
-use crate::series::AHEAD;
-use crate::throw::{nanoseconds, ticks, world_seed};
+use crate::stepped_time::{nanoseconds, ticks, world_seed};
 
 /// Time with pictures before the throw in s, in which there is only clutter.
 const WAIT: f64 = 0.2;
@@ -75,7 +74,7 @@ pub(crate) struct StillThrow {
 #[derive(Debug, Clone)]
 pub(crate) struct Tracked {
     /// Predictions of the ball, in the order of the pictures.
-    pub said: Vec<Said>,
+    pub said: Vec<TimedPrediction>,
     /// Computation time of each pair of [`StillThrow::pairs`], in µs.
     pub micros: Vec<f64>,
 }
@@ -140,7 +139,7 @@ impl StillThrow {
             let begun = Instant::now();
             let found = tracker.push([&pair.circles[0], &pair.circles[1]], &pair.head)?;
             micros.push(begun.elapsed().as_secs_f64() * 1e6);
-            let of_ball = found.valid().iter().map(|prediction| Said {
+            let of_ball = found.valid().iter().map(|prediction| TimedPrediction {
                 exposure_ns: found.exposure_ns,
                 prediction: *prediction,
                 aligned: Isometry3::identity(),
@@ -165,7 +164,7 @@ impl StillThrow {
     }
 
     /// Returns the prediction after that pair and its error, if there is one.
-    pub fn ahead<'a>(&self, tracked: &'a Tracked) -> Option<(&'a Said, LookAhead)> {
+    pub fn ahead<'a>(&self, tracked: &'a Tracked) -> Option<(&'a TimedPrediction, LookAhead)> {
         let judged_ns = self.judged_ns()?;
         let said = tracked
             .said

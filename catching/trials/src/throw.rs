@@ -3,31 +3,24 @@
 use std::collections::VecDeque;
 use std::time::Instant;
 
-use nalgebra::Isometry3;
-use tactnet_catching::Robot;
-use tactnet_catching::calibrate::{Calibration, Corrections};
-use tactnet_catching::coordinate::{
-    CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned, Room,
-};
-use tactnet_catching::plan::{
-    NoPlan, ObstacleConfig, PlanConditions, PlanConfig, Planner, Surroundings,
-};
+use tactnet_catching::coordinate::{CatchState, Coordinator, PlanRequest, Planned, Room};
+use tactnet_catching::plan::{NoPlan, ObstacleConfig, PlanConditions, Planner, Surroundings};
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
-use tactnet_catching_world::{FlightSample, TICK_NS, Verdict, World, WorldConfig};
+use tactnet_catching_world::{FlightSample, TICK_NS, World};
 
 use crate::ablation::Ablation;
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
-use crate::look::{Mapping, begin};
-use crate::look_ahead::{LookAhead, SAME_BALL, Said, as_flight, true_at};
-use crate::obstacles::AmongObstacles;
+use crate::look::begin;
+use crate::look_ahead::{AHEAD, LookAhead, SAME_BALL, TimedPrediction, as_flight, true_at};
 use crate::perception::Perception;
-use crate::series::AHEAD;
+use crate::stepped_time::{nanoseconds, ticks, world_seed};
+use crate::throw_config::{Mapping, ThrowConfig};
+use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 use crate::trace::{Trace, TracePlan};
-use crate::watch::{Braked, Watch};
+use crate::watch::Watch;
 use tactnet_catching::CatchSpace;
-use tactnet_catching::ChainDelays;
 
 /// Standstill before the throw in s, in which the pose estimator determines the bias of the inertial unit.
 const REST: f64 = 1.0;
@@ -35,75 +28,6 @@ const REST: f64 = 1.0;
 const REST_AFTER_LOOK: f64 = 2.5;
 /// Maximum time after a throw until its verdict, in s.
 const LONGEST: f64 = 2.5;
-
-/// Settings of all throws of a series.
-#[derive(Debug, Clone)]
-pub struct ThrowConfig {
-    /// Robot as described.
-    pub robot: Robot,
-    /// Calibration that the stack uses.
-    pub calibration: Option<Calibration>,
-    /// Settings of the world.
-    pub world: WorldConfig,
-    /// Delays.
-    pub timing: ChainDelays,
-    /// Disabled parts.
-    pub without: Vec<Ablation>,
-    /// Number of simultaneous balls.
-    pub balls: usize,
-    /// Takes the poses of head and balls from the true state instead of the sensors.
-    pub perfect_perception: bool,
-    /// Detects circles in rendered pictures; otherwise circles come straight from the true state, with noise, misses
-    /// and clutter.
-    pub pixels: bool,
-    /// Runs the self-collision monitor, which reports, but does not brake.
-    pub watch: bool,
-    /// Use of a map of the obstacles.
-    pub mapping: Mapping,
-    /// Additional delay of the closing of the hands in s, to test the judge.
-    pub closing_error: f64,
-}
-
-/// Result of one ball, and its predictions.
-#[derive(Debug, Clone)]
-pub struct BallOutcome {
-    /// Verdict of the judge; `None` if the throw ended before.
-    pub verdict: Option<Verdict>,
-    /// Arms that could have caught the ball.
-    pub arms: [bool; ARMS],
-    /// True if the tracker predicted the ball.
-    pub tracked: bool,
-    /// True if an arm moved towards the ball.
-    pub planned: bool,
-    /// All predictions of the ball, if it crossed a hand's plane.
-    pub predictions: Vec<LookAhead>,
-    /// Last prediction at least 200 ms before the crossing.
-    pub ahead: Option<LookAhead>,
-    /// Cramer-Rao bound for this flight with a head at rest and without spin.
-    pub bound: Option<Bound>,
-}
-
-impl BallOutcome {
-    /// Returns true if the ball was caught.
-    pub fn caught(&self) -> bool {
-        self.verdict.is_some_and(|verdict| verdict.caught())
-    }
-}
-
-/// Result of a throw.
-#[derive(Debug, Clone)]
-pub struct ThrowOutcome {
-    /// Number of the throw.
-    pub number: u64,
-    /// Balls, in the order of their release.
-    pub balls: Vec<BallOutcome>,
-    /// Number of plan requests without a solution.
-    pub no_plans: u64,
-    /// Contacts and mapping, if the robot looked around.
-    pub obstacles: Option<AmongObstacles>,
-    /// First command at which the monitor would have braked.
-    pub braked: Option<Braked>,
-}
 
 pub(crate) struct Answers {
     pub due_ns: u64,
@@ -115,25 +39,10 @@ struct Finished<'a> {
     world: &'a World,
     perception: &'a Perception,
     coordinator: &'a Coordinator,
-    said: &'a [Said],
+    said: &'a [TimedPrediction],
 }
 
 impl ThrowConfig {
-    /// Returns true if the part is disabled.
-    pub fn is_without(&self, ablation: Ablation) -> bool {
-        self.without.contains(&ablation)
-    }
-
-    /// Returns true if platform and torso move. With two balls only the arms move, as in the thesis.
-    pub fn moves_lower_body(&self) -> bool {
-        self.balls == 1 && !self.is_without(Ablation::LowerBody)
-    }
-
-    /// Returns the joint positions of the waiting pose.
-    pub fn ready(&self) -> [f64; JOINTS] {
-        self.robot.waiting()
-    }
-
     /// Simulates throw `number` of a series.
     ///
     /// # Errors
@@ -198,7 +107,7 @@ impl ThrowConfig {
         }
         let (mut obstructed, mut first_plan) = (0, None);
         let mut answers: VecDeque<Answers> = VecDeque::new();
-        let mut said: Vec<Said> = Vec::new();
+        let mut said: Vec<TimedPrediction> = Vec::new();
         let first_tick = world.time_ns() / TICK_NS;
         let (rest_ticks, ticks) = (first_tick + ticks(rest), first_tick + ticks(rest + LONGEST));
         let ahead_ns = nanoseconds(self.timing.drives);
@@ -308,33 +217,6 @@ impl ThrowConfig {
         })
     }
 
-    /// Returns the corrections of measurements and commands by the calibration.
-    pub(crate) fn corrections(&self) -> Corrections {
-        Corrections::new(&self.robot, self.calibration.as_ref())
-    }
-
-    pub(crate) fn planners(&self, robot: &Robot) -> [Planner; ARMS] {
-        let all = PlanConfig::default();
-        let config = PlanConfig {
-            starts: if self.is_without(Ablation::Multistart) {
-                1
-            } else {
-                all.starts
-            },
-            ..all
-        };
-        std::array::from_fn(|arm| Planner::new(robot, arm, config))
-    }
-
-    pub(crate) fn coordination(&self) -> CoordinatorConfig {
-        CoordinatorConfig {
-            plan_delay: self.timing.to_path(),
-            replan: !self.is_without(Ablation::Replan),
-            lower_body: self.moves_lower_body(),
-            ..CoordinatorConfig::default()
-        }
-    }
-
     fn outcome(
         &self,
         run: &Finished<'_>,
@@ -358,7 +240,7 @@ impl ThrowConfig {
         let catch = verdict
             .and_then(|verdict| verdict.crossing)
             .and_then(|crossing| Some((crossing.at_ns, true_at(&flight, crossing.at_ns)?)));
-        let own: Vec<&Said> = said
+        let own: Vec<&TimedPrediction> = said
             .iter()
             .filter(|said| is_of(said, ball, &flight, world))
             .collect();
@@ -408,7 +290,7 @@ impl ThrowConfig {
 }
 
 /// Returns true if this ball is the nearest of all balls to the prediction, at its exposure.
-fn is_of(said: &Said, ball: u64, flight: &[FlightSample], world: &World) -> bool {
+fn is_of(said: &TimedPrediction, ball: u64, flight: &[FlightSample], world: &World) -> bool {
     let Some(own) = said.distance(flight) else {
         return false;
     };
@@ -454,22 +336,4 @@ pub(crate) fn answer(
             miss.map_err(|missed| if among.is_some() { no_plan } else { missed })
         }),
     }
-}
-
-/// Returns the seed of the world of throw `number` of a series.
-pub(crate) fn world_seed(seed: u64, number: u64) -> u64 {
-    seed.wrapping_mul(1_000_003).wrapping_add(number)
-}
-
-pub(crate) fn nanoseconds(seconds: f64) -> u64 {
-    (seconds * 1e9).round() as u64
-}
-
-pub(crate) fn ticks(seconds: f64) -> u64 {
-    nanoseconds(seconds) / TICK_NS
-}
-
-/// Returns the transformation from an estimated to a true frame.
-pub(crate) fn between(thought: &Isometry3<f64>, is: &Isometry3<f64>) -> Isometry3<f64> {
-    is * thought.inverse()
 }

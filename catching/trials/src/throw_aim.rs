@@ -15,7 +15,7 @@ use tactnet_catching_world::{OpenCommand, Released, TICK_NS, World, WorldConfig}
 
 use crate::error::TrialError;
 use crate::rally::with_turn;
-use crate::throw::{nanoseconds, world_seed};
+use crate::stepped_time::{nanoseconds, world_seed};
 use tactnet_catching::ChainDelays;
 use tactnet_catching_world::down_to;
 

@@ -12,10 +12,10 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{WorldConfig, down_to};
 
 use crate::error::TrialError;
-use crate::look::Mapping;
 use crate::quantiles::Quantiles;
 use crate::rally::{Player, lost, with_turn};
-use crate::throw::{ThrowConfig, world_seed};
+use crate::stepped_time::world_seed;
+use crate::throw_config::{Mapping, ThrowConfig};
 use tactnet_catching::ChainDelays;
 
 /// Delay or advance of the release, in s.

@@ -7,10 +7,10 @@ use tactnet_plot::{legend, wilson_of_counts};
 use super::scene::Scene;
 use super::{ObstaclesReport, touched};
 use crate::error::TrialError;
-use crate::look::Mapping;
 use crate::series::{Series, SeriesReport};
 use crate::sheet::{Share, at_most, captioned, counts_table, percent, shares, sheet, table};
-use crate::throw::{BallOutcome, ThrowConfig, ThrowOutcome};
+use crate::throw_config::{Mapping, ThrowConfig};
+use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 
 const TITLE: &str = "Catching among obstacles";
 /// Goal for the time from depth pictures to plans, in ms.

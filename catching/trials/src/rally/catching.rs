@@ -11,10 +11,11 @@ use tactnet_catching_world::{Released, TICK_NS, Verdict};
 use super::player::Player;
 use crate::ablation::Ablation;
 use crate::error::TrialError;
-use crate::look_ahead::{Said, as_flight};
+use crate::look_ahead::{TimedPrediction, as_flight};
 use crate::perception::Perception;
 use crate::series::cause;
-use crate::throw::{Answers, answer, nanoseconds, ticks};
+use crate::stepped_time::{nanoseconds, ticks};
+use crate::throw::{Answers, answer};
 use tactnet_catching::CatchSpace;
 
 /// Standstill before the throw in s, in which the pose estimator determines the bias of the inertial unit.
@@ -55,7 +56,7 @@ impl Player {
         let mut perception = Perception::new(&self.config, 0)?;
         let mut coordinator = Coordinator::new(robot, self.config.coordination(), ready);
         let mut answers: VecDeque<Answers> = VecDeque::new();
-        let mut said: Vec<Said> = Vec::new();
+        let mut said: Vec<TimedPrediction> = Vec::new();
         let near = !self.config.is_without(Ablation::NearMiss);
         let ahead_ns = nanoseconds(self.config.timing.drives);
         let before = self.world.verdicts().len();
@@ -110,7 +111,7 @@ impl Player {
         &self,
         verdict: Option<Verdict>,
         coordinator: &Coordinator,
-        said: &[Said],
+        said: &[TimedPrediction],
         released: &Released,
         target: &[f64; 3],
         oracle: &CatchSpace,

@@ -16,7 +16,8 @@ use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
 use tactnet_catching_world::{OpenCommand, Released, Sensed, TICK_NS, World};
 
 use crate::error::TrialError;
-use crate::throw::{ThrowConfig, nanoseconds, ticks};
+use crate::stepped_time::{nanoseconds, ticks};
+use crate::throw_config::ThrowConfig;
 
 /// Time before the release at which the hand receives its command, in s.
 const TOLD: f64 = 0.05;

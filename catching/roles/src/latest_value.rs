@@ -10,13 +10,13 @@ pub(crate) const PATIENCE: Wait = Wait::Block {
 };
 
 /// Latest packet of a channel.
-pub(crate) struct Newest<T> {
+pub(crate) struct LatestValue<T> {
     port: GetPort<T>,
     last: Option<T>,
     put_ns: u64,
 }
 
-impl<T: Packet + Copy> Newest<T> {
+impl<T: Packet + Copy> LatestValue<T> {
     pub fn open(bus: &Bus, id: &str) -> Result<Self, ChannelError> {
         Self::open_from(bus, id, Start::Now)
     }

@@ -1,0 +1,95 @@
+//! Settings of throws in stepped time.
+
+use tactnet_catching::calibrate::{Calibration, Corrections};
+use tactnet_catching::coordinate::CoordinatorConfig;
+use tactnet_catching::plan::{PlanConfig, Planner};
+use tactnet_catching::{ChainDelays, Robot};
+use tactnet_catching_packets::{ARMS, JOINTS};
+use tactnet_catching_world::WorldConfig;
+
+use crate::ablation::Ablation;
+
+/// Use of a map by the robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mapping {
+    /// The robot does not look around, and plans without obstacles.
+    #[default]
+    Off,
+    /// The robot makes the motions of looking around, but takes no pictures, and plans without obstacles. The
+    /// baseline for the map.
+    Blind,
+    /// The robot builds a map from depth pictures and plans with it.
+    Depth,
+}
+
+/// Settings of all throws of a series.
+#[derive(Debug, Clone)]
+pub struct ThrowConfig {
+    /// Robot as described.
+    pub robot: Robot,
+    /// Calibration that the stack uses.
+    pub calibration: Option<Calibration>,
+    /// Settings of the world.
+    pub world: WorldConfig,
+    /// Delays.
+    pub timing: ChainDelays,
+    /// Disabled parts.
+    pub without: Vec<Ablation>,
+    /// Number of simultaneous balls.
+    pub balls: usize,
+    /// Takes the poses of head and balls from the true state instead of the sensors.
+    pub perfect_perception: bool,
+    /// Detects circles in rendered pictures; otherwise circles come straight from the true state, with noise, misses
+    /// and clutter.
+    pub pixels: bool,
+    /// Runs the self-collision monitor, which reports, but does not brake.
+    pub watch: bool,
+    /// Use of a map of the obstacles.
+    pub mapping: Mapping,
+    /// Additional delay of the closing of the hands in s, to test the judge.
+    pub closing_error: f64,
+}
+
+impl ThrowConfig {
+    /// Returns true if the part is disabled.
+    pub fn is_without(&self, ablation: Ablation) -> bool {
+        self.without.contains(&ablation)
+    }
+
+    /// Returns true if platform and torso move. With two balls only the arms move, as in the thesis.
+    pub fn moves_lower_body(&self) -> bool {
+        self.balls == 1 && !self.is_without(Ablation::LowerBody)
+    }
+
+    /// Returns the joint positions of the waiting pose.
+    pub fn ready(&self) -> [f64; JOINTS] {
+        self.robot.waiting()
+    }
+
+    /// Returns the corrections of measurements and commands by the calibration.
+    pub(crate) fn corrections(&self) -> Corrections {
+        Corrections::new(&self.robot, self.calibration.as_ref())
+    }
+
+    pub(crate) fn planners(&self, robot: &Robot) -> [Planner; ARMS] {
+        let all = PlanConfig::default();
+        let config = PlanConfig {
+            starts: if self.is_without(Ablation::Multistart) {
+                1
+            } else {
+                all.starts
+            },
+            ..all
+        };
+        std::array::from_fn(|arm| Planner::new(robot, arm, config))
+    }
+
+    pub(crate) fn coordination(&self) -> CoordinatorConfig {
+        CoordinatorConfig {
+            plan_delay: self.timing.to_path(),
+            replan: !self.is_without(Ablation::Replan),
+            lower_body: self.moves_lower_body(),
+            ..CoordinatorConfig::default()
+        }
+    }
+}
