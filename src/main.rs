@@ -8,6 +8,7 @@ mod device_times;
 mod failure;
 mod help;
 mod output;
+mod remedy;
 mod source;
 mod stop;
 mod table;

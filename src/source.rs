@@ -1,7 +1,7 @@
 //! Reading of data sets, with notes about the twin and assumed sample rates.
 
 use tactnet_data::{DataError, DataSource, Dataset, Finding, FindingKind, Severity, SweepShape};
-use tactnet_pipeline::{LabelOrder, PipelineError, TrainSpec, quoted};
+use tactnet_pipeline::{LabelOrder, PipelineError, Remedy, TrainSpec, quoted};
 
 use crate::failure;
 
@@ -49,7 +49,7 @@ pub fn review(
         let of = name.map_or(String::new(), |name| format!("{name}: "));
         return Err(PipelineError::Doubtful {
             finding: format!("{of}{}", finding.message),
-            remedy: "if they are correct, add --axes-are-right",
+            remedy: Remedy::ConfirmAxes,
         });
     }
     let other = finding.kind != FindingKind::AssumedRate;
@@ -74,21 +74,31 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
             item,
             expected,
             mut found,
+            mut remedy,
         } if ["sweeps", "sample rate", "materials"].contains(&item.as_str()) => {
-            if item == "sample rate" && !found.contains("--rate") {
+            if item == "sample rate" && remedy.is_none() {
                 found.push_str(&match rate {
-                    Some(_) => String::from(", as `--rate` says"),
+                    Some(_) => String::from(", as named with `--rate`"),
                     None => format!(
-                        "; sweeps have to be recorded at the same rate (if the file is wrong about its own, mend it there: `sample_rate_hz` of an \
-                         .npz; or `tactnet data import {} --out mended.npz --rate HZ`, with `--material NAME` where no material is named)",
+                        "; sweeps must be recorded at the same rate (if the file names a wrong rate, fix it there: `sample_rate_hz` of an .npz; or \
+                         `tactnet data import {} --out fixed.npz --rate HZ`, with `--material NAME` if no material is named)",
                         quoted(data)
                     ),
                 });
             }
+            if let Some(Remedy::ArrangeTaxels { rows, columns }) = remedy {
+                let rate = rate.map_or(String::new(), |rate| format!(" --rate {rate}"));
+                found.push_str(&format!(
+                    "; `tactnet data import {} --out arranged.npz{rate} --shape {rows}x{columns}` arranges the same taxels",
+                    quoted(data)
+                ));
+                remedy = None;
+            }
             PipelineError::Incompatible {
                 item: data.into(),
                 expected,
-                found: with_names(&found, data, rate),
+                found,
+                remedy,
             }
         }
         PipelineError::Data(DataError::Inconsistent {
@@ -105,13 +115,6 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
         .into(),
         other => other,
     }
-}
-
-/// Completes a suggested command with the file names and the value of `--rate`.
-fn with_names(message: &str, data: &str, rate: Option<f64>) -> String {
-    let rate = rate.map_or(String::new(), |rate| format!(" --rate {rate}"));
-    let named = format!("data import {} --out arranged.npz{rate}", quoted(data));
-    message.replace("data import FILE --out NEW", &named)
 }
 
 /// Warns about an assumed sample rate.

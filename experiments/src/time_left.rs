@@ -332,7 +332,7 @@ mod tests {
     /// Trains a small network for two of four epochs, or one batch more.
     fn train_a_part(folder: &Path, run: &Path) {
         use tactnet_data::{format::Format, twin};
-        use tactnet_pipeline::{Provenance, Session, TrainEvent, TrainJob, TrainSpec};
+        use tactnet_pipeline::{Program, Provenance, Session, TrainEvent, TrainJob, TrainSpec};
         let [data, recipe] = ["small.h5", "small.toml"].map(|name| folder.join(name));
         let config = twin::TwinConfig {
             materials: 2,
@@ -350,7 +350,10 @@ mod tests {
             recipe: recipe.display().to_string(),
             ..TrainSpec::default()
         });
-        let program = Provenance::of_this_process("0", "test");
+        let program = Program {
+            provenance: Provenance::of_this_process("0", "test"),
+            command: |spec| spec.data.clone(),
+        };
         let session = Session::begin(&job.unwrap(), Some(run), program, |_| Ok(())).unwrap();
         let batches = std::cell::Cell::new(0);
         let count = |event: TrainEvent<'_>| {

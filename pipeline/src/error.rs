@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use tactnet_data::{DataError, Remedy, is_wrong_path};
 use tactnet_models::{MissingFeature, ModelError};
 
+use crate::Remedy;
+
 /// An error of training, prediction or a run directory.
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError {
@@ -12,12 +14,12 @@ pub enum PipelineError {
     #[error(transparent)]
     Data(#[from] DataError),
     /// Data that is probably wrong, such as swapped axes.
-    #[error("{finding}; {remedy}")]
+    #[error("{finding}")]
     Doubtful {
         /// Description of the suspicious property.
         finding: String,
-        /// How to go on all the same.
-        remedy: &'static str,
+        /// Action that continues anyway.
+        remedy: Remedy,
     },
     /// Error of a model.
     #[error(transparent)]
@@ -50,10 +52,10 @@ pub enum PipelineError {
         /// Reason why it is invalid.
         reason: String,
     },
-    /// A training that cannot be done as it was asked for.
-    #[error("`--{setting}`: expected {expected}, found {found}")]
+    /// Invalid setting of a training or prediction.
+    #[error("`{setting}`: expected {expected}, found {found}")]
     Spec {
-        /// The setting, as on the command line without dashes.
+        /// Name of the setting.
         setting: &'static str,
         /// Valid values.
         expected: String,
@@ -67,6 +69,8 @@ pub enum PipelineError {
         path: PathBuf,
         /// Expected and found content.
         reason: String,
+        /// Action that fixes the error.
+        remedy: Option<Remedy>,
     },
     /// Sweeps that do not match the classifier.
     #[error("{item}: the classifier expects {expected}, the data set has {found}")]
@@ -77,11 +81,29 @@ pub enum PipelineError {
         expected: String,
         /// Value in the data set.
         found: String,
+        /// Action that fixes the error.
+        remedy: Option<Remedy>,
+    },
+    /// Material with too few training sweeps for the model.
+    #[error(
+        "training sweeps of `{material}`: expected at least {needed} for model `{model}`, found {found}"
+    )]
+    TooFewSweeps {
+        /// Name of the material.
+        material: String,
+        /// Name of the recipe.
+        model: String,
+        /// Minimum number of sweeps.
+        needed: usize,
+        /// Number of training sweeps.
+        found: usize,
+        /// Built-in models that can be trained with so few sweeps.
+        models: Vec<&'static str>,
     },
     /// Too few sweeps for calibrated thresholds at the requested rates.
     #[error(
-        "calibration: {false_alarms_percent} % false alarms and {coverage_percent} % coverage need at least {needed} sweeps set aside, a fifth of \
-         the training sweeps are {found}; {remedy}"
+        "calibration: {false_alarms_percent} % false alarms and {coverage_percent} % coverage need at least {needed} sweeps set aside, found \
+         {found}, a fifth of the training sweeps"
     )]
     TooFewSetAside {
         /// Number of sweeps needed.
@@ -92,8 +114,8 @@ pub enum PipelineError {
         coverage_percent: f64,
         /// Number of sweeps set aside.
         found: usize,
-        /// What can be done.
-        remedy: String,
+        /// Action that makes a calibration possible.
+        remedy: Remedy,
     },
     /// Material that cannot be enrolled.
     #[error("material `{material}`: {reason}")]
@@ -166,12 +188,58 @@ impl PipelineError {
             | Self::Run { .. }
             | Self::Incompatible { .. }
             | Self::Doubtful { .. }
+            | Self::TooFewSweeps { .. }
             | Self::TooFewSetAside { .. }
             | Self::Enroll { .. }
             | Self::NoRuntime { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
             Self::Runtime { .. } | Self::NotFinite { .. } | Self::Optimizer(_) => false,
         }
+    }
+
+    /// Returns the action that fixes the error, if one is known.
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Self::Run { remedy, .. } | Self::Incompatible { remedy, .. } => remedy.clone(),
+            Self::Doubtful { remedy, .. } | Self::TooFewSetAside { remedy, .. } => {
+                Some(remedy.clone())
+            }
+            Self::TooFewSweeps { models, .. } => Some(Remedy::ChooseModel {
+                models: models.clone(),
+            }),
+            _ => None,
+        }
+    }
+
+    /// Returns an error about a run directory or a file in it.
+    pub fn run(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
+        Self::Run {
+            path: path.into(),
+            reason: reason.into(),
+            remedy: None,
+        }
+    }
+
+    /// Returns an error about sweeps that do not match the classifier.
+    pub fn incompatible(
+        item: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Incompatible {
+            item: item.into(),
+            expected: expected.into(),
+            found: found.into(),
+            remedy: None,
+        }
+    }
+
+    /// Returns the error with a remedy, if it is about a run directory or about sweeps that do not match.
+    pub fn with_remedy(mut self, action: Remedy) -> Self {
+        if let Self::Run { remedy, .. } | Self::Incompatible { remedy, .. } = &mut self {
+            *remedy = Some(action);
+        }
+        self
     }
 
     pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
@@ -242,21 +310,14 @@ mod tests {
                 expected: what("at least 1"),
                 found: what("0"),
             },
-            PipelineError::Run {
-                path: "run".into(),
-                reason: text(),
-            },
-            PipelineError::Incompatible {
-                item: "sweeps".into(),
-                expected: text(),
-                found: text(),
-            },
+            PipelineError::run("run", text()),
+            PipelineError::incompatible("sweeps", text(), text()),
             PipelineError::TooFewSetAside {
                 needed: 19,
                 false_alarms_percent: 5.0,
                 coverage_percent: 90.0,
                 found: 16,
-                remedy: text(),
+                remedy: Remedy::RecordMore,
             },
             PipelineError::Enroll {
                 material: what("felt"),

@@ -25,6 +25,7 @@ mod model_recipe;
 mod network;
 mod predict;
 mod recipe;
+mod remedy;
 mod run;
 mod spec;
 
@@ -76,13 +77,14 @@ pub use recipe::{
     AdversarialMask, AdversarialStatistics, AttackedLabel, Input, LearningRateDrop, OneCycle,
     PenalizedParameters, Prediction, PredictionMethod, Recipe, TrainingMethod, TrainingSettings,
 };
+pub use remedy::Remedy;
 pub use run::evaluate_run::{TrainingSummary, evaluate_run};
 pub use run::provenance::{Provenance, peak_rss_mib};
 pub use run::reevaluate::{EvalResult, Reevaluation};
 pub use run::result::{RunResult, describe_split};
 pub use run::run_config::{EpochMetrics, LabelOrder, RunConfig};
 pub use run::run_dir::RunDir;
-pub use run::session::{Session, TrainEvent, TrainOutcome};
+pub use run::session::{Program, Session, TrainEvent, TrainOutcome};
 pub use run::test_sweeps::TestSweeps;
 pub use run::together::{Ended, train_together};
 pub use run::training_steps::TrainingSteps;

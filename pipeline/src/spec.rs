@@ -1,6 +1,5 @@
 //! Settings of one training, shared by the command line, the plans of experiments and child processes.
 
-use std::fmt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -170,57 +169,6 @@ impl TrainSpec {
     }
 }
 
-impl fmt::Display for TrainSpec {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "tactnet train --data {}", quoted(&self.data))?;
-        if let Some(rate) = self.rate_hz {
-            write!(f, " --rate {rate}")?;
-        }
-        if let Some(steps) = self.steps {
-            write!(f, " --steps {steps}")?;
-        }
-        if self.label_order == LabelOrder::Permuted {
-            write!(f, " --permute-labels")?;
-        }
-        write!(f, " --recipe {}", quoted(&self.recipe))?;
-        if let Some(epochs) = self.epochs {
-            write!(f, " --epochs {epochs}")?;
-        }
-        if let Some(levels) = self.mean_removal {
-            write!(f, " --levels {}", levels.name())?;
-        }
-        if let Some(split) = self.split {
-            write!(f, " --split {}", split.name())?;
-        }
-        if let Some(folds) = self.folds {
-            write!(f, " --folds {folds}")?;
-        }
-        write!(f, " --repeat {}", self.repeat)?;
-        if let Some(fold) = self.fold {
-            write!(f, " --fold {fold}")?;
-        }
-        if let Some(part) = self.inner {
-            write!(f, " --inner {part}")?;
-        }
-        if let Some(target) = self.calibration {
-            let (alarms, coverage) = (target.false_alarms, target.coverage);
-            write!(
-                f,
-                " --calibrate --false-alarms {alarms} --coverage {coverage}"
-            )?;
-        }
-        if self.watch_test {
-            write!(f, " --watch-test")?;
-        }
-        let device = match self.device {
-            Compute::Cpu => "cpu",
-            Compute::Vulkan => "vulkan",
-            Compute::Cuda => "cuda",
-        };
-        write!(f, " --seed {} --device {device}", self.seed.0)
-    }
-}
-
 /// Returns `word` quoted for a POSIX shell: in single quotes unless it consists of letters, digits and `-_./:,+@=`.
 pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./:,+@=".contains(c);
@@ -262,66 +210,14 @@ impl TryFrom<TrainSpec> for TrainJob {
     /// # Errors
     /// An unknown or invalid recipe; epochs or a calibration for a baseline; a number out of range; a device that this build lacks.
     fn try_from(spec: TrainSpec) -> Result<Self, PipelineError> {
-        let refused = |setting: &'static str, expected: &str, found: String| PipelineError::Spec {
-            setting,
-            expected: expected.into(),
-            found,
-        };
         let mut recipe = ModelRecipe::load(&spec.recipe)?;
         if let Some(levels) = spec.mean_removal {
             recipe = recipe.with_levels(levels);
         }
-        match (&mut recipe, spec.epochs) {
-            (_, None) => {}
-            (_, Some(0)) => return Err(refused("epochs", "at least 1", "0".into())),
-            (ModelRecipe::Network(network), Some(epochs)) => {
-                network.training.epochs = epochs;
-                network.training.least_steps = None;
-            }
-            (ModelRecipe::Baseline(baseline), Some(_)) => {
-                let found = format!("`{}`, which is fitted at once", baseline.name);
-                return Err(refused("epochs", "the recipe of a network", found));
-            }
-        }
-        if let (ModelRecipe::Baseline(baseline), true) = (&recipe, spec.watch_test) {
-            let found = format!("`{}`, which is fitted at once", baseline.name);
-            return Err(refused("watch-test", "the recipe of a network", found));
-        }
-        if let Some(rate) = spec
-            .rate_hz
-            .filter(|rate| !(rate.is_finite() && *rate > 0.0))
-        {
-            return Err(refused("rate", "a positive number of Hz", rate.to_string()));
-        }
-        if let Some(folds) = spec.folds.filter(|folds| *folds < 2) {
-            return Err(refused("folds", "at least 2", folds.to_string()));
-        }
-        let other = spec.split.filter(|split| *split != SplitKind::KFold);
-        if let (Some(_), Some(split)) = (spec.folds, other) {
-            let found = format!("`--split {}`", split.name());
-            return Err(refused("folds", "a k-fold split", found));
-        }
-        if spec.split == Some(SplitKind::TrainOnAll) {
-            let found = "all sweeps to train on".into();
-            return Err(refused("split", "a split with test sweeps", found));
-        }
-        if spec.steps == Some(0) {
-            return Err(refused("steps", "at least 1", "0".into()));
-        }
-        if let Some(target) = spec.calibration {
-            if let ModelRecipe::Baseline(baseline) = &recipe {
-                let found = format!("`{}`, which is none", baseline.name);
-                return Err(refused("calibrate", "the recipe of a network", found));
-            }
-            for (setting, share) in [
-                ("false-alarms", target.false_alarms),
-                ("coverage", target.coverage),
-            ] {
-                if !(share > 0.0 && share < 1.0) {
-                    let expected = "a number between 0 and 1";
-                    return Err(refused(setting, expected, share.to_string()));
-                }
-            }
+        spec.validate(&recipe)?;
+        if let (ModelRecipe::Network(network), Some(epochs)) = (&mut recipe, spec.epochs) {
+            network.training.epochs = epochs;
+            network.training.least_steps = None;
         }
         let device = spec.device.open()?;
         Ok(Self {
@@ -329,6 +225,64 @@ impl TryFrom<TrainSpec> for TrainJob {
             recipe,
             device,
         })
+    }
+}
+
+impl TrainSpec {
+    fn validate(&self, recipe: &ModelRecipe) -> Result<(), PipelineError> {
+        let refused = |setting: &'static str, expected: &str, found: String| {
+            Err(PipelineError::Spec {
+                setting,
+                expected: expected.into(),
+                found,
+            })
+        };
+        if self.epochs == Some(0) {
+            return refused("epochs", "at least 1", "0".into());
+        }
+        if let ModelRecipe::Baseline(baseline) = recipe {
+            let only_networks = [
+                ("epochs", self.epochs.is_some()),
+                ("watch-test", self.watch_test),
+                ("calibrate", self.calibration.is_some()),
+            ];
+            if let Some((setting, _)) = only_networks.into_iter().find(|(_, is_set)| *is_set) {
+                let found = format!("the baseline `{}`", baseline.name);
+                return refused(setting, "the recipe of a network", found);
+            }
+        }
+        if let Some(rate) = self.rate_hz
+            && !(rate.is_finite() && rate > 0.0)
+        {
+            return refused("rate", "a positive number of Hz", rate.to_string());
+        }
+        if let Some(folds @ ..2) = self.folds {
+            return refused("folds", "at least 2", folds.to_string());
+        }
+        if let (Some(_), Some(split)) = (self.folds, self.split)
+            && split != SplitKind::KFold
+        {
+            let found = format!("the split `{}`", split.name());
+            return refused("folds", "a k-fold split", found);
+        }
+        if self.split == Some(SplitKind::TrainOnAll) {
+            let found = "all sweeps to train on".into();
+            return refused("split", "a split with test sweeps", found);
+        }
+        if self.steps == Some(0) {
+            return refused("steps", "at least 1", "0".into());
+        }
+        if let Some(target) = self.calibration {
+            let shares = [
+                ("false-alarms", target.false_alarms),
+                ("coverage", target.coverage),
+            ];
+            let invalid = |(_, share): &(&str, f64)| !(*share > 0.0 && *share < 1.0);
+            if let Some((setting, share)) = shares.into_iter().find(invalid) {
+                return refused(setting, "a number between 0 and 1", share.to_string());
+            }
+        }
+        Ok(())
     }
 }
 
@@ -358,17 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_the_call_that_leads_to_the_same_run() {
-        assert_eq!(
-            TrainSpec::default().to_string(),
-            "tactnet train --data twin --recipe fast --repeat 0 --seed 1 --device cpu"
-        );
-        assert_eq!(
-            everything().to_string(),
-            "tactnet train --data 'some where/wood, cork.h5' --rate 100 --steps 250 --permute-labels --recipe own.toml --epochs 4 \
-             --levels removed --split leave-block-out --folds 4 --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
-             --watch-test --seed 7 --device cuda"
-        );
+    fn published_specs_name_files_without_folders() {
         assert_eq!(everything().without_folders().data, "wood, cork.h5");
         assert_eq!(quoted("it's"), r"'it'\''s'");
     }
@@ -404,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_trained_is_refused_by_name() {
+    fn invalid_settings_are_refused_by_name() {
         let usual = TrainSpec::default;
         let share = |false_alarms| CalibrationTarget {
             false_alarms,
@@ -427,7 +371,7 @@ mod tests {
                     epochs: Some(0),
                     ..usual()
                 },
-                "--epochs",
+                "`epochs`",
             ),
             (
                 TrainSpec {
@@ -441,21 +385,21 @@ mod tests {
                     steps: Some(0),
                     ..usual()
                 },
-                "--steps",
+                "`steps`",
             ),
             (
                 TrainSpec {
                     calibration: Some(share(0.1)),
                     ..baseline()
                 },
-                "--calibrate",
+                "`calibrate`",
             ),
             (
                 TrainSpec {
                     calibration: Some(share(1.0)),
                     ..usual()
                 },
-                "--false-alarms",
+                "`false-alarms`",
             ),
         ] {
             let refused = TrainJob::try_from(spec).unwrap_err().to_string();

@@ -10,7 +10,7 @@ use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_models::Compute;
 
 use tactnet_pipeline::{
-    Ended, Provenance, RunDir, Session, TrainEvent, TrainJob, TrainOutcome, TrainSpec,
+    Ended, Program, Provenance, RunDir, Session, TrainEvent, TrainJob, TrainOutcome, TrainSpec,
     train_together,
 };
 
@@ -24,8 +24,11 @@ const RECIPE: &str = r#"
     method = { kind = "adversarial", alpha = 0.5, epsilon = 2.0 }
 "#;
 
-fn program() -> Provenance {
-    Provenance::of_this_process("0", "test")
+fn program() -> Program {
+    Program {
+        provenance: Provenance::of_this_process("0", "test"),
+        command: |spec| format!("train {}", spec.data),
+    }
 }
 
 /// Begins runs of three folds of different sizes in separate folders below `into`.

@@ -111,10 +111,7 @@ impl ServedModel {
         config.require_network(path, "be served")?;
         let config = config.classifier;
         if !run.has_final_weights() {
-            return Err(ServeError::Unfit {
-                path: path.into(),
-                reason: run.why_no_final_weights(),
-            });
+            return Err(run.no_final_weights().into());
         }
         if let Some(reason) = unfit(config.shape.taxels(), config.labels.len()) {
             return Err(ServeError::Unfit {

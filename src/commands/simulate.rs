@@ -44,19 +44,19 @@ pub(super) fn check_fit(
     let (own, wanted) = (dataset.shape(), run.shape);
     let alike = (own.rows, own.cols) == (wanted.rows, wanted.cols) && own.steps >= wanted.steps;
     if !alike || dataset.sample_rate_hz() != run.sample_rate_hz {
-        return Err(PipelineError::Incompatible {
-            item: data.into(),
-            expected: format!(
+        return Err(PipelineError::incompatible(
+            data,
+            format!(
                 "sweeps as the run's, {}",
                 describe(wanted, run.sample_rate_hz)
             ),
-            found: format!(
+            format!(
                 "{}{}{}",
                 describe(own, dataset.sample_rate_hz()),
                 remedy(dataset, run),
                 rate_remedy(dataset, run)
             ),
-        });
+        ));
     }
     let known = |name: &str| run.labels.names().any(|known| known == name);
     if !dataset.labels().names().any(known) {
@@ -115,12 +115,11 @@ pub(super) fn unseen_by(dataset: &Dataset, run: &Path) -> anyhow::Result<Vec<usi
     }
     let view = unseen.without_enrolled(&run)?.view;
     if view.is_empty() {
-        return Err(PipelineError::Incompatible {
-            item: dataset.name().into(),
-            expected: "sweeps that the run has not learnt from".into(),
-            found: "none: all of them were trained on or enrolled; `--data FILE` names others"
-                .into(),
-        }
+        return Err(PipelineError::incompatible(
+            dataset.name(),
+            "sweeps that the run has not learnt from",
+            "none: all of them were trained on or enrolled; `--data FILE` names others",
+        )
         .into());
     }
     Ok(view.indices().to_vec())

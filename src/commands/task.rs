@@ -15,10 +15,10 @@ use tactnet_pipeline::{
     TrainOutcome, train_together,
 };
 
-use super::train::{Progress, train};
+use super::train::{Progress, program, train};
 use crate::output::OutputFormat;
 use crate::stop::Stop;
-use crate::{GIT, failure, output, source};
+use crate::{failure, output, source};
 
 /// Minimum interval between two progress lines.
 const REPORT_INTERVAL: Duration = Duration::from_secs(10);
@@ -45,21 +45,20 @@ pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
     };
     let task = dir.task(id)?;
     let folder = dir.task_dir(task);
-    let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
     match dir.begin(task)? {
         Start::Resume => {
             source::announce(&RunDir::open(&folder)?.config()?.spec.data);
-            let session = Session::resume(&folder, None, program)?;
+            let session = Session::resume(&folder, None, program())?;
             Ok(train(&session, &stop, OutputFormat::Table, true)?.0)
         }
         Start::Begin(job) => match *job {
             Job::Train(spec) => {
                 let job = TrainJob::try_from(spec)?;
                 source::announce(&job.spec().data);
-                let session = Session::begin(&job, Some(&folder), program, |_| Ok(()))?;
+                let session = Session::begin(&job, Some(&folder), program(), |_| Ok(()))?;
                 Ok(train(&session, &stop, OutputFormat::Table, false)?.0)
             }
-            Job::Question(task) => answer(&task, &folder, program, &stop),
+            Job::Question(task) => answer(&task, &folder, program().provenance, &stop),
         },
     }
 }
@@ -123,16 +122,15 @@ fn train_at_once(
 
 fn session_of(dir: &ExperimentDir, task: &Task) -> anyhow::Result<Session> {
     let folder = dir.task_dir(task);
-    let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
     let job = match dir.begin(task)? {
-        Start::Resume => return Ok(Session::resume(&folder, None, program)?),
+        Start::Resume => return Ok(Session::resume(&folder, None, program())?),
         Start::Begin(job) => *job,
     };
     let Job::Train(spec) = job else {
         bail!("task `{}` is no training; run it alone", task.id);
     };
     let job = TrainJob::try_from(spec)?;
-    Ok(Session::begin(&job, Some(&folder), program, |_| Ok(()))?)
+    Ok(Session::begin(&job, Some(&folder), program(), |_| Ok(()))?)
 }
 
 /// Writes each failure to its task's log, and returns the first.

@@ -1,19 +1,21 @@
-//! `tactnet train`: from sweeps to a trained, evaluated classifier in a run directory.
+//! `tactnet train`: trains and evaluates a classifier in a run directory.
 
 mod arguments;
 mod progress;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::bail;
 use tactnet_data::Finding;
 use tactnet_models::{Compute, Trunk};
 use tactnet_pipeline::{
-    ModelRecipe, Provenance, RunDir, RunResult, Session, TrainJob, TrainOutcome,
+    ModelRecipe, Program, Provenance, RunDir, RunResult, Session, TrainJob, TrainOutcome, quoted,
 };
 use tactnet_skin::packets::unfit;
 
-use super::choices::{ModelChoice, TrainDeviceChoice};
+use super::choices::ModelChoice;
+use super::experiment::run_text::{advice, next_steps, run_text};
 use super::experiment::run_text::{advice, next_steps, run_text};
 use crate::output::{self, OutputFormat};
 use crate::stop::Stop;
@@ -28,27 +30,26 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let stop = Stop::listen()?;
-    let program = Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT);
     let session = match &arguments.resume {
         Some(folder) => {
             let data = arguments.data.as_deref();
             let begun_with = RunDir::open(folder)?.config()?.spec.data;
             source::announce(data.unwrap_or(&begun_with));
-            Session::resume(folder, data, program)?
+            Session::resume(folder, data, program())?
         }
         None => {
             let mut spec = arguments.spec();
-            if arguments.device == TrainDeviceChoice::Auto {
+            if arguments.selects_device() {
                 spec.device = device_times::fastest()?;
             }
             let job = TrainJob::try_from(spec)?;
-            if let Some(model) = arguments.model {
+            if let Some(model) = arguments.model() {
                 refuse_other_model(&job, model)?;
             }
             source::announce(&job.spec().data);
             let review =
                 |finding: &Finding| source::review(None, finding, arguments.axes_are_right);
-            Session::begin(&job, arguments.out.as_deref(), program, review)?
+            Session::begin(&job, arguments.out(), program(), review)?
         }
     };
     let config = session.run().config()?;
@@ -65,7 +66,7 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     source::warn_of_assumed_rate(classifier.sample_rate_assumed, classifier.sample_rate_hz);
     let unfit = unfit(classifier.shape.taxels(), classifier.labels.len());
     if let Some(reason) = &unfit {
-        say!("note: `tactnet serve` will not take this classifier: {reason}");
+        say!("note: `tactnet serve` does not support this classifier: {reason}");
     }
     let format = OutputFormat::from_flag(arguments.json);
     let resumed = arguments.resume.is_some();
@@ -79,9 +80,25 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     Ok(code)
 }
 
-/// Trains from where the run stands, and prints its result, which is returned unless somebody asked to stop.
+/// Returns the description of this program for the run directory.
+pub fn program() -> Program {
+    Program {
+        provenance: Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT),
+        command: arguments::command_line,
+    }
+}
+
+/// Returns the command that continues the training of a run, as a shell reads it.
+pub fn resume_command(run: &Path) -> String {
+    format!(
+        "tactnet train --resume {}",
+        quoted(&run.display().to_string())
+    )
+}
+
+/// Trains from the current state of the run and prints its result; also returns the result unless the training was stopped.
 ///
-/// - `resumed`: another process began the run
+/// - `resumed`: true if another process began the run
 pub fn train(
     session: &Session,
     stop: &Stop,
@@ -103,7 +120,7 @@ pub fn train(
         TrainOutcome::Stopped => {
             say!(
                 "stopped; continue with `{}`",
-                session.run().resume_command()
+                resume_command(session.run().path())
             );
             Ok((ExitCode::from(failure::INTERRUPTED), None))
         }
@@ -120,7 +137,7 @@ fn refuse_other_model(job: &TrainJob, model: ModelChoice) -> anyhow::Result<()> 
     };
     if !fits {
         bail!(
-            "recipe `{}` does not train the model asked for, `{}`; leave out --model or --recipe",
+            "recipe `{}` does not train the model `{}`; omit --model or --recipe",
             job.spec().recipe,
             model.recipe()
         );

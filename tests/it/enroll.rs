@@ -153,7 +153,7 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     baseline.arg("--out").arg(lab.path("knn"));
     let refused = stderr(&expect(2, baseline));
     assert!(
-        refused.contains("`--calibrate`: expected the recipe of a network"),
+        refused.contains("`calibrate`: expected the recipe of a network"),
         "{refused}"
     );
 }

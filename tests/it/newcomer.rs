@@ -66,7 +66,7 @@ fn few_training_steps_are_named_and_what_comes_next() {
         ..RecipeChange::default()
     });
     let said = stderr(&expect(0, lab.train(&more, "more")));
-    let why = "note: 10 epochs instead of 3, since these few sweeps make 4 batches an epoch, and the recipe trains on at least 40 batches";
+    let why = "note: 10 epochs instead of 3, since these few sweeps give 4 batches per epoch and the recipe trains on at least 40 batches";
     assert!(said.contains(why), "{said}");
 
     std::fs::create_dir(lab.path("held")).unwrap();

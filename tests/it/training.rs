@@ -424,11 +424,11 @@ fn a_run_is_resumed_from_any_folder_and_a_moved_data_set_can_be_named() {
     // On the processor no GPU search takes place; it would print a line here.
     named.env_remove("XDG_RUNTIME_DIR");
     let said = stderr(&expect(0, named));
-    assert!(said.contains("going on after step"), "{said}");
+    assert!(said.contains("continuing after step"), "{said}");
     assert!(!said.contains("XDG_RUNTIME_DIR"), "{said}");
     std::fs::rename(&moved, lab.path("twin.h5")).unwrap();
     let ended = stderr(&expect(0, resume()));
-    assert!(ended.contains("has ended already"), "{ended}");
+    assert!(ended.contains("has already ended"), "{ended}");
 }
 
 #[test]

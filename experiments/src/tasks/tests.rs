@@ -59,7 +59,7 @@ fn a_search_draws_the_same_recipes_again_and_judges_them_inside() {
         let Job::Train(spec) = &task.job else {
             panic!("a training");
         };
-        assert_eq!(spec.inner, Some(0), "{spec}");
+        assert_eq!(spec.inner, Some(0), "{spec:?}");
     }
 }
 

@@ -177,11 +177,7 @@ pub fn to_onnx(
         let found = weights
             .0
             .get(name)
-            .ok_or_else(|| PipelineError::Incompatible {
-                item: "weights".into(),
-                expected: name.into(),
-                found: "none".into(),
-            })?;
+            .ok_or_else(|| PipelineError::incompatible("weights", name, "none"))?;
         Ok((&found.shape, &found.values))
     };
 

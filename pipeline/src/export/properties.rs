@@ -11,11 +11,11 @@ use crate::{Calibration, ClassifierConfig, ModelConfig, NetworkSetup, PipelineEr
 pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&NetworkSetup, PipelineError> {
     match &config.model {
         ModelConfig::Network(setup) => Ok(setup),
-        ModelConfig::Baseline(_) => Err(PipelineError::Incompatible {
-            item: "export".into(),
-            expected: "a network".into(),
-            found: "a baseline".into(),
-        }),
+        ModelConfig::Baseline(_) => Err(PipelineError::incompatible(
+            "export",
+            "a network",
+            "a baseline",
+        )),
     }
 }
 

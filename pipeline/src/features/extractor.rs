@@ -305,11 +305,11 @@ fn enough_steps(shape: SweepShape) -> Result<(), PipelineError> {
     if shape.steps >= LEAST {
         return Ok(());
     }
-    Err(PipelineError::Incompatible {
-        item: "sweeps".into(),
-        expected: format!("at least {LEAST} steps for random convolution kernels"),
-        found: format!("{} steps", shape.steps),
-    })
+    Err(PipelineError::incompatible(
+        "sweeps",
+        format!("at least {LEAST} steps for random convolution kernels"),
+        format!("{} steps", shape.steps),
+    ))
 }
 
 fn save_kernels(weights: &mut Weights, name: &str, kernels: &Kernels) {

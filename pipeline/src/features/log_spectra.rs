@@ -28,11 +28,11 @@ impl LogSpectra {
     /// Sweeps of fewer than four steps.
     pub fn new(shape: SweepShape, rate: f64) -> Result<Self, PipelineError> {
         if shape.steps < 4 {
-            return Err(PipelineError::Incompatible {
-                item: "sweeps".into(),
-                expected: "at least 4 steps for a spectrum".into(),
-                found: format!("{} steps at {rate} Hz", shape.steps),
-            });
+            return Err(PipelineError::incompatible(
+                "sweeps",
+                "at least 4 steps for a spectrum",
+                format!("{} steps at {rate} Hz", shape.steps),
+            ));
         }
         let last = (shape.steps / 2) as f64;
         let edge = |band: usize| last.powf(band as f64 / BANDS as f64);

@@ -225,9 +225,9 @@ fn transform(
 }
 
 fn too_short(what: &str, needed: String, shape: SweepShape, rate: f64) -> PipelineError {
-    PipelineError::Incompatible {
-        item: "sweeps".into(),
-        expected: format!("sweeps with {needed} for {what}"),
-        found: format!("{} steps at {rate} Hz", shape.steps),
-    }
+    PipelineError::incompatible(
+        "sweeps",
+        format!("sweeps with {needed} for {what}"),
+        format!("{} steps at {rate} Hz", shape.steps),
+    )
 }

@@ -118,11 +118,11 @@ impl<'a> Training<'a> {
         device: &Device,
     ) -> Result<Self, PipelineError> {
         if train.is_empty() {
-            return Err(PipelineError::Incompatible {
-                item: "training sweeps".into(),
-                expected: "at least one".into(),
-                found: "none".into(),
-            });
+            return Err(PipelineError::incompatible(
+                "training sweeps",
+                "at least one",
+                "none",
+            ));
         }
         let device = device.clone().autodiff();
         let net = Network::init(config, &device, &mut seed.rng("initial weights"));

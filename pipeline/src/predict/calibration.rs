@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tactnet_models::argmax;
 
-use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError};
+use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError, Remedy};
 
 /// Maximum number of sweeps of one object with a separate threshold.
 const OBJECT_SWEEPS: usize = 5;
@@ -46,22 +46,18 @@ impl CalibrationTarget {
         let possible = 1.0 / (sweeps + 1) as f64 - 1e-9;
         // Rounded up, so that the suggested rate is possible.
         let smallest = (100.0 * possible).ceil() / 100.0;
-        let mut remedies = Vec::new();
-        if self.false_alarms < possible {
-            remedies.push(format!("`--false-alarms {smallest:.2}`"));
-        }
-        if 1.0 - self.coverage < possible {
-            remedies.push(format!("`--coverage {:.2}`", 1.0 - smallest));
-        }
         Err(PipelineError::TooFewSetAside {
             needed,
             false_alarms_percent: percent(self.false_alarms),
             coverage_percent: percent(self.coverage),
             found: sweeps,
             remedy: if sweeps < 2 {
-                "record more sweeps".into()
+                Remedy::RecordMore
             } else {
-                format!("{} can be kept with them", remedies.join(" with "))
+                Remedy::RelaxTargets {
+                    false_alarms: (self.false_alarms < possible).then_some(smallest),
+                    coverage: (1.0 - self.coverage < possible).then_some(1.0 - smallest),
+                }
             },
         })
     }
@@ -196,7 +192,7 @@ impl Calibration {
         let spread = 1.96 * (rate * (1.0 - rate) / (self.sweeps + 2) as f64).sqrt();
         (spread > rate).then(|| {
             format!(
-                "thresholds rest on {} sweeps: with {:.0} % false alarms asked for, 0 to {:.0} % are likely; more sweeps narrow that",
+                "the thresholds are fitted to {} sweeps: for a target of {:.0} % false alarms, 0 to {:.0} % are likely; more sweeps narrow this range",
                 self.sweeps,
                 100.0 * rate,
                 100.0 * (rate + spread)
@@ -349,15 +345,13 @@ mod tests {
                 false_alarms: 0.01,
                 coverage,
             };
-            let refused = strict.check(sweeps).unwrap_err().to_string();
-            let named = format!("`--false-alarms {false_alarms:.2}`");
-            assert!(refused.contains(&named), "{refused}");
+            let refused = strict.check(sweeps).unwrap_err();
             let needs_both = sweeps < 9;
-            assert_eq!(
-                refused.contains("`--coverage 0.80`"),
-                needs_both,
-                "{refused}"
-            );
+            let possible = Remedy::RelaxTargets {
+                false_alarms: Some(false_alarms),
+                coverage: needs_both.then_some(0.8),
+            };
+            assert_eq!(refused.remedy(), Some(possible));
             let named = CalibrationTarget {
                 false_alarms,
                 coverage: if needs_both { 0.8 } else { coverage },

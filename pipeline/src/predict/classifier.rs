@@ -4,14 +4,16 @@ use std::collections::BTreeSet;
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
-use tactnet_data::{LabelSet, Seed, SweepShape, SweepView, TrainSplit, ValueRange, is_same_name};
+use tactnet_data::{
+    Dataset, LabelSet, Seed, SweepShape, SweepView, TrainSplit, ValueRange, is_same_name,
+};
 use tactnet_models::{Architecture, InputShape, Network, NetworkConfig, Weights};
 
 use crate::baseline::fitted::Baseline;
 use crate::network::network_scorer::NetworkScorer;
 use crate::{
     BaselineRecipe, Embedding, Normalizer, PipelineError, Prediction, PredictionMethod,
-    Predictions, Recipe, SweepScore,
+    Predictions, Recipe, Remedy, SweepScore,
 };
 
 /// Configuration of a classifier: with the fitted weights, it rebuilds the classifier.
@@ -138,11 +140,11 @@ impl Classifier {
             ModelConfig::Network(setup) => {
                 let network = config.network_config(setup)?;
                 if !setup.normalizer.is_of(config.shape.taxels()) {
-                    return Err(PipelineError::Incompatible {
-                        item: "scaling".into(),
-                        expected: format!("numbers for {} taxels", config.shape.taxels()),
-                        found: "another number of them".into(),
-                    });
+                    return Err(PipelineError::incompatible(
+                        "scaling",
+                        format!("numbers for {} taxels", config.shape.taxels()),
+                        "another number of them",
+                    ));
                 }
                 weights.check_finite()?;
                 let scorer = NetworkScorer::new(setup, network, weights, device, config.seed)?;
@@ -214,11 +216,11 @@ impl Classifier {
                 Ok(baseline.log_probabilities(view))
             }
             (Model::Baseline(_), PredictionMethod::McDropout { .. }) => {
-                Err(PipelineError::Incompatible {
-                    item: "prediction".into(),
-                    expected: "to be asked plainly, as it has no dropout".into(),
-                    found: "to do with this; asked was Monte Carlo dropout".into(),
-                })
+                Err(PipelineError::incompatible(
+                    "prediction",
+                    "plain prediction, since the model has no dropout",
+                    "a request for Monte Carlo dropout",
+                ))
             }
         }
     }
@@ -278,11 +280,11 @@ impl Classifier {
     pub(crate) fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {
         match &self.model {
             Model::Network(network) => Ok(network),
-            Model::Baseline(_) => Err(PipelineError::Incompatible {
-                item: "embedding".into(),
-                expected: "none, as it is no network".into(),
-                found: "sweeps to embed".into(),
-            }),
+            Model::Baseline(_) => Err(PipelineError::incompatible(
+                "embedding",
+                "none, since the model is not a network",
+                "sweeps to embed",
+            )),
         }
     }
 
@@ -340,91 +342,82 @@ impl Classifier {
                 "; is `{name}` the `{known}` that it knows? Spell them alike"
             ))
         });
-        PipelineError::Incompatible {
-            item: "materials".into(),
-            expected: format!(
+        let error = PipelineError::incompatible(
+            "materials",
+            format!(
                 "some of {}",
                 some(self.config.labels.names().collect(), 4, "")
             ),
-            found: format!(
-                "materials named {}, which it does not know ({}a network of `train --calibrate` can say \"unknown\"){}",
+            format!(
+                "materials named {}, which it does not know{}",
                 some(
                     met.iter().map(|&label| labels.name(label)).collect(),
                     3,
                     "`"
                 ),
-                // Only networks can be extended by enrolment.
-                match self.has_dropout() {
-                    true => "`tactnet enroll` adds one; ",
-                    false => "",
-                },
                 meant.unwrap_or_default()
             ),
-        }
+        );
+        // Only networks can be extended by enrolment.
+        error.with_remedy(match self.has_dropout() {
+            true => Remedy::EnrollOrCalibrate,
+            false => Remedy::Calibrate,
+        })
     }
 
     fn check_shape(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
-        let ClassifierConfig {
-            shape,
-            sample_rate_hz,
-            sample_rate_assumed,
-            ..
-        } = &self.config;
-        let dataset = view.dataset();
-        let incompatible = |item: &str, expected: String, found: String| {
-            Err(PipelineError::Incompatible {
-                item: item.into(),
-                expected,
-                found,
-            })
+        let (own, shape) = (view.shape(), self.config.shape);
+        if own == shape {
+            return self.check_rate(view.dataset());
+        }
+        let error = |cause: &str| {
+            PipelineError::incompatible("sweeps", shape.to_string(), format!("{own}{cause}"))
         };
-        if view.shape() != *shape {
-            let mut found = view.shape().to_string();
-            let own = view.shape();
+        Err(
             if own.steps == shape.steps && (own.rows, own.cols) == (shape.cols, shape.rows) {
-                found.push_str(
-                    "; most likely rows and columns have been exchanged: swap these two axes where the file is written",
-                );
+                error("; rows and columns are probably exchanged: swap these two axes in the file")
             } else if own.steps == shape.taxels() && own.taxels() >= shape.steps {
-                found.push_str(
-                    "; most likely steps and taxels have been exchanged: a sweep is a row per frame, a column per taxel",
-                );
+                error(
+                    "; steps and taxels are probably exchanged: a sweep has a row per frame and a column per taxel",
+                )
             } else if own.taxels() == shape.taxels() && own.steps > shape.steps {
-                found.push_str(&format!(
-                    "; `--steps {}` keeps the first of them",
-                    shape.steps
-                ));
+                error("").with_remedy(Remedy::KeepSteps { steps: shape.steps })
             } else if (view.dataset().len(), own.steps, own.taxels())
                 == (shape.steps, shape.rows, shape.cols)
             {
-                found.push_str("; a single sweep? `X[None]` makes it the only one of an array");
+                error("; if the array `X` is a single sweep, save `X[None]`")
             } else if (shape.steps, shape.taxels()) == (own.steps, own.taxels()) {
-                found.push_str(&format!(
-                    "; `tactnet data import FILE --out NEW --shape {}x{}` arranges the same taxels",
-                    shape.rows, shape.cols
-                ));
-            }
-            return incompatible("sweeps", shape.to_string(), found);
+                error("").with_remedy(Remedy::ArrangeTaxels {
+                    rows: shape.rows,
+                    columns: shape.cols,
+                })
+            } else {
+                error("")
+            },
+        )
+    }
+
+    fn check_rate(&self, dataset: &Dataset) -> Result<(), PipelineError> {
+        let (own, known) = (dataset.sample_rate_hz(), self.config.sample_rate_hz);
+        if (own - known).abs() <= 1e-6 * known {
+            return Ok(());
         }
-        if (dataset.sample_rate_hz() - sample_rate_hz).abs() > 1e-6 * sample_rate_hz {
-            let hz = |rate: f64, assumed: bool| {
-                let assumed = if assumed { ", which is assumed" } else { "" };
-                format!("{rate} Hz{assumed}")
-            };
-            let mut found = hz(dataset.sample_rate_hz(), dataset.is_rate_assumed());
-            if dataset.is_rate_assumed() {
-                found.push_str(" since the data does not say; `--rate HZ` names it");
-            } else if *sample_rate_assumed {
-                found.push_str(
-                    "; if the classifier's data were recorded so, train it anew with `--rate`",
-                );
-            }
-            return incompatible(
-                "sample rate",
-                hz(*sample_rate_hz, *sample_rate_assumed),
-                found,
-            );
+        let hz = |rate: f64, assumed: bool| {
+            let assumed = if assumed { ", which is assumed" } else { "" };
+            format!("{rate} Hz{assumed}")
+        };
+        let expected = hz(known, self.config.sample_rate_assumed);
+        let mut found = hz(own, dataset.is_rate_assumed());
+        if dataset.is_rate_assumed() {
+            found.push_str(" since the data does not name its rate");
         }
-        Ok(())
+        let error = PipelineError::incompatible("sample rate", expected, found);
+        Err(if dataset.is_rate_assumed() {
+            error.with_remedy(Remedy::NameRate)
+        } else if self.config.sample_rate_assumed {
+            error.with_remedy(Remedy::TrainWithRate)
+        } else {
+            error
+        })
     }
 }

@@ -66,10 +66,8 @@ impl OnlineClassifier {
         calibration: Option<Calibration>,
         mc_samples: usize,
     ) -> Result<Self, PipelineError> {
-        let incompatible = |expected: &str, found: &str| PipelineError::Incompatible {
-            item: "online classification".into(),
-            expected: expected.into(),
-            found: found.into(),
+        let incompatible = |expected: &str, found: &str| {
+            PipelineError::incompatible("online classification", expected, found)
         };
         let scorer = classifier.scorer()?;
         scorer.check_masks(mc_samples)?;

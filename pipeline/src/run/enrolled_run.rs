@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use super::run_dir::{ENROLLED, ENVIRONMENT, HELD_OUT};
-use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, RunConfig, RunDir};
+use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, Remedy, RunConfig, RunDir};
 
 /// Prefix of the name of a folder that is still incomplete.
 const DRAFT: &str = ".enrolling-";
@@ -23,10 +23,9 @@ impl RunDir {
     ) -> Result<Self, PipelineError> {
         let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
         if occupied {
-            return Err(PipelineError::Run {
-                path: path.into(),
-                reason: "is not empty; name a new folder with `--out`".into(),
-            });
+            return Err(
+                PipelineError::run(path, "the folder is not empty").with_remedy(Remedy::NameFolder)
+            );
         }
         let mut name = std::ffi::OsString::from(DRAFT);
         name.push(path.file_name().unwrap_or_default());
@@ -44,7 +43,7 @@ impl RunDir {
         };
         let sessions: Vec<Provenance> = self.read_json(ENVIRONMENT)?;
         let Some(last) = sessions.last() else {
-            return Err(self.refused("environment.json names no session"));
+            return Err(self.refused("environment.json lists no session"));
         };
         let run = Self::create(&draft, &config, &self.split()?, last)?;
         run.write_json(ENVIRONMENT, &sessions)?;

@@ -62,10 +62,10 @@ impl RunDir {
         }
         match outcome {
             Ok(()) => Ok(file),
-            Err(fs::TryLockError::WouldBlock) => Err(PipelineError::Run {
-                path: path.into(),
-                reason: "another process trains in this folder".into(),
-            }),
+            Err(fs::TryLockError::WouldBlock) => Err(PipelineError::run(
+                path,
+                "another process is training in this folder",
+            )),
             Err(fs::TryLockError::Error(error)) => Err(PipelineError::io(&name, "lock", error)),
         }
     }

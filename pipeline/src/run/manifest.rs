@@ -67,12 +67,12 @@ impl RunDir {
             .manifest()?
             .and_then(|manifest| manifest.files.get(name));
         match known {
-            Some(digest) if *digest != sha256_hex(&bytes) => Err(PipelineError::Run {
+            Some(digest) if *digest != sha256_hex(&bytes) => Err(PipelineError::run(
                 path,
-                reason: format!(
-                    "has changed since the run ended (its SHA-256 is not that in {MANIFEST}): it is damaged or was edited"
+                format!(
+                    "the file has changed since the run ended (its SHA-256 differs from that in {MANIFEST}): it is damaged or was edited"
                 ),
-            }),
+            )),
             _ => Ok(bytes),
         }
     }
@@ -82,10 +82,7 @@ impl RunDir {
             return Ok(known.as_ref());
         }
         let path = self.file(MANIFEST);
-        let failed = |reason: String| PipelineError::Run {
-            path: path.clone(),
-            reason,
-        };
+        let failed = |reason: String| PipelineError::run(path.clone(), reason);
         let read = match read_file(&path) {
             Ok(bytes) => {
                 let manifest: Manifest =

@@ -5,7 +5,7 @@ use std::path::Path;
 use tactnet_data::format::{self, SweepsToClassify};
 use tactnet_data::{DataError, DataSource, Dataset, SweepShape};
 
-use crate::{LabelOrder, PipelineError, TrainSpec};
+use crate::{LabelOrder, PipelineError, Remedy, TrainSpec};
 
 impl TrainSpec {
     /// Reads the sweeps for training and test.
@@ -115,10 +115,11 @@ impl TrainSpec {
     ) -> Result<&'a str, PipelineError> {
         let place = moved_to.unwrap_or(&self.data);
         if moved_to.is_none() && !DataSource::is_twin(place) && !Path::new(place).exists() {
-            return Err(PipelineError::Run {
-                path: place.into(),
-                reason: "expected the data set of the run, found nothing; `--data FILE` names where it is now".into(),
-            });
+            return Err(PipelineError::run(
+                place,
+                "expected the data set of the run, found no file",
+            )
+            .with_remedy(Remedy::NameData));
         }
         Ok(place)
     }

@@ -8,7 +8,7 @@ use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 
 use crate::{
-    CalibrationTarget, ClassifierConfig, ModelRecipe, PipelineError, SplitKind, TrainSpec,
+    CalibrationTarget, ClassifierConfig, ModelRecipe, PipelineError, Remedy, SplitKind, TrainSpec,
 };
 
 /// `config.json`: everything that is fixed before the first batch.
@@ -76,13 +76,14 @@ impl RunConfig {
     pub fn require_network(&self, run: &Path, what: &str) -> Result<(), PipelineError> {
         match &self.recipe {
             ModelRecipe::Network(_) => Ok(()),
-            ModelRecipe::Baseline(recipe) => Err(PipelineError::Run {
-                path: run.into(),
-                reason: format!(
-                    "it is a baseline ({}), and only networks can {what}; train one with `tactnet train --data FILE`",
+            ModelRecipe::Baseline(recipe) => Err(PipelineError::run(
+                run,
+                format!(
+                    "it is a baseline ({}), and only networks can {what}",
                     recipe.name
                 ),
-            }),
+            )
+            .with_remedy(Remedy::TrainNetwork)),
         }
     }
 

@@ -31,8 +31,8 @@ use super::manifest::Manifest;
 use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
     Calibration, Classifier, Embedding, EnrolledMaterial, EpochMetrics, PipelineError,
-    PredictionMethod, Predictions, Provenance, RunConfig, RunResult, Thresholds, TrainEmbeddings,
-    TrainingState, quoted, write_whole,
+    PredictionMethod, Predictions, Provenance, Remedy, RunConfig, RunResult, Thresholds,
+    TrainEmbeddings, TrainingState, write_whole,
 };
 
 const CONFIG: &str = "config.json";
@@ -53,6 +53,8 @@ pub struct RunDir {
     pub(super) lock: Option<fs::File>,
     /// Digests of the files, once read.
     pub(super) manifest: OnceLock<Option<Manifest>>,
+    /// Configuration, once read or written.
+    config: OnceLock<RunConfig>,
 }
 
 impl RunDir {
@@ -68,22 +70,17 @@ impl RunDir {
     ) -> Result<Self, PipelineError> {
         let failed = |error| PipelineError::io(path, "make the run directory", error);
         fs::create_dir_all(path).map_err(failed)?;
-        let run = Self {
-            path: path.to_path_buf(),
-            lock: None,
-            manifest: OnceLock::new(),
-        }
-        .locked()?;
+        let run = Self::unopened(path).locked()?;
         if run.file(CONFIG).exists() {
             let ended = run.result().is_ok_and(|result| result.is_some());
-            return Err(run.refused(&if ended {
-                "holds a run already, which has ended; name another folder with `--out`".into()
+            return Err(if ended {
+                run.refused("the folder holds a run already, which has ended")
+                    .with_remedy(Remedy::NameFolder)
             } else {
-                format!(
-                    "holds a run already; continue it with `{}`, or name another folder with `--out`",
-                    run.resume_command()
-                )
-            }));
+                let run_dir = run.path.clone();
+                run.refused("the folder holds a run already")
+                    .with_remedy(Remedy::ResumeOrNameFolder { run: run_dir })
+            });
         }
         for entry in fs::read_dir(path).map_err(failed)? {
             let name = entry.map_err(failed)?.file_name();
@@ -91,16 +88,25 @@ impl RunDir {
             let begun = [LOCK, SPLIT, ENVIRONMENT].iter().any(|file| name == *file);
             if !begun {
                 let name = name.to_string_lossy();
-                return Err(run.refused(&format!(
-                    "a new run needs an empty folder, found `{name}`; name another with `--out`"
-                )));
+                let error = run.refused(format!("a new run needs an empty folder, found `{name}`"));
+                return Err(error.with_remedy(Remedy::NameFolder));
             }
         }
         run.write_json(SPLIT, split)?;
         run.write_json(ENVIRONMENT, &[provenance])?;
         // Written last, since a folder with this file counts as a run.
         run.write_json(CONFIG, config)?;
+        run.config.get_or_init(|| config.clone());
         Ok(run)
+    }
+
+    fn unopened(path: &Path) -> Self {
+        Self {
+            path: path.to_path_buf(),
+            lock: None,
+            manifest: OnceLock::new(),
+            config: OnceLock::new(),
+        }
     }
 
     /// Opens an existing run directory for reading.
@@ -108,21 +114,22 @@ impl RunDir {
     /// # Errors
     /// A folder without a `config.json`.
     pub fn open(path: &Path) -> Result<Self, PipelineError> {
-        let run = Self {
-            path: path.to_path_buf(),
-            lock: None,
-            manifest: OnceLock::new(),
-        };
+        let run = Self::unopened(path);
         if run.file(CONFIG).is_file() {
             return Ok(run);
         }
         let below = runs_below(path);
-        let remedy = match &below[..] {
-            [] => "name a folder that `tactnet train` made".to_owned(),
-            [one] => format!("name the one below: {one}"),
-            [first, ..] => format!("name one of the {} below, such as {first}", below.len()),
-        };
-        Err(run.refused(&format!("no run here (no {CONFIG}); {remedy}")))
+        let found = format!("no run here (no {CONFIG})");
+        Err(match &below[..] {
+            [] => run.refused(found).with_remedy(Remedy::NameRun),
+            [one] => run.refused(format!("{found}; name the one below: {one}")),
+            [first, ..] => {
+                let count = below.len();
+                run.refused(format!(
+                    "{found}; name one of the {count} below, such as {first}"
+                ))
+            }
+        })
     }
 
     /// Returns the file name of predictions by `method`, in a run whose recipe uses the method `own`.
@@ -148,7 +155,7 @@ impl RunDir {
         let text = self.read_text(&file)?;
         let test = self.split()?.test;
         let predictions = Predictions::from_tsml(&text, config.classifier.labels, method, &test)
-            .map_err(|reason| PipelineError::Run { path, reason })?;
+            .map_err(|reason| PipelineError::run(path, reason))?;
         Ok((file, predictions))
     }
 
@@ -168,11 +175,8 @@ impl RunDir {
         Ok(sessions)
     }
 
-    pub(super) fn refused(&self, reason: &str) -> PipelineError {
-        PipelineError::Run {
-            path: self.path.clone(),
-            reason: reason.into(),
-        }
+    pub(super) fn refused(&self, reason: impl Into<String>) -> PipelineError {
+        PipelineError::run(self.path.clone(), reason)
     }
 
     /// Returns the path of the folder.
@@ -180,14 +184,19 @@ impl RunDir {
         &self.path
     }
 
-    /// Reads `config.json`.
+    /// Returns the configuration, which is read from `config.json` at most once.
     ///
     /// # Errors
     /// A file that is missing, damaged, or of an unsupported version.
     pub fn config(&self) -> Result<RunConfig, PipelineError> {
+        if let Some(known) = self.config.get() {
+            return Ok(known.clone());
+        }
         let path = self.file(CONFIG);
         let text = self.read_text(CONFIG)?;
-        RunConfig::from_json(&text).map_err(|reason| PipelineError::Run { path, reason })
+        let config =
+            RunConfig::from_json(&text).map_err(|reason| PipelineError::run(path, reason))?;
+        Ok(self.config.get_or_init(|| config).clone())
     }
 
     /// Reads `split.json`.
@@ -218,15 +227,12 @@ impl RunDir {
         let path = self.file(KNOWN);
         if !path.exists() {
             return Err(self.refused(
-                "no known.safetensors: networks leave it at the end of their training; train anew with this version",
+                "no known.safetensors, which a network's training writes at its end; train again with this version",
             ));
         }
         let materials = self.config()?.classifier.labels.len();
         let bytes = self.read(KNOWN)?;
-        let damaged = |reason: String| PipelineError::Run {
-            path: path.clone(),
-            reason,
-        };
+        let damaged = |reason: String| PipelineError::run(path.clone(), reason);
         let weights =
             Weights::from_safetensors(&bytes).map_err(|error| damaged(error.to_string()))?;
         TrainEmbeddings::from_weights(&weights, materials).map_err(damaged)
@@ -251,14 +257,14 @@ impl RunDir {
         }
         let calibration: Calibration = self.read_json(CALIBRATION)?;
         if calibration.schema_version != Calibration::SCHEMA_VERSION {
-            return Err(PipelineError::Run {
-                path: self.file(CALIBRATION),
-                reason: format!(
+            return Err(PipelineError::run(
+                self.file(CALIBRATION),
+                format!(
                     "expected schema version {}, found {}",
                     Calibration::SCHEMA_VERSION,
                     calibration.schema_version
                 ),
-            });
+            ));
         }
         Ok(Some(calibration))
     }
@@ -287,7 +293,7 @@ impl RunDir {
             let read = Weights::from_safetensors(&self.read(HELD_OUT)?)
                 .map_err(|error| error.to_string())
                 .and_then(|weights| Embedding::from_weights(&weights, &head));
-            Some(read.map_err(|reason| PipelineError::Run { path, reason })?)
+            Some(read.map_err(|reason| PipelineError::run(path, reason))?)
         } else {
             None
         };
@@ -335,24 +341,20 @@ impl RunDir {
         if self.has_final_weights() {
             return self.weights();
         }
-        Err(self.refused(&self.why_no_final_weights()))
+        Err(self.no_final_weights())
     }
 
-    /// Returns the reason why final weights are missing, and the remedy.
-    pub fn why_no_final_weights(&self) -> String {
+    /// Returns the error about a run without final weights.
+    pub fn no_final_weights(&self) -> PipelineError {
         if self.file(RESULT).exists() {
-            return format!(
-                "the run has ended, but its {WEIGHTS} is missing; copy it back, or train anew"
-            );
+            return self.refused(format!(
+                "the run has ended, but its {WEIGHTS} is missing; copy it back, or train again"
+            ));
         }
-        let resume = self.resume_command();
-        format!("the run has not ended; continue it with `{resume}`")
-    }
-
-    /// Returns the command that continues its training, as a shell reads it.
-    pub fn resume_command(&self) -> String {
-        let folder = quoted(&self.path.display().to_string());
-        format!("tactnet train --resume {folder}")
+        self.refused("the run has not ended")
+            .with_remedy(Remedy::Resume {
+                run: self.path.clone(),
+            })
     }
 
     /// Reads the last checkpoint and the training time until then in seconds; returns `None` before the first one.
@@ -367,7 +369,7 @@ impl RunDir {
         let bytes = read_file(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
         decode_checkpoint(&bytes)
             .map(Some)
-            .map_err(|reason| PipelineError::Run { path, reason })
+            .map_err(|reason| PipelineError::run(path, reason))
     }
 
     /// Replaces the checkpoint.
@@ -395,11 +397,8 @@ impl RunDir {
         let text = read_text(&path).map_err(|error| PipelineError::io(&path, "read", error))?;
         let mut metrics = Vec::new();
         for line in text.lines() {
-            let line: EpochMetrics =
-                serde_json::from_str(line).map_err(|error| PipelineError::Run {
-                    path: path.clone(),
-                    reason: error.to_string(),
-                })?;
+            let line: EpochMetrics = serde_json::from_str(line)
+                .map_err(|error| PipelineError::run(path.clone(), error.to_string()))?;
             metrics.push(line);
         }
         metrics.retain(|line| line.epoch < epoch);
@@ -428,17 +427,16 @@ impl RunDir {
         let path = self.file(WEIGHTS);
         if path.exists() {
             let bytes = self.read(WEIGHTS)?;
-            return Weights::from_safetensors(&bytes).map_err(|error| PipelineError::Run {
-                path,
-                reason: error.to_string(),
-            });
+            return Weights::from_safetensors(&bytes)
+                .map_err(|error| PipelineError::run(path, error.to_string()));
         }
         match self.checkpoint()? {
             Some((state, _)) => Ok(state.weights),
-            None => Err(PipelineError::Run {
-                path: self.path.clone(),
-                reason: "no weights yet; continue the run with `tactnet train --resume`".into(),
-            }),
+            None => Err(self
+                .refused("the run has no weights yet")
+                .with_remedy(Remedy::Resume {
+                    run: self.path.clone(),
+                })),
         }
     }
 
@@ -478,17 +476,13 @@ impl RunDir {
     }
 
     pub(super) fn read_json<T: DeserializeOwned>(&self, name: &str) -> Result<T, PipelineError> {
-        serde_json::from_str(&self.read_text(name)?).map_err(|error| PipelineError::Run {
-            path: self.file(name),
-            reason: error.to_string(),
-        })
+        serde_json::from_str(&self.read_text(name)?)
+            .map_err(|error| PipelineError::run(self.file(name), error.to_string()))
     }
 
     fn read_text(&self, name: &str) -> Result<String, PipelineError> {
-        String::from_utf8(self.read(name)?).map_err(|error| PipelineError::Run {
-            path: self.file(name),
-            reason: error.to_string(),
-        })
+        String::from_utf8(self.read(name)?)
+            .map_err(|error| PipelineError::run(self.file(name), error.to_string()))
     }
 
     pub(super) fn file(&self, name: &str) -> PathBuf {
@@ -509,8 +503,5 @@ fn runs_below(folder: &Path) -> Vec<String> {
 }
 
 fn as_json(name: &str, text: serde_json::Result<String>) -> Result<String, PipelineError> {
-    text.map_err(|error| PipelineError::Run {
-        path: name.into(),
-        reason: error.to_string(),
-    })
+    text.map_err(|error| PipelineError::run(name, error.to_string()))
 }

@@ -3,11 +3,11 @@
 //! A session can stop after any batch and be resumed in another process; the result is the same to the bit.
 
 use std::path::Path;
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use tactnet_data::{
-    DataError, DataSource, Dataset, Finding, Fold, SweepView, TrainSplit, ValidationSplit,
-    refuse_errors,
+    DataSource, Dataset, Finding, Fold, SweepView, TrainSplit, ValidationSplit, refuse_errors,
 };
 
 use super::free_folder::free_folder;
@@ -15,9 +15,9 @@ use super::training_record::TrainingRecord;
 use crate::network::train_network::train_batches;
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
-    ModelConfig, ModelRecipe, NetworkSetup, NoveltyScore, NoveltyScorer, PipelineError, Provenance,
-    Recipe, RunConfig, RunDir, RunResult, TrainEmbeddings, TrainJob, TrainSpec, Training,
-    TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
+    Device, ModelConfig, ModelRecipe, NetworkSetup, NoveltyScore, NoveltyScorer, PipelineError,
+    Provenance, Recipe, Remedy, RunConfig, RunDir, RunResult, TrainEmbeddings, TrainJob, TrainSpec,
+    Training, TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
 };
 
 /// Progress of a session.
@@ -68,12 +68,23 @@ pub enum TrainOutcome {
     Stopped,
 }
 
+/// Program that runs a session.
+#[derive(Debug, Clone)]
+pub struct Program {
+    /// Version and commit of the program, and the machine.
+    pub provenance: Provenance,
+    /// Returns the command that reproduces a training, which goes into its result.
+    pub command: fn(&TrainSpec) -> String,
+}
+
 /// Run directory that this process has locked, with its data set.
 #[derive(Debug)]
 pub struct Session {
     dataset: Dataset,
     run: RunDir,
-    program: Provenance,
+    program: Program,
+    /// Device of the session, once open.
+    device: OnceLock<Device>,
     /// Settings of the recipe before they were adapted to the number of sweeps; `None` for a resumed run.
     asked: Option<TrainingSettings>,
 }
@@ -82,26 +93,18 @@ pub struct Session {
 ///
 /// # Errors
 /// A material with fewer training sweeps than `recipe` needs.
-fn refuse_starved(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> Result<(), DataError> {
+fn refuse_starved(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> Result<(), PipelineError> {
     let counts = train.sweeps_per_label();
-    let Some((label, least)) = recipe.starved(&counts) else {
+    let Some((label, needed)) = recipe.starved(&counts) else {
         return Ok(());
     };
-    let others = match &ModelRecipe::not_starved(["fast", "knn-h"], &counts)[..] {
-        [one] => format!("`--model {one}` learns from fewer"),
-        several => format!(
-            "`--model {}` learn from fewer",
-            several.join("` and `--model ")
-        ),
-    };
-    Err(DataError::inconsistent(
-        format!(
-            "training sweeps of `{}`",
-            train.dataset().labels().name(label)
-        ),
-        format!("at least {least} for model `{}`", recipe.name()),
-        format!("{}; {others}", counts[label]),
-    ))
+    Err(PipelineError::TooFewSweeps {
+        material: train.dataset().labels().name(label).into(),
+        model: recipe.name().into(),
+        needed,
+        found: counts[label],
+        models: ModelRecipe::not_starved(["fast", "knn-h"], &counts),
+    })
 }
 
 impl Session {
@@ -116,7 +119,7 @@ impl Session {
     pub fn begin(
         job: &TrainJob,
         folder: Option<&Path>,
-        program: Provenance,
+        program: Program,
         on_finding: impl FnMut(&Finding) -> Result<(), PipelineError>,
     ) -> Result<Self, PipelineError> {
         let spec = job.spec();
@@ -169,7 +172,7 @@ impl Session {
             Some(folder) => folder.to_path_buf(),
             None => free_folder(dataset.name(), &config, &fold),
         };
-        let run = RunDir::create(&folder, &config, &fold.manifest(), &program)?;
+        let run = RunDir::create(&folder, &config, &fold.manifest(), &program.provenance)?;
         let asked = match job.recipe() {
             ModelRecipe::Network(recipe) => Some(recipe.training.clone()),
             ModelRecipe::Baseline(_) => None,
@@ -178,6 +181,7 @@ impl Session {
             dataset,
             run,
             program,
+            device: OnceLock::from(job.device().clone()),
             asked,
         })
     }
@@ -191,15 +195,12 @@ impl Session {
     pub fn resume(
         folder: &Path,
         data: Option<&str>,
-        program: Provenance,
+        program: Program,
     ) -> Result<Self, PipelineError> {
         let run = RunDir::open(folder)?.locked()?;
-        let refused = |path: &Path, reason: String| PipelineError::Run {
-            path: path.into(),
-            reason,
-        };
+        let refused = |path: &Path, reason: String| PipelineError::run(path, reason);
         if !run.enrolled()?.is_empty() {
-            let reason = "materials were added to this classifier, so it cannot be trained further; train the run it came from, and \
+            let reason = "a classifier with enrolled materials cannot be trained further; train the run that it was made from, then \
                           enroll again";
             return Err(refused(folder, reason.into()));
         }
@@ -211,19 +212,18 @@ impl Session {
                 Some(_) => "another data set than the run began with",
             };
             let reason = format!(
-                "{what}: expected SHA-256 {}, found {}; `--data FILE` names the right one",
+                "{what}: expected SHA-256 {}, found {}",
                 config.data_sha256,
                 dataset.sha256()
             );
-            return Err(refused(
-                Path::new(data.unwrap_or(&config.spec.data)),
-                reason,
-            ));
+            let path = Path::new(data.unwrap_or(&config.spec.data));
+            return Err(refused(path, reason).with_remedy(Remedy::NameData));
         }
         Ok(Self {
             dataset,
             run,
             program,
+            device: OnceLock::new(),
             asked: None,
         })
     }
@@ -231,6 +231,15 @@ impl Session {
     /// Returns the data set of training and test sweeps.
     pub fn dataset(&self) -> &Dataset {
         &self.dataset
+    }
+
+    /// Returns the device, which is opened at most once.
+    pub(super) fn device(&self, config: &RunConfig) -> Result<&Device, PipelineError> {
+        if let Some(device) = self.device.get() {
+            return Ok(device);
+        }
+        let device = config.spec.device.open()?;
+        Ok(self.device.get_or_init(|| device))
     }
 
     /// Returns the run directory.
@@ -265,10 +274,10 @@ impl Session {
                 self.fit_baseline(config, recipe, &fitted.train, &mut on_event, &stop)?
             }
             _ => {
-                return Err(PipelineError::Run {
-                    path: self.run.path().into(),
-                    reason: "recipe and model do not belong together".into(),
-                });
+                return Err(PipelineError::run(
+                    self.run.path(),
+                    "recipe and model do not belong together",
+                ));
             }
         };
         match trained {
@@ -290,10 +299,10 @@ impl Session {
         let config = run.config()?;
         let fold = run.split()?.fold(&self.dataset)?;
         let (fitted, aside) = set_aside(&fold, config.spec.calibration)?;
-        let sessions = run.record_session(&self.program)?;
+        let sessions = run.record_session(&self.program.provenance)?;
         if sessions
             .iter()
-            .any(|session| session.git != self.program.git)
+            .any(|session| session.git != self.program.provenance.git)
         {
             on_event(TrainEvent::OtherBuild);
         }
@@ -322,8 +331,8 @@ impl Session {
             aside,
             sessions,
         } = begun;
-        let device = config.spec.device.open()?;
-        let classifier = Classifier::new(config.classifier.clone(), &run.weights()?, &device)?;
+        let device = self.device(&config)?;
+        let classifier = Classifier::new(config.classifier.clone(), &run.weights()?, device)?;
         if let ModelConfig::Network(_) = config.classifier.model {
             let known = TrainEmbeddings::of(&classifier.embed(&fitted.train)?);
             run.write_train_embeddings(&known)?;
@@ -340,7 +349,7 @@ impl Session {
         on_event(TrainEvent::Predicting {
             sweeps: fold.test.len(),
         });
-        let command = config.named_spec(&fold).without_folders().to_string();
+        let command = (self.program.command)(&config.named_spec(&fold).without_folders());
         let result = evaluate_run(run, &config, &classifier, &fold, sessions, trained, command)?;
         if stop() {
             return Ok(TrainOutcome::Stopped);
@@ -362,7 +371,7 @@ impl Session {
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,
     ) -> Result<Option<TrainingSummary>, PipelineError> {
-        let device = config.spec.device.open()?;
+        let device = self.device(config)?;
         let network = config.classifier.network_config(setup)?;
         let normalizer = &setup.normalizer;
         let training = Training::start(
@@ -371,7 +380,7 @@ impl Session {
             normalizer,
             &network,
             config.spec.seed,
-            &device,
+            device,
         )?;
         let (mut record, mut training) = TrainingRecord::resume(&self.run, training)?;
         let (epochs, batches) = (recipe.training.epochs, training.batches());

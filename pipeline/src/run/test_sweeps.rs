@@ -3,7 +3,7 @@
 use tactnet_data::{Dataset, SplitManifest, SweepView};
 
 use crate::predict::overlap::{without_sweeps, without_sweeps_of};
-use crate::{PipelineError, RunConfig, RunDir};
+use crate::{PipelineError, Remedy, RunConfig, RunDir};
 
 /// Sweeps of a data set without the training sweeps of a classifier.
 #[derive(Debug, Clone)]
@@ -35,14 +35,15 @@ impl<'a> TestSweeps<'a> {
         };
         found = found.without_enrolled(run)?;
         if found.view.is_empty() {
-            return Err(PipelineError::Incompatible {
-                item: "test sweeps".into(),
-                expected: "sweeps that it has not been trained on".into(),
-                found: format!(
-                    "none: all of {} were trained on or enrolled (`enroll --sweeps N` keeps the others of a file)",
+            return Err(PipelineError::incompatible(
+                "test sweeps",
+                "sweeps that it has not been trained on",
+                format!(
+                    "none: all sweeps of {} were trained on or enrolled",
                     dataset.name()
                 ),
-            });
+            )
+            .with_remedy(Remedy::EnrollFewerSweeps));
         }
         Ok(found)
     }
@@ -70,7 +71,7 @@ impl<'a> TestSweeps<'a> {
         let dropped = before - left.len();
         if dropped > 0 {
             self.view = SweepView::new(dataset, left);
-            self.description += &format!(", but {dropped} that were enrolled");
+            self.description += &format!(", except {dropped} enrolled sweeps");
         }
         Ok(self)
     }
@@ -100,7 +101,7 @@ impl<'a> TestSweeps<'a> {
             return Ok(Self {
                 view: all,
                 description:
-                    "every sweep; the training data is not at hand, so training sweeps may be among them"
+                    "all sweeps; the training data cannot be read, so training sweeps may be among them"
                         .into(),
                 training_sweeps_known: false,
             });
@@ -116,8 +117,8 @@ impl<'a> TestSweeps<'a> {
         Self {
             view,
             description: match dropped {
-                0 => "every sweep".into(),
-                dropped => format!("every sweep but {dropped} of the training set"),
+                0 => "all sweeps".into(),
+                dropped => format!("all sweeps except {dropped} of the training set"),
             },
             training_sweeps_known: true,
         }

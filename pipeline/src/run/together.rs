@@ -141,19 +141,19 @@ mod stacks {
             let (mut alike, others) = kind;
             ready = others;
             alike.insert(0, first);
-            let device = match alike[0].begun.config.spec.device.open() {
+            let device = match alike[0].session.device(&alike[0].begun.config) {
                 Ok(device) => device,
                 // `Session::train` then reports the error of each run.
                 Err(_) => continue,
             };
-            let most = at_once.unwrap_or_else(|| alike[0].at_once(&device)).max(1);
+            let most = at_once.unwrap_or_else(|| alike[0].at_once(device)).max(1);
             // Stacks of similar size, so that the last one is not a single network.
             let stacks = alike.len().div_ceil(most);
             for left in (1..=stacks).rev() {
                 let rest = alike.split_off(alike.len().div_ceil(left));
                 let stack = std::mem::replace(&mut alike, rest);
                 if stack.len() > 1 {
-                    train_stack(stack, &device, &mut ended, on_event, stop);
+                    train_stack(stack, device, &mut ended, on_event, stop);
                 }
             }
         }

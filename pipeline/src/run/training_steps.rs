@@ -42,28 +42,28 @@ impl TrainingSteps {
         FEW.div_ceil(self.batches.max(1))
     }
 
-    /// Returns why a training takes more epochs than its recipe says, in one line; `None` where it does not.
+    /// Returns the reason why a training takes more epochs than its recipe names, in one line; `None` if it does not.
     pub fn why_more_epochs(self, recipe: &TrainingSettings) -> Option<String> {
         let least = recipe.least_steps?;
         let (epochs, batches) = (self.epochs, self.batches);
         (epochs > recipe.epochs).then(|| {
             format!(
-                "{epochs} epochs instead of {}, since these few sweeps make {batches} batch{} an epoch, and the recipe trains on at least {least} \
-                 batches; `--epochs N` sets another number",
+                "{epochs} epochs instead of {}, since these few sweeps give {batches} batch{} per epoch and the recipe trains on at least {least} \
+                 batches",
                 recipe.epochs,
                 if batches == 1 { "" } else { "es" },
             )
         })
     }
 
-    /// Returns what to do about few steps, in one line; `None` where they are not few.
+    /// Returns advice to train for more epochs, in one line; `None` if the steps are not few.
     ///
-    /// - `option`: what sets the epochs: `--epochs` of `train`, `--set epochs=` of an experiment
-    pub fn hint(self, option: &str) -> Option<String> {
+    /// - `setting`: notation of the front end for setting the epochs, without the number
+    pub fn hint(self, setting: &str) -> Option<String> {
         let epochs = self.epochs_for_enough();
         self.are_few().then(|| {
             format!(
-                "{} training step{} few; `{option}{epochs}` trains for {} (TactMat: {OF_TACTMAT})",
+                "{} training step{} few; `{setting}{epochs}` trains for {} (TactMat: {OF_TACTMAT})",
                 self.count(),
                 if self.count() == 1 { " is" } else { "s are" },
                 epochs * self.batches
@@ -92,8 +92,7 @@ mod tests {
         };
         assert_eq!(
             why(&fast, 90).unwrap(),
-            "100 epochs instead of 12, since these few sweeps make 3 batches an epoch, and the recipe trains on at least 300 batches; \
-             `--epochs N` sets another number"
+            "100 epochs instead of 12, since these few sweeps give 3 batches per epoch and the recipe trains on at least 300 batches"
         );
         assert_eq!(why(&fast, 2800), None);
         let mut free = fast.clone();
@@ -105,21 +104,21 @@ mod tests {
     fn few_steps_come_with_the_epochs_that_make_them_enough() {
         let steps = |epochs, batches| TrainingSteps { epochs, batches };
         assert_eq!(
-            steps(12, 3).hint("--epochs ").unwrap(),
-            "36 training steps are few; `--epochs 100` trains for 300 (TactMat: 960)"
+            steps(12, 3).hint("epochs ").unwrap(),
+            "36 training steps are few; `epochs 100` trains for 300 (TactMat: 960)"
         );
         assert_eq!(
-            steps(12, 7).hint("--set epochs=").unwrap(),
-            "84 training steps are few; `--set epochs=43` trains for 301 (TactMat: 960)"
+            steps(12, 7).hint("epochs=").unwrap(),
+            "84 training steps are few; `epochs=43` trains for 301 (TactMat: 960)"
         );
         assert!(
             steps(1, 1)
-                .hint("--epochs ")
+                .hint("epochs ")
                 .unwrap()
                 .starts_with("1 training step is few")
         );
         for enough in [steps(100, 3), steps(12, 80), steps(300, 1)] {
-            assert_eq!(enough.hint("--epochs "), None);
+            assert_eq!(enough.hint("epochs "), None);
         }
     }
 }

@@ -32,16 +32,16 @@ impl RunDir {
                 })
                 .map(|(said, counted, _)| (said, counted));
             if let Some((said, counted)) = differing {
-                return Err(PipelineError::Run {
-                    path: self.file(&file),
-                    reason: format!(
+                return Err(PipelineError::run(
+                    self.file(&file),
+                    format!(
                         "{:.1} % of {} are right by it, {:.1} % of {} by result.json: one of the two was edited",
                         100.0 * counted.mean,
                         counted.n,
                         100.0 * said.mean,
                         said.n
                     ),
-                });
+                ));
             }
         }
         Ok(Some(result))

@@ -1,4 +1,4 @@
-//! How far a training is.
+//! Progress of a training.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -9,12 +9,12 @@ use tactnet_pipeline::{BatchReport, TrainEvent, quoted};
 
 use crate::commands::progress_line::{about, in_five_columns};
 
-/// So many epochs have a line each.
+/// Number of epochs at the beginning that are all printed.
 const FIRST_EPOCHS: usize = 5;
-/// A later one has a line when nothing was said for so long.
+/// Time without output after which a later epoch is printed.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// A bar on a terminal, lines of epochs elsewhere.
+/// Progress display: a bar on a terminal, one line per epoch elsewhere.
 pub struct Progress {
     network: Option<NetworkProgress>,
     resumed: bool,
@@ -23,13 +23,13 @@ pub struct Progress {
 struct NetworkProgress {
     bar: Option<ProgressBar>,
     begun: Instant,
-    /// When the last line was.
-    said: Instant,
+    /// Time of the last line.
+    last_line: Instant,
     batches_before: usize,
 }
 
 impl Progress {
-    /// - `resumed`: the run was begun by another process
+    /// - `resumed`: true if another process began the run
     pub fn new(resumed: bool) -> Self {
         Self {
             network: None,
@@ -37,12 +37,12 @@ impl Progress {
         }
     }
 
-    /// Shows what a session does in the run directory `run`.
+    /// Shows a step of the session in the run directory `run`.
     pub fn show(&mut self, event: &TrainEvent<'_>, run: &Path) {
         match *event {
-            TrainEvent::AlreadyEnded => say!("{}: this run has ended already", run.display()),
+            TrainEvent::AlreadyEnded => say!("{}: this run has already ended", run.display()),
             TrainEvent::OtherBuild => {
-                say!("this run was begun by another build; its result will name both commits");
+                say!("another build began this run; its result will name both commits");
             }
             TrainEvent::Begun {
                 batches_before,
@@ -51,17 +51,19 @@ impl Progress {
             } => {
                 match (self.resumed, batches_before) {
                     (false, _) => {}
-                    (true, 0) => say!("nothing was saved before it ended: it begins anew"),
+                    (true, 0) => {
+                        say!("the interrupted training saved no checkpoint: starting over")
+                    }
                     (true, before) => say!(
-                        "going on after step {before} of {}, epoch {}",
+                        "continuing after step {before} of {}, epoch {}",
                         steps.count(),
                         before / steps.batches + 1
                     ),
                 }
                 if let Some(why) = why_more_epochs {
-                    say!("note: {why}");
+                    say!("note: {why}; `--epochs N` sets another number");
                 }
-                // A run that goes on keeps its epochs.
+                // The epochs of a resumed run cannot be changed.
                 if let Some(hint) = steps.hint("--epochs ").filter(|_| batches_before == 0) {
                     say!("hint: {hint}");
                 }
@@ -78,7 +80,7 @@ impl Progress {
                     say!("hint: {caution}");
                 }
                 say!(
-                    "calibrated: `tactnet eval {}` says how often known materials are called unknown, `tactnet experiment run unknown --set data=FILE` how often unknown ones are found",
+                    "calibrated: `tactnet eval {}` measures how often known materials are called unknown, `tactnet experiment run unknown --set data=FILE` how often unknown materials are detected",
                     quoted(&run.display().to_string())
                 );
             }
@@ -103,7 +105,7 @@ impl NetworkProgress {
         Self {
             bar,
             begun: Instant::now(),
-            said: Instant::now(),
+            last_line: Instant::now(),
             batches_before,
         }
     }
@@ -120,15 +122,15 @@ impl NetworkProgress {
                 let left = (epochs - batch.epoch - 1) * batch.batches;
                 let eta = self.begun.elapsed().mul_f64(left as f64 / done as f64);
                 say!("{text}, {} to go", about(eta));
-                self.said = Instant::now();
+                self.last_line = Instant::now();
             }
             None => {}
         }
     }
 
-    /// Returns whether an epoch has a line: the first ones, the last, and others when nothing was said for a while.
+    /// Returns true if an epoch is printed: the first ones, the last one, and others after some time without output.
     fn is_due(&self, epoch: usize, epochs: usize) -> bool {
-        epoch <= FIRST_EPOCHS || epoch == epochs || self.said.elapsed() >= SILENCE
+        epoch <= FIRST_EPOCHS || epoch == epochs || self.last_line.elapsed() >= SILENCE
     }
 }
 
@@ -140,7 +142,7 @@ fn batch_bar(batches: usize, target: ProgressDrawTarget) -> ProgressBar {
     bar
 }
 
-/// In at most 46 columns, so that the time left beside it fits.
+/// Returns a summary of at most 46 columns, which leaves room for the remaining time.
 fn epoch_text(batch: &BatchReport, epochs: usize) -> String {
     let epoch = batch.epoch + 1;
     match (batch.mean_loss, batch.accuracy) {

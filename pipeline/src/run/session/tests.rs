@@ -17,8 +17,11 @@ const RECIPE: &str = r#"
         method = { kind = "base" }
     "#;
 
-fn program() -> Provenance {
-    Provenance::of_this_process("0", "test")
+fn program() -> Program {
+    Program {
+        provenance: Provenance::of_this_process("0", "test"),
+        command: |spec| format!("train {}", spec.data),
+    }
 }
 
 fn spec(folder: &Path) -> TrainSpec {
@@ -154,7 +157,7 @@ fn a_run_names_its_data_from_anywhere_and_says_how_to_name_a_new_place() {
         lost.is_usage() && lost.to_string().contains(&named),
         "{lost}"
     );
-    assert!(lost.to_string().contains("`--data FILE`"), "{lost}");
+    assert_eq!(lost.remedy(), Some(Remedy::NameData));
     let other = folder.path().join("other.h5");
     let config = TwinConfig {
         materials: 3,

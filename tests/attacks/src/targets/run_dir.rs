@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use tactnet_data::format::Format;
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_pipeline::{
-    CalibrationTarget, Classifier, Device, Provenance, RunDir, Session, TrainJob, TrainSpec,
+    CalibrationTarget, Classifier, Device, Program, Provenance, RunDir, Session, TrainJob,
+    TrainSpec,
 };
 
 use super::Target;
@@ -47,7 +48,10 @@ pub(super) fn run() -> anyhow::Result<Target> {
         }),
         ..TrainSpec::default()
     })?;
-    let program = Provenance::of_this_process("0", "0");
+    let program = Program {
+        provenance: Provenance::of_this_process("0", "0"),
+        command: |spec| spec.data.clone(),
+    };
     Session::begin(&job, Some(&folder), program, |_| Ok(()))?.train(|_| {}, || false)?;
     // The digests would refuse every change at once.
     std::fs::remove_file(folder.join("manifest.json"))?;
