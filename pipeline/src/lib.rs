@@ -80,7 +80,7 @@ pub use recipe::{
 pub use remedy::Remedy;
 pub use run::evaluate_run::{TrainingSummary, evaluate_run};
 pub use run::provenance::{Provenance, peak_rss_mib};
-pub use run::reevaluate::{EvalResult, Reevaluation};
+pub use run::reevaluate::{EvalResult, Reevaluation, RuntimeSummary};
 pub use run::result::{RunResult, describe_split};
 pub use run::run_config::{EpochMetrics, LabelOrder, RunConfig};
 pub use run::run_dir::RunDir;

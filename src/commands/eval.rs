@@ -10,6 +10,7 @@ use tactnet_pipeline::{
 };
 
 use super::choices::{DeviceChoice, RuntimeChoice, rate};
+use super::eval_text;
 use super::run_choice::RunChoice;
 use crate::{GIT, output, source};
 
@@ -98,7 +99,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&result)?;
     } else {
-        output::print(result)?;
+        output::print(eval_text::text(&result))?;
     }
     Ok(ExitCode::SUCCESS)
 }

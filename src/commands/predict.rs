@@ -8,6 +8,7 @@ use clap::Args;
 use tactnet_pipeline::write_whole;
 
 use super::choices::{DeviceChoice, rate};
+use super::classified_text;
 use super::run_choice::RunChoice;
 use super::run_classifier::RunClassifier;
 use crate::output;
@@ -70,10 +71,10 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
         arguments.steps,
         arguments.one_object,
     )?;
-    if let Some(contradiction) = found.not_one_object() {
+    if let Some(contradiction) = classified_text::not_one_object(&found) {
         say!("warning: {contradiction}");
     }
-    if let Some(hint) = found.hint() {
+    if let Some(hint) = classified_text::hint(&found) {
         say!("hint: {hint}");
     }
     if let Some((out, format)) = out {
@@ -87,7 +88,7 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&found)?;
     } else {
-        output::print(&found)?;
+        output::print(classified_text::table(&found))?;
     }
     Ok(ExitCode::SUCCESS)
 }

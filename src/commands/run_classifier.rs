@@ -11,6 +11,7 @@ use tactnet_pipeline::{
 };
 
 use super::choices::DeviceChoice;
+use super::classified_text;
 use crate::source;
 
 /// A classifier and its run.
@@ -96,7 +97,7 @@ impl RunClassifier {
         if sweeps.arranged {
             source::note_arranged(known.shape);
         }
-        if let Some(still) = found.still() {
+        if let Some(still) = classified_text::still(&found) {
             say!("warning: {still}");
         }
         let seen = self.learnt_from(&sweeps.dataset)?;

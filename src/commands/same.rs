@@ -11,6 +11,7 @@ use tactnet_pipeline::{ClassifiedSweeps, SameMaterial, quoted};
 
 use super::choices::{DeviceChoice, rate};
 use super::run_classifier::RunClassifier;
+use super::{classified_text, same_text};
 use crate::output;
 
 #[derive(Args)]
@@ -100,7 +101,7 @@ pub fn run(arguments: &SameArgs) -> anyhow::Result<ExitCode> {
         anyhow::Ok(found)
     };
     let both = [classify(first)?, classify(second)?];
-    let hints: BTreeSet<String> = both.iter().filter_map(ClassifiedSweeps::hint).collect();
+    let hints: BTreeSet<String> = both.iter().filter_map(classified_text::hint).collect();
     for hint in hints {
         say!("hint: {hint}");
     }
@@ -111,7 +112,7 @@ pub fn run(arguments: &SameArgs) -> anyhow::Result<ExitCode> {
     if arguments.json {
         output::print_json(&same)?;
     } else {
-        output::print(&same)?;
+        output::print(same_text::text(&same))?;
     }
     Ok(ExitCode::SUCCESS)
 }

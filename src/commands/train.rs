@@ -16,7 +16,6 @@ use tactnet_skin::packets::unfit;
 
 use super::choices::ModelChoice;
 use super::experiment::run_text::{advice, next_steps, run_text};
-use super::experiment::run_text::{advice, next_steps, run_text};
 use crate::output::{self, OutputFormat};
 use crate::stop::Stop;
 use crate::{GIT, device_times, failure, source};

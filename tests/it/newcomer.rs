@@ -143,7 +143,7 @@ fn materials_that_a_run_does_not_know_are_named_while_it_predicts() {
         with(&lab, &["predict", &run, "--data"], "other", &[]),
     ));
     assert!(
-        said.contains("hint: the run does not know `silk`, and cannot say \"unknown\""),
+        said.contains("hint: the run does not know `silk`, and cannot detect that"),
         "{said}"
     );
     let said = stderr(&expect(

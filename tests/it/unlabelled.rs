@@ -130,7 +130,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     // A single file, and a labelled data set, whose labels are printed beside the predictions.
     let one = stdout(&expect(0, predict("new/0.csv", &[])));
     assert!(
-        one.contains("or else") && one.contains("1 sweep: "),
+        one.contains("runner-up") && one.contains("1 sweep: "),
         "{one}"
     );
     let known = expect(0, predict("twin.h5", &["--json", "--mc", "0"]));
@@ -167,7 +167,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     );
     let shown = stdout(&expect(0, predict("twin.h5", &[])));
     assert!(shown.lines().next().unwrap().contains("named"), "{shown}");
-    assert!(shown.contains(" of 40 right"), "{shown}");
+    assert!(shown.contains(" of 40 correct"), "{shown}");
     let plain = stdout(&expect(0, with(&lab, &["eval", "--mc", "0"], "run", &[])));
     assert!(!plain.contains("MC dropout"), "{plain}");
     // A constant skin among normal ones.
@@ -187,7 +187,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     let refused = stderr(&expect(2, predict("new", &["--rate", "100"])));
     assert!(
         refused.contains("new: the classifier expects 750 Hz")
-            && refused.contains("100 Hz, as `--rate` says"),
+            && refused.contains("100 Hz, as named with `--rate`"),
         "{refused}"
     );
     let refused = stderr(&expect(2, predict("nothing", &[])));
@@ -288,7 +288,8 @@ fn two_objects_are_of_one_material_or_of_two() {
     let both = expect(0, with(&lab, &["same"], "run", &[&glass, &silk]));
     let (verdict, hints) = (stdout(&both), stderr(&both));
     assert!(
-        verdict.contains("the files say otherwise: glass names `glass`, silk `silk`"),
+        verdict
+            .contains("the files name different materials: glass names `glass`, silk names `silk`"),
         "{verdict}"
     );
     assert!(hints.contains("the run does not know `silk`"), "{hints}");

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use super::metrics::DEALS;
 use crate::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
 
 /// Table with one row per prediction method: accuracies in percent with 95 % intervals, NLL in nats, ECE in percent, Brier score. Lines below
@@ -51,7 +50,8 @@ impl fmt::Display for EvaluationTable<'_> {
         let fused = fused.map_or(String::new(), |fused| {
             format!(
                 "\n{0}x: {0} sweeps of a material fused into one decision, mean over {1} random groupings",
-                fused.sweeps, DEALS
+                fused.sweeps,
+                FusedAccuracy::GROUPINGS
             )
         });
         let passes = self.0.keys().find_map(|method| match method {

@@ -52,8 +52,10 @@ pub struct FusedAccuracy {
     pub majority: Estimate,
 }
 
-/// Number of random groupings of the test sweeps of a material.
-pub(crate) const DEALS: usize = 20;
+impl FusedAccuracy {
+    /// Number of random groupings of the test sweeps of a material.
+    pub const GROUPINGS: usize = 20;
+}
 
 impl Predictions {
     /// Returns the accuracy on single sweeps.
@@ -73,17 +75,21 @@ impl Predictions {
         let (mut bayes, mut majority) = (0, 0);
         let mut materials = 0;
         for label in 0..self.labels.len() {
-            let dealt = self.dealt(label, sweeps, seed);
-            materials += usize::from(!dealt.is_empty());
-            for scores in &dealt {
+            let grouped = self.grouped(label, sweeps, seed);
+            materials += usize::from(!grouped.is_empty());
+            for scores in &grouped {
                 bayes += usize::from(self.fused_label(scores) == label);
                 majority += usize::from(majority_vote(scores) == label);
                 groups += 1;
             }
         }
         (groups > 0).then(|| {
-            let share =
-                |right: usize| Estimate::wilson(right as f64 / groups as f64, groups / DEALS);
+            let share = |right: usize| {
+                Estimate::wilson(
+                    right as f64 / groups as f64,
+                    groups / FusedAccuracy::GROUPINGS,
+                )
+            };
             FusedAccuracy {
                 sweeps,
                 materials,
@@ -98,7 +104,7 @@ impl Predictions {
     pub fn fused_confusion(&self, sweeps: usize, seed: Seed) -> Vec<Vec<usize>> {
         let row = |label| {
             let mut counts = vec![0; self.labels.len()];
-            for scores in self.dealt(label, sweeps, seed) {
+            for scores in self.grouped(label, sweeps, seed) {
                 counts[self.fused_label(&scores)] += 1;
             }
             counts
@@ -107,18 +113,18 @@ impl Predictions {
     }
 
     /// Returns the log-probabilities of the sweeps of `label`, split at random into groups of `sweeps`, 20 times.
-    fn dealt(&self, label: usize, sweeps: usize, seed: Seed) -> Vec<Vec<&[f64]>> {
+    fn grouped(&self, label: usize, sweeps: usize, seed: Seed) -> Vec<Vec<&[f64]>> {
         let own: Vec<&SweepScore> = self.sweeps.iter().filter(|s| s.label == label).collect();
-        let mut dealt = Vec::new();
-        for deal in 0..DEALS {
+        let mut grouped = Vec::new();
+        for grouping in 0..FusedAccuracy::GROUPINGS {
             let mut order: Vec<usize> = (0..own.len()).collect();
-            shuffle(&mut order, &mut seed.rng(("fusion", label, deal)));
+            shuffle(&mut order, &mut seed.rng(("fusion", label, grouping)));
             for group in order.chunks_exact(sweeps.max(1)) {
                 let score = |i: &usize| own[*i].log_probability.as_slice();
-                dealt.push(group.iter().map(score).collect());
+                grouped.push(group.iter().map(score).collect());
             }
         }
-        dealt
+        grouped
     }
 
     /// Returns the most probable label after adding the log-probabilities.

@@ -1,7 +1,5 @@
 //! Probability that two objects are of the same material, by Bayes's rule on their predictions.
 
-use std::fmt;
-
 use serde::Serialize;
 use tactnet_data::LabelSet;
 
@@ -74,66 +72,6 @@ impl SameMaterial {
     }
 }
 
-impl fmt::Display for SameMaterial {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let width = self.data.iter().map(|name| name.chars().count()).max();
-        for (name, object) in self.data.iter().zip(&self.objects) {
-            let most = object.probabilities.iter().copied().fold(0.0, f64::max);
-            let sweeps = match object.sweeps {
-                1 => "1 sweep".to_string(),
-                n => format!("{n} sweeps"),
-            };
-            writeln!(
-                f,
-                "{name:0$}  {sweeps}, {1} with {2:.1} %",
-                width.unwrap_or(0),
-                object.material,
-                100.0 * most
-            )?;
-        }
-        let answer = if self.same >= 0.5 {
-            "same"
-        } else {
-            "different"
-        };
-        let unknown = self.data.iter().zip(&self.objects);
-        let unknown: Vec<&String> = unknown
-            .filter(|(_, object)| object.unknown == Some(true))
-            .map(|(name, _)| name)
-            .collect();
-        // The answer refers to the warnings below if it is unreliable.
-        let trust = if unknown.is_empty() {
-            ""
-        } else {
-            ", but see below"
-        };
-        write!(
-            f,
-            "{answer}{trust}: probability of one material {:.1} % (same and different taken for equally likely beforehand)",
-            100.0 * self.same
-        )?;
-        for name in unknown {
-            write!(
-                f,
-                "\nwarning: {name} is most likely none of the materials that the classifier knows, so this says little"
-            )?;
-        }
-        if let [Some(first), Some(second)] = &self.named
-            && (first == second) != (self.same >= 0.5)
-        {
-            let [a, b] = &self.data;
-            write!(
-                f,
-                "\nwarning: the files say otherwise: {a} names `{first}`, {b} `{second}`"
-            )?;
-        }
-        for caution in &self.cautions {
-            write!(f, "\nwarning: {caution}")?;
-        }
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn who_knows_nothing_calls_it_even_and_who_is_sure_is_sure() {
+    fn flat_posteriors_are_undecided_and_certain_ones_decide() {
         for materials in [2, 5, 36] {
             let flat = vec![(1.0 / materials as f64).ln(); materials];
             let found = probability_of_different_materials(&flat, &flat);

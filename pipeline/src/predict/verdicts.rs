@@ -1,7 +1,5 @@
 //! Rates of a calibrated classifier on sweeps of known and unknown materials, compared with their targets.
 
-use std::fmt;
-
 use serde::Serialize;
 use tactnet_data::SweepView;
 
@@ -75,43 +73,4 @@ impl Verdicts {
             caution: calibration.caution(),
         })
     }
-}
-
-impl fmt::Display for Verdicts {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut lines = Vec::new();
-        if let (Some(alarms), Some(coverage), Some(size)) =
-            (self.false_alarms, self.coverage, self.set_size)
-        {
-            lines.push(format!(
-                "known materials called unknown: {}, promised {:.1} %",
-                percent(alarms),
-                100.0 * self.target.false_alarms
-            ));
-            lines.push(format!(
-                "material in the prediction set: {}, promised {:.1} %; {size:.1} materials in a set",
-                percent(coverage),
-                100.0 * self.target.coverage
-            ));
-        }
-        if let Some(detected) = self.detected {
-            lines.push(format!(
-                "unknown materials called unknown: {} of {} sweeps ({})",
-                percent(detected),
-                detected.n,
-                self.unknown_materials.join(", ")
-            ));
-        }
-        lines.extend(self.caution.clone());
-        f.write_str(&lines.join("\n"))
-    }
-}
-
-fn percent(estimate: Estimate) -> String {
-    format!(
-        "{:.1} % ({:.1} to {:.1})",
-        100.0 * estimate.mean,
-        100.0 * estimate.ci95_low,
-        100.0 * estimate.ci95_high
-    )
 }

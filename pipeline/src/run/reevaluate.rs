@@ -7,9 +7,8 @@ use tactnet_data::{Dataset, Seed, SweepView, is_same_name};
 use tactnet_models::argmax;
 
 use crate::{
-    Classifier, Confusion, Evaluation, EvaluationTable, PipelineError, PredictionMethod, RunDir,
-    RuntimeComparison, RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways,
-    serialize_by_method,
+    Classifier, Confusion, Evaluation, PipelineError, PredictionMethod, RunDir, RuntimeComparison,
+    RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways, serialize_by_method,
 };
 
 /// Settings of an evaluation.
@@ -26,54 +25,67 @@ pub struct Reevaluation {
 /// Result of an evaluation.
 #[derive(Debug, Serialize)]
 pub struct EvalResult {
-    schema_version: u32,
-    run: String,
-    git: &'static str,
-    seed: Seed,
-    split_sha256: String,
+    /// Version of this layout.
+    pub schema_version: u32,
+    /// Path of the run directory.
+    pub run: String,
+    /// Commit of the program.
+    pub git: &'static str,
+    /// Seed of the run.
+    pub seed: Seed,
+    /// SHA-256 of the run's split.
+    pub split_sha256: String,
     /// False if the run has not ended; the weights are then those of its last checkpoint.
-    finished: bool,
-    data: String,
-    data_sha256: String,
-    tested: String,
-    n_test: usize,
+    pub finished: bool,
+    /// Name of the data set.
+    pub data: String,
+    /// SHA-256 of the data set's content.
+    pub data_sha256: String,
+    /// Description of the tested sweeps.
+    pub tested: String,
+    /// Number of tested sweeps.
+    pub n_test: usize,
+    /// Evaluations by prediction method; empty if no sweep is of a known material.
     #[serde(serialize_with = "serialize_by_method")]
-    evaluations: BTreeMap<PredictionMethod, Evaluation>,
+    pub evaluations: BTreeMap<PredictionMethod, Evaluation>,
     /// Confusion matrix of plain predictions; absent if no sweep is of a known material.
     #[serde(skip_serializing_if = "Option::is_none")]
-    confusion: Option<Confusion>,
+    pub confusion: Option<Confusion>,
     /// Comparisons with Burn by prediction method; empty for Burn itself.
     #[serde(
         skip_serializing_if = "BTreeMap::is_empty",
         serialize_with = "serialize_by_method"
     )]
-    runtimes: BTreeMap<PredictionMethod, RuntimeSummary>,
-    /// Verdicts of a calibrated classifier.
+    pub runtimes: BTreeMap<PredictionMethod, RuntimeSummary>,
+    /// Measured rates of a calibrated classifier.
     #[serde(skip_serializing_if = "Option::is_none")]
-    verdicts: Option<Verdicts>,
+    pub verdicts: Option<Verdicts>,
     /// Number of sweeps of materials that the classifier does not know.
-    n_unknown: usize,
+    pub n_unknown: usize,
     /// Numbers of sweeps by unknown material, then by most probable known material.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    unknown_taken_for: BTreeMap<String, BTreeMap<String, usize>>,
+    pub unknown_taken_for: BTreeMap<String, BTreeMap<String, usize>>,
     /// Unknown materials whose names differ from a known one only in case or spaces, with that name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    unknown_meant: BTreeMap<String, String>,
+    pub unknown_meant: BTreeMap<String, String>,
     /// Warning about the range of the values.
     #[serde(skip_serializing_if = "Option::is_none")]
-    values: Option<String>,
+    pub values: Option<String>,
 }
 
 /// Comparison of another runtime with Burn's predictions of whole batches.
 #[derive(Debug, Serialize)]
-struct RuntimeSummary {
-    runtime: &'static str,
+pub struct RuntimeSummary {
+    /// Name of the runtime.
+    pub runtime: &'static str,
     /// Largest absolute difference of a probability.
-    largest_difference: f64,
+    pub largest_difference: f64,
     /// Median time from the last frame of a single sweep to its probabilities, in microseconds.
-    p50_us: f64,
-    p99_us: f64,
-    max_us: f64,
+    pub p50_us: f64,
+    /// 99th percentile of that time, in microseconds.
+    pub p99_us: f64,
+    /// Maximum of that time, in microseconds.
+    pub max_us: f64,
 }
 
 impl Reevaluation {
@@ -200,67 +212,5 @@ impl RuntimeSummary {
             p99_us: at(0.99),
             max_us: at(1.0),
         }
-    }
-}
-
-impl std::fmt::Display for EvalResult {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let plural = if self.n_test == 1 { "" } else { "s" };
-        writeln!(
-            f,
-            "{}: {} ({} sweep{plural})",
-            self.data, self.tested, self.n_test
-        )?;
-        if self.evaluations.is_empty() {
-            f.write_str("no sweep of a material that it knows, so there is no accuracy")?;
-        } else {
-            if self.n_unknown > 0 {
-                writeln!(
-                    f,
-                    "the {} sweeps of materials that it knows:",
-                    self.n_test - self.n_unknown
-                )?;
-            }
-            write!(f, "{}", EvaluationTable(&self.evaluations))?;
-        }
-        for (method, compared) in &self.runtimes {
-            write!(f, "\n{}: {compared}", method.name())?;
-        }
-        if let Some(confusion) = &self.confusion {
-            write!(f, "\n{confusion}")?;
-        }
-        if let Some(verdicts) = &self.verdicts {
-            write!(f, "\n{verdicts}")?;
-        }
-        for (material, taken) in &self.unknown_taken_for {
-            let mut taken: Vec<_> = taken.iter().collect();
-            taken.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
-            let taken: Vec<String> = taken
-                .iter()
-                .map(|(label, count)| format!("{label} ({count})"))
-                .collect();
-            write!(
-                f,
-                "\n{material}, which it does not know, is most like {}",
-                taken.join(", ")
-            )?;
-            if let Some(known) = self.unknown_meant.get(material) {
-                write!(f, "; is it the `{known}` that it knows? Spell them alike")?;
-            }
-        }
-        match &self.values {
-            Some(values) => write!(f, "\nwarning: {values}"),
-            None => Ok(()),
-        }
-    }
-}
-
-impl std::fmt::Display for RuntimeSummary {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{}: probabilities differ from Burn's by at most {:.1e}; {:.0} us after the last frame, 99 % below {:.0}",
-            self.runtime, self.largest_difference, self.p50_us, self.p99_us
-        )
     }
 }

@@ -1,0 +1,103 @@
+//! Result of an evaluation as text.
+
+use std::fmt::Write as _;
+
+use tactnet_pipeline::{Estimate, EvalResult, EvaluationTable, Verdicts};
+
+use crate::output::counted;
+
+/// Returns accuracies, comparisons of runtimes, the most frequent confusions, rates of a calibrated classifier, and warnings.
+pub fn text(result: &EvalResult) -> String {
+    let mut text = format!(
+        "{}: {} ({})\n",
+        result.data,
+        result.tested,
+        counted(result.n_test, "sweep")
+    );
+    if result.evaluations.is_empty() {
+        text.push_str("no sweep is of a known material, so there is no accuracy");
+    } else {
+        if result.n_unknown > 0 {
+            let known = result.n_test - result.n_unknown;
+            let _ = writeln!(text, "{} of known materials:", counted(known, "sweep"));
+        }
+        let _ = write!(text, "{}", EvaluationTable(&result.evaluations));
+    }
+    for (method, compared) in &result.runtimes {
+        let _ = write!(
+            text,
+            "\n{}: {}: probabilities differ from Burn's by at most {:.1e}; {:.0} us after the last frame, 99 % below {:.0} us",
+            method.name(),
+            compared.runtime,
+            compared.largest_difference,
+            compared.p50_us,
+            compared.p99_us
+        );
+    }
+    if let Some(confusion) = &result.confusion {
+        let _ = write!(text, "\n{confusion}");
+    }
+    if let Some(verdicts) = &result.verdicts {
+        let _ = write!(text, "\n{}", rates(verdicts));
+    }
+    for (material, predicted) in &result.unknown_taken_for {
+        let mut predicted: Vec<_> = predicted.iter().collect();
+        predicted.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+        let predicted: Vec<String> = predicted
+            .iter()
+            .map(|(label, count)| format!("{label} ({count})"))
+            .collect();
+        let _ = write!(
+            text,
+            "\nunknown material {material}, most similar: {}",
+            predicted.join(", ")
+        );
+        if let Some(known) = result.unknown_meant.get(material) {
+            let _ = write!(
+                text,
+                "; if it is the known `{known}`, use the same spelling"
+            );
+        }
+    }
+    if let Some(values) = &result.values {
+        let _ = write!(text, "\nwarning: {values}");
+    }
+    text
+}
+
+fn rates(verdicts: &Verdicts) -> String {
+    let mut lines = Vec::new();
+    if let (Some(alarms), Some(coverage), Some(size)) =
+        (verdicts.false_alarms, verdicts.coverage, verdicts.set_size)
+    {
+        lines.push(format!(
+            "known materials called unknown: {}, target {:.1} %",
+            percent(alarms),
+            100.0 * verdicts.target.false_alarms
+        ));
+        lines.push(format!(
+            "material in the prediction set: {}, target {:.1} %; {size:.1} materials in a set",
+            percent(coverage),
+            100.0 * verdicts.target.coverage
+        ));
+    }
+    if let Some(detected) = verdicts.detected {
+        lines.push(format!(
+            "unknown materials called unknown: {} of {} ({})",
+            percent(detected),
+            counted(detected.n, "sweep"),
+            verdicts.unknown_materials.join(", ")
+        ));
+    }
+    lines.extend(verdicts.caution.clone());
+    lines.join("\n")
+}
+
+fn percent(estimate: Estimate) -> String {
+    format!(
+        "{:.1} % ({:.1} to {:.1})",
+        100.0 * estimate.mean,
+        100.0 * estimate.ci95_low,
+        100.0 * estimate.ci95_high
+    )
+}
