@@ -30,7 +30,11 @@ mod run;
 mod spec;
 
 pub use baseline::fit::{BaselineFit, fit_baseline};
+pub use baseline::knn::KnnRecipe;
+pub use baseline::lda::LdaRecipe;
 pub use baseline::recipe::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
+pub use baseline::ridge::RidgeRecipe;
+pub use baseline::svm::SvmRecipe;
 pub use burn::tensor::Device;
 pub use error::PipelineError;
 pub use export::onnx::{OnnxInputs, to_onnx};

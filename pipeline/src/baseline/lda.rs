@@ -1,0 +1,63 @@
+//! Linear discriminant analysis with the shrinkage of Ledoit and Wolf.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use tactnet_models::{Features, Lda, Weights};
+
+use super::method::{Fit, FittedMethod, Method, Stored, TrainFeatures, fewest};
+use crate::PipelineError;
+use crate::error::InvalidSetting;
+use crate::features::arrays::put_doubles;
+
+/// Settings of linear discriminant analysis, which has none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LdaRecipe {}
+
+impl Method for LdaRecipe {
+    fn validate(&self) -> Result<(), InvalidSetting> {
+        Ok(())
+    }
+
+    /// The covariance needs two sweeps of any one material.
+    fn starved(&self, counts: &[usize]) -> Option<(usize, usize)> {
+        if counts.iter().any(|&count| count > 1) {
+            return None;
+        }
+        fewest(counts).map(|label| (label, 2))
+    }
+
+    fn fit(
+        &self,
+        train: TrainFeatures<'_>,
+        _progress: &mut dyn FnMut(String),
+    ) -> Result<Fit, PipelineError> {
+        let (all, scaler) = train.all();
+        let lda = Lda::fit(&all.features, &all.labels, train.materials)?;
+        Ok(Fit {
+            classifier: Box::new(lda),
+            scaler,
+            chosen: BTreeMap::new(),
+        })
+    }
+
+    fn load(&self, stored: &Stored<'_>) -> Result<Box<dyn FittedMethod>, PipelineError> {
+        let materials = stored.materials;
+        Ok(Box::new(Lda {
+            coefficients: stored.doubles("lda.coefficients", stored.width * materials)?,
+            intercepts: stored.doubles("lda.intercepts", materials)?,
+        }))
+    }
+}
+
+impl FittedMethod for Lda {
+    fn log_probabilities(&self, features: &Features) -> Vec<Vec<f64>> {
+        Self::log_probabilities(self, features)
+    }
+
+    fn save(&self, weights: &mut Weights) {
+        put_doubles(weights, "lda.coefficients", &self.coefficients);
+        put_doubles(weights, "lda.intercepts", &self.intercepts);
+    }
+}
