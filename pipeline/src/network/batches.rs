@@ -5,13 +5,23 @@ use tactnet_data::{Seed, SweepView, TrainSplit, shuffle};
 
 use crate::{Augmentation, Normalizer};
 
+/// Number of a batch within a training.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BatchNumber {
+    /// Epoch, counted from 0.
+    pub(crate) epoch: usize,
+    /// Batch of the epoch, counted from 0.
+    pub(crate) batch: usize,
+}
+
 /// Returns the positions of the sweeps of a batch. Each epoch has its own random order, cut into `batches` whose sizes differ by at most one.
 pub(crate) fn batch_positions(
     sweeps: usize,
     batches: usize,
     seed: Seed,
-    (epoch, batch): (usize, usize),
+    number: BatchNumber,
 ) -> Vec<usize> {
+    let BatchNumber { epoch, batch } = number;
     let mut order: Vec<usize> = (0..sweeps).collect();
     shuffle(&mut order, &mut seed.rng(("shuffle", epoch)));
     order[batch * sweeps / batches..(batch + 1) * sweeps / batches].to_vec()
@@ -42,7 +52,8 @@ pub(crate) fn augment(
     train: &TrainSplit<'_>,
     seed: Seed,
     epoch: usize,
-    (position, sweep): (usize, &mut [f32]),
+    position: usize,
+    sweep: &mut [f32],
 ) {
     if !augmentation.is_none() {
         let mut rng = seed.rng(("augmentation", epoch, position));

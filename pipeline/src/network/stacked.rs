@@ -4,9 +4,11 @@
 //! order, dropout and initial weights are those of a training alone. In every step each network trains on its own next batch, so networks with
 //! fewer batches per epoch do not wait for others.
 
+mod member;
+mod packed;
+
 use burn::tensor::Device;
 use rayon::prelude::*;
-use tactnet_data::{Samples, Seed, TrainSplit};
 use tactnet_models::{
     AdamStep, NetStack, Network, NetworkConfig, StackAttack, StackBatch, StackDigits,
     StackSettings, StackSweeps, StackedNet, dropout_bits,
@@ -14,67 +16,15 @@ use tactnet_models::{
 
 use crate::network::adam::{BETA, corrected};
 use crate::network::adam_state::{moments_of, optimizer_bytes};
-use crate::network::batches::{augment, batch_positions, fill_batch};
-use crate::network::resident::{MOST_BYTES, packed};
+use crate::network::batches::{BatchNumber, augment, batch_positions, fill_batch};
 use crate::{
     AdversarialMask, AdversarialStatistics, AttackedLabel, BatchReport, Normalizer,
     PenalizedParameters, PipelineError, Position, Recipe, TrainingMethod, TrainingSettings,
     TrainingState,
 };
 
-/// One of several networks that are trained at once.
-#[derive(Debug, Clone)]
-pub struct StackMember<'a> {
-    /// Recipe; only epochs and learning rates may differ between members.
-    pub recipe: &'a Recipe,
-    /// Training sweeps.
-    pub train: &'a TrainSplit<'a>,
-    /// Normaliser of the sweeps.
-    pub normalizer: &'a Normalizer,
-    /// Layers of the network.
-    pub config: &'a NetworkConfig,
-    /// Seed of every random choice.
-    pub seed: Seed,
-}
-
-impl StackMember<'_> {
-    /// Returns true if the network can be trained in a stack: a convolutional network without attacks on the predicted label.
-    pub fn can_be_stacked(&self) -> bool {
-        let attacks_own = !matches!(
-            self.recipe.training.method,
-            TrainingMethod::Adversarial {
-                attack: AttackedLabel::Predicted,
-                ..
-            }
-        );
-        attacks_own && !self.train.is_empty() && NetStack::shape(self.config, 1, 1).is_some()
-    }
-
-    /// Returns true if two networks can be trained in the same stack.
-    pub fn fits(&self, other: &Self) -> bool {
-        let settings = |member: &Self| TrainingSettings {
-            epochs: 0,
-            least_steps: None,
-            learning_rate: 0.0,
-            learning_rate_drops: Vec::new(),
-            one_cycle: None,
-            ..member.recipe.training.clone()
-        };
-        self.can_be_stacked()
-            && other.can_be_stacked()
-            && self.config == other.config
-            && settings(self) == settings(other)
-    }
-
-    fn batches(&self) -> usize {
-        self.train.len().div_ceil(self.recipe.training.batch)
-    }
-
-    /// Returns the maximum number of sweeps in a batch.
-    fn batch(&self) -> usize {
-        self.recipe.training.batch.min(self.train.len())
-    }
-}
+pub use member::StackMember;
+use packed::PackedDigits;
 
 /// Training progress of one network.
 struct Standing {
@@ -147,7 +97,7 @@ impl<'a> StackedTraining<'a> {
             .map(|(member, state)| net_of(member, state.as_ref()))
             .collect();
         let settings = settings(&members, batch);
-        let packed = Packed::of(&members);
+        let packed = PackedDigits::of(&members);
         let scaling: Vec<f32> = members
             .iter()
             .flat_map(|member| [member.normalizer.offset(), member.normalizer.gain()].concat())
@@ -319,7 +269,7 @@ impl<'a> StackedTraining<'a> {
         let Position { epoch, batch, .. } = self.standings[member].position;
         let batches = self.batches(member);
         let positions = if goes {
-            batch_positions(train.len(), batches, *seed, (epoch, batch))
+            batch_positions(train.len(), batches, *seed, BatchNumber { epoch, batch })
         } else {
             Vec::new()
         };
@@ -354,7 +304,7 @@ impl<'a> StackedTraining<'a> {
                 let target = &mut values[..positions.len() * of_sweep];
                 fill_batch(target, train, &positions, normalizer, |position, sweep| {
                     let augmentation = recipe.training.augmentation;
-                    augment(augmentation, train, *seed, epoch, (position, sweep));
+                    augment(augmentation, train, *seed, epoch, position, sweep);
                 });
             }
         }
@@ -520,69 +470,5 @@ fn settings(members: &[StackMember<'_>], batch: usize) -> StackSettings {
         },
         penalize_weights_only: training.l2_on == PenalizedParameters::Weights,
         attack,
-    }
-}
-
-/// Digits of all training sweeps, packed into words.
-struct Packed {
-    bits: usize,
-    words: Vec<u32>,
-    /// Numbers of each member's sweeps, by position.
-    numbers: Vec<Vec<u32>>,
-}
-
-impl Packed {
-    /// Returns `None` if sweeps are not digits, are too large, or are augmented. Data sets of equal content are stored once.
-    fn of(members: &[StackMember<'_>]) -> Option<Self> {
-        let mut bits = None;
-        let mut words = Vec::new();
-        let mut numbers = Vec::with_capacity(members.len());
-        let mut known: Vec<(&str, usize, u32)> = Vec::new();
-        for member in members {
-            let dataset = member.train.dataset();
-            let changes = !member.recipe.training.augmentation.is_none();
-            if changes || member.normalizer.needs_whole_sweep() {
-                return None;
-            }
-            let of = match dataset.samples() {
-                Samples::U8(_) => u8::BITS as usize,
-                Samples::U16(_) => u16::BITS as usize,
-                Samples::F32(_) => return None,
-            };
-            if *bits.get_or_insert(of) != of {
-                return None;
-            }
-            let key = (dataset.sha256(), dataset.len());
-            let found = known.iter().find(|(sha, len, _)| (*sha, *len) == key);
-            let first = match found {
-                Some((_, _, first)) => *first,
-                None => {
-                    let values = dataset.shape().values();
-                    let width = values.div_ceil(u32::BITS as usize / of);
-                    let first = (words.len() / width) as u32;
-                    if (words.len() + dataset.len() * width) * size_of::<u32>() > MOST_BYTES {
-                        return None;
-                    }
-                    match dataset.samples() {
-                        Samples::U8(digits) => digits
-                            .chunks(values)
-                            .for_each(|sweep| words.extend(packed(sweep))),
-                        Samples::U16(digits) => digits
-                            .chunks(values)
-                            .for_each(|sweep| words.extend(packed(sweep))),
-                        Samples::F32(_) => return None,
-                    }
-                    known.push((key.0, key.1, first));
-                    first
-                }
-            };
-            let indices = member.train.indices().iter();
-            numbers.push(indices.map(|&index| first + index as u32).collect());
-        }
-        Some(Self {
-            bits: bits?,
-            words,
-            numbers,
-        })
     }
 }

@@ -1,57 +1,12 @@
-//! Training loop of networks.
-
-use std::time::Instant;
+//! Training of a network in one call, without a run directory.
 
 use burn::tensor::Device;
-use tactnet_data::{Seed, SweepView, TrainSplit};
+use tactnet_data::{Seed, TrainSplit};
 
-use crate::run::training_record::TrainingRecord;
 use crate::{
     BatchReport, Classifier, ClassifierConfig, ModelConfig, NetworkSetup, PipelineError, Recipe,
     Training,
 };
-
-/// Trains to the last epoch. Returns false if `go_on` stopped it; a record then has a checkpoint of that moment.
-///
-/// - `record`: writes metrics and checkpoints, if any
-/// - `watched`: sweeps whose accuracy is recorded after every epoch
-/// - `go_on`: called after every batch; false stops the training
-pub(crate) fn train_batches(
-    training: &mut Training<'_>,
-    mut record: Option<&mut TrainingRecord<'_>>,
-    watched: Option<&SweepView<'_>>,
-    mut go_on: impl FnMut(&BatchReport) -> bool,
-) -> Result<bool, PipelineError> {
-    loop {
-        let begun = Instant::now();
-        let batch = match training.step() {
-            Ok(Some(batch)) => batch,
-            Ok(None) => return Ok(true),
-            Err(error) => {
-                if let Some(record) = &mut record {
-                    record.save_last_epoch()?;
-                }
-                return Err(error);
-            }
-        };
-        let spent = begun.elapsed();
-        let wanted = go_on(&batch);
-        if let Some(record) = &mut record {
-            record.note(&batch, spent);
-            if let (Some(watched), true) = (watched, batch.ends_epoch()) {
-                record.note_watched(training.watch(watched)?);
-            }
-            if record.is_due(&batch) || !wanted {
-                record.save(training)?;
-            } else if batch.ends_epoch() {
-                record.keep(training)?;
-            }
-        }
-        if !wanted {
-            return Ok(false);
-        }
-    }
-}
 
 /// Trains a network in one call, for experiments that train several in one unit of work. Returns `None` if `go_on` stopped it.
 ///
@@ -100,7 +55,7 @@ fn train_whole(
     seed: Seed,
     device: &Device,
     objective: impl FnOnce(Training<'_>) -> Training<'_>,
-    go_on: impl FnMut(&BatchReport) -> bool,
+    mut go_on: impl FnMut(&BatchReport) -> bool,
 ) -> Result<Option<Classifier>, PipelineError> {
     let recipe = &recipe.for_sweeps(train.len());
     let setup = NetworkSetup::fit(recipe, train);
@@ -109,8 +64,10 @@ fn train_whole(
     let network = config.network_config(&setup)?;
     let training = Training::start(recipe, train, &setup.normalizer, &network, seed, device)?;
     let mut training = objective(training);
-    if !train_batches(&mut training, None, None, go_on)? {
-        return Ok(None);
+    while let Some(batch) = training.step()? {
+        if !go_on(&batch) {
+            return Ok(None);
+        }
     }
     let weights = training.state()?.weights;
     Classifier::new(config, &weights, device).map(Some)

@@ -7,7 +7,7 @@ use tactnet_data::{Seed, SweepView, TrainSplit};
 use tactnet_models::{Network, NetworkConfig, Weights, dropout_masks, is_cpu, spare_memory};
 
 use crate::network::adam::FusedAdam;
-use crate::network::batches::{augment, batch_positions, fill_batch};
+use crate::network::batches::{BatchNumber, augment, batch_positions, fill_batch};
 use crate::network::in_pool::in_pool;
 use crate::network::measured::Measured;
 use crate::network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
@@ -82,6 +82,13 @@ pub struct Watched {
     pub adversarial_accuracy: Option<f64>,
 }
 
+/// Batch whose loss has not been read from the device.
+struct Unread {
+    batch: usize,
+    sweeps: usize,
+    measured: Measured,
+}
+
 /// Network in training. Every random choice is derived from epoch and batch, so interruptions do not change the result.
 pub struct Training<'a> {
     recipe: &'a Recipe,
@@ -96,12 +103,12 @@ pub struct Training<'a> {
     /// Training sweeps in GPU memory, if they fit.
     resident: Option<ResidentSweeps>,
     position: Position,
-    /// Unread batches of this epoch: number of the batch, number of its sweeps, values.
-    unread: Vec<(usize, usize, Measured)>,
+    /// Batches of this epoch whose losses have not been read.
+    unread: Vec<Unread>,
     /// True for a Siamese network, which learns from pairs instead of materials.
     on_pairs: bool,
-    /// Epoch and batch of the last step, counted from 0, for error messages.
-    last: (usize, usize),
+    /// Batch of the last step, for error messages.
+    last: BatchNumber,
 }
 
 impl<'a> Training<'a> {
@@ -146,7 +153,7 @@ impl<'a> Training<'a> {
             position: Position::default(),
             unread: Vec::new(),
             on_pairs: false,
-            last: (0, 0),
+            last: BatchNumber { epoch: 0, batch: 0 },
         })
     }
 
@@ -226,19 +233,24 @@ impl<'a> Training<'a> {
         if epoch >= self.recipe.training.epochs {
             return Ok(None);
         }
-        self.last = (epoch, batch);
-        let positions = self.batch_positions(epoch, batch);
+        let number = BatchNumber { epoch, batch };
+        self.last = number;
+        let positions = self.batch_positions(number);
         let sweeps = self.load(epoch, &positions);
         let pass = if self.on_pairs {
             let own: Vec<usize> = positions.iter().map(|p| self.train.label(*p)).collect();
-            let mask = self.mask("dropout", (epoch, batch), positions.len());
+            let mask = self.mask("dropout", number, positions.len());
             pairs_pass(self.net(), sweeps, &own, mask)
         } else {
             self.pass(sweeps, self.labels(self.train, &positions), |stream| {
-                self.mask(stream, (epoch, batch), positions.len())
+                self.mask(stream, number, positions.len())
             })
         };
-        self.unread.push((batch, positions.len(), pass.measured));
+        self.unread.push(Unread {
+            batch,
+            sweeps: positions.len(),
+            measured: pass.measured,
+        });
         if is_cpu(&self.device) {
             self.wait()?;
         }
@@ -285,15 +297,13 @@ impl<'a> Training<'a> {
     /// A loss that is not finite.
     pub fn wait(&mut self) -> Result<(), PipelineError> {
         let unread = std::mem::take(&mut self.unread);
-        let mut about = Vec::with_capacity(unread.len());
-        let mut measured = Vec::with_capacity(unread.len());
-        for (batch, sweeps, of) in unread {
-            about.push((batch, sweeps));
-            measured.push(of);
-        }
-        for ((batch, sweeps), figures) in about.into_iter().zip(Measured::read_all(measured)) {
+        let (numbers, measured): (Vec<_>, Vec<_>) = unread
+            .into_iter()
+            .map(|unread| ((unread.batch, unread.sweeps), unread.measured))
+            .unzip();
+        for ((batch, sweeps), figures) in numbers.into_iter().zip(Measured::read_all(measured)) {
             if !figures.loss.is_finite() {
-                self.last.1 = batch;
+                self.last.batch = batch;
                 return Err(self.not_finite("loss"));
             }
             let position = &mut self.position;
@@ -348,12 +358,12 @@ impl<'a> Training<'a> {
             let (mut correct, mut adversarial) = (0, None);
             let batches = watched.len().div_ceil(self.recipe.training.batch).max(1);
             for batch in 0..batches {
-                let positions = dealt(watched.len(), batches, batch);
+                let positions = round_robin(watched.len(), batches, batch);
                 let sweeps = self.loaded(watched, &positions, |_, _| {});
                 let epoch = self.position.epoch;
                 let pass = self.pass(sweeps, self.labels(watched, &positions), |stream| {
                     let stream = format!("watched {stream}");
-                    self.mask(&stream, (epoch, batch), positions.len())
+                    self.mask(&stream, BatchNumber { epoch, batch }, positions.len())
                 });
                 let figures = pass.measured.read();
                 if !figures.loss.is_finite() {
@@ -387,8 +397,8 @@ impl<'a> Training<'a> {
         self.net.as_ref().unwrap_or_else(no_network)
     }
 
-    fn batch_positions(&self, epoch: usize, batch: usize) -> Vec<usize> {
-        batch_positions(self.train.len(), self.batches(), self.seed, (epoch, batch))
+    fn batch_positions(&self, number: BatchNumber) -> Vec<usize> {
+        batch_positions(self.train.len(), self.batches(), self.seed, number)
     }
 
     /// Returns training sweeps `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
@@ -398,13 +408,7 @@ impl<'a> Training<'a> {
         }
         let augmentation = self.recipe.training.augmentation;
         self.loaded(self.train, positions, |position, sweep| {
-            augment(
-                augmentation,
-                self.train,
-                self.seed,
-                epoch,
-                (position, sweep),
-            );
+            augment(augmentation, self.train, self.seed, epoch, position, sweep);
         })
     }
 
@@ -431,27 +435,27 @@ impl<'a> Training<'a> {
         Tensor::from_data(TensorData::new(labels, extent), &self.device)
     }
 
-    fn mask(&self, stream: &str, (epoch, batch): (usize, usize), rows: usize) -> Tensor<2> {
+    fn mask(&self, stream: &str, number: BatchNumber, rows: usize) -> Tensor<2> {
         dropout_masks(
             rows,
             self.config.features(),
             self.config.architecture().keep_probability,
             &self.device,
-            &mut self.seed.rng((stream, epoch, batch)),
+            &mut self.seed.rng((stream, number.epoch, number.batch)),
         )
     }
 
     fn not_finite(&self, what: impl Into<String>) -> PipelineError {
         PipelineError::NotFinite {
             what: what.into(),
-            epoch: self.last.0 + 1,
-            batch: self.last.1 + 1,
+            epoch: self.last.epoch + 1,
+            batch: self.last.batch + 1,
         }
     }
 }
 
 /// Returns the positions of a batch, taken round-robin: sweeps may be sorted by material, and the batch statistics need many materials.
-fn dealt(sweeps: usize, batches: usize, batch: usize) -> Vec<usize> {
+fn round_robin(sweeps: usize, batches: usize, batch: usize) -> Vec<usize> {
     (batch..sweeps).step_by(batches).collect()
 }
 
@@ -464,73 +468,4 @@ fn adam(recipe: &Recipe) -> ModuleOptimizer {
 }
 
 #[cfg(test)]
-mod tests {
-    use tactnet_data::twin::{TwinConfig, generate};
-    use tactnet_data::{Fold, Scheme};
-    use tactnet_models::{Compute, values};
-
-    use super::*;
-    use crate::{ClassifierConfig, ModelConfig, NetworkSetup};
-
-    #[test]
-    fn watched_batches_have_sweeps_of_all_materials_and_every_sweep_once() {
-        // Three materials with twelve sweeps each, in order.
-        let batches: Vec<Vec<usize>> = (0..5).map(|batch| dealt(36, 5, batch)).collect();
-        for batch in &batches {
-            let mut materials: Vec<usize> = batch.iter().map(|position| position / 12).collect();
-            materials.dedup();
-            assert_eq!(materials, [0, 1, 2]);
-        }
-        let mut all = batches.concat();
-        all.sort_unstable();
-        assert!(all.into_iter().eq(0..36));
-    }
-
-    #[test]
-    fn every_batch_drops_other_features_and_every_epoch_has_an_order_of_its_own() {
-        let text = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 0.5 }\n\
-                    [training]\nepochs = 2\nbatch = 8\nlearning_rate = 0.01\nmethod = { kind = \"base\" }\n";
-        let recipe = Recipe::parse("small", text).unwrap();
-        let twin = generate(&TwinConfig {
-            materials: 3,
-            sweeps: 10,
-            steps: 60,
-            ..TwinConfig::default()
-        })
-        .unwrap();
-        let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
-        let setup = NetworkSetup::fit(&recipe, &fold.train);
-        let model = ModelConfig::Network(setup.clone());
-        let config = ClassifierConfig::new(model, &fold.train, Seed(1))
-            .network_config(&setup)
-            .unwrap();
-        let device = Compute::Cpu.open().unwrap();
-        let training = Training::start(
-            &recipe,
-            &fold.train,
-            &setup.normalizer,
-            &config,
-            Seed(1),
-            &device,
-        )
-        .unwrap();
-        let mut drawn: Vec<Vec<f32>> = Vec::new();
-        for (epoch, batch) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            for stream in ["dropout", "adversarial dropout"] {
-                drawn.push(values(training.mask(stream, (epoch, batch), 8)));
-            }
-        }
-        for (index, mask) in drawn.iter().enumerate() {
-            assert!(!drawn[..index].contains(mask), "{index}");
-        }
-        let order = |epoch: usize| -> Vec<usize> {
-            (0..training.batches())
-                .flat_map(|batch| training.batch_positions(epoch, batch))
-                .collect()
-        };
-        assert_ne!(order(0), order(1));
-        let mut all = order(1);
-        all.sort_unstable();
-        assert!(all.into_iter().eq(0..fold.train.len()), "every sweep once");
-    }
-}
+mod tests;

@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Number of sweeps that are fused into one decision in a result.
-pub(super) const FUSED: usize = 3;
+pub(crate) const FUSED: usize = 3;
 /// Number of Monte Carlo passes if the recipe names none.
 const MC_SAMPLES: usize = 100;
 

@@ -1,10 +1,7 @@
 //! Run directories and the sessions that fill them.
 
-mod enrolled_run;
 pub(crate) mod evaluate_run;
-mod folder_lock;
 mod free_folder;
-mod manifest;
 pub(crate) mod provenance;
 pub(crate) mod read_sweeps;
 pub(crate) mod reevaluate;
@@ -16,5 +13,4 @@ pub(crate) mod test_sweeps;
 pub(crate) mod together;
 pub(crate) mod training_record;
 pub(crate) mod training_steps;
-mod verified_result;
 pub(crate) mod write_whole;

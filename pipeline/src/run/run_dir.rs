@@ -18,6 +18,12 @@
 //! | `result.json` | evaluation of the test sweeps | at the end |
 //! | `manifest.json` | SHA-256 of all other files except the checkpoint; a later change is an error | last |
 
+mod embedding_files;
+mod enrolled_run;
+mod folder_lock;
+mod manifest;
+mod verified_result;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -26,33 +32,31 @@ use serde::{Serialize, de::DeserializeOwned};
 use tactnet_data::{SplitManifest, read_file, read_text};
 use tactnet_models::Weights;
 
-use super::folder_lock::LOCK;
-use super::manifest::Manifest;
+use folder_lock::LOCK;
+use manifest::Manifest;
+
 use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    Calibration, Classifier, Embedding, EnrolledMaterial, EpochMetrics, PipelineError,
-    PredictionMethod, Predictions, Provenance, Remedy, RunConfig, RunResult, Thresholds,
-    TrainEmbeddings, TrainingState, write_whole,
+    EnrolledMaterial, EpochMetrics, PipelineError, PredictionMethod, Predictions, Provenance,
+    Remedy, RunConfig, RunResult, TrainingState, write_whole,
 };
 
 const CONFIG: &str = "config.json";
 const SPLIT: &str = "split.json";
-pub(super) const ENVIRONMENT: &str = "environment.json";
+const ENVIRONMENT: &str = "environment.json";
 const RESULT: &str = "result.json";
 const WEIGHTS: &str = "weights.safetensors";
-const KNOWN: &str = "known.safetensors";
-const CALIBRATION: &str = "calibration.json";
-pub(super) const HELD_OUT: &str = "held_out.safetensors";
-pub(super) const ENROLLED: &str = "enrolled.json";
+const HELD_OUT: &str = "held_out.safetensors";
+const ENROLLED: &str = "enrolled.json";
 
 /// Folder that holds one run.
 #[derive(Debug)]
 pub struct RunDir {
-    pub(super) path: PathBuf,
+    path: PathBuf,
     /// Lock held while this process trains. The operating system releases it at the end of the process, even after a crash.
-    pub(super) lock: Option<fs::File>,
+    lock: Option<fs::File>,
     /// Digests of the files, once read.
-    pub(super) manifest: OnceLock<Option<Manifest>>,
+    manifest: OnceLock<Option<Manifest>>,
     /// Configuration, once read or written.
     config: OnceLock<RunConfig>,
 }
@@ -217,103 +221,6 @@ impl RunDir {
         } else {
             Ok(None)
         }
-    }
-
-    /// Reads the embeddings of a network's training sweeps.
-    ///
-    /// # Errors
-    /// A missing or damaged file.
-    pub fn train_embeddings(&self) -> Result<TrainEmbeddings, PipelineError> {
-        let path = self.file(KNOWN);
-        if !path.exists() {
-            return Err(self.refused(
-                "no known.safetensors, which a network's training writes at its end; train again with this version",
-            ));
-        }
-        let materials = self.config()?.classifier.labels.len();
-        let bytes = self.read(KNOWN)?;
-        let damaged = |reason: String| PipelineError::run(path.clone(), reason);
-        let weights =
-            Weights::from_safetensors(&bytes).map_err(|error| damaged(error.to_string()))?;
-        TrainEmbeddings::from_weights(&weights, materials).map_err(damaged)
-    }
-
-    /// Writes the embeddings of the training sweeps.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn write_train_embeddings(&self, known: &TrainEmbeddings) -> Result<(), PipelineError> {
-        let metadata = [("format".to_string(), "tactnet known sweeps 1".to_string())].into();
-        self.write(KNOWN, &known.to_weights().to_safetensors(metadata)?)
-    }
-
-    /// Reads the thresholds of a calibrated classifier; returns `None` if it is not calibrated.
-    ///
-    /// # Errors
-    /// A file that is damaged or of another version.
-    pub fn calibration(&self) -> Result<Option<Calibration>, PipelineError> {
-        if !self.file(CALIBRATION).exists() {
-            return Ok(None);
-        }
-        let calibration: Calibration = self.read_json(CALIBRATION)?;
-        if calibration.schema_version != Calibration::SCHEMA_VERSION {
-            return Err(PipelineError::run(
-                self.file(CALIBRATION),
-                format!(
-                    "expected schema version {}, found {}",
-                    Calibration::SCHEMA_VERSION,
-                    calibration.schema_version
-                ),
-            ));
-        }
-        Ok(Some(calibration))
-    }
-
-    /// Writes the thresholds.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn write_calibration(&self, calibration: &Calibration) -> Result<(), PipelineError> {
-        self.write_json(CALIBRATION, calibration)
-    }
-
-    /// Reads the thresholds and the embeddings that they were fitted to; returns `None` if the classifier is not calibrated.
-    ///
-    /// - `classifier`: classifier of this run
-    ///
-    /// # Errors
-    /// A file that is damaged or of another version.
-    pub fn thresholds(&self, classifier: &Classifier) -> Result<Option<Thresholds>, PipelineError> {
-        let Some(calibration) = self.calibration()? else {
-            return Ok(None);
-        };
-        let path = self.file(HELD_OUT);
-        let held_out = if path.exists() {
-            let head = classifier.network()?.output_layer();
-            let read = Weights::from_safetensors(&self.read(HELD_OUT)?)
-                .map_err(|error| error.to_string())
-                .and_then(|weights| Embedding::from_weights(&weights, &head));
-            Some(read.map_err(|reason| PipelineError::run(path, reason))?)
-        } else {
-            None
-        };
-        Ok(Some(Thresholds {
-            calibration,
-            held_out,
-        }))
-    }
-
-    /// Writes the embeddings of the calibration sweeps.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn write_held_out(&self, held_out: &Embedding) -> Result<(), PipelineError> {
-        let metadata = [(
-            "format".to_string(),
-            "tactnet held-out sweeps 1".to_string(),
-        )]
-        .into();
-        self.write(HELD_OUT, &held_out.to_weights().to_safetensors(metadata)?)
     }
 
     /// Reads the materials that were added after training, in order.

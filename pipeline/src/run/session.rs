@@ -11,8 +11,7 @@ use tactnet_data::{
 };
 
 use super::free_folder::free_folder;
-use super::training_record::TrainingRecord;
-use crate::network::train_network::train_batches;
+use super::training_record::{TrainingRecord, train_batches};
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
     Device, ModelConfig, ModelRecipe, NetworkSetup, NoveltyScore, NoveltyScorer, PipelineError,
@@ -266,9 +265,7 @@ impl Session {
         let (config, fitted) = (&begun.config, &begun.fitted);
         let trained = match (&config.recipe, &config.classifier.model) {
             (ModelRecipe::Network(recipe), ModelConfig::Network(setup)) => {
-                let watched = config.spec.watch_test.then_some(&*begun.fold.test);
-                let trained = (&fitted.train, watched);
-                self.train_network(config, recipe, setup, trained, &mut on_event, &stop)?
+                self.train_network(&begun, recipe, setup, &mut on_event, &stop)?
             }
             (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
                 self.fit_baseline(config, recipe, &fitted.train, &mut on_event, &stop)?
@@ -360,17 +357,16 @@ impl Session {
     }
 
     /// Trains a network; returns `None` if stopped, and a later session then continues from a checkpoint.
-    ///
-    /// - `watched`: sweeps whose accuracy is recorded after every epoch
     fn train_network(
         &self,
-        config: &RunConfig,
+        begun: &Begun<'_>,
         recipe: &Recipe,
         setup: &NetworkSetup,
-        (train, watched): (&TrainSplit<'_>, Option<&SweepView<'_>>),
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,
     ) -> Result<Option<TrainingSummary>, PipelineError> {
+        let (config, train) = (&begun.config, &begun.fitted.train);
+        let watched = config.spec.watch_test.then_some(&*begun.fold.test);
         let device = self.device(config)?;
         let network = config.classifier.network_config(setup)?;
         let normalizer = &setup.normalizer;
@@ -387,7 +383,7 @@ impl Session {
         let steps = TrainingSteps { epochs, batches };
         let position = training.position();
         self.tell_begin(position.epoch * batches + position.batch, steps, on_event);
-        let ended = train_batches(&mut training, Some(&mut record), watched, |batch| {
+        let ended = train_batches(&mut training, &mut record, watched, |batch| {
             on_event(TrainEvent::Batch { batch, epochs });
             !stop()
         })?;

@@ -90,7 +90,7 @@ impl<'a> TestSweeps<'a> {
         let all = SweepView::all(dataset);
         if dataset.sha256() == config.data_sha256 {
             let train = manifest.fold(dataset)?.train;
-            return Ok(Self::but(without_sweeps_of(&all, &train)));
+            return Ok(Self::except(&all, &train));
         }
         let spec = &config.spec;
         let own = spec
@@ -106,14 +106,12 @@ impl<'a> TestSweeps<'a> {
                 training_sweeps_known: false,
             });
         };
-        Ok(Self::but(without_sweeps_of(
-            &all,
-            &manifest.fold(&own)?.train,
-        )))
+        Ok(Self::except(&all, &manifest.fold(&own)?.train))
     }
 
-    /// Returns the remaining sweeps after `dropped` training sweeps were removed.
-    fn but((view, dropped): (SweepView<'a>, usize)) -> Self {
+    /// Returns the sweeps of `all` that are not in `train`.
+    fn except(all: &SweepView<'a>, train: &SweepView<'_>) -> Self {
+        let (view, dropped) = without_sweeps_of(all, train);
         Self {
             view,
             description: match dropped {

@@ -1,6 +1,8 @@
-//! Metrics and checkpoints that a training writes into its run directory.
+//! Training loop that writes metrics and checkpoints into a run directory.
 
 use std::time::{Duration, Instant};
+
+use tactnet_data::SweepView;
 
 use crate::network::training::Watched;
 use crate::{BatchReport, EpochMetrics, PipelineError, RunDir, Training, TrainingState};
@@ -145,5 +147,43 @@ impl<'a> TrainingRecord<'a> {
         };
         self.run.write_metrics(&self.metrics)?;
         self.run.write_checkpoint(&state, seconds)
+    }
+}
+
+/// Trains to the last epoch. Returns false if `go_on` stopped it; the record then has a checkpoint of that moment.
+///
+/// - `record`: writes metrics and checkpoints
+/// - `watched`: sweeps whose accuracy is recorded after every epoch
+/// - `go_on`: called after every batch; false stops the training
+pub(crate) fn train_batches(
+    training: &mut Training<'_>,
+    record: &mut TrainingRecord<'_>,
+    watched: Option<&SweepView<'_>>,
+    mut go_on: impl FnMut(&BatchReport) -> bool,
+) -> Result<bool, PipelineError> {
+    loop {
+        let begun = Instant::now();
+        let batch = match training.step() {
+            Ok(Some(batch)) => batch,
+            Ok(None) => return Ok(true),
+            Err(error) => {
+                record.save_last_epoch()?;
+                return Err(error);
+            }
+        };
+        let spent = begun.elapsed();
+        let continues = go_on(&batch);
+        record.note(&batch, spent);
+        if let (Some(watched), true) = (watched, batch.ends_epoch()) {
+            record.note_watched(training.watch(watched)?);
+        }
+        if record.is_due(&batch) || !continues {
+            record.save(training)?;
+        } else if batch.ends_epoch() {
+            record.keep(training)?;
+        }
+        if !continues {
+            return Ok(false);
+        }
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{read_file, sha256_hex};
 
-use super::run_dir::RunDir;
+use super::RunDir;
 use crate::PipelineError;
 
 pub(super) const MANIFEST: &str = "manifest.json";

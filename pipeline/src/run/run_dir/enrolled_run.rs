@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::run_dir::{ENROLLED, ENVIRONMENT, HELD_OUT};
+use super::{ENROLLED, ENVIRONMENT, HELD_OUT};
 use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, Remedy, RunConfig, RunDir};
 
 /// Prefix of the name of a folder that is still incomplete.

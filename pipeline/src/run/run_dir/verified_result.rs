@@ -1,6 +1,6 @@
 //! Results checked against their predictions.
 
-use super::evaluate_run::FUSED;
+use crate::run::evaluate_run::FUSED;
 use crate::{Evaluation, PipelineError, RunDir, RunResult};
 
 /// Tolerance of a single-sweep accuracy.

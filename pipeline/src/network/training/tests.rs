@@ -1,0 +1,72 @@
+use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::{Fold, Scheme};
+use tactnet_models::{Compute, values};
+
+use super::*;
+use crate::{ClassifierConfig, ModelConfig, NetworkSetup};
+
+#[test]
+fn watched_batches_have_sweeps_of_all_materials_and_every_sweep_once() {
+    // Three materials with twelve sweeps each, in order.
+    let batches: Vec<Vec<usize>> = (0..5).map(|batch| round_robin(36, 5, batch)).collect();
+    for batch in &batches {
+        let mut materials: Vec<usize> = batch.iter().map(|position| position / 12).collect();
+        materials.dedup();
+        assert_eq!(materials, [0, 1, 2]);
+    }
+    let mut all = batches.concat();
+    all.sort_unstable();
+    assert!(all.into_iter().eq(0..36));
+}
+
+#[test]
+fn every_batch_drops_other_features_and_every_epoch_has_an_order_of_its_own() {
+    let text = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 0.5 }\n\
+                [training]\nepochs = 2\nbatch = 8\nlearning_rate = 0.01\nmethod = { kind = \"base\" }\n";
+    let recipe = Recipe::parse("small", text).unwrap();
+    let twin = generate(&TwinConfig {
+        materials: 3,
+        sweeps: 10,
+        steps: 60,
+        ..TwinConfig::default()
+    })
+    .unwrap();
+    let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
+    let setup = NetworkSetup::fit(&recipe, &fold.train);
+    let model = ModelConfig::Network(setup.clone());
+    let config = ClassifierConfig::new(model, &fold.train, Seed(1))
+        .network_config(&setup)
+        .unwrap();
+    let device = Compute::Cpu.open().unwrap();
+    let training = Training::start(
+        &recipe,
+        &fold.train,
+        &setup.normalizer,
+        &config,
+        Seed(1),
+        &device,
+    )
+    .unwrap();
+    let mut drawn: Vec<Vec<f32>> = Vec::new();
+    for (epoch, batch) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        for stream in ["dropout", "adversarial dropout"] {
+            drawn.push(values(training.mask(
+                stream,
+                BatchNumber { epoch, batch },
+                8,
+            )));
+        }
+    }
+    for (index, mask) in drawn.iter().enumerate() {
+        assert!(!drawn[..index].contains(mask), "{index}");
+    }
+    let order = |epoch: usize| -> Vec<usize> {
+        (0..training.batches())
+            .flat_map(|batch| training.batch_positions(BatchNumber { epoch, batch }))
+            .collect()
+    };
+    assert_ne!(order(0), order(1));
+    let mut all = order(1);
+    all.sort_unstable();
+    assert!(all.into_iter().eq(0..fold.train.len()), "every sweep once");
+}
