@@ -1,6 +1,7 @@
 //! Errors as one line and an exit code: 1 for a failed run, 2 for a call that must be corrected.
 
 mod channel_remedy;
+mod pipeline_remedy;
 mod remedy;
 mod usage;
 
@@ -47,6 +48,9 @@ pub fn report(error: &anyhow::Error) -> ExitCode {
         message.push_str(&format!("; did you mean `{meant}`?"));
     }
     if let Some(remedy) = error.chain().find_map(remedy::words_of_simulation) {
+        message.push_str(&format!("; {remedy}"));
+    }
+    if let Some(remedy) = error.chain().find_map(pipeline_remedy::words_of_pipeline) {
         message.push_str(&format!("; {remedy}"));
     }
     if let Some(remedy) = error.chain().find_map(remedy::words_of_experiment) {

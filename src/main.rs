@@ -8,7 +8,6 @@ mod device_times;
 mod failure;
 mod help;
 mod output;
-mod remedy;
 mod source;
 mod stop;
 mod table;

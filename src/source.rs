@@ -1,7 +1,9 @@
 //! Reading of data sets, with notes about the twin and assumed sample rates.
 
-use tactnet_data::{DataError, DataSource, Dataset, Finding, FindingKind, Severity, SweepShape};
-use tactnet_pipeline::{LabelOrder, PipelineError, Remedy, TrainSpec, quoted};
+use tactnet_data::{
+    DataError, DataSource, Dataset, Finding, FindingKind, Remedy, Severity, SweepShape,
+};
+use tactnet_pipeline::{LabelOrder, PipelineError, PipelineRemedy, TrainSpec, quoted};
 
 use crate::failure;
 
@@ -49,7 +51,7 @@ pub fn review(
         let of = name.map_or(String::new(), |name| format!("{name}: "));
         return Err(PipelineError::Doubtful {
             finding: format!("{of}{}", finding.message),
-            remedy: Remedy::ConfirmAxes,
+            remedy: PipelineRemedy::ConfirmAxes,
         });
     }
     let other = finding.kind != FindingKind::AssumedRate;
@@ -86,12 +88,21 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
                     ),
                 });
             }
-            if let Some(Remedy::ArrangeTaxels { rows, columns }) = remedy {
-                let rate = rate.map_or(String::new(), |rate| format!(" --rate {rate}"));
-                found.push_str(&format!(
-                    "; `tactnet data import {} --out arranged.npz{rate} --shape {rows}x{columns}` arranges the same taxels",
-                    quoted(data)
-                ));
+            let words = match remedy {
+                Some(PipelineRemedy::Data(Remedy::NameShape { rows, cols })) => {
+                    let rate = rate.map_or(String::new(), |rate| format!(" --rate {rate}"));
+                    Some(format!(
+                        "; `tactnet data import {} --out arranged.npz{rate} --shape {rows}x{cols}` arranges the same taxels",
+                        quoted(data)
+                    ))
+                }
+                Some(PipelineRemedy::Data(Remedy::KeepSteps { steps })) => {
+                    Some(format!("; `--steps {steps}` keeps the first of them"))
+                }
+                _ => None,
+            };
+            if let Some(words) = words {
+                found.push_str(&words);
                 remedy = None;
             }
             PipelineError::Incompatible {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use tactnet_data::{DataError, Remedy, is_wrong_path};
 use tactnet_models::{MissingFeature, ModelError};
 
-use crate::Remedy;
+use crate::PipelineRemedy;
 
 /// An error of training, prediction or a run directory.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +19,7 @@ pub enum PipelineError {
         /// Description of the suspicious property.
         finding: String,
         /// Action that continues anyway.
-        remedy: Remedy,
+        remedy: PipelineRemedy,
     },
     /// Error of a model.
     #[error(transparent)]
@@ -70,7 +70,7 @@ pub enum PipelineError {
         /// Expected and found content.
         reason: String,
         /// Action that fixes the error.
-        remedy: Option<Remedy>,
+        remedy: Option<PipelineRemedy>,
     },
     /// Sweeps that do not match the classifier.
     #[error("{item}: the classifier expects {expected}, the data set has {found}")]
@@ -82,7 +82,7 @@ pub enum PipelineError {
         /// Value in the data set.
         found: String,
         /// Action that fixes the error.
-        remedy: Option<Remedy>,
+        remedy: Option<PipelineRemedy>,
     },
     /// Material with too few training sweeps for the model.
     #[error(
@@ -115,7 +115,7 @@ pub enum PipelineError {
         /// Number of sweeps set aside.
         found: usize,
         /// Action that makes a calibration possible.
-        remedy: Remedy,
+        remedy: PipelineRemedy,
     },
     /// Material that cannot be enrolled.
     #[error("material `{material}`: {reason}")]
@@ -169,12 +169,21 @@ pub(crate) struct InvalidSetting {
 }
 
 impl PipelineError {
-    /// Returns the cure that the caller can apply, if there is one; the message does not contain it.
+    /// Returns the action on the data that fixes the error, if there is one; the message does not contain it.
     pub fn remedy(&self) -> Option<Remedy> {
         match self {
             Self::Data(error) => error.remedy(),
-            _ => None,
+            _ => match self.any_remedy()? {
+                PipelineRemedy::Data(remedy) => Some(remedy),
+                _ => None,
+            },
         }
+    }
+
+    /// Returns another action that fixes the error, if there is one; the message does not contain it.
+    pub fn pipeline_remedy(&self) -> Option<PipelineRemedy> {
+        self.any_remedy()
+            .filter(|remedy| !matches!(remedy, PipelineRemedy::Data(_)))
     }
 
     /// Returns true if the caller can fix the error, because the request or its data is at fault and not the machine.
@@ -197,14 +206,13 @@ impl PipelineError {
         }
     }
 
-    /// Returns the action that fixes the error, if one is known.
-    pub fn remedy(&self) -> Option<Remedy> {
+    fn any_remedy(&self) -> Option<PipelineRemedy> {
         match self {
             Self::Run { remedy, .. } | Self::Incompatible { remedy, .. } => remedy.clone(),
             Self::Doubtful { remedy, .. } | Self::TooFewSetAside { remedy, .. } => {
                 Some(remedy.clone())
             }
-            Self::TooFewSweeps { models, .. } => Some(Remedy::ChooseModel {
+            Self::TooFewSweeps { models, .. } => Some(PipelineRemedy::ChooseModel {
                 models: models.clone(),
             }),
             _ => None,
@@ -235,7 +243,7 @@ impl PipelineError {
     }
 
     /// Returns the error with a remedy, if it is about a run directory or about sweeps that do not match.
-    pub fn with_remedy(mut self, action: Remedy) -> Self {
+    pub fn with_remedy(mut self, action: PipelineRemedy) -> Self {
         if let Self::Run { remedy, .. } | Self::Incompatible { remedy, .. } = &mut self {
             *remedy = Some(action);
         }
@@ -317,7 +325,7 @@ mod tests {
                 false_alarms_percent: 5.0,
                 coverage_percent: 90.0,
                 found: 16,
-                remedy: Remedy::RecordMore,
+                remedy: PipelineRemedy::RecordMore,
             },
             PipelineError::Enroll {
                 material: what("felt"),

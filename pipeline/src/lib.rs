@@ -81,7 +81,7 @@ pub use recipe::{
     AdversarialMask, AdversarialStatistics, AttackedLabel, Input, LearningRateDrop, OneCycle,
     PenalizedParameters, Prediction, PredictionMethod, Recipe, TrainingMethod, TrainingSettings,
 };
-pub use remedy::Remedy;
+pub use remedy::PipelineRemedy;
 pub use run::evaluate_run::{TrainingSummary, evaluate_run};
 pub use run::provenance::{Provenance, peak_rss_mib};
 pub use run::reevaluate::{EvalResult, Reevaluation, RuntimeSummary};

@@ -2,27 +2,17 @@
 
 use std::path::PathBuf;
 
+use tactnet_data::Remedy;
+
 /// Action that fixes an error. The front end words it, for example as an option of the command line.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Remedy {
+pub enum PipelineRemedy {
+    /// Change the data or its description.
+    Data(Remedy),
     /// Confirm that the axes of the data are in the right order.
     ConfirmAxes,
-    /// Name the sample rate of the data.
-    NameRate,
     /// Train again with the sample rate named.
     TrainWithRate,
-    /// Keep only the first `steps` time steps of every sweep.
-    KeepSteps {
-        /// Number of steps.
-        steps: usize,
-    },
-    /// Arrange the taxels of the data in rows and columns.
-    ArrangeTaxels {
-        /// Number of rows.
-        rows: usize,
-        /// Number of columns.
-        columns: usize,
-    },
     /// Name the current path of a run's data set.
     NameData,
     /// Name a run directory.

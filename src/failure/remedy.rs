@@ -18,7 +18,7 @@ pub fn with_cure(message: &str, remedy: Option<&Remedy>) -> String {
 }
 
 /// Returns the options and commands that apply a remedy.
-fn words_of(remedy: &Remedy) -> String {
+pub(super) fn words_of(remedy: &Remedy) -> String {
     match remedy {
         Remedy::NameRate => "set it with `--rate HZ`".into(),
         Remedy::NameLabels => {

@@ -201,7 +201,7 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     ));
     assert!(
         refused.contains("expects 200 Hz, the data set has 750 Hz, which is assumed")
-            && refused.contains("`--rate HZ` names it"),
+            && refused.contains("set it with `--rate HZ`"),
         "{refused}"
     );
     let rate = ["--rate", "200"];

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tactnet_models::argmax;
 
-use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError, Remedy};
+use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError, PipelineRemedy};
 
 /// Maximum number of sweeps of one object with a separate threshold.
 const OBJECT_SWEEPS: usize = 5;
@@ -52,9 +52,9 @@ impl CalibrationTarget {
             coverage_percent: percent(self.coverage),
             found: sweeps,
             remedy: if sweeps < 2 {
-                Remedy::RecordMore
+                PipelineRemedy::RecordMore
             } else {
-                Remedy::RelaxTargets {
+                PipelineRemedy::RelaxTargets {
                     false_alarms: (self.false_alarms < possible).then_some(smallest),
                     coverage: (1.0 - self.coverage < possible).then_some(1.0 - smallest),
                 }
@@ -347,11 +347,11 @@ mod tests {
             };
             let refused = strict.check(sweeps).unwrap_err();
             let needs_both = sweeps < 9;
-            let possible = Remedy::RelaxTargets {
+            let possible = PipelineRemedy::RelaxTargets {
                 false_alarms: Some(false_alarms),
                 coverage: needs_both.then_some(0.8),
             };
-            assert_eq!(refused.remedy(), Some(possible));
+            assert_eq!(refused.pipeline_remedy(), Some(possible));
             let named = CalibrationTarget {
                 false_alarms,
                 coverage: if needs_both { 0.8 } else { coverage },

@@ -5,15 +5,15 @@ use std::collections::BTreeSet;
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{
-    Dataset, LabelSet, Seed, SweepShape, SweepView, TrainSplit, ValueRange, is_same_name,
+    Dataset, LabelSet, Remedy, Seed, SweepShape, SweepView, TrainSplit, ValueRange, is_same_name,
 };
 use tactnet_models::{Architecture, InputShape, Network, NetworkConfig, Weights};
 
 use crate::baseline::fitted::Baseline;
 use crate::network::network_scorer::NetworkScorer;
 use crate::{
-    BaselineRecipe, Embedding, Normalizer, PipelineError, Prediction, PredictionMethod,
-    Predictions, Recipe, Remedy, SweepScore,
+    BaselineRecipe, Embedding, Normalizer, PipelineError, PipelineRemedy, Prediction,
+    PredictionMethod, Predictions, Recipe, SweepScore,
 };
 
 /// Configuration of a classifier: with the fitted weights, it rebuilds the classifier.
@@ -360,8 +360,8 @@ impl Classifier {
         );
         // Only networks can be extended by enrolment.
         error.with_remedy(match self.has_dropout() {
-            true => Remedy::EnrollOrCalibrate,
-            false => Remedy::Calibrate,
+            true => PipelineRemedy::EnrollOrCalibrate,
+            false => PipelineRemedy::Calibrate,
         })
     }
 
@@ -381,16 +381,18 @@ impl Classifier {
                     "; steps and taxels are probably exchanged: a sweep has a row per frame and a column per taxel",
                 )
             } else if own.taxels() == shape.taxels() && own.steps > shape.steps {
-                error("").with_remedy(Remedy::KeepSteps { steps: shape.steps })
+                error("").with_remedy(PipelineRemedy::Data(Remedy::KeepSteps {
+                    steps: shape.steps,
+                }))
             } else if (view.dataset().len(), own.steps, own.taxels())
                 == (shape.steps, shape.rows, shape.cols)
             {
                 error("; if the array `X` is a single sweep, save `X[None]`")
             } else if (shape.steps, shape.taxels()) == (own.steps, own.taxels()) {
-                error("").with_remedy(Remedy::ArrangeTaxels {
+                error("").with_remedy(PipelineRemedy::Data(Remedy::NameShape {
                     rows: shape.rows,
-                    columns: shape.cols,
-                })
+                    cols: shape.cols,
+                }))
             } else {
                 error("")
             },
@@ -413,9 +415,9 @@ impl Classifier {
         }
         let error = PipelineError::incompatible("sample rate", expected, found);
         Err(if dataset.is_rate_assumed() {
-            error.with_remedy(Remedy::NameRate)
+            error.with_remedy(PipelineRemedy::Data(Remedy::NameRate))
         } else if self.config.sample_rate_assumed {
-            error.with_remedy(Remedy::TrainWithRate)
+            error.with_remedy(PipelineRemedy::TrainWithRate)
         } else {
             error
         })

@@ -5,7 +5,7 @@ use std::path::Path;
 use tactnet_data::format::{self, SweepsToClassify};
 use tactnet_data::{DataError, DataSource, Dataset, SweepShape};
 
-use crate::{LabelOrder, PipelineError, Remedy, TrainSpec};
+use crate::{LabelOrder, PipelineError, PipelineRemedy, TrainSpec};
 
 impl TrainSpec {
     /// Reads the sweeps for training and test.
@@ -119,7 +119,7 @@ impl TrainSpec {
                 place,
                 "expected the data set of the run, found no file",
             )
-            .with_remedy(Remedy::NameData));
+            .with_remedy(PipelineRemedy::NameData));
         }
         Ok(place)
     }

@@ -8,7 +8,8 @@ use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 
 use crate::{
-    CalibrationTarget, ClassifierConfig, ModelRecipe, PipelineError, Remedy, SplitKind, TrainSpec,
+    CalibrationTarget, ClassifierConfig, ModelRecipe, PipelineError, PipelineRemedy, SplitKind,
+    TrainSpec,
 };
 
 /// `config.json`: everything that is fixed before the first batch.
@@ -83,7 +84,7 @@ impl RunConfig {
                     recipe.name
                 ),
             )
-            .with_remedy(Remedy::TrainNetwork)),
+            .with_remedy(PipelineRemedy::TrainNetwork)),
         }
     }
 

@@ -37,8 +37,8 @@ use manifest::Manifest;
 
 use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    EnrolledMaterial, EpochMetrics, PipelineError, PredictionMethod, Predictions, Provenance,
-    Remedy, RunConfig, RunResult, TrainingState, write_whole,
+    EnrolledMaterial, EpochMetrics, PipelineError, PipelineRemedy, PredictionMethod, Predictions,
+    Provenance, RunConfig, RunResult, TrainingState, write_whole,
 };
 
 const CONFIG: &str = "config.json";
@@ -79,11 +79,11 @@ impl RunDir {
             let ended = run.result().is_ok_and(|result| result.is_some());
             return Err(if ended {
                 run.refused("the folder holds a run already, which has ended")
-                    .with_remedy(Remedy::NameFolder)
+                    .with_remedy(PipelineRemedy::NameFolder)
             } else {
                 let run_dir = run.path.clone();
                 run.refused("the folder holds a run already")
-                    .with_remedy(Remedy::ResumeOrNameFolder { run: run_dir })
+                    .with_remedy(PipelineRemedy::ResumeOrNameFolder { run: run_dir })
             });
         }
         for entry in fs::read_dir(path).map_err(failed)? {
@@ -93,7 +93,7 @@ impl RunDir {
             if !begun {
                 let name = name.to_string_lossy();
                 let error = run.refused(format!("a new run needs an empty folder, found `{name}`"));
-                return Err(error.with_remedy(Remedy::NameFolder));
+                return Err(error.with_remedy(PipelineRemedy::NameFolder));
             }
         }
         run.write_json(SPLIT, split)?;
@@ -125,7 +125,7 @@ impl RunDir {
         let below = runs_below(path);
         let found = format!("no run here (no {CONFIG})");
         Err(match &below[..] {
-            [] => run.refused(found).with_remedy(Remedy::NameRun),
+            [] => run.refused(found).with_remedy(PipelineRemedy::NameRun),
             [one] => run.refused(format!("{found}; name the one below: {one}")),
             [first, ..] => {
                 let count = below.len();
@@ -259,7 +259,7 @@ impl RunDir {
             ));
         }
         self.refused("the run has not ended")
-            .with_remedy(Remedy::Resume {
+            .with_remedy(PipelineRemedy::Resume {
                 run: self.path.clone(),
             })
     }
@@ -339,11 +339,11 @@ impl RunDir {
         }
         match self.checkpoint()? {
             Some((state, _)) => Ok(state.weights),
-            None => Err(self
-                .refused("the run has no weights yet")
-                .with_remedy(Remedy::Resume {
+            None => Err(self.refused("the run has no weights yet").with_remedy(
+                PipelineRemedy::Resume {
                     run: self.path.clone(),
-                })),
+                },
+            )),
         }
     }
 

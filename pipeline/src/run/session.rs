@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use tactnet_data::{
-    DataSource, Dataset, Finding, Fold, SweepView, TrainSplit, ValidationSplit, refuse_errors,
+    DataSource, Dataset, Finding, Fold, TrainSplit, ValidationSplit, refuse_errors,
 };
 
 use super::free_folder::free_folder;
@@ -15,8 +15,9 @@ use super::training_record::{TrainingRecord, train_batches};
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
     Device, ModelConfig, ModelRecipe, NetworkSetup, NoveltyScore, NoveltyScorer, PipelineError,
-    Provenance, Recipe, Remedy, RunConfig, RunDir, RunResult, TrainEmbeddings, TrainJob, TrainSpec,
-    Training, TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
+    PipelineRemedy, Provenance, Recipe, RunConfig, RunDir, RunResult, TrainEmbeddings, TrainJob,
+    TrainSpec, Training, TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run,
+    fit_baseline,
 };
 
 /// Progress of a session.
@@ -216,7 +217,7 @@ impl Session {
                 dataset.sha256()
             );
             let path = Path::new(data.unwrap_or(&config.spec.data));
-            return Err(refused(path, reason).with_remedy(Remedy::NameData));
+            return Err(refused(path, reason).with_remedy(PipelineRemedy::NameData));
         }
         Ok(Self {
             dataset,

@@ -3,7 +3,7 @@
 use tactnet_data::{Dataset, SplitManifest, SweepView};
 
 use crate::predict::overlap::{without_sweeps, without_sweeps_of};
-use crate::{PipelineError, Remedy, RunConfig, RunDir};
+use crate::{PipelineError, PipelineRemedy, RunConfig, RunDir};
 
 /// Sweeps of a data set without the training sweeps of a classifier.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ impl<'a> TestSweeps<'a> {
                     dataset.name()
                 ),
             )
-            .with_remedy(Remedy::EnrollFewerSweeps));
+            .with_remedy(PipelineRemedy::EnrollFewerSweeps));
         }
         Ok(found)
     }

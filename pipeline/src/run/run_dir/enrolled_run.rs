@@ -4,7 +4,9 @@ use std::fs;
 use std::path::Path;
 
 use super::{ENROLLED, ENVIRONMENT, HELD_OUT};
-use crate::{Enrolled, EnrolledMaterial, PipelineError, Provenance, Remedy, RunConfig, RunDir};
+use crate::{
+    Enrolled, EnrolledMaterial, PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir,
+};
 
 /// Prefix of the name of a folder that is still incomplete.
 const DRAFT: &str = ".enrolling-";
@@ -23,9 +25,8 @@ impl RunDir {
     ) -> Result<Self, PipelineError> {
         let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
         if occupied {
-            return Err(
-                PipelineError::run(path, "the folder is not empty").with_remedy(Remedy::NameFolder)
-            );
+            return Err(PipelineError::run(path, "the folder is not empty")
+                .with_remedy(PipelineRemedy::NameFolder));
         }
         let mut name = std::ffi::OsString::from(DRAFT);
         name.push(path.file_name().unwrap_or_default());

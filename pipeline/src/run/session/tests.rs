@@ -157,7 +157,7 @@ fn a_run_names_its_data_from_anywhere_and_says_how_to_name_a_new_place() {
         lost.is_usage() && lost.to_string().contains(&named),
         "{lost}"
     );
-    assert_eq!(lost.remedy(), Some(Remedy::NameData));
+    assert_eq!(lost.pipeline_remedy(), Some(PipelineRemedy::NameData));
     let other = folder.path().join("other.h5");
     let config = TwinConfig {
         materials: 3,
