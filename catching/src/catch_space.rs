@@ -5,7 +5,7 @@
 //! with all closed-form branches. Platform and torso either rest or move as the stack would move them for the true
 //! ball.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Isometry3;
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
 
 use crate::Robot;
@@ -94,15 +94,7 @@ impl CatchSpace {
 
 fn in_frame(flight: &[Flight], frame: &Isometry3<f64>) -> Vec<Flight> {
     let to_frame = frame.inverse();
-    flight
-        .iter()
-        .map(|ball| Flight {
-            p: (to_frame * Point3::from(ball.p)).coords,
-            v: to_frame.rotation * ball.v,
-            k: ball.k,
-            lift: to_frame.rotation * ball.lift,
-        })
-        .collect()
+    flight.iter().map(|ball| ball.in_frame(&to_frame)).collect()
 }
 
 #[cfg(test)]

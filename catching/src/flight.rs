@@ -1,6 +1,7 @@
 //! Flight of a ball with gravity, buoyancy, added mass, drag and lift of its spin: `dv/dt = g - k |v| v + lift x v`.
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Point3, Vector3};
+use tactnet_catching_packets::packets::BallPrediction;
 
 /// Effective gravity with buoyancy and added mass of the ball (8.5 cm, 50 g), in m/s^2: 9.81 x (1 - 0.0077) / (1 +
 /// 0.0039).
@@ -34,6 +35,26 @@ impl Flight {
             v,
             k: DRAG,
             lift: Vector3::zeros(),
+        }
+    }
+
+    /// Returns the flight of a prediction at its time.
+    pub fn of(ball: &BallPrediction) -> Self {
+        Self {
+            p: ball.p.into(),
+            v: ball.v.into(),
+            k: ball.k,
+            lift: ball.lift.into(),
+        }
+    }
+
+    /// Returns the flight in another frame.
+    pub(crate) fn in_frame(&self, to_frame: &Isometry3<f64>) -> Self {
+        Self {
+            p: (to_frame * Point3::from(self.p)).coords,
+            v: to_frame.rotation * self.v,
+            k: self.k,
+            lift: to_frame.rotation * self.lift,
         }
     }
 

@@ -29,4 +29,4 @@ pub use motion::ThrowMotion;
 pub use planner::{NoThrow, ThrowEffort, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower};
 pub use problem::{Aim, THROW_UNKNOWNS, ThrowViolation};
 pub use swing::{Swing, ThrowJoints, throw_joint};
-pub use way::Way;
+pub use way::{Way, WayRequest};

@@ -96,19 +96,23 @@ fn a_calibration_that_cannot_be_used_is_one_line_before_anything_starts() {
         (
             &write("half.toml", &kept[..kept.len() / 2]),
             &described,
-            "half.toml: no calibration",
+            "half.toml: invalid calibration file",
         ),
         (
             &write("empty.toml", b""),
             &described,
-            "empty.toml: no calibration",
+            "empty.toml: invalid calibration file",
         ),
         (
             &write("picture.png", &[0x89, b'P', 0xff, 0, 7]),
             &described,
             "picture.png: no calibration",
         ),
-        (&described, &described, "described.toml: no calibration"),
+        (
+            &described,
+            &described,
+            "described.toml: invalid calibration file",
+        ),
         (&place.path().join("none.toml"), &described, "none.toml"),
         (&good, &other, "calibration of another robot"),
     ] {

@@ -181,7 +181,7 @@ impl RobotDescription {
 
     /// Returns the nominal robot of the simulation. `robot.toml` states the sources of its numbers.
     pub fn nominal() -> Self {
-        Self::parse(NOMINAL).expect("the description in the sources is right")
+        Self::parse(NOMINAL).expect("the built-in description is valid")
     }
 
     /// Returns the text of [`RobotDescription::nominal`] as a template for other robots.
@@ -237,7 +237,7 @@ impl Joint {
         if !(low.is_finite() && high.is_finite() && low < high) {
             return Err(DescriptionError::Value {
                 setting: format!("{name}.range"),
-                expected: "[least, greatest]",
+                expected: "[lowest, highest]",
                 found: format!("[{low}, {high}]"),
             });
         }
@@ -259,7 +259,7 @@ impl Link {
         if a > b + c || b > a + c || c > a + b {
             return Err(DescriptionError::Value {
                 setting: format!("{name}.inertia"),
-                expected: "moments of which none is greater than the sum of the others",
+                expected: "moments that satisfy the triangle inequality",
                 found: format!("[{a}, {b}, {c}]"),
             });
         }
@@ -305,7 +305,7 @@ impl Cameras {
             if !(0.5..2.0).contains(&stretch) {
                 return Err(DescriptionError::Value {
                     setting: "cameras.distortion".into(),
-                    expected: "a lens that stretches no part of the picture to less than half or more than twice",
+                    expected: "a lens that scales the picture locally by 0.5 to 2",
                     found: format!("{:?}", self.distortion),
                 });
             }
@@ -354,7 +354,7 @@ fn finite(setting: &str, value: f64) -> Result<(), DescriptionError> {
     }
     Err(DescriptionError::Value {
         setting: setting.into(),
-        expected: "a number",
+        expected: "a finite number",
         found: value.to_string(),
     })
 }

@@ -29,12 +29,17 @@
 //! | [`CalibrationState`] | calibration monitor | on change and at 2 Hz |
 
 mod calibration;
+mod control;
 mod motions;
 mod throws;
 
-use tactnet_packet::{Described, Description, choices, packets};
+use tactnet_packet::{Described, Description, packets};
 
 pub use calibration::{CalibrationHold, CalibrationState, MarkerFeature, MarkerFeatures};
+pub use control::{
+    CatchPhase, CatchStatus, ControllerCommand, ControllerMode, ControllerOrder, ControllerState,
+    SafetyState,
+};
 pub use motions::{
     ArmPath, BodyPath, FlightPacket, PlanFailure, PlanObjective, PlanRequest, PlanResult,
     RampPacket,
@@ -232,93 +237,6 @@ packets! {
         pub flights: [FlightPacket; MAX_BALLS],
     }
 
-    /// Order to the controller.
-    #[derive(PartialEq)]
-    #[version(1)]
-    pub struct ControllerCommand {
-        /// Time of the command, in ns.
-        #[recorded(1)]
-        pub command_ns: u64,
-        /// A [`ControllerOrder`].
-        #[recorded(2)]
-        pub command: u64,
-        /// Reason, as text padded with zeros.
-        #[recorded(3)]
-        pub reason: Text<64>,
-    }
-
-    /// State of the controller and the paths that it executes.
-    #[derive(PartialEq)]
-    #[version(1)]
-    pub struct ControllerState {
-        /// Time, in ns.
-        #[recorded(1)]
-        pub t_ns: u64,
-        /// A [`ControllerMode`].
-        #[recorded(2)]
-        pub mode: u64,
-        /// Number of rejected paths since the start.
-        #[recorded(3)]
-        pub refused: u64,
-        /// Number of control cycles since the start.
-        #[recorded(4)]
-        pub beats: u64,
-        /// Longest time from the start of a control cycle to its command since the previous packet, in ns.
-        #[recorded(5)]
-        pub loop_ns: u64,
-        /// Reason for the current mode.
-        #[recorded(6)]
-        pub reason: Text<64>,
-        /// Paths of the arms: left, right. `start_ns` is 0 for an arm at rest.
-        #[recorded(7)]
-        pub paths: [ArmPath; 2],
-    }
-
-    /// Result of the self-collision check of one command.
-    #[derive(PartialEq)]
-    #[version(1)]
-    pub struct SafetyState {
-        /// Command number.
-        #[recorded(1)]
-        pub number: u64,
-        /// Time of the command, in ns.
-        #[recorded(2)]
-        pub command_ns: u64,
-        /// Smallest lower bound of any distance during the braking motion, in m.
-        #[recorded(3)]
-        pub bound: f64,
-        /// Computing time of the check, in ns.
-        #[recorded(4)]
-        pub computing_ns: u64,
-        /// Index of the pair of bodies with the smallest bound.
-        #[recorded(5)]
-        pub pair: u32,
-        /// 1 if the motion is safe, otherwise 0.
-        #[recorded(6)]
-        pub go: u32,
-    }
-
-    /// Phase of the catch and its reason.
-    #[derive(PartialEq)]
-    #[version(1)]
-    pub struct CatchStatus {
-        /// Time, in ns.
-        #[recorded(1)]
-        pub t_ns: u64,
-        /// A [`CatchPhase`].
-        #[recorded(2)]
-        pub phase: u64,
-        /// Start of the phase, in ns.
-        #[recorded(3)]
-        pub since_ns: u64,
-        /// Number of failed plans since the start.
-        #[recorded(4)]
-        pub no_plans: u64,
-        /// Reason for the phase.
-        #[recorded(5)]
-        pub reason: Text<64>,
-    }
-
     /// Outcome of a throw.
     #[derive(PartialEq)]
     #[version(2)]
@@ -424,77 +342,6 @@ packets! {
     }
 }
 
-choices! {
-    /// Order to the controller.
-    pub enum ControllerOrder {
-        /// Brake all joints.
-        Brake = 1,
-        /// Return to the waiting pose.
-        GoBack = 2,
-    }
-
-    /// Mode of the controller.
-    pub enum ControllerMode {
-        /// Rests in the waiting pose and accepts paths.
-        Ready = 1,
-        /// Executes paths.
-        Following = 2,
-        /// Brakes.
-        Braking = 3,
-        /// Rests outside the waiting pose and accepts no paths.
-        Standing = 4,
-        /// Returns to the waiting pose.
-        GoingBack = 5,
-        /// Rests, because no collision-free way back was found.
-        Stuck = 6,
-        /// Executes a throw.
-        Throwing = 7,
-    }
-
-    /// Phase of the coordinator.
-    pub enum CatchPhase {
-        /// At least one process has not reported yet.
-        Starting = 1,
-        /// Waits for a ball.
-        Armed = 2,
-        /// A ball is valid, but no catch is planned.
-        Tracking = 3,
-        /// At least one arm executes a catch motion.
-        Reaching = 4,
-        /// The hands have received their last closing time.
-        Closed = 5,
-        /// Returns to the waiting pose.
-        GoingBack = 6,
-        /// Brakes or rests after braking.
-        Braking = 7,
-        /// No collision-free way back was found.
-        Stuck = 8,
-        /// Throws a ball back.
-        Throwing = 9,
-    }
-}
-
-impl ControllerCommand {
-    /// Returns the order, or `None` for an unknown number.
-    pub fn order(&self) -> Option<ControllerOrder> {
-        ControllerOrder::of(u32::try_from(self.command).ok()?)
-    }
-}
-
-impl ControllerState {
-    /// Returns the controller's mode, or `None` for an unknown number.
-    pub fn mode(&self) -> Option<ControllerMode> {
-        ControllerMode::of(u32::try_from(self.mode).ok()?)
-    }
-}
-
-impl CatchStatus {
-    /// Returns the phase, or `None` for an unknown number.
-    pub fn phase(&self) -> Option<CatchPhase> {
-        CatchPhase::of(u32::try_from(self.phase).ok()?)
-    }
-}
-
 impl Circles {
     /// Returns the valid circles.
     pub fn valid(&self) -> &[Circle] {
@@ -565,59 +412,4 @@ pub const DESCRIPTION: Description = Description {
 };
 
 #[cfg(test)]
-mod tests {
-    use bytemuck::Zeroable;
-    use tactnet_packet::FieldType;
-
-    use super::*;
-
-    #[test]
-    fn sizes_are_as_documented() {
-        assert_eq!(size_of::<ArmPath>(), 376);
-        assert_eq!(size_of::<BodyPath>(), 104);
-        assert_eq!(size_of::<Gaze>(), 184);
-        assert_eq!(size_of::<PlanRequest>(), 696);
-        assert_eq!(size_of::<ControllerCommand>(), 80);
-        assert_eq!(size_of::<SafetyState>(), 40);
-        assert_eq!(size_of::<CatchStatus>(), 96);
-        assert_eq!(size_of::<CatchOutcome>(), 200);
-        assert_eq!(size_of::<JointState>(), 496);
-    }
-
-    #[test]
-    fn modes_and_phases_that_are_none_are_refused() {
-        let state = |mode| ControllerState {
-            mode,
-            ..ControllerState::zeroed()
-        };
-        assert_eq!(state(6).mode(), Some(ControllerMode::Stuck));
-        assert_eq!((state(0).mode(), state(1 << 32 | 1).mode()), (None, None));
-        let status = CatchStatus {
-            phase: 8,
-            ..CatchStatus::zeroed()
-        };
-        assert_eq!(status.phase(), Some(CatchPhase::Stuck));
-    }
-
-    /// A duplicate field number would lose a field in recordings. Nested packets must precede the packets that contain
-    /// them.
-    #[test]
-    fn the_description_is_in_order() {
-        let mut before: Vec<&str> = Vec::new();
-        for layout in DESCRIPTION.packets {
-            let mut numbers: Vec<u32> = layout.recorded().iter().map(|of| of.0).collect();
-            numbers.dedup();
-            assert_eq!(numbers.len(), layout.recorded().len(), "{}", layout.name);
-            for field in layout.fields {
-                let mut kind = field.kind;
-                while let FieldType::Array(of, _) = kind {
-                    kind = *of;
-                }
-                if let FieldType::Packet(part) = kind {
-                    assert!(before.contains(&part.name), "{}", part.name);
-                }
-            }
-            before.push(layout.name);
-        }
-    }
-}
+mod tests;

@@ -155,7 +155,7 @@ mod tests {
         let another = another.corrections().unwrap_err();
         for (error, named) in [
             (missing, "/nowhere/calibration.toml"),
-            (another, "no calibration"),
+            (another, "invalid calibration file"),
         ] {
             let said = error.to_string();
             assert!(error.is_usage() && said.contains(named), "{said}");

@@ -170,7 +170,7 @@ pub fn choose(
             let best = (0..candidates.len())
                 .filter(|i| left[candidates[*i].arm] > 0 && !chosen.numbers.contains(i))
                 .max_by(|a, b| bounds[*a].total_cmp(&bounds[*b]))
-                .expect("as many candidates as are taken");
+                .expect("enough candidates of each arm were checked above");
             if fresh[best] {
                 break best;
             }
@@ -207,7 +207,7 @@ fn lower_factor(known: &DMatrix<f64>) -> DMatrix<f64> {
     known
         .clone()
         .cholesky()
-        .expect("the identity and squares are positive definite")
+        .expect("the identity plus squares is positive definite")
         .unpack()
 }
 

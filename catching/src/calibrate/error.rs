@@ -45,7 +45,7 @@ pub enum CalibrationError {
     },
     /// Left and right pictures are swapped.
     #[error(
-        "the cameras are exchanged: expected markers farther right in the left picture than in the right one, found them {found:.0} pixels farther left"
+        "the cameras are exchanged: expected a positive disparity of the markers, found -{found:.0} pixels"
     )]
     Exchanged {
         /// Median disparity with the wrong sign, in pixels.
@@ -60,14 +60,14 @@ pub enum CalibrationError {
         found: f64,
     },
     /// The solver did not converge.
-    #[error("no minimum after {iterations} iterations")]
+    #[error("no convergence after {iterations} iterations")]
     NoMinimum {
         /// Number of iterations.
         iterations: usize,
     },
     /// The model does not fit the session.
     #[error(
-        "the best fit leaves {found:.2} times the noise of features, expected at most {expected:.2}: something is not as the model says"
+        "expected a median residual of at most {expected:.2} times the feature noise, found {found:.2}: the model does not fit the session"
     )]
     Fit {
         /// Median residual norm, relative to the noise.
@@ -77,7 +77,7 @@ pub enum CalibrationError {
     },
     /// An estimated parameter is implausible.
     #[error(
-        "{unknown}: found {found:.4}, {sigmas:.0} standard deviations from what is plausible, expected at most {expected:.0}"
+        "{unknown}: found {found:.4}, which is {sigmas:.0} standard deviations from its prior, expected at most {expected:.0}"
     )]
     Implausible {
         /// Name of the unknown.

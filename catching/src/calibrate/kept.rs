@@ -16,9 +16,7 @@ const TRIANGLE: usize = UNKNOWNS * (UNKNOWNS + 1) / 2;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum KeptError {
     /// Invalid TOML, or a missing, unknown or mistyped setting.
-    #[error(
-        "no calibration, or not a whole one: line {line}: {reason}; `tactnet catch calibrate --out FILE` writes one"
-    )]
+    #[error("invalid calibration file, line {line}: {reason}")]
     Syntax {
         /// Line number, from 1.
         line: usize,
@@ -44,7 +42,7 @@ pub enum KeptError {
     },
     /// The calibration belongs to another robot.
     #[error(
-        "a calibration of another robot: expected one of {expected}, which is described, found one of {found}; `tactnet catch calibrate` finds this one's"
+        "calibration of another robot: expected robot {expected} (the described one), found {found}; this robot needs its own calibration"
     )]
     OtherRobot {
         /// Identity of the described robot.
@@ -212,7 +210,10 @@ mod tests {
             (half.into(), "line "),
             (String::new(), "`robot`"),
             ("bus = \"robot\"\n[channels]\n".into(), "bus"),
-            (good.replace(of, "0123456789abcdef"), "of another robot"),
+            (
+                good.replace(of, "0123456789abcdef"),
+                "calibration of another robot",
+            ),
             (
                 good.replacen("covariance = [", "covariance = [1.0, ", 1),
                 "found 3161 numbers",

@@ -1,6 +1,6 @@
 //! Gates: regions of the next picture in which balls are expected.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use tactnet_catching_packets::Cameras;
 use tactnet_catching_packets::packets::{BallPredictions, HeadPose};
 
@@ -42,14 +42,8 @@ pub fn gates(
     balls.into_iter().filter_map(move |ball| {
         let head = head.as_ref()?;
         let view = View::new(*pair.get(camera)?, head);
-        let flight = Flight {
-            p: Vector3::from(ball.p),
-            v: Vector3::from(ball.v),
-            k: ball.k,
-            lift: Vector3::from(ball.lift),
-        };
         let dt = (pose.t_ns as f64 - ball.t_ns as f64) * 1e-9;
-        let flight = flight.after(dt);
+        let flight = Flight::of(&ball).after(dt);
         let circle = view.see(&flight.p)?;
         let variance = Matrix3::from_fn(|i, j| {
             let c = &ball.covariance;

@@ -9,21 +9,46 @@ use super::votes::Peak;
 const RAYS: usize = 48;
 /// Maximum number of samples per ray.
 const MOST_SAMPLES: usize = 64;
-/// Search range around the circle in each pass, as a fraction of the radius and as a minimum in pixels.
-const REACH: [(f64, f64); 3] = [(0.35, 3.5), (0.2, 2.5), (0.12, 2.0)];
+/// Length as a fraction of a circle's radius, with a minimum.
+#[derive(Debug, Clone, Copy)]
+struct Length {
+    /// Fraction of the radius.
+    share: f64,
+    /// Minimum, in pixels.
+    least: f64,
+}
+
+impl Length {
+    const fn new(share: f64, least: f64) -> Self {
+        Self { share, least }
+    }
+
+    /// Returns the length for a radius, in pixels.
+    fn at(self, r: f64) -> f64 {
+        (self.share * r).max(self.least)
+    }
+}
+
+/// Search range around the circle in each pass.
+const REACH: [Length; 3] = [
+    Length::new(0.35, 3.5),
+    Length::new(0.2, 2.5),
+    Length::new(0.12, 2.0),
+];
 /// Scale of the Cauchy weights: a constant in pixels plus a fraction of the radius.
-const SCALE: (f64, f64) = (0.5, 0.01);
-/// Band around a circle in which its edges must be the strongest, as a fraction of the radius and as a minimum in
-/// pixels.
-const BAND: (f64, f64) = (0.4, 4.0);
-/// Maximum distance of an edge from the circle, as a fraction of the radius and as a minimum in pixels.
-const TOLERANCE: (f64, f64) = (0.05, 0.9);
-/// Check after the first pass: maximum distance as in [`TOLERANCE`], then the required fraction of the final share of
-/// rays.
-const FIRST: (f64, f64, f64) = (0.1, 1.2, 0.6);
-/// Refinement at twice the resolution: search range as a fraction of the radius and as a minimum in pixels, then the
-/// minimum share of rays whose edge lies on the circle.
-const POLISH: (f64, f64, f64) = (0.1, 2.5, 0.4);
+const SCALE: [f64; 2] = [0.5, 0.01];
+/// Band around a circle in which its edges must be the strongest.
+const BAND: Length = Length::new(0.4, 4.0);
+/// Maximum distance of an edge from the circle.
+const TOLERANCE: Length = Length::new(0.05, 0.9);
+/// Maximum distance of an edge from the circle after the first pass.
+const FIRST_TOLERANCE: Length = Length::new(0.1, 1.2);
+/// Share of rays on the circle after the first pass, relative to the share required at the end.
+const FIRST_SHARE: f64 = 0.6;
+/// Search range around a known circle at twice the resolution.
+const POLISH_REACH: Length = Length::new(0.1, 2.5);
+/// Minimum share of rays on a known circle at twice the resolution.
+const POLISH_SHARE: f64 = 0.4;
 /// Minimum distance between samples on a ray in the first and in later passes, in pixels.
 const FINEST: [f64; 2] = [0.75, 0.5];
 /// Brightness difference at which an edge has weight 0.5, in grey levels.
@@ -64,8 +89,8 @@ pub(super) fn refined(
 ) -> Option<Circle> {
     let (mut u, mut v, mut r) = (peak.u, peak.v, peak.r);
     let mut edges = [Edge::default(); RAYS];
-    for (pass, (share, least)) in REACH.into_iter().enumerate() {
-        let reach = (share * r).max(least);
+    for (pass, reach) in REACH.into_iter().enumerate() {
+        let reach = reach.at(r);
         let margin = r + reach + 2.0;
         let inside = |x: f64, size: usize| x - margin >= 0.0 && x + margin < size as f64;
         if !(inside(u, size[0]) && inside(v, size[1]) && r > 2.0) {
@@ -86,32 +111,49 @@ pub(super) fn refined(
                 FINEST[pass.min(1)],
             );
         }
-        let scale = SCALE.0 + SCALE.1 * r;
+        let scale = SCALE[0] + SCALE[1] * r;
         let step = fitted(rays, r, scale)?;
         if step.xy().norm().max(step.z.abs()) > 1.5 * reach {
             return None;
         }
         if pass == 0 {
-            let tolerance = (FIRST.0 * r).max(FIRST.1);
+            let tolerance = FIRST_TOLERANCE.at(r);
             let on_circle: f64 = rays
                 .iter()
                 .filter(|edge| edge.residual(r, &step).abs() < tolerance)
                 .map(|edge| edge.weight)
                 .sum();
-            if on_circle < FIRST.2 * inliers * rays.len() as f64 {
+            if on_circle < FIRST_SHARE * inliers * rays.len() as f64 {
                 return None;
             }
         }
         (u, v, r) = (u + step.x, v + step.y, r + step.z);
     }
-    // Search again in a wider band. Edges of texture lie anywhere in it, edges of a circle lie on the circle.
-    let reach = (BAND.0 * r).max(BAND.1);
+    let share = share_in_band(directions, pixels, size, [u, v], r)?;
+    (share >= inliers).then_some(Circle {
+        u,
+        v,
+        r,
+        response: (0.25 * peak.response + 0.75 * share).min(1.0),
+    })
+}
+
+/// Returns the share of rays whose strongest edge in a wider band lies on the circle, or `None` beyond the picture.
+/// Edges of texture lie anywhere in the band, edges of a circle lie on the circle.
+fn share_in_band(
+    directions: &Rays,
+    pixels: &[u8],
+    size: [usize; 2],
+    [u, v]: [f64; 2],
+    r: f64,
+) -> Option<f64> {
+    let reach = BAND.at(r);
     let margin = r + reach + 2.0;
     let inside = |x: f64, size: usize| x - margin >= 0.0 && x + margin < size as f64;
     if !(inside(u, size[0]) && inside(v, size[1])) {
         return None;
     }
-    let tolerance = (TOLERANCE.0 * r).max(TOLERANCE.1);
+    let tolerance = TOLERANCE.at(r);
     let mut on_circle = 0.0;
     for ray in directions.0 {
         let edge = edge_on_ray(
@@ -127,13 +169,7 @@ pub(super) fn refined(
             on_circle += edge.weight;
         }
     }
-    let share = on_circle / RAYS as f64;
-    (share >= inliers).then_some(Circle {
-        u,
-        v,
-        r,
-        response: (0.25 * peak.response + 0.75 * share).min(1.0),
-    })
+    Some(on_circle / RAYS as f64)
 }
 
 /// Refines a known circle at a higher resolution. Returns `None` if it is not visible there or is a different one.
@@ -149,7 +185,7 @@ pub(super) fn polished(
         mut r,
         response,
     } = *circle;
-    let reach = (POLISH.0 * r).max(POLISH.1);
+    let reach = POLISH_REACH.at(r);
     let mut edges = [Edge::default(); RAYS];
     for _ in 0..2 {
         let margin = r + reach + 2.0;
@@ -160,19 +196,19 @@ pub(super) fn polished(
         for (edge, ray) in edges.iter_mut().zip(directions.0) {
             *edge = edge_on_ray(pixels, size[0], [u, v], ray, r, [reach, reach], FINEST[1]);
         }
-        let step = fitted(&edges, r, SCALE.0 + SCALE.1 * r)?;
+        let step = fitted(&edges, r, SCALE[0] + SCALE[1] * r)?;
         if step.xy().norm().max(step.z.abs()) > reach {
             return None;
         }
         (u, v, r) = (u + step.x, v + step.y, r + step.z);
     }
-    let tolerance = (TOLERANCE.0 * r).max(TOLERANCE.1);
+    let tolerance = TOLERANCE.at(r);
     let on_circle: f64 = edges
         .iter()
         .filter(|edge| edge.residual(r, &Vector3::zeros()).abs() < tolerance)
         .map(|edge| edge.weight)
         .sum();
-    (on_circle >= POLISH.2 * RAYS as f64).then_some(Circle { u, v, r, response })
+    (on_circle >= POLISH_SHARE * RAYS as f64).then_some(Circle { u, v, r, response })
 }
 
 impl Edge {

@@ -28,16 +28,16 @@ const THERE: f64 = 2e-3;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PathError {
     /// The robot brakes, returns or rests outside the waiting pose.
-    #[error("a path while the robot does not follow any")]
+    #[error("a path in a mode that accepts none")]
     NotFollowing,
     /// The robot is not in the waiting pose.
-    #[error("a throw while the robot does not stand where it waits")]
+    #[error("a throw outside the waiting pose")]
     NotReady,
     /// The arm index is out of range.
-    #[error("a path of no arm")]
+    #[error("a path for an unknown arm")]
     Arm,
     /// A value is not finite.
-    #[error("a path with numbers that are not finite")]
+    #[error("a path with values that are not finite")]
     NotFinite,
     /// The start is in the past or too far in the future.
     #[error("a path that came {late_us} us late")]
@@ -46,10 +46,10 @@ pub enum PathError {
         late_us: i64,
     },
     /// Another path with an earlier start is still waiting.
-    #[error("a path behind one that has not begun yet")]
+    #[error("a path behind one that has not started")]
     Waiting,
     /// Approach, swing and release of a throw are out of order.
-    #[error("a throw whose way, swing and release are not in order")]
+    #[error("a throw with approach, swing and release out of order")]
     Order,
     /// The path does not continue the current motion.
     #[error("a path that jumps at joint {joint}")]
@@ -107,13 +107,13 @@ impl Controller {
             std::array::from_fn(within)
         };
         let (mode, why) = if is_there {
-            (ControllerMode::Ready, "started where the robot waits")
+            (ControllerMode::Ready, "started in the waiting pose")
         } else if trail.straight(&q, robot.joints(), &bodies) {
-            (ControllerMode::Standing, "started elsewhere")
+            (ControllerMode::Standing, "started outside the waiting pose")
         } else {
             (
                 ControllerMode::Stuck,
-                "started elsewhere, and the straight way is not free",
+                "started outside the waiting pose, and the way back is blocked",
             )
         };
         Self {
@@ -170,7 +170,7 @@ impl Controller {
             Ok(arm) => {
                 self.next[arm] = Some(*path);
                 self.mode = ControllerMode::Following;
-                self.why = Text::new("a path");
+                self.why = Text::new("path accepted");
             }
             Err(error) => {
                 self.refused += 1;
@@ -194,7 +194,7 @@ impl Controller {
             Ok(throwing) => {
                 self.throwing = Some(throwing);
                 self.mode = ControllerMode::Throwing;
-                self.why = Text::new("a throw");
+                self.why = Text::new("throw accepted");
             }
             Err(error) => {
                 self.refused += 1;
@@ -339,12 +339,14 @@ impl Controller {
         let moves = self.dq.iter().any(|dq| dq.abs() > SAME_SPEED);
         match self.mode {
             ControllerMode::Ready => {}
-            ControllerMode::Following if moves => self.brake("still moved when it was to go back"),
+            ControllerMode::Following if moves => {
+                self.brake("was still moving when ordered to go back")
+            }
             ControllerMode::Following | ControllerMode::Standing => {
                 self.next = [None; ARMS];
                 self.trail.turn_round();
                 self.mode = ControllerMode::GoingBack;
-                self.why = Text::new("told to go back");
+                self.why = Text::new("ordered to go back");
             }
             ControllerMode::Braking
             | ControllerMode::GoingBack
@@ -375,7 +377,7 @@ impl Controller {
                 if there {
                     self.stand();
                     self.mode = ControllerMode::Ready;
-                    self.why = Text::new("is back");
+                    self.why = Text::new("returned to the waiting pose");
                 }
                 return (&self.q, &self.dq);
             }
@@ -383,7 +385,7 @@ impl Controller {
             ControllerMode::Standing | ControllerMode::Stuck => self.dq = [0.0; JOINTS],
         }
         if !self.trail.push(&self.q) {
-            self.brake("moved for longer than the way back is kept");
+            self.brake("the trail for the way back is full");
         }
         (&self.q, &self.dq)
     }

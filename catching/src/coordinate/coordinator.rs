@@ -1,6 +1,6 @@
 //! The coordinator: state machine, requests to the planner, commands to joints and hands.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::packets::{BallPrediction, BallPredictions, HandCommand, MAX_BALLS};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
@@ -263,20 +263,14 @@ impl Coordinator {
         let start_ns = now_ns + (self.config.plan_delay * 1e9) as u64;
         let mut looked = [None; MAX_BALLS];
         for (place, ball) in looked.iter_mut().zip(predictions.valid()) {
-            *place = Some((ball.t_ns, flight(ball)));
+            *place = Some((ball.t_ns, Flight::of(ball)));
         }
         self.neck.look_at(now_ns, looked);
         if self.state == CatchState::Armed {
             self.state = CatchState::Tracking;
             // With two balls only the arms move.
             if self.config.lower_body && predictions.count == 1 {
-                let seen = in_frame(&flight_at(first, now_ns), &(chest.inverse()));
-                let wanted =
-                    BodyMotion::towards(&self.robot, &q_now, &FlightPath::new(seen), now_ns);
-                self.body = match &self.room {
-                    None => wanted,
-                    Some(room) => room.within(&self.robot, &self.ready, &deviation, &wanted),
-                };
+                self.body = self.body_towards(now_ns, first, chest);
             }
         }
         // Chest pose at the end of the body's motion.
@@ -289,56 +283,87 @@ impl Coordinator {
         }
         let mut count = 0;
         for ball in predictions.valid().iter().filter(valid) {
-            let holder = self
-                .reaching
-                .iter()
-                .position(|r| r.is_some_and(|r| r.ball == ball.ball));
-            if holder.is_some() && !self.config.replan {
-                continue;
-            }
             for arm in (0..ARMS).filter(|&arm| arms[arm]) {
-                // The controller rejects a path behind one that has not started yet.
-                if self.arms[arm].start_ns > now_ns + ANSWER_NS {
+                if !self.may_request(ball.ball, arm, now_ns) {
                     continue;
                 }
-                // Each ball and each arm keeps its assignment.
-                let mine = holder == Some(arm);
-                if !mine && (holder.is_some() || self.reaching[arm].is_some()) {
-                    continue;
-                }
-                let left = self.reaching[arm].map(|r| (r.catch_ns as f64 - start_ns as f64) * 1e-9);
-                if left.is_some_and(|left| left < self.config.last_correction) {
-                    continue;
-                }
-                let motion = &self.arms[arm];
-                let elapsed = (start_ns as f64 - motion.start_ns as f64) * 1e-9;
-                let state: [(f64, f64); ARM_JOINTS] =
-                    std::array::from_fn(|i| motion.ramps[i].at(elapsed));
-                requests[count] = Some(PlanRequest {
-                    ball: ball.ball,
-                    arm,
-                    start_ns,
-                    last: self.reaching[arm]
-                        .zip(left)
-                        .map(|(reaching, left)| CatchPoint {
-                            q: reaching.q,
-                            t: left,
-                        }),
-                    catch: CatchRequest {
-                        ball: in_frame(&flight_at(ball, start_ns), &to_chest),
-                        q0: state.map(|(q, _)| q),
-                        w0: state.map(|(_, w)| w),
-                        earliest: (end_ns - start_ns) as f64 * 1e-9,
-                        latest: 1.8,
-                        objective: self.config.objective,
-                        other: Some(self.meanwhile(arm, start_ns)),
-                    },
-                });
-                count += 1;
+                requests[count] = self.request(ball, arm, start_ns, &to_chest);
+                count += usize::from(requests[count].is_some());
             }
         }
         self.pending = count > 0;
         requests
+    }
+
+    /// Returns the motion of platform and torso towards a ball, as far as the free space allows.
+    fn body_towards(
+        &self,
+        now_ns: u64,
+        ball: &BallPrediction,
+        chest: &Isometry3<f64>,
+    ) -> BodyMotion {
+        let (q_now, _) = self.command(now_ns);
+        let seen = flight_at(ball, now_ns).in_frame(&chest.inverse());
+        let wanted = BodyMotion::towards(&self.robot, &q_now, &FlightPath::new(seen), now_ns);
+        match &self.room {
+            None => wanted,
+            Some(room) => room.within(&self.robot, &self.ready, &self.deviation, &wanted),
+        }
+    }
+
+    /// Returns the request of a plan that starts at `start_ns`, or `None` too close to the catch.
+    fn request(
+        &self,
+        ball: &BallPrediction,
+        arm: usize,
+        start_ns: u64,
+        to_chest: &Isometry3<f64>,
+    ) -> Option<PlanRequest> {
+        let left = self.reaching[arm].map(|r| (r.catch_ns as f64 - start_ns as f64) * 1e-9);
+        if left.is_some_and(|left| left < self.config.last_correction) {
+            return None;
+        }
+        let end_ns = self.body.end_ns().max(start_ns);
+        let motion = &self.arms[arm];
+        let elapsed = (start_ns as f64 - motion.start_ns as f64) * 1e-9;
+        let state: [(f64, f64); ARM_JOINTS] = std::array::from_fn(|i| motion.ramps[i].at(elapsed));
+        Some(PlanRequest {
+            ball: ball.ball,
+            arm,
+            start_ns,
+            last: self.reaching[arm]
+                .zip(left)
+                .map(|(reaching, left)| CatchPoint {
+                    q: reaching.q,
+                    t: left,
+                }),
+            catch: CatchRequest {
+                ball: flight_at(ball, start_ns).in_frame(to_chest),
+                q0: state.map(|(q, _)| q),
+                w0: state.map(|(_, w)| w),
+                earliest: (end_ns - start_ns) as f64 * 1e-9,
+                latest: 1.8,
+                objective: self.config.objective,
+                other: Some(self.meanwhile(arm, start_ns)),
+            },
+        })
+    }
+
+    /// Returns true if a new plan of an arm for a ball is permitted now.
+    fn may_request(&self, ball: u64, arm: usize, now_ns: u64) -> bool {
+        let holder = self
+            .reaching
+            .iter()
+            .position(|r| r.is_some_and(|r| r.ball == ball));
+        if holder.is_some() && !self.config.replan {
+            return false;
+        }
+        // The controller rejects a path behind one that has not started yet.
+        if self.arms[arm].start_ns > now_ns + ANSWER_NS {
+            return false;
+        }
+        // Each ball and each arm keeps its assignment.
+        holder == Some(arm) || (holder.is_none() && self.reaching[arm].is_none())
     }
 
     /// Returns the planned motion of the other arm from `start_ns` on.
@@ -456,7 +481,7 @@ impl Coordinator {
             }
             let pose = self.robot.arm(arm).forward(&reaching.q);
             let axis: Vector3<f64> = pose.rotation.column(2).into_owned();
-            let planned = in_frame(&flight_at(ball, hand.catch_ns), to_chest);
+            let planned = flight_at(ball, hand.catch_ns).in_frame(to_chest);
             // Newton's method; the ball's speed is almost constant over some milliseconds.
             let mut shift = 0.0;
             for _ in 0..3 {
@@ -475,26 +500,8 @@ impl Coordinator {
     }
 }
 
-fn flight(ball: &BallPrediction) -> Flight {
-    Flight {
-        p: Vector3::from(ball.p),
-        v: Vector3::from(ball.v),
-        k: ball.k,
-        lift: ball.lift.into(),
-    }
-}
-
 fn flight_at(ball: &BallPrediction, t_ns: u64) -> Flight {
-    flight(ball).after((t_ns as f64 - ball.t_ns as f64) * 1e-9)
-}
-
-fn in_frame(flight: &Flight, to_frame: &Isometry3<f64>) -> Flight {
-    Flight {
-        p: (to_frame * Point3::from(flight.p)).coords,
-        v: to_frame.rotation * flight.v,
-        k: flight.k,
-        lift: to_frame.rotation * flight.lift,
-    }
+    Flight::of(ball).after((t_ns as f64 - ball.t_ns as f64) * 1e-9)
 }
 
 #[cfg(test)]

@@ -24,9 +24,7 @@ pub enum MapError {
         height: usize,
     },
     /// A depth is invalid.
-    #[error(
-        "pixel {pixel} of the depth picture is {found} m, expected a number that is 0 (nothing measured) or greater"
-    )]
+    #[error("pixel {pixel} of the depth picture is {found} m, expected 0 (not measured) or more")]
     Depth {
         /// Index of the pixel, row by row from the top left.
         pixel: usize,
@@ -34,9 +32,9 @@ pub enum MapError {
         found: f32,
     },
     /// The picture has no measured pixel.
-    #[error("the depth picture has no measured pixel: is the camera covered?")]
+    #[error("the depth picture has no measured pixel: check that the camera is not covered")]
     Blind,
     /// The head pose is not finite.
-    #[error("the head's pose has numbers that are not finite")]
+    #[error("the head pose has values that are not finite")]
     Pose,
 }

@@ -182,7 +182,9 @@ impl StillSpheres {
             }
         }
         Self {
-            spheres: spheres.try_into().expect("as many spheres as were counted"),
+            spheres: spheres
+                .try_into()
+                .expect("STILL_SPHERES spheres were added"),
         }
     }
 }

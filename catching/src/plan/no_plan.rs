@@ -13,10 +13,10 @@ pub enum NoPlan {
     #[error("no catch within ranges, speeds and accelerations")]
     NoCatch,
     /// All catches that were found come too close to obstacles of the map.
-    #[error("obstacles are in the way of every catch that was found")]
+    #[error("obstacles block all catches that were found")]
     Obstructed,
     /// The time limit expired before a catch was found.
-    #[error("time was up")]
+    #[error("the time limit expired before a catch was found")]
     OutOfTime,
 }
 
@@ -24,10 +24,10 @@ pub enum NoPlan {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RequestError {
     /// A value is not finite.
-    #[error("the request has numbers that are not finite")]
+    #[error("the request has values that are not finite")]
     NotFinite,
     /// A joint starts outside its range.
-    #[error("joint {joint} begins at {found}, outside its range")]
+    #[error("joint {joint} starts at {found} rad, outside its range")]
     Range {
         /// Index of the joint.
         joint: usize,
@@ -35,7 +35,7 @@ pub enum RequestError {
         found: f64,
     },
     /// A joint starts above its maximum speed.
-    #[error("joint {joint} begins with {found} rad/s, faster than it may be")]
+    #[error("joint {joint} starts at {found} rad/s, above its maximum speed")]
     Speed {
         /// Index of the joint.
         joint: usize,
@@ -43,9 +43,7 @@ pub enum RequestError {
         found: f64,
     },
     /// The catch times are out of range.
-    #[error(
-        "the catch is to be between {earliest} and {latest} s, expected 0 <= earliest < latest <= 2"
-    )]
+    #[error("expected catch times 0 <= earliest < latest <= 2 s, found {earliest} and {latest} s")]
     Times {
         /// Earliest catch time, in s.
         earliest: f64,
@@ -53,6 +51,6 @@ pub enum RequestError {
         latest: f64,
     },
     /// The ball's speed or drag is out of range.
-    #[error("the ball's velocity or drag makes no sense")]
+    #[error("the ball's speed must be 0.1 to 100 m/s and its drag 0 to 1 1/m")]
     Ball,
 }

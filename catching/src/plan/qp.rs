@@ -71,48 +71,7 @@ pub fn solve<const N: usize, const ROWS: usize>(
         steps += 1;
     }
     while let Some(worst) = most_violated(rows, &state, &set.x, equalities) {
-        let row = &rows[worst];
-        let mut multiplier = 0.0;
-        loop {
-            steps += 1;
-            if steps > 20 * (N + ROWS) {
-                return Err(NoSolution::Cycles);
-            }
-            let direction = set.direction(&row.normal);
-            // Step length at which the multiplier of an active inequality becomes 0.
-            let mut partial = f64::INFINITY;
-            let mut dropped = 0;
-            for k in equalities..set.count {
-                if direction.r[k] > 0.0 && set.u[k] / direction.r[k] < partial {
-                    partial = set.u[k] / direction.r[k];
-                    dropped = k;
-                }
-            }
-            let full = if direction.length < NO_DIRECTION {
-                f64::INFINITY
-            } else {
-                (row.bound - dot(&row.normal, &set.x)) / dot(&direction.z, &row.normal)
-            };
-            let t = partial.min(full);
-            if t.is_infinite() {
-                return Err(NoSolution::Infeasible);
-            }
-            if full.is_finite() {
-                set.advance(&direction, t);
-            } else {
-                set.reweigh(&direction, t);
-            }
-            multiplier += t;
-            if t == full {
-                if !set.add(&direction.d, worst, multiplier) {
-                    return Err(NoSolution::Infeasible);
-                }
-                state[worst] = State::Active;
-                break;
-            }
-            state[set.rows[dropped]] = State::Free;
-            set.drop(dropped);
-        }
+        enforce(&mut set, rows, worst, equalities, &mut state, &mut steps)?;
     }
     let mut multipliers = [0.0; ROWS];
     for k in 0..set.count {
@@ -126,6 +85,59 @@ pub fn solve<const N: usize, const ROWS: usize>(
         multipliers,
         steps,
     })
+}
+
+/// Adds the violated row `worst` to the active set and drops rows whose multipliers become negative.
+fn enforce<const N: usize, const ROWS: usize>(
+    set: &mut ActiveSet<N>,
+    rows: &[Row<N>],
+    worst: usize,
+    equalities: usize,
+    state: &mut [State; ROWS],
+    steps: &mut usize,
+) -> Result<(), NoSolution> {
+    let row = &rows[worst];
+    let mut multiplier = 0.0;
+    loop {
+        *steps += 1;
+        if *steps > 20 * (N + ROWS) {
+            return Err(NoSolution::Cycles);
+        }
+        let direction = set.direction(&row.normal);
+        // Step length at which the multiplier of an active inequality becomes 0.
+        let mut partial = f64::INFINITY;
+        let mut dropped = 0;
+        for k in equalities..set.count {
+            if direction.r[k] > 0.0 && set.u[k] / direction.r[k] < partial {
+                partial = set.u[k] / direction.r[k];
+                dropped = k;
+            }
+        }
+        let full = if direction.length < NO_DIRECTION {
+            f64::INFINITY
+        } else {
+            (row.bound - dot(&row.normal, &set.x)) / dot(&direction.z, &row.normal)
+        };
+        let t = partial.min(full);
+        if t.is_infinite() {
+            return Err(NoSolution::Infeasible);
+        }
+        if full.is_finite() {
+            set.advance(&direction, t);
+        } else {
+            set.reweigh(&direction, t);
+        }
+        multiplier += t;
+        if t == full {
+            if !set.add(&direction.d, worst, multiplier) {
+                return Err(NoSolution::Infeasible);
+            }
+            state[worst] = State::Active;
+            return Ok(());
+        }
+        state[set.rows[dropped]] = State::Free;
+        set.drop(dropped);
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -37,6 +37,32 @@ const SMALL_STEP: f64 = 1e-6;
 /// Relative decrease of the merit function below which a step counts as small; costs are about 1.
 const SMALL_GAIN: f64 = 1e-6;
 
+/// Point of a descent with its linearised constraints, cost and gradient.
+struct Iterate {
+    x: Point,
+    linearised: Linearised,
+    cost: f64,
+    slope: Point,
+}
+
+impl Iterate {
+    fn merit(&self, penalty: f64) -> f64 {
+        self.cost + penalty * self.linearised.lack
+    }
+
+    /// Returns the gradient of the Lagrangian, with the multipliers of the equations.
+    fn lagrangian_slope(&self, multipliers: &[f64; ROWS]) -> Point {
+        std::array::from_fn(|i| {
+            self.slope[i]
+                - self.linearised.rows[..EQUALITIES]
+                    .iter()
+                    .zip(multipliers)
+                    .map(|(row, u)| u * row.normal[i])
+                    .sum::<f64>()
+        })
+    }
+}
+
 /// Descends from `start`.
 pub(crate) fn descend(
     problem: &Problem,
@@ -44,101 +70,43 @@ pub(crate) fn descend(
     most: usize,
     mut out_of_time: impl FnMut() -> bool,
 ) -> Descent {
-    let mut x = problem.retract(start);
-    let mut best: Option<Solution> = None;
     let mut iterations = 0;
-    let mut here = problem.linearise(&x, TRUST);
-    while here.lack > DRAWN_IN && iterations < RESTORATIONS && !out_of_time() {
-        iterations += 1;
-        let Some(next) = draw_in(problem, &here, &x) else {
-            break;
-        };
-        let next = problem.retract(&next);
-        let linearised = problem.linearise(&next, TRUST);
-        if linearised.lack > 0.95 * here.lack {
-            break;
-        }
-        (x, here) = (next, linearised);
-    }
-    let (mut cost, mut slope) = problem.cost(&x);
-    let mut curvature = initial_curvature(problem, &x, cost);
+    let mut here = restore(problem, start, &mut iterations, &mut out_of_time);
+    let mut curvature = initial_curvature(problem, &here.x, here.cost);
     let mut penalty: f64 = 1.0;
-    let keep = |best: &mut Option<Solution>, x: &Point, cost: f64| {
-        let violation = problem.violation(x);
-        if violation.is_feasible()
-            && best.is_none_or(|found| cost < found.cost)
-            && problem.is_clear(x)
-        {
-            *best = Some(Solution {
-                x: *x,
-                cost,
-                violation,
-            });
-        }
-    };
-    keep(&mut best, &x, cost);
+    let mut best: Option<Solution> = None;
+    keep(problem, &mut best, &here);
     let mut small_gains = 0;
     while iterations < most && !out_of_time() {
         iterations += 1;
-        let rows = &here.rows[..here.count];
-        let Ok(step) = qp::solve::<UNKNOWNS, ROWS>(&curvature, &slope, rows, EQUALITIES) else {
+        let rows = &here.linearised.rows[..here.linearised.count];
+        let Ok(step) = qp::solve::<UNKNOWNS, ROWS>(&curvature, &here.slope, rows, EQUALITIES)
+        else {
             break;
         };
         let length = step.x.iter().fold(0.0f64, |a, d| a.max(d.abs()));
         if length < SMALL_STEP {
             break;
         }
-        penalty = step.multipliers[..here.count]
+        penalty = step.multipliers[..here.linearised.count]
             .iter()
             .fold(penalty, |a, u| a.max(1.5 * u.abs()));
-        let merit = cost + penalty * here.lack;
-        let predicted =
-            (0..UNKNOWNS).map(|i| slope[i] * step.x[i]).sum::<f64>() - penalty * here.lack;
-        let mut share = 1.0;
-        let next = loop {
-            let there: Point = std::array::from_fn(|i| x[i] + share * step.x[i]);
-            let there = problem.retract(&there);
-            let (next_cost, next_slope) = problem.cost(&there);
-            let linearised = problem.linearise(&there, TRUST);
-            if next_cost.is_finite()
-                && next_cost + penalty * linearised.lack
-                    <= merit + 1e-4 * share * predicted.min(0.0)
-            {
-                break Some((there, next_cost, next_slope, linearised));
-            }
-            share *= 0.4;
-            if share < 0.02 {
-                break None;
-            }
-        };
-        let Some((next, next_cost, next_slope, linearised)) = next else {
+        let Some(next) = line_search(problem, &here, &step.x, penalty) else {
             break;
         };
-        // Change of the Lagrangian's gradient along the step.
-        let pull = |slope: &[f64; UNKNOWNS], rows: &[qp::Row<UNKNOWNS>]| -> [f64; UNKNOWNS] {
-            std::array::from_fn(|i| {
-                slope[i]
-                    - rows[..EQUALITIES]
-                        .iter()
-                        .zip(&step.multipliers)
-                        .map(|(row, u)| u * row.normal[i])
-                        .sum::<f64>()
-            })
-        };
         let (before, after) = (
-            pull(&slope, &here.rows),
-            pull(&next_slope, &linearised.rows),
+            here.lagrangian_slope(&step.multipliers),
+            next.lagrangian_slope(&step.multipliers),
         );
-        let moved: [f64; UNKNOWNS] = std::array::from_fn(|i| next[i] - x[i]);
         update(
             &mut curvature,
-            &moved,
+            &std::array::from_fn(|i| next.x[i] - here.x[i]),
             &std::array::from_fn(|i| after[i] - before[i]),
         );
-        let gain = merit - next_cost - penalty * linearised.lack;
-        (x, cost, slope, here) = (next, next_cost, next_slope, linearised);
-        keep(&mut best, &x, cost);
-        small_gains = if gain < SMALL_GAIN * (1.0 + cost.abs()) {
+        let gain = here.merit(penalty) - next.cost - penalty * next.linearised.lack;
+        here = next;
+        keep(problem, &mut best, &here);
+        small_gains = if gain < SMALL_GAIN * (1.0 + here.cost.abs()) {
             small_gains + 1
         } else {
             0
@@ -148,6 +116,79 @@ pub(crate) fn descend(
         }
     }
     Descent { best, iterations }
+}
+
+/// Projects the start onto the equations and reduces its violations of inequalities.
+fn restore(
+    problem: &Problem,
+    start: &Point,
+    iterations: &mut usize,
+    out_of_time: &mut impl FnMut() -> bool,
+) -> Iterate {
+    let mut x = problem.retract(start);
+    let mut linearised = problem.linearise(&x, TRUST);
+    while linearised.lack > DRAWN_IN && *iterations < RESTORATIONS && !out_of_time() {
+        *iterations += 1;
+        let Some(next) = draw_in(problem, &linearised, &x) else {
+            break;
+        };
+        let next = problem.retract(&next);
+        let there = problem.linearise(&next, TRUST);
+        if there.lack > 0.95 * linearised.lack {
+            break;
+        }
+        (x, linearised) = (next, there);
+    }
+    let (cost, slope) = problem.cost(&x);
+    Iterate {
+        x,
+        linearised,
+        cost,
+        slope,
+    }
+}
+
+/// Returns the longest tried fraction of a step that decreases the merit function sufficiently.
+fn line_search(problem: &Problem, here: &Iterate, step: &Point, penalty: f64) -> Option<Iterate> {
+    let merit = here.merit(penalty);
+    let predicted = (0..UNKNOWNS).map(|i| here.slope[i] * step[i]).sum::<f64>()
+        - penalty * here.linearised.lack;
+    let mut share = 1.0;
+    loop {
+        let there: Point = std::array::from_fn(|i| here.x[i] + share * step[i]);
+        let x = problem.retract(&there);
+        let (cost, slope) = problem.cost(&x);
+        let linearised = problem.linearise(&x, TRUST);
+        let allowed = merit + 1e-4 * share * predicted.min(0.0);
+        if cost.is_finite() && cost + penalty * linearised.lack <= allowed {
+            return Some(Iterate {
+                x,
+                linearised,
+                cost,
+                slope,
+            });
+        }
+        share *= 0.4;
+        if share < 0.02 {
+            return None;
+        }
+    }
+}
+
+/// Replaces the best solution by a cheaper feasible one.
+fn keep(problem: &Problem, best: &mut Option<Solution>, here: &Iterate) {
+    let (x, cost) = (&here.x, here.cost);
+    let violation = problem.violation(x);
+    if violation.is_feasible()
+        && best.is_none_or(|solution| cost < solution.cost)
+        && problem.is_clear(x)
+    {
+        *best = Some(Solution {
+            x: *x,
+            cost,
+            violation,
+        });
+    }
 }
 
 /// Returns the step that minimises the violations of inequalities in the least-squares sense without violating others.

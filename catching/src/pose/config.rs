@@ -101,7 +101,7 @@ pub enum PoseError {
         found: f64,
     },
     /// A value is not a number or exceeds the sensor's range. The sample is ignored.
-    #[error("sample {number}: expected numbers within the sensor's range, found {found}")]
+    #[error("sample {number}: expected values within the sensor's range, found {found}")]
     Value {
         /// Sample number.
         number: u64,
@@ -109,7 +109,7 @@ pub enum PoseError {
         found: f64,
     },
     /// The kinematic pose is not finite. It is ignored together with its sample.
-    #[error("expected a pose by kinematics, found one that is not finite")]
+    #[error("expected a finite kinematic pose")]
     Kinematics,
     /// The sample is older than the last one and is ignored. A difference of more than one second means that the clock
     /// was set; the pose is then lost.
@@ -122,7 +122,7 @@ pub enum PoseError {
     },
     /// Too much time has passed since the last sample. The pose is lost, the biases are kept.
     #[error(
-        "no sample between {last_ns} ns and {found_ns} ns; the pose is lost until the robot stands still"
+        "no sample between {last_ns} ns and {found_ns} ns; the pose is unknown until the robot is at rest"
     )]
     Gap {
         /// Time of the last sample, in ns.
@@ -131,7 +131,7 @@ pub enum PoseError {
         found_ns: u64,
     },
     /// The pose is unknown or lost. The robot must first be at rest.
-    #[error("the pose is unknown until the robot stands still")]
+    #[error("the pose is unknown until the robot is at rest")]
     Unknown,
     /// No pose is stored for this time.
     #[error("expected a time from {first_ns} ns to {last_ns} ns, found {found_ns} ns")]

@@ -1,7 +1,7 @@
 //! Bodies of the robot as hulls, each at the end of a chain of joints from the chest.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use tactnet_catching_packets::{ARMS, Arm, JOINTS, RobotDescription, joint};
 
 use super::hull::Hull;
 use super::sweep::{Interval, Step, placed, reaches, swept};
@@ -37,115 +37,14 @@ pub struct Bodies {
 impl Bodies {
     /// Creates the bodies of a robot.
     pub fn new(robot: &RobotDescription) -> Self {
-        let mut bodies = Vec::with_capacity(BODIES);
-        let mut add = |name, points: &[[f64; 3]], radius, chain: Vec<Step>| {
-            let points: Vec<Vector3<f64>> = points.iter().copied().map(Vector3::from).collect();
-            let hull = Hull::new(&points, radius);
-            let mut of_joints = [0.0; JOINTS];
-            reaches(&hull, &chain, &mut of_joints);
-            bodies.push(Body {
-                name,
-                hull,
-                chain,
-                reaches: of_joints,
-            });
+        let mut builder = Builder {
+            bodies: Vec::with_capacity(BODIES),
         };
-        let (torso, neck) = (&robot.torso, &robot.neck);
-        let y = Vector3::y_axis();
-        let z = Vector3::z_axis();
-        let turn = |joint, axis, sign| Step::Turn { joint, axis, sign };
-        let along_z =
-            |length: f64| Step::Fixed(Isometry3::from(Translation3::new(0.0, 0.0, length)));
-        // Rounded boxes. The arms' mounts protrude from the trunk on both sides, in front of their first joint.
-        add(
-            "trunk",
-            &corners([-0.1, 0.1], [-0.14, 0.14], [-0.12, 0.08]),
-            0.06,
-            Vec::new(),
-        );
-        let [pan, tilt] = [joint::NECK.start, joint::NECK.start + 1];
-        add(
-            "head",
-            &corners([-0.02, 0.1], [-0.12, 0.12], [0.06, 0.16]),
-            0.04,
-            vec![along_z(neck.height), turn(pan, z, 1.0), turn(tilt, y, 1.0)],
-        );
-        let [lower, upper] = [joint::TORSO.start + 1, joint::TORSO.start + 2];
-        // Downwards from the upright chest.
-        let to_upper = [turn(lower, y, 1.0), turn(upper, y, 1.0)];
-        add(
-            "upper torso",
-            &[[0.0, 0.0, -0.16], [0.0, 0.0, -torso.upper_length]],
-            0.1,
-            to_upper.to_vec(),
-        );
-        let mut to_lower = to_upper.to_vec();
-        to_lower.extend([along_z(-torso.upper_length), turn(upper, y, -1.0)]);
-        add(
-            "lower torso",
-            &[[0.0; 3], [0.0, 0.0, -torso.lower_length]],
-            0.12,
-            to_lower,
-        );
+        builder.add_torso_and_head(robot);
         for (side, arm) in robot.arms.iter().enumerate() {
-            let names = [
-                ["left upper arm", "left forearm", "left hand"],
-                ["right upper arm", "right forearm", "right hand"],
-            ][side];
-            let q = joint::ARM[side].start;
-            let base = Isometry3::from_parts(
-                Translation3::from(Vector3::from(arm.position)),
-                UnitQuaternion::from_axis_angle(&Vector3::x_axis(), arm.lean),
-            );
-            let mut chain = vec![
-                Step::Fixed(base),
-                along_z(arm.base_to_shoulder),
-                turn(q, z, 1.0),
-                turn(q + 1, y, -1.0),
-                turn(q + 2, z, 1.0),
-            ];
-            add(
-                names[0],
-                &[[0.0; 3], [0.0, 0.0, arm.shoulder_to_elbow]],
-                0.075,
-                chain.clone(),
-            );
-            chain.extend([
-                along_z(arm.shoulder_to_elbow),
-                turn(q + 3, y, 1.0),
-                turn(q + 4, z, 1.0),
-            ]);
-            add(
-                names[1],
-                &[[0.0; 3], [0.0, 0.0, arm.elbow_to_wrist]],
-                0.065,
-                chain.clone(),
-            );
-            chain.extend([
-                along_z(arm.elbow_to_wrist),
-                turn(q + 5, y, -1.0),
-                turn(q + 6, z, 1.0),
-            ]);
-            // Palm and open fingers around the catch frame.
-            let catch = arm.wrist_to_catch;
-            let ring = 0.085;
-            add(
-                names[2],
-                &[
-                    [0.0, 0.0, 0.03],
-                    [ring, 0.0, catch],
-                    [-ring, 0.0, catch],
-                    [0.0, ring, catch],
-                    [0.0, -ring, catch],
-                    [0.05, 0.05, catch + 0.05],
-                    [-0.05, 0.05, catch + 0.05],
-                    [0.05, -0.05, catch + 0.05],
-                    [-0.05, -0.05, catch + 0.05],
-                ],
-                0.03,
-                chain,
-            );
+            builder.add_arm(side, arm);
         }
+        let bodies = builder.bodies;
         let arm = |side: usize, part: usize| STILL + side * OF_ARM + part;
         let with_still =
             (0..ARMS * OF_ARM).flat_map(|body| (0..STILL).map(move |still| [still, STILL + body]));
@@ -206,6 +105,132 @@ impl Bodies {
             .map(|body| self.bodies[*body].reaches[joint])
             .sum()
     }
+}
+
+/// Builder of the list of bodies.
+struct Builder {
+    bodies: Vec<Body>,
+}
+
+impl Builder {
+    fn add(&mut self, name: &'static str, points: &[[f64; 3]], radius: f64, chain: Vec<Step>) {
+        let points: Vec<Vector3<f64>> = points.iter().copied().map(Vector3::from).collect();
+        let hull = Hull::new(&points, radius);
+        let mut of_joints = [0.0; JOINTS];
+        reaches(&hull, &chain, &mut of_joints);
+        self.bodies.push(Body {
+            name,
+            hull,
+            chain,
+            reaches: of_joints,
+        });
+    }
+
+    fn add_torso_and_head(&mut self, robot: &RobotDescription) {
+        let (torso, neck) = (&robot.torso, &robot.neck);
+        let y = Vector3::y_axis();
+        let z = Vector3::z_axis();
+        // Rounded boxes. The arms' mounts protrude from the trunk on both sides, in front of their first joint.
+        self.add(
+            "trunk",
+            &corners([-0.1, 0.1], [-0.14, 0.14], [-0.12, 0.08]),
+            0.06,
+            Vec::new(),
+        );
+        let [pan, tilt] = [joint::NECK.start, joint::NECK.start + 1];
+        self.add(
+            "head",
+            &corners([-0.02, 0.1], [-0.12, 0.12], [0.06, 0.16]),
+            0.04,
+            vec![along_z(neck.height), turn(pan, z, 1.0), turn(tilt, y, 1.0)],
+        );
+        let [lower, upper] = [joint::TORSO.start + 1, joint::TORSO.start + 2];
+        // Downwards from the upright chest.
+        let to_upper = [turn(lower, y, 1.0), turn(upper, y, 1.0)];
+        self.add(
+            "upper torso",
+            &[[0.0, 0.0, -0.16], [0.0, 0.0, -torso.upper_length]],
+            0.1,
+            to_upper.to_vec(),
+        );
+        let mut to_lower = to_upper.to_vec();
+        to_lower.extend([along_z(-torso.upper_length), turn(upper, y, -1.0)]);
+        self.add(
+            "lower torso",
+            &[[0.0; 3], [0.0, 0.0, -torso.lower_length]],
+            0.12,
+            to_lower,
+        );
+    }
+
+    fn add_arm(&mut self, side: usize, arm: &Arm) {
+        let (y, z) = (Vector3::y_axis(), Vector3::z_axis());
+        let names = [
+            ["left upper arm", "left forearm", "left hand"],
+            ["right upper arm", "right forearm", "right hand"],
+        ][side];
+        let q = joint::ARM[side].start;
+        let base = Isometry3::from_parts(
+            Translation3::from(Vector3::from(arm.position)),
+            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), arm.lean),
+        );
+        let mut chain = vec![
+            Step::Fixed(base),
+            along_z(arm.base_to_shoulder),
+            turn(q, z, 1.0),
+            turn(q + 1, y, -1.0),
+            turn(q + 2, z, 1.0),
+        ];
+        self.add(
+            names[0],
+            &[[0.0; 3], [0.0, 0.0, arm.shoulder_to_elbow]],
+            0.075,
+            chain.clone(),
+        );
+        chain.extend([
+            along_z(arm.shoulder_to_elbow),
+            turn(q + 3, y, 1.0),
+            turn(q + 4, z, 1.0),
+        ]);
+        self.add(
+            names[1],
+            &[[0.0; 3], [0.0, 0.0, arm.elbow_to_wrist]],
+            0.065,
+            chain.clone(),
+        );
+        chain.extend([
+            along_z(arm.elbow_to_wrist),
+            turn(q + 5, y, -1.0),
+            turn(q + 6, z, 1.0),
+        ]);
+        // Palm and open fingers around the catch frame.
+        let catch = arm.wrist_to_catch;
+        let ring = 0.085;
+        self.add(
+            names[2],
+            &[
+                [0.0, 0.0, 0.03],
+                [ring, 0.0, catch],
+                [-ring, 0.0, catch],
+                [0.0, ring, catch],
+                [0.0, -ring, catch],
+                [0.05, 0.05, catch + 0.05],
+                [-0.05, 0.05, catch + 0.05],
+                [0.05, -0.05, catch + 0.05],
+                [-0.05, -0.05, catch + 0.05],
+            ],
+            0.03,
+            chain,
+        );
+    }
+}
+
+fn turn(joint: usize, axis: Unit<Vector3<f64>>, sign: f64) -> Step {
+    Step::Turn { joint, axis, sign }
+}
+
+fn along_z(length: f64) -> Step {
+    Step::Fixed(Isometry3::from(Translation3::new(0.0, 0.0, length)))
 }
 
 fn corners(x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> [[f64; 3]; 8] {

@@ -15,6 +15,7 @@ pub(crate) struct ThrowSolution {
 
 /// Initial half width of a step's trust region, in rad, fractions and s.
 const TRUST: f64 = 0.3;
+/// Half width of the trust region below which the descent ends, in rad, fractions and s.
 const LEAST_TRUST: f64 = 1e-6;
 /// Step fractions that are tried.
 const SHARES: [f64; 5] = [1.0, 0.4, 0.16, 0.064, 0.0256];
@@ -44,20 +45,12 @@ pub(crate) fn descend(
     keep(&mut best, &x, &here);
     while iterations < most && trust > LEAST_TRUST && small_gains < 3 {
         iterations += 1;
-        let rows = &here.rows[..here.count];
         let equalities = problem.equalities();
-        let solved = qp::solve::<THROW_UNKNOWNS, ROWS>(&curvature, &here.slope, rows, equalities);
-        let (step, multipliers) = match solved {
-            Ok(step) => (step.x, Some(step.multipliers)),
-            Err(_) => match draw_in(&here, equalities) {
-                Some(step) => (step, None),
-                None => break,
-            },
+        let Some((step, multipliers)) = direction(&here, &curvature, equalities) else {
+            break;
         };
-        if let Some(multipliers) = &multipliers {
-            penalty = multipliers[..here.own]
-                .iter()
-                .fold(penalty, |a, u| a.max(1.5 * u.abs()));
+        for u in multipliers.iter().flat_map(|u| &u[..here.own]) {
+            penalty = penalty.max(1.5 * u.abs());
         }
         let merit = |at: &Linearised| at.cost + penalty * at.lack;
         let better = |there: &Linearised| {
@@ -71,20 +64,17 @@ pub(crate) fn descend(
         });
         let Some((next, there)) = found else {
             trust *= 0.3;
-            here = match problem.linearise(&x, trust) {
-                Some(here) => here,
-                None => break,
+            let Some(again) = problem.linearise(&x, trust) else {
+                break;
             };
+            here = again;
             continue;
         };
         if let Some(multipliers) = &multipliers {
-            let pull = |at: &Linearised| -> Point {
-                std::array::from_fn(|i| {
-                    let rows = at.rows[..equalities].iter().zip(multipliers);
-                    at.slope[i] - rows.map(|(row, u)| u * row.normal[i]).sum::<f64>()
-                })
-            };
-            let (before, after) = (pull(&here), pull(&there));
+            let (before, after) = (
+                lagrangian_slope(&here, multipliers, equalities),
+                lagrangian_slope(&there, multipliers, equalities),
+            );
             update(
                 &mut curvature,
                 &std::array::from_fn(|i| next[i] - x[i]),
@@ -103,13 +93,34 @@ pub(crate) fn descend(
             trust = (trust * 2.0).min(TRUST);
         }
         x = next;
-        here = match problem.linearise(&x, trust) {
-            Some(here) => here,
-            None => break,
+        let Some(next) = problem.linearise(&x, trust) else {
+            break;
         };
+        here = next;
         keep(&mut best, &x, &here);
     }
     (best, iterations)
+}
+
+/// Returns the step of the quadratic program with its multipliers, or a restoring step if it has no solution.
+fn direction(
+    here: &Linearised,
+    curvature: &[[f64; THROW_UNKNOWNS]; THROW_UNKNOWNS],
+    equalities: usize,
+) -> Option<(Point, Option<[f64; ROWS]>)> {
+    let rows = &here.rows[..here.count];
+    match qp::solve::<THROW_UNKNOWNS, ROWS>(curvature, &here.slope, rows, equalities) {
+        Ok(step) => Some((step.x, Some(step.multipliers))),
+        Err(_) => Some((draw_in(here, equalities)?, None)),
+    }
+}
+
+/// Returns the gradient of the Lagrangian, with the multipliers of the equations.
+fn lagrangian_slope(at: &Linearised, multipliers: &[f64; ROWS], equalities: usize) -> Point {
+    std::array::from_fn(|i| {
+        let rows = at.rows[..equalities].iter().zip(multipliers);
+        at.slope[i] - rows.map(|(row, u)| u * row.normal[i]).sum::<f64>()
+    })
 }
 
 fn keep(best: &mut Option<ThrowSolution>, x: &Point, here: &Linearised) {

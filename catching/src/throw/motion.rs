@@ -3,7 +3,7 @@
 use tactnet_catching_packets::{JOINTS, THROW_JOINTS};
 
 use super::swing::{ThrowJoints, throw_joint};
-use super::way::{Way, touching};
+use super::way::{Way, WayRequest, touching};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 use crate::safety::Bodies;
@@ -18,28 +18,51 @@ pub struct ThrowMotion {
     swing: [Ramp; JOINTS],
     /// Time from the start of the swing to the release, in s.
     lets_go: f64,
+    /// Time from the start to the end of the swing, in s.
     stands: f64,
 }
 
+/// Request of a throw's motion.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MotionRequest<'a> {
+    /// Throwing arm: 0 left, 1 right.
+    pub arm: usize,
+    /// Current positions of all joints, at rest.
+    pub from: &'a [f64; JOINTS],
+    /// Positions of the joints that do not throw, during the swing.
+    pub posture: &'a [f64; JOINTS],
+    /// Start and end of the swing.
+    pub ends: [ThrowJoints; 2],
+    /// Acceleration time, in s.
+    pub time: f64,
+    /// Time for which joints keep their velocities before and after the release, in s.
+    pub coast: f64,
+    /// Minimum distance of all bodies, in m.
+    pub margin: f64,
+    /// Fraction of the maximum speeds used in the approach.
+    pub pace: f64,
+}
+
 impl ThrowMotion {
-    /// Returns the motion from rest at `from` if all bodies stay `margin` m apart on it.
-    ///
-    /// - `posture`: of all joints that do not throw
-    /// - `ends`: where the joints that throw swing from and to
-    /// - `time`, `coast`: in which they speed up; for how long they keep their speeds before and after the release, s
-    /// - `pace`: of the way to the swing, share of the greatest speeds
+    /// Returns the motion if all bodies keep the margin.
     ///
     /// # Errors
-    /// With the pair of bodies that comes too near.
+    /// Returns the pair of bodies that comes too close.
     pub(super) fn free(
         robot: &Robot,
         bodies: &Bodies,
-        arm: usize,
-        [from, posture]: [&[f64; JOINTS]; 2],
-        ends: [ThrowJoints; 2],
-        [time, coast, margin]: [f64; 3],
-        pace: f64,
+        request: &MotionRequest<'_>,
     ) -> Result<Self, usize> {
+        let MotionRequest {
+            arm,
+            from,
+            posture,
+            ends,
+            time,
+            coast,
+            margin,
+            pace,
+        } = *request;
         let mut begin = *posture;
         let mut swing = posture.map(Ramp::standing);
         let stands = 2.0 * (time + coast);
@@ -61,7 +84,17 @@ impl ThrowMotion {
         }
         let over = robot.waiting();
         Ok(Self {
-            way: Way::free(robot, bodies, [from, &begin], &over, [margin, pace])?,
+            way: Way::free(
+                robot,
+                bodies,
+                &WayRequest {
+                    from,
+                    to: &begin,
+                    over: &over,
+                    margin,
+                    pace,
+                },
+            )?,
             swing,
             lets_go: time + coast,
             stands,

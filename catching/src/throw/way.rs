@@ -18,21 +18,34 @@ pub struct Way {
     ends: [f64; LEGS],
 }
 
+/// Request of a way.
+#[derive(Debug, Clone, Copy)]
+pub struct WayRequest<'a> {
+    /// Start positions of all joints, at rest.
+    pub from: &'a [f64; JOINTS],
+    /// End positions of all joints, at rest.
+    pub to: &'a [f64; JOINTS],
+    /// Intermediate positions if the straight way is blocked.
+    pub over: &'a [f64; JOINTS],
+    /// Minimum distance of all bodies, in m, unless they are closer at the start.
+    pub margin: f64,
+    /// Fraction of the maximum speeds. Accelerations use its square.
+    pub pace: f64,
+}
+
 impl Way {
-    /// Returns the straight way, or the one over `over`, if all bodies stay `margin` m apart on it, or come no nearer than they are at its
-    /// begin.
-    ///
-    /// - `pace`: share of the greatest speeds; of accelerations, its square
+    /// Returns the straight way, or the one over [`WayRequest::over`], whichever is first collision-free.
     ///
     /// # Errors
-    /// With the pair of bodies that comes too near on the straight way.
-    pub fn free(
-        robot: &Robot,
-        bodies: &Bodies,
-        [from, to]: [&[f64; JOINTS]; 2],
-        over: &[f64; JOINTS],
-        [margin, pace]: [f64; 2],
-    ) -> Result<Self, usize> {
+    /// Returns the pair of bodies that comes too close on the straight way if neither is.
+    pub fn free(robot: &Robot, bodies: &Bodies, request: &WayRequest<'_>) -> Result<Self, usize> {
+        let WayRequest {
+            from,
+            to,
+            over,
+            margin,
+            pace,
+        } = *request;
         let straight = Self::through(robot, [from, to, to], pace);
         let Some(pair) = touching(bodies, margin, straight.end(), |t| straight.at(t).0) else {
             return Ok(straight);

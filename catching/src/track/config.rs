@@ -138,13 +138,50 @@ impl TrackConfig {
     }
 
     pub(super) fn check(&self) -> Result<(), TrackError> {
-        let wrong = |setting, expected, found: f64| {
-            Err(TrackError::Setting {
-                setting,
-                expected,
-                found,
-            })
-        };
+        self.check_positive()?;
+        let throws = &self.throws;
+        for (setting, value) in [
+            ("detection", self.detection),
+            ("survival", self.survival),
+            ("least_weight", self.least_weight),
+            ("report", self.report),
+        ] {
+            if !(value > 0.0 && value < 1.0) {
+                return wrong(setting, "a probability between 0 and 1", value);
+            }
+        }
+        if !(0.0..=1.0).contains(&self.blur) {
+            return wrong("blur", "a number from 0 to 1", self.blur);
+        }
+        for (setting, [least, greatest]) in [
+            ("clutter_radius", self.clutter_radius),
+            ("throws.speed", throws.speed),
+            ("throws.distance", throws.distance),
+        ] {
+            if !(least > 0.0 && least < greatest && greatest < 1e4) {
+                return wrong(setting, "[lowest, highest], both greater than 0", least);
+            }
+        }
+        if let Some(found) = throws.aim.into_iter().find(|x| !x.is_finite()) {
+            return wrong("throws.aim", "numbers", found);
+        }
+        for (setting, value, most) in [
+            ("assignments", self.assignments, 1000),
+            ("scans", self.scans, MAX_SCANS),
+            ("hypotheses", self.hypotheses, MAX_HYPOTHESES),
+        ] {
+            if !(1..=most).contains(&value) {
+                return wrong(
+                    setting,
+                    "a count from 1 to the documented maximum",
+                    value as f64,
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn check_positive(&self) -> Result<(), TrackError> {
         let throws = &self.throws;
         for (setting, value) in [
             ("centre_noise", self.centre_noise),
@@ -172,46 +209,16 @@ impl TrackConfig {
                 return wrong(setting, "a number between 0 and 1000", value);
             }
         }
-        for (setting, value) in [
-            ("detection", self.detection),
-            ("survival", self.survival),
-            ("least_weight", self.least_weight),
-            ("report", self.report),
-        ] {
-            if !(value > 0.0 && value < 1.0) {
-                return wrong(setting, "a probability between 0 and 1", value);
-            }
-        }
-        if !(0.0..=1.0).contains(&self.blur) {
-            return wrong("blur", "a number from 0 to 1", self.blur);
-        }
-        for (setting, [least, greatest]) in [
-            ("clutter_radius", self.clutter_radius),
-            ("throws.speed", throws.speed),
-            ("throws.distance", throws.distance),
-        ] {
-            if !(least > 0.0 && least < greatest && greatest < 1e4) {
-                return wrong(setting, "[least, greatest], greater than 0", least);
-            }
-        }
-        if let Some(found) = throws.aim.into_iter().find(|x| !x.is_finite()) {
-            return wrong("throws.aim", "numbers", found);
-        }
-        for (setting, value, most) in [
-            ("assignments", self.assignments, 1000),
-            ("scans", self.scans, MAX_SCANS),
-            ("hypotheses", self.hypotheses, MAX_HYPOTHESES),
-        ] {
-            if !(1..=most).contains(&value) {
-                return wrong(
-                    setting,
-                    "a count from 1 to what is documented",
-                    value as f64,
-                );
-            }
-        }
         Ok(())
     }
+}
+
+fn wrong(setting: &'static str, expected: &'static str, found: f64) -> Result<(), TrackError> {
+    Err(TrackError::Setting {
+        setting,
+        expected,
+        found,
+    })
 }
 
 /// Error of the tracker. Unless stated otherwise, the input is ignored and nothing changes.
@@ -229,7 +236,7 @@ pub enum TrackError {
     },
     /// The pictures are not a pair.
     #[error(
-        "expected the circles of both cameras' picture {left}, left first, found picture {right}"
+        "expected the left and the right circles of one exposure, found pictures {left} and {right}"
     )]
     Pair {
         /// Number of the left picture.
@@ -259,7 +266,7 @@ pub enum TrackError {
     },
     /// The head pose is invalid or has a different time.
     #[error(
-        "expected the head's pose at {exposure_ns} ns, found one of {found_ns} ns or one that is no pose"
+        "expected a valid head pose at {exposure_ns} ns, found an invalid one or one of {found_ns} ns"
     )]
     Head {
         /// Exposure time of the pictures, in ns.
@@ -268,7 +275,7 @@ pub enum TrackError {
         found_ns: u64,
     },
     /// The pictures are older than the last ones and are ignored.
-    #[error("expected pictures after {last_ns} ns, found some of {found_ns} ns")]
+    #[error("expected pictures after {last_ns} ns, found pictures of {found_ns} ns")]
     Late {
         /// Exposure time of the last pictures, in ns.
         last_ns: u64,

@@ -8,6 +8,8 @@
 //!
 //! Hypotheses share tracks: each circle updates each track at most once.
 
+mod assign;
+
 use nalgebra::Vector3;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_packets::packets::MAX_CIRCLES;
@@ -313,117 +315,6 @@ impl Hypotheses {
         }
     }
 
-    /// Computes the best children of all hypotheses.
-    fn assign(&mut self, count: usize) {
-        let Self {
-            config,
-            hypotheses,
-            children,
-            candidates,
-            gains,
-            misses,
-            costs,
-            best,
-            log_clutter,
-            ..
-        } = self;
-        let least = config.least_weight.ln();
-        children.clear();
-        for (parent, hypothesis) in hypotheses.iter().enumerate() {
-            let tracks = hypothesis.tracks();
-            let base =
-                hypothesis.log_weight + tracks.iter().map(|t| misses[usize::from(*t)]).sum::<f64>();
-            let free = |candidate: &&Candidate| hypothesis.used >> candidate.left & 1 == 0;
-            let gain = |track: u16, circle: usize| gains[usize::from(track) * MAX_CIRCLES + circle];
-            // Circles that may be more than clutter get a row each.
-            let mut rows = [0; MAX_CIRCLES];
-            let mut number = 0;
-            for circle in 0..count {
-                if tracks.iter().any(|track| gain(*track, circle).is_finite())
-                    || candidates
-                        .iter()
-                        .filter(free)
-                        .any(|candidate| candidate.right == circle)
-                {
-                    rows[number] = circle;
-                    number += 1;
-                }
-            }
-            // Columns: tracks, left circles, and clutter for each row.
-            let lefts = tracks.len();
-            let clutter = lefts
-                + if candidates.is_empty() {
-                    0
-                } else {
-                    MAX_CIRCLES
-                };
-            costs.reset(number, clutter + number);
-            for (row, circle) in rows[..number].iter().enumerate() {
-                for (column, track) in tracks.iter().enumerate() {
-                    costs.set(row, column, -gain(*track, *circle));
-                }
-                for candidate in candidates
-                    .iter()
-                    .filter(free)
-                    .filter(|candidate| candidate.right == *circle)
-                {
-                    costs.set(
-                        row,
-                        lefts + candidate.left,
-                        2.0 * *log_clutter - candidate.birth.log_density,
-                    );
-                }
-                costs.set(row, clutter + row, 0.0);
-            }
-            best.each(costs, |cost, columns| {
-                let log_weight = base - cost;
-                let bar = children
-                    .first()
-                    .map_or(f64::NEG_INFINITY, |child| child.log_weight + least);
-                let full = children.len() == config.hypotheses;
-                if log_weight < bar
-                    || (full
-                        && children
-                            .last()
-                            .is_some_and(|last| log_weight <= last.log_weight))
-                {
-                    return false;
-                }
-                let mut child = Child {
-                    parent,
-                    log_weight,
-                    circles: [NONE; MAX_TRACKS],
-                    births: [NONE; MAX_TRACKS],
-                    born: 0,
-                };
-                for (row, column) in columns
-                    .iter()
-                    .map(|column| usize::from(*column))
-                    .enumerate()
-                {
-                    if column < lefts {
-                        child.circles[column] = rows[row] as u16;
-                    } else if column < clutter && child.born < MAX_TRACKS {
-                        let pair = |candidate: &Candidate| {
-                            (candidate.left, candidate.right) == (column - lefts, rows[row])
-                        };
-                        if let Some(born) = candidates.iter().position(pair) {
-                            child.births[child.born] = born as u16;
-                            child.born += 1;
-                        }
-                    }
-                }
-                let place = children.partition_point(|other| other.log_weight >= log_weight);
-                children.truncate(config.hypotheses - 1);
-                children.insert(place.min(children.len()), child);
-                true
-            });
-        }
-        if let Some(best) = children.first().map(|child| child.log_weight) {
-            children.retain(|child| child.log_weight >= best + least);
-        }
-    }
-
     /// Converts children to hypotheses with updated tracks.
     fn apply(&mut self, camera: usize, circles: &[Vector3<f64>]) {
         self.updated.clear();
@@ -511,7 +402,6 @@ impl Hypotheses {
     fn prune(&mut self) {
         let Self {
             hypotheses,
-            tracks,
             config,
             ids,
             ..
@@ -553,6 +443,13 @@ impl Hypotheses {
         for hypothesis in hypotheses.iter_mut() {
             hypothesis.log_weight -= most + sum.ln();
         }
+        self.remove_unused_tracks();
+    }
+
+    fn remove_unused_tracks(&mut self) {
+        let Self {
+            hypotheses, tracks, ..
+        } = self;
         let mut kept = 0;
         for i in 0..tracks.len() {
             let old = i as u16;

@@ -118,26 +118,29 @@ impl KBest {
     }
 }
 
-/// Returns the best assignment within `part`.
-fn solve(costs: &Costs, part: &Node) -> Option<Node> {
-    const NONE: usize = usize::MAX;
-    let (rows, columns) = (costs.rows, costs.columns);
-    let mut taken = 0u128;
-    for row in 0..part.fixed {
-        taken |= 1 << part.columns[row];
-    }
-    let cost = |row: usize, column: usize| {
-        let forbidden = taken | if row == part.fixed { part.forbidden } else { 0 };
-        if forbidden >> column & 1 == 1 {
-            f64::INFINITY
-        } else {
-            costs.get(row, column)
-        }
-    };
-    let mut of_row = [0.0; MAX_ROWS];
-    let mut of_column = [0.0; MAX_COLUMNS];
-    let mut row_of = [NONE; MAX_COLUMNS];
-    for first in part.fixed..rows {
+/// Index that stands for no row or no column.
+const NONE: usize = usize::MAX;
+
+/// Partial assignment with the dual potentials of its rows and columns.
+struct Paths {
+    of_row: [f64; MAX_ROWS],
+    of_column: [f64; MAX_COLUMNS],
+    row_of: [usize; MAX_COLUMNS],
+}
+
+impl Paths {
+    /// Assigns row `first` along the shortest augmenting path. Returns `None` if there is no such path.
+    fn augment(
+        &mut self,
+        first: usize,
+        columns: usize,
+        cost: impl Fn(usize, usize) -> f64,
+    ) -> Option<()> {
+        let Self {
+            of_row,
+            of_column,
+            row_of,
+        } = self;
         let mut least = [f64::INFINITY; MAX_COLUMNS];
         let mut before = [NONE; MAX_COLUMNS];
         let mut done = [false; MAX_COLUMNS];
@@ -183,7 +186,34 @@ fn solve(costs: &Costs, part: &Node) -> Option<Node> {
             column = before[column];
         }
         row_of[column] = first;
+        Some(())
     }
+}
+
+/// Returns the best assignment within `part`.
+fn solve(costs: &Costs, part: &Node) -> Option<Node> {
+    let (rows, columns) = (costs.rows, costs.columns);
+    let mut taken = 0u128;
+    for row in 0..part.fixed {
+        taken |= 1 << part.columns[row];
+    }
+    let cost = |row: usize, column: usize| {
+        let forbidden = taken | if row == part.fixed { part.forbidden } else { 0 };
+        if forbidden >> column & 1 == 1 {
+            f64::INFINITY
+        } else {
+            costs.get(row, column)
+        }
+    };
+    let mut paths = Paths {
+        of_row: [0.0; MAX_ROWS],
+        of_column: [0.0; MAX_COLUMNS],
+        row_of: [NONE; MAX_COLUMNS],
+    };
+    for first in part.fixed..rows {
+        paths.augment(first, columns, cost)?;
+    }
+    let row_of = &paths.row_of;
     let mut node = *part;
     for column in 0..columns {
         if row_of[column] != NONE {

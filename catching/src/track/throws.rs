@@ -192,15 +192,6 @@ fn track(seed: u64, balls: usize, detector: Detector) -> Throw {
     Throw { frames }
 }
 
-fn flight(ball: &BallPrediction) -> Flight {
-    Flight {
-        p: ball.p.into(),
-        v: ball.v.into(),
-        k: ball.k,
-        lift: ball.lift.into(),
-    }
-}
-
 /// Transforms a prediction from the estimated head pose at time `t` to the true one.
 fn aligned(ball: &BallPrediction, felt: &HeadPose, t: f64) -> BallPrediction {
     let [x, y, z, w] = felt.quaternion;
@@ -231,14 +222,14 @@ fn nees(ball: &BallPrediction, truth: &Flight) -> f64 {
                 .chain(ball.lift.iter().copied()),
         )
     };
-    let off = own(&flight(ball)) - own(truth);
+    let off = own(&Flight::of(ball)) - own(truth);
     let covariance = SMatrix::<f64, 10, 10>::from_fn(|i, j| ball.covariance[i][j]);
     (off.transpose() * covariance.cholesky().unwrap().inverse() * off)[0]
 }
 
 /// Returns the error of the predicted catch: along the path in s, and across it in m.
 fn errors(ball: &BallPrediction, truth: &Flight, left: f64) -> [f64; 2] {
-    let (predicted, truth) = (flight(ball).after(left), truth.after(left));
+    let (predicted, truth) = (Flight::of(ball).after(left), truth.after(left));
     let off = predicted.p - truth.p;
     let along = off.dot(&truth.v) / truth.v.norm();
     [
@@ -333,7 +324,8 @@ fn balls_that_cross_keep_their_numbers() {
         let numbers = |found: &BallPredictions, truth: &[Flight]| {
             [0, 1].map(|ball: usize| {
                 let nearest = found.valid().iter().min_by(|a, b| {
-                    let distance = |said: &BallPrediction| (flight(said).p - truth[ball].p).norm();
+                    let distance =
+                        |said: &BallPrediction| (Flight::of(said).p - truth[ball].p).norm();
                     distance(a).total_cmp(&distance(b))
                 });
                 nearest.map(|said| said.ball)

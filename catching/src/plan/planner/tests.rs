@@ -170,11 +170,8 @@ fn misses_at(q: &[f64; 7], ball: &Flight, robot: &Robot) -> [f64; 2] {
     ]
 }
 
-#[test]
-fn reasons_are_told_apart() {
-    let robot = Robot::new(RobotDescription::nominal());
-    let planner = Planner::new(&robot, 0, PlanConfig::default());
-    let caught = CatchRequest {
+fn caught(robot: &Robot) -> CatchRequest {
+    CatchRequest {
         ball: Flight {
             p: Vector3::new(0.6, 0.4, 0.1),
             v: Vector3::new(-5.5, 0.0, -2.0),
@@ -188,7 +185,14 @@ fn reasons_are_told_apart() {
         latest: 1.8,
         objective: Objective::Soft,
         other: None,
-    };
+    }
+}
+
+#[test]
+fn reasons_are_told_apart() {
+    let robot = Robot::new(RobotDescription::nominal());
+    let planner = Planner::new(&robot, 0, PlanConfig::default());
+    let caught = caught(&robot);
     let plan = planner
         .plan(&caught, &PlanConditions::default(), || false)
         .unwrap();
@@ -238,9 +242,18 @@ fn reasons_are_told_apart() {
         .unwrap_err();
     assert_eq!(
         error.to_string(),
-        "the request has numbers that are not finite"
+        "the request has values that are not finite"
     );
-    // A repeated plan is not worse and needs fewer iterations.
+}
+
+#[test]
+fn a_repeated_plan_is_not_worse_and_needs_fewer_iterations() {
+    let robot = Robot::new(RobotDescription::nominal());
+    let planner = Planner::new(&robot, 0, PlanConfig::default());
+    let caught = caught(&robot);
+    let plan = planner
+        .plan(&caught, &PlanConditions::default(), || false)
+        .unwrap();
     let again = planner
         .plan(
             &caught,

@@ -9,7 +9,7 @@ use tactnet_catching::plan::Planner;
 use tactnet_catching::safety::Bodies;
 use tactnet_catching::throw::{
     Aim, NoThrow, THROW_JOINTS, THROW_UNKNOWNS, ThrowJoints, ThrowMotion, ThrowPlan,
-    ThrowPlanConfig, ThrowRequest, Thrower, Way, throw_joint,
+    ThrowPlanConfig, ThrowRequest, Thrower, Way, WayRequest, throw_joint,
 };
 use tactnet_catching_packets::packets::{HandCommand, JointCommand};
 use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
@@ -157,14 +157,14 @@ impl Player {
     /// itself on the way.
     pub fn go_home(&mut self) -> bool {
         let home = self.config.ready();
-        let ends = [&self.q, &home];
-        let way = Way::free(
-            &self.throwing,
-            &self.bodies,
-            ends,
-            &self.begun,
-            [MARGIN, PACE],
-        );
+        let request = WayRequest {
+            from: &self.q,
+            to: &home,
+            over: &self.begun,
+            margin: MARGIN,
+            pace: PACE,
+        };
+        let way = Way::free(&self.throwing, &self.bodies, &request);
         let Ok(way) = way else {
             return false;
         };

@@ -1,0 +1,54 @@
+use bytemuck::Zeroable;
+use tactnet_packet::FieldType;
+
+use super::*;
+
+#[test]
+fn sizes_are_as_documented() {
+    assert_eq!(size_of::<ArmPath>(), 376);
+    assert_eq!(size_of::<BodyPath>(), 104);
+    assert_eq!(size_of::<Gaze>(), 184);
+    assert_eq!(size_of::<PlanRequest>(), 696);
+    assert_eq!(size_of::<ControllerCommand>(), 80);
+    assert_eq!(size_of::<SafetyState>(), 40);
+    assert_eq!(size_of::<CatchStatus>(), 96);
+    assert_eq!(size_of::<CatchOutcome>(), 200);
+    assert_eq!(size_of::<JointState>(), 496);
+}
+
+#[test]
+fn modes_and_phases_that_are_none_are_refused() {
+    let state = |mode| ControllerState {
+        mode,
+        ..ControllerState::zeroed()
+    };
+    assert_eq!(state(6).mode(), Some(ControllerMode::Stuck));
+    assert_eq!((state(0).mode(), state(1 << 32 | 1).mode()), (None, None));
+    let status = CatchStatus {
+        phase: 8,
+        ..CatchStatus::zeroed()
+    };
+    assert_eq!(status.phase(), Some(CatchPhase::Stuck));
+}
+
+/// A duplicate field number would lose a field in recordings. Nested packets must precede the packets that contain
+/// them.
+#[test]
+fn the_description_is_in_order() {
+    let mut before: Vec<&str> = Vec::new();
+    for layout in DESCRIPTION.packets {
+        let mut numbers: Vec<u32> = layout.recorded().iter().map(|of| of.0).collect();
+        numbers.dedup();
+        assert_eq!(numbers.len(), layout.recorded().len(), "{}", layout.name);
+        for field in layout.fields {
+            let mut kind = field.kind;
+            while let FieldType::Array(of, _) = kind {
+                kind = *of;
+            }
+            if let FieldType::Packet(part) = kind {
+                assert!(before.contains(&part.name), "{}", part.name);
+            }
+        }
+        before.push(layout.name);
+    }
+}

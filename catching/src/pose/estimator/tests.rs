@@ -1,0 +1,275 @@
+use super::*;
+use crate::pose::shaking::{DT_NS, REST, Run, chi_square, head, run};
+use nalgebra::{SMatrix, SVector, UnitQuaternion};
+
+fn estimator(config: PoseConfig) -> PoseEstimator {
+    PoseEstimator::new(&RobotDescription::nominal(), config).unwrap()
+}
+
+fn error(pose: &HeadPose) -> SVector<f64, 9> {
+    let h = 1e-5;
+    let t = pose.t_ns as f64 * 1e-9;
+    let truth = head(t);
+    let velocity = (head(t + h).translation.vector - head(t - h).translation.vector) / (2.0 * h);
+    let [x, y, z, w] = pose.quaternion;
+    let q = UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
+    let p = truth.translation.vector - Vector3::from(pose.position);
+    let v = velocity - Vector3::from(pose.velocity);
+    let turn = (truth.rotation * q.inverse()).scaled_axis();
+    SVector::from_iterator(p.iter().chain(v.iter()).chain(turn.iter()).copied())
+}
+
+fn covariance(pose: &HeadPose) -> SMatrix<f64, 9, 9> {
+    SMatrix::from_fn(|i, j| pose.covariance[i][j])
+}
+
+#[test]
+fn a_head_that_stands_finds_the_planted_biases() {
+    let config = PoseConfig {
+        rest_attitude: 1e-4,
+        ..PoseConfig::default()
+    };
+    for seed in 0..5 {
+        let Run {
+            estimator,
+            poses,
+            accelerometer_bias,
+            ..
+        } = run(seed, config);
+        let at_rest = poses[((REST - 0.02) * 512.0) as usize];
+        let missing = accelerometer_bias - Vector3::from(at_rest.accelerometer_bias);
+        // Gravity times an attitude error of 1e-4 rad, three standard deviations, plus the remaining noise after
+        // two seconds.
+        assert!(missing.amax() < 9.81 * 3e-4 + 1e-3, "{missing}");
+        assert!(estimator.state.sigma(Block::GyroscopeBias) < 2e-4);
+        assert!(estimator.state.sigma(Block::AccelerometerBias) < 2e-3);
+    }
+}
+
+/// Normalised squared error after one second without kinematics: 9 values in each of 30 runs.
+#[test]
+fn a_shaking_head_stays_within_its_own_covariance() {
+    let runs = 30;
+    let mut sum = 0.0;
+    let mut squares = 0.0;
+    let mut parts = [0.0; 3];
+    for seed in 0..runs {
+        let pose = *run(seed, PoseConfig::default()).poses.last().unwrap();
+        let e = error(&pose);
+        sum += (e.transpose() * covariance(&pose).try_inverse().unwrap() * e)[0];
+        squares += e.fixed_rows::<3>(0).norm_squared();
+        for (i, part) in parts.iter_mut().enumerate() {
+            let e = e.fixed_rows::<3>(3 * i).into_owned();
+            let p = covariance(&pose)
+                .fixed_view::<3, 3>(3 * i, 3 * i)
+                .into_owned();
+            *part += (e.transpose() * p.try_inverse().unwrap() * e)[0] / runs as f64;
+        }
+    }
+    let freedom = 9.0 * runs as f64;
+    let band = [
+        chi_square(freedom, -1.96) / runs as f64,
+        chi_square(freedom, 1.96) / runs as f64,
+    ];
+    let nees = sum / runs as f64;
+    println!(
+        "NEES {nees:.2} (parts {parts:.2?}), band {band:.2?}; position after a second: {:.1} mm rms",
+        (squares / runs as f64).sqrt() * 1e3
+    );
+    assert!((band[0]..band[1]).contains(&nees), "{nees} {band:?}");
+}
+
+/// A remaining bias of 0.02 m/s^2 moves the head by 10 mm in one second. The covariance must contain that.
+#[test]
+fn a_bias_that_is_left_over_is_in_the_covariance() {
+    // No time at rest to estimate the bias, and no other uncertainty.
+    let config = PoseConfig {
+        accelerometer_bias: 0.02,
+        gyroscope_bias: 1e-6,
+        rest_position: 1e-6,
+        rest_attitude: 1e-6,
+        rest_velocity: 1e-6,
+        accelerometer_noise: 1e-6,
+        gyroscope_noise: 1e-6,
+        ..PoseConfig::default()
+    };
+    let mut estimator = estimator(config);
+    let sample = |number: u64| ImuSample {
+        number,
+        sensor_ns: number * DT_NS,
+        acceleration: [0.02, 0.0, 9.81],
+        rate: [0.0; 3],
+    };
+    let mut pose = estimator
+        .push(&sample(0), Some(Isometry3::identity()))
+        .unwrap();
+    // One sample at rest determines the velocity, not the bias.
+    for number in 1..=512 {
+        pose = estimator.push(&sample(number), None).unwrap();
+    }
+    assert!(
+        (pose.position[0] - 0.01).abs() < 1e-4,
+        "{}",
+        pose.position[0]
+    );
+    assert!(
+        (pose.covariance[0][0].sqrt() - 0.01).abs() < 3e-4,
+        "{}",
+        pose.covariance[0][0].sqrt()
+    );
+}
+
+#[test]
+fn kinematics_bound_the_drift_weakly() {
+    let run = |correct: bool| {
+        let mut estimator = estimator(PoseConfig::default());
+        let mut worst: f64 = 0.0;
+        for number in 0..512 * 20 {
+            let sample = ImuSample {
+                number,
+                sensor_ns: number * DT_NS,
+                acceleration: [0.05, 0.0, 9.81],
+                rate: [0.003, 0.0, 0.0],
+            };
+            let mut pose = estimator
+                .push(&sample, (number == 0).then_some(Isometry3::identity()))
+                .unwrap();
+            if correct {
+                pose = estimator.correct(&Isometry3::identity()).unwrap();
+            }
+            worst = worst.max(Vector3::from(pose.position).norm());
+        }
+        worst
+    };
+    assert!(run(true) < 0.05, "{}", run(true));
+    assert!(run(false) > 1.0);
+}
+
+#[test]
+fn what_is_no_sample_changes_nothing() {
+    let Run {
+        mut estimator,
+        poses,
+        last,
+        ..
+    } = run(1, PoseConfig::default());
+    let next = |change: fn(&mut ImuSample)| {
+        let mut sample = last;
+        sample.sensor_ns += DT_NS;
+        change(&mut sample);
+        sample
+    };
+    let mut untouched = estimator.clone();
+    for bad in [f64::NAN, f64::INFINITY, 1e30] {
+        let mut sample = next(|_| ());
+        sample.acceleration[1] = bad;
+        assert!(matches!(
+            estimator.push(&sample, None),
+            Err(PoseError::Value { .. })
+        ));
+        sample.acceleration[1] = 0.0;
+        sample.rate[2] = bad;
+        assert!(matches!(
+            estimator.push(&sample, None),
+            Err(PoseError::Value { .. })
+        ));
+    }
+    assert!(matches!(
+        estimator.push(&last, None),
+        Err(PoseError::Backwards { .. })
+    ));
+    let mut nowhere = Isometry3::identity();
+    nowhere.translation.x = f64::NAN;
+    assert_eq!(
+        estimator.push(&next(|_| ()), Some(nowhere)),
+        Err(PoseError::Kinematics)
+    );
+    assert_eq!(
+        estimator.push(&next(|_| ()), None),
+        untouched.push(&next(|_| ()), None)
+    );
+}
+
+#[test]
+fn a_gap_loses_the_pose_and_keeps_the_biases() {
+    let Run {
+        mut estimator,
+        poses,
+        last,
+        ..
+    } = run(1, PoseConfig::default());
+    let next = |change: fn(&mut ImuSample)| {
+        let mut sample = last;
+        sample.sensor_ns += DT_NS;
+        change(&mut sample);
+        sample
+    };
+    let far = next(|sample| sample.sensor_ns += 60_000_000);
+    assert!(matches!(
+        estimator.push(&far, None),
+        Err(PoseError::Gap { .. })
+    ));
+    assert_eq!(
+        estimator.push(&next(|sample| sample.sensor_ns += 62_000_000), None),
+        Err(PoseError::Unknown)
+    );
+    let again = estimator
+        .push(
+            &next(|sample| sample.sensor_ns += 64_000_000),
+            Some(head(0.0)),
+        )
+        .unwrap();
+    assert_eq!(
+        again.accelerometer_bias,
+        estimator.state.accelerometer_bias.data.0[0]
+    );
+    assert!(
+        (Vector3::from(again.accelerometer_bias)
+            - Vector3::from(poses.last().unwrap().accelerometer_bias))
+        .norm()
+            < 0.01
+    );
+}
+
+#[test]
+fn poses_between_samples_lie_between_them() {
+    let Run {
+        estimator, poses, ..
+    } = run(2, PoseConfig::default());
+    let middle = poses[poses.len() - 51];
+    assert_eq!(estimator.at(middle.t_ns).unwrap(), middle);
+    // Interpolation over half a step of 2 ms at 20 m/s^2 is exact to a micrometre; the tolerance covers the true
+    // motion.
+    let pose = estimator.at(middle.t_ns + DT_NS / 2).unwrap();
+    let moved = error(&pose) - error(&middle);
+    assert!(moved.fixed_rows::<3>(0).norm() < 2e-5, "{moved}");
+    assert!(moved.fixed_rows::<3>(3).norm() < 5e-3, "{moved}");
+    assert!(matches!(estimator.at(0), Err(PoseError::NotKept { .. })));
+    let kept = poses.last().unwrap().t_ns - 299_000_000;
+    assert!(estimator.at(kept).is_ok());
+}
+
+#[test]
+fn a_covariance_stays_symmetric_and_positive() {
+    let Run {
+        estimator, poses, ..
+    } = run(3, PoseConfig::default());
+    let p = estimator.state.covariance;
+    assert_eq!(p, p.transpose());
+    assert!(p.cholesky().is_some());
+    assert!(
+        poses
+            .iter()
+            .all(|pose| covariance(pose).cholesky().is_some())
+    );
+}
+
+#[test]
+fn settings_that_make_no_sense_are_named() {
+    let config = PoseConfig {
+        rest_velocity: f64::NAN,
+        ..PoseConfig::default()
+    };
+    let error = PoseEstimator::new(&RobotDescription::nominal(), config).unwrap_err();
+    assert!(error.to_string().contains("rest_velocity"));
+}

@@ -1,0 +1,382 @@
+//! Kinematics of an arm: frames, Jacobian, and closed-form inverse with a free elbow angle.
+
+use nalgebra::{Isometry3, Matrix3, SMatrix, Translation3, UnitQuaternion, Vector3};
+use tactnet_catching_packets::{ARM_JOINTS, Arm, Joint};
+
+use super::HandPose;
+
+/// Frame of an arm's link in the chest frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinkFrame {
+    /// Origin on the axis of the joint that moves the link, in m.
+    pub origin: Vector3<f64>,
+    /// Rotation from the link frame to the chest frame.
+    pub rotation: Matrix3<f64>,
+    /// Axis of the joint that moves the link.
+    pub axis: Vector3<f64>,
+}
+
+/// Kinematics of an arm with spherical shoulder and wrist and joint axes z, -y, z, y, z, -y, z.
+#[derive(Debug, Clone)]
+pub struct ArmKinematics {
+    base: Isometry3<f64>,
+    base_rotation: Matrix3<f64>,
+    shoulder: Vector3<f64>,
+    upper: f64,
+    fore: f64,
+    hand: f64,
+    joints: [Joint; ARM_JOINTS],
+}
+
+impl ArmKinematics {
+    pub(super) fn new(arm: &Arm) -> Self {
+        let rotation = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), arm.lean);
+        let base = Isometry3::from_parts(Translation3::from(Vector3::from(arm.position)), rotation);
+        Self {
+            base,
+            base_rotation: rotation.to_rotation_matrix().into_inner(),
+            shoulder: base * nalgebra::Point3::new(0.0, 0.0, arm.base_to_shoulder)
+                - nalgebra::Point3::origin(),
+            upper: arm.shoulder_to_elbow,
+            fore: arm.elbow_to_wrist,
+            hand: arm.wrist_to_catch,
+            joints: arm.joints,
+        }
+    }
+
+    /// Returns the joint limits.
+    pub fn joints(&self) -> &[Joint; ARM_JOINTS] {
+        &self.joints
+    }
+
+    /// Returns the shoulder position in the chest frame, in m.
+    pub fn shoulder(&self) -> Vector3<f64> {
+        self.shoulder
+    }
+
+    /// Returns the distance from the shoulder to the farthest catch frame, in m.
+    pub fn reach(&self) -> f64 {
+        self.upper + self.fore + self.hand
+    }
+
+    /// Returns the mounting pose in the chest frame.
+    pub fn base(&self) -> &Isometry3<f64> {
+        &self.base
+    }
+
+    /// Returns the catch frame at joint angles `q`, in the chest frame.
+    pub fn forward(&self, q: &[f64; ARM_JOINTS]) -> HandPose {
+        let frames = self.frames(q);
+        HandPose {
+            position: frames.catch,
+            rotation: frames.rotation,
+        }
+    }
+
+    /// Returns the positions of shoulder, elbow, wrist and catch frame in the chest frame.
+    pub fn points(&self, q: &[f64; ARM_JOINTS]) -> [Vector3<f64>; 4] {
+        let frames = self.frames(q);
+        [self.shoulder, frames.elbow, frames.wrist, frames.catch]
+    }
+
+    /// Returns the joint axes and joint positions in the chest frame.
+    pub(crate) fn chain(&self, q: &[f64; ARM_JOINTS]) -> Chain {
+        let frames = self.frames(q);
+        Chain {
+            axes: frames.axes,
+            shoulder: self.shoulder,
+            elbow: frames.elbow,
+            wrist: frames.wrist,
+            rotation: frames.rotation,
+        }
+    }
+
+    /// Returns the catch frame and its geometric Jacobian `[6][7]`: linear velocity, then angular velocity, per joint
+    /// velocity.
+    pub fn jacobian(&self, q: &[f64; ARM_JOINTS]) -> (HandPose, SMatrix<f64, 6, ARM_JOINTS>) {
+        let frames = self.frames(q);
+        let origins = [
+            self.shoulder,
+            self.shoulder,
+            self.shoulder,
+            frames.elbow,
+            frames.elbow,
+            frames.wrist,
+            frames.wrist,
+        ];
+        let mut jacobian = SMatrix::<f64, 6, ARM_JOINTS>::zeros();
+        for (i, origin) in origins.iter().enumerate() {
+            let axis = frames.axes[i];
+            jacobian
+                .fixed_view_mut::<3, 1>(0, i)
+                .copy_from(&axis.cross(&(frames.catch - origin)));
+            jacobian.fixed_view_mut::<3, 1>(3, i).copy_from(&axis);
+        }
+        let pose = HandPose {
+            position: frames.catch,
+            rotation: frames.rotation,
+        };
+        (pose, jacobian)
+    }
+
+    /// Returns the link frames behind the joints, in the chest frame. The origin of the last one is the wrist.
+    pub fn links(&self, q: &[f64; ARM_JOINTS]) -> [LinkFrame; ARM_JOINTS] {
+        let mut rotation = self.base_rotation;
+        let mut origin = self.shoulder;
+        std::array::from_fn(|i| {
+            match i {
+                3 => origin += rotation.column(2) * self.upper,
+                5 => origin += rotation.column(2) * self.fore,
+                _ => {}
+            }
+            let (sin, cos) = q[i].sin_cos();
+            let axis = match i {
+                1 | 5 => {
+                    let axis = -rotation.column(1);
+                    turn_y(&mut rotation, -sin, cos);
+                    axis
+                }
+                3 => {
+                    let axis = rotation.column(1).into_owned();
+                    turn_y(&mut rotation, sin, cos);
+                    axis
+                }
+                _ => {
+                    let axis = rotation.column(2).into_owned();
+                    turn_z(&mut rotation, sin, cos);
+                    axis
+                }
+            };
+            LinkFrame {
+                origin,
+                rotation,
+                axis,
+            }
+        })
+    }
+
+    fn frames(&self, q: &[f64; ARM_JOINTS]) -> Frames {
+        let mut rotation = self.base_rotation;
+        let mut axes = [Vector3::zeros(); ARM_JOINTS];
+        let mut points = [Vector3::zeros(); 3];
+        let mut point = self.shoulder;
+        for i in 0..ARM_JOINTS {
+            let (sin, cos) = q[i].sin_cos();
+            match i {
+                1 | 5 => {
+                    axes[i] = -rotation.column(1);
+                    turn_y(&mut rotation, -sin, cos);
+                }
+                3 => {
+                    axes[i] = rotation.column(1).into_owned();
+                    turn_y(&mut rotation, sin, cos);
+                }
+                _ => {
+                    axes[i] = rotation.column(2).into_owned();
+                    turn_z(&mut rotation, sin, cos);
+                }
+            }
+            let (joint, length) = match i {
+                2 => (0, self.upper),
+                4 => (1, self.fore),
+                6 => (2, self.hand),
+                _ => continue,
+            };
+            point += rotation.column(2) * length;
+            points[joint] = point;
+        }
+        Frames {
+            axes,
+            elbow: points[0],
+            wrist: points[1],
+            catch: points[2],
+            rotation,
+        }
+    }
+
+    /// Calls `found` with each set of joint angles that puts the catch frame at `pose` (chest frame) and the elbow at
+    /// `elbow_angle` on its circle about the line from shoulder to wrist. There are up to eight sets, with angles in
+    /// (-pi, pi]. Joint ranges are not checked.
+    ///
+    /// There is no solution if the wrist is out of reach, or if the arm is stretched or folded to less than a
+    /// milliradian, where the circle degenerates to a point.
+    pub fn inverse(
+        &self,
+        pose: &HandPose,
+        elbow_angle: f64,
+        mut found: impl FnMut([f64; ARM_JOINTS]),
+    ) {
+        let Some(circle) = self.elbow_circle(pose) else {
+            return;
+        };
+        circle.each(self, elbow_angle, &mut found);
+    }
+
+    /// Returns the circle of possible elbow positions for a pose, in the frame of the arm's base, or `None` if the pose
+    /// is out of reach.
+    pub fn elbow_circle(&self, pose: &HandPose) -> Option<ElbowCircle> {
+        let rotation = self.base_rotation.transpose() * pose.rotation;
+        let wrist = self.base_rotation.transpose() * (pose.position - self.shoulder)
+            - rotation.column(2) * self.hand;
+        let distance = wrist.norm();
+        let cos = (distance * distance - self.upper * self.upper - self.fore * self.fore)
+            / (2.0 * self.upper * self.fore);
+        // Limit of one milliradian from stretched or folded.
+        if cos.is_nan() || cos.abs() >= 1.0 - 5e-7 || distance < 1e-6 {
+            return None;
+        }
+        let axis = wrist / distance;
+        let along = (distance * distance + self.upper * self.upper - self.fore * self.fore)
+            / (2.0 * distance);
+        // Any direction perpendicular to the line.
+        let helper = if axis.z.abs() < 0.9 {
+            Vector3::z()
+        } else {
+            Vector3::x()
+        };
+        let first = axis.cross(&helper).normalize();
+        Some(ElbowCircle {
+            rotation,
+            wrist,
+            centre: axis * along,
+            first: first * (self.upper * self.upper - along * along).sqrt(),
+            second: axis.cross(&first) * (self.upper * self.upper - along * along).sqrt(),
+            bend: cos.acos(),
+        })
+    }
+
+    /// Returns true if all joints are within their ranges.
+    pub fn within_ranges(&self, q: &[f64; ARM_JOINTS]) -> bool {
+        q.iter()
+            .zip(&self.joints)
+            .all(|(q, joint)| (joint.range[0]..=joint.range[1]).contains(q))
+    }
+}
+
+/// Joint axes and positions of an arm.
+#[derive(Debug, Clone)]
+pub(crate) struct Chain {
+    /// Joint axes.
+    pub axes: [Vector3<f64>; ARM_JOINTS],
+    pub shoulder: Vector3<f64>,
+    pub elbow: Vector3<f64>,
+    pub wrist: Vector3<f64>,
+    /// Rotation from the catch frame to the chest frame.
+    pub rotation: Matrix3<f64>,
+}
+
+impl Chain {
+    /// Returns a point on a joint's axis.
+    pub fn origin(&self, joint: usize) -> &Vector3<f64> {
+        match joint {
+            0..3 => &self.shoulder,
+            3..5 => &self.elbow,
+            _ => &self.wrist,
+        }
+    }
+}
+
+/// Circle of possible elbow positions for a fixed hand pose.
+#[derive(Debug, Clone)]
+pub struct ElbowCircle {
+    rotation: Matrix3<f64>,
+    wrist: Vector3<f64>,
+    centre: Vector3<f64>,
+    first: Vector3<f64>,
+    second: Vector3<f64>,
+    bend: f64,
+}
+
+impl ElbowCircle {
+    /// Calls `found` with the up to eight sets of joint angles of one elbow angle, like [`ArmKinematics::inverse`].
+    pub fn each(
+        &self,
+        arm: &ArmKinematics,
+        elbow_angle: f64,
+        found: &mut impl FnMut([f64; ARM_JOINTS]),
+    ) {
+        let (sin, cos) = elbow_angle.sin_cos();
+        let elbow = self.centre + self.first * cos + self.second * sin;
+        let z = elbow / arm.upper;
+        let fore = (self.wrist - elbow) / arm.fore;
+        let (bend_sin, bend_cos) = self.bend.sin_cos();
+        let x = (fore - z * bend_cos) / bend_sin;
+        for bend_sign in [1.0, -1.0] {
+            // With the opposite bend, the upper arm is rotated by pi about its axis.
+            let x = x * bend_sign;
+            let y = z.cross(&x);
+            let upper = Matrix3::from_columns(&[x, y, z]);
+            let mut lower = upper;
+            turn_y(&mut lower, bend_sin * bend_sign, bend_cos);
+            let lower = lower.transpose() * self.rotation;
+            for shoulder in zyz(&upper) {
+                for wrist in zyz(&lower) {
+                    found([
+                        shoulder[0],
+                        shoulder[1],
+                        shoulder[2],
+                        self.bend * bend_sign,
+                        wrist[0],
+                        wrist[1],
+                        wrist[2],
+                    ]);
+                }
+            }
+        }
+    }
+}
+
+struct Frames {
+    axes: [Vector3<f64>; ARM_JOINTS],
+    elbow: Vector3<f64>,
+    wrist: Vector3<f64>,
+    catch: Vector3<f64>,
+    rotation: Matrix3<f64>,
+}
+
+/// Multiplies `rotation` by a rotation about its y axis.
+fn turn_y(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
+    let (x, z) = (
+        rotation.column(0).into_owned(),
+        rotation.column(2).into_owned(),
+    );
+    rotation.set_column(0, &(x * cos - z * sin));
+    rotation.set_column(2, &(x * sin + z * cos));
+}
+
+/// Multiplies `rotation` by a rotation about its z axis.
+pub(super) fn turn_z(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
+    let (x, y) = (
+        rotation.column(0).into_owned(),
+        rotation.column(1).into_owned(),
+    );
+    rotation.set_column(0, &(x * cos + y * sin));
+    rotation.set_column(1, &(y * cos - x * sin));
+}
+
+/// Returns both sets of angles whose rotations about z, -y and z give `r`. If the middle angle is 0 or pi, the first
+/// one is 0.
+fn zyz(r: &Matrix3<f64>) -> [[f64; 3]; 2] {
+    let sin = r[(0, 2)].hypot(r[(1, 2)]);
+    if sin < 1e-9 {
+        let middle = if r[(2, 2)] > 0.0 {
+            0.0
+        } else {
+            std::f64::consts::PI
+        };
+        let last = r[(1, 0)].atan2(r[(1, 1)]);
+        return [[0.0, middle, last], [0.0, -middle, last]];
+    }
+    // A rotation by b about -y maps z to (-sin b cos a, -sin b sin a, cos b).
+    let middle = sin.atan2(r[(2, 2)]);
+    let first = (-r[(1, 2)]).atan2(-r[(0, 2)]);
+    let last = (-r[(2, 1)]).atan2(r[(2, 0)]);
+    let other = |angle: f64| {
+        if angle > 0.0 {
+            angle - std::f64::consts::PI
+        } else {
+            angle + std::f64::consts::PI
+        }
+    };
+    [[first, middle, last], [other(first), -middle, other(last)]]
+}
