@@ -29,7 +29,7 @@ const LEAST_RADIUS: f64 = 4.5;
 /// Maximum number of peaks that are refined per picture.
 const MOST_PEAKS: usize = 256;
 /// Maximum distance between the centres of duplicate circles, relative to the larger radius.
-const SAME: f64 = 0.5;
+const DUPLICATE_DISTANCE: f64 = 0.5;
 /// Minimum radius in the level in which a peak is refined, in pixels of the level. The largest is just below twice this
 /// value.
 const FINE_RADIUS: f64 = 12.0;
@@ -300,7 +300,7 @@ fn scaled(circle: &Circle, by: f64) -> Circle {
 }
 
 fn same(a: &Circle, b: &Circle) -> bool {
-    (a.u - b.u).hypot(a.v - b.v) < SAME * a.r.max(b.r)
+    (a.u - b.u).hypot(a.v - b.v) < DUPLICATE_DISTANCE * a.r.max(b.r)
 }
 
 /// Averages blocks of two by two pixels.

@@ -18,5 +18,5 @@ mod room;
 pub use assign::{Assignment, assign};
 pub use body::BodyMotion;
 pub use coordinator::{CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned};
-pub use neck::{Looked, Neck};
+pub use neck::{GazeTargets, Neck};
 pub use room::Room;

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_go_on_stays_apart_and_what_comes_near_is_braked() {
+    fn permitted_motions_stay_apart_and_close_ones_are_braked() {
         let description = RobotDescription::nominal();
         let robot = crate::Robot::new(description.clone());
         let mut q = [0.0; JOINTS];
@@ -180,7 +180,7 @@ mod tests {
 
     /// A robot that braked too late rests within the margin. It may leave slowly but must not come closer.
     #[test]
-    fn what_stands_too_near_may_leave() {
+    fn a_robot_within_the_margin_may_leave() {
         let description = RobotDescription::nominal();
         let robot = crate::Robot::new(description.clone());
         let q = robot.waiting();

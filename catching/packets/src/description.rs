@@ -5,6 +5,7 @@ use serde::Deserialize;
 
 use crate::{ARM_JOINTS, ARMS, JOINTS, joint};
 
+/// Description of the nominal robot.
 const NOMINAL: &str = include_str!("robot.toml");
 
 /// Error in a robot description.
@@ -184,11 +185,6 @@ impl RobotDescription {
         Self::parse(NOMINAL).expect("the built-in description is valid")
     }
 
-    /// Returns the text of [`RobotDescription::nominal`] as a template for other robots.
-    pub fn nominal_text() -> &'static str {
-        NOMINAL
-    }
-
     /// Returns the limits of all joints, in the order of [`joint`].
     pub fn joints(&self) -> [Joint; JOINTS] {
         std::array::from_fn(|i| match i {
@@ -364,7 +360,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_makes_no_sense_is_named_with_its_setting() {
+    fn invalid_values_are_reported_with_their_setting() {
         let cases = [
             (
                 "range = [-0.5, 0.5]",

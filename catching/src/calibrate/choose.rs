@@ -19,17 +19,17 @@ use crate::safety::{Bodies, PAIRS, distance};
 use crate::track::CAMERAS;
 
 /// Fraction of the arms' joint ranges in which configurations are drawn.
-const OF_RANGE: f64 = 0.9;
+const RANGE_SHARE: f64 = 0.9;
 /// Smallest and largest distance of a marker from the head frame along its x axis, in m.
-const AWAY: [f64; 2] = [0.35, 1.2];
+const MARKER_DISTANCE: [f64; 2] = [0.35, 1.2];
 /// Margins of pan and tilt to the ends of their ranges, for the neck sweep and joint offsets, in rad.
-const ROOM: [f64; 2] = [0.32, 0.24];
+const NECK_MARGIN: [f64; 2] = [0.32, 0.24];
 /// Minimum distance of bodies on the way, in m. It exceeds the errors of an uncalibrated robot.
-const CLEAR: f64 = 0.04;
+const CLEARANCE: f64 = 0.04;
 /// Number of checked positions on the way from the waiting pose.
-const PLACES: usize = 12;
+const WAY_CHECKS: usize = 12;
 /// Margin at each picture edge, as a fraction of width or height, in which markers are ignored.
-const EDGE: f64 = 0.02;
+const PICTURE_MARGIN: f64 = 0.02;
 
 /// Configuration of an arm with the gaze towards its marker.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,7 +66,7 @@ pub fn draw_candidate(
     let own = robot.arm(arm);
     let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| {
         let [low, high] = own.joints()[i].range;
-        (low + high) / 2.0 + (uniform() - 0.5) * OF_RANGE * (high - low)
+        (low + high) / 2.0 + (uniform() - 0.5) * RANGE_SHARE * (high - low)
     });
     let last = own.links(&q)[ARM_JOINTS - 1];
     let marker: Vector3<f64> = guess.fixed_rows::<3>(at::marker(arm)).into_owned();
@@ -74,7 +74,7 @@ pub fn draw_candidate(
     let gaze = robot.look_at(&point);
     for (i, joint) in robot.joints()[joint::NECK].iter().enumerate() {
         let [low, high] = joint.range;
-        if !(low + ROOM[i]..=high - ROOM[i]).contains(&gaze[i]) {
+        if !(low + NECK_MARGIN[i]..=high - NECK_MARGIN[i]).contains(&gaze[i]) {
             return None;
         }
     }
@@ -82,7 +82,7 @@ pub fn draw_candidate(
     neck[joint::NECK].copy_from_slice(&gaze);
     let away = (robot.head(&neck).inverse() * Point3::from(point)).x;
     let candidate = Candidate { arm, q, gaze };
-    let seen = (AWAY[0]..=AWAY[1]).contains(&away)
+    let seen = (MARKER_DISTANCE[0]..=MARKER_DISTANCE[1]).contains(&away)
         && (0..CAMERAS).all(|camera| {
             let picture = candidate.picture(robot, NeckMotion::standing(gaze));
             in_picture(model, guess, &picture, camera)
@@ -107,7 +107,9 @@ fn in_picture(model: &Model, x: &Unknowns, picture: &Picture, camera: usize) -> 
     let cameras = &model.robot().description().cameras;
     let size = [f64::from(cameras.width), f64::from(cameras.height)];
     model.feature(x, picture, camera).is_some_and(|pixel| {
-        (0..2).all(|i| (EDGE * size[i]..(1.0 - EDGE) * size[i]).contains(&pixel[i]))
+        (0..2).all(|i| {
+            (PICTURE_MARGIN * size[i]..(1.0 - PICTURE_MARGIN) * size[i]).contains(&pixel[i])
+        })
     })
 }
 
@@ -115,15 +117,15 @@ fn in_picture(model: &Model, x: &Unknowns, picture: &Picture, camera: usize) -> 
 fn is_free(robot: &Robot, bodies: &Bodies, candidate: &Candidate) -> bool {
     let waiting = robot.waiting();
     let own = joint::ARM[candidate.arm].start;
-    (1..=PLACES).rev().all(|place| {
-        let part = place as f64 / PLACES as f64;
+    (1..=WAY_CHECKS).rev().all(|place| {
+        let part = place as f64 / WAY_CHECKS as f64;
         let mut q = waiting;
         for (i, end) in candidate.q.iter().enumerate() {
             q[own + i] += part * (end - waiting[own + i]);
         }
         (0..PAIRS).all(|pair| {
             let [a, b] = bodies.placed(pair, &q);
-            distance(&a, &b) > CLEAR
+            distance(&a, &b) > CLEARANCE
         })
     })
 }

@@ -12,9 +12,9 @@ use crate::robot::Robot;
 use crate::track::CAMERAS;
 
 /// Fixed-point iterations that undo the lens distortion. Each reduces the error about 100-fold.
-const STEPS: usize = 6;
+const DISTORTION_STEPS: usize = 6;
 /// Fixed-point iterations that find an arm's sag. Each reduces the error about 100-fold.
-const SETTLING: usize = 4;
+const SAG_STEPS: usize = 4;
 
 /// Corrections of a calibration, or identity without one.
 #[derive(Debug, Clone)]
@@ -134,7 +134,7 @@ impl Corrections {
             let unloaded: [f64; ARM_JOINTS] =
                 std::array::from_fn(|i| q[own.start + i] + parameters.offsets[i]);
             let mut carried = unloaded;
-            for _ in 0..SETTLING {
+            for _ in 0..SAG_STEPS {
                 let loads = loads(&self.robot, arm, &carried);
                 carried =
                     std::array::from_fn(|i| unloaded[i] + parameters.compliances[i] * loads[i]);
@@ -206,7 +206,7 @@ impl Known {
         let [k1, k2] = own.distortion;
         let mut ray = distorted;
         let mut stretch = 1.0;
-        for _ in 0..STEPS {
+        for _ in 0..DISTORTION_STEPS {
             let s = ray.norm_squared();
             stretch = 1.0 + s * (k1 + s * k2);
             ray = distorted / stretch;

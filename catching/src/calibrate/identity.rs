@@ -4,6 +4,7 @@ use tactnet_catching_packets::RobotDescription;
 
 /// Offset basis of 64-bit FNV-1a.
 const START: u64 = 0xcbf2_9ce4_8422_2325;
+/// Prime of 64-bit FNV-1a.
 const FACTOR: u64 = 0x0000_0100_0000_01b3;
 
 /// Returns the identity of a robot. It depends on geometry, optics and masses, which calibrations refer to, but not on

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_whole_calibration_of_this_robot_is_refused_in_a_line() {
+    fn invalid_calibrations_are_rejected_in_one_line() {
         let robot = robot();
         let kept = kept(&Unknowns::zeros(UNKNOWNS));
         let good = kept.to_toml();

@@ -10,9 +10,9 @@ use crate::robot::Robot;
 use crate::track::CAMERAS;
 
 /// Maximum number of unknowns that one measurement depends on.
-const MOST: usize = 36;
+const MAX_COLUMNS: usize = 36;
 /// Minimum distance of a visible marker in front of a camera, in m.
-const NEAREST: f64 = 0.02;
+const MIN_DEPTH: f64 = 0.02;
 
 /// Predicted measurement with its Jacobian with respect to the unknowns that it depends on.
 #[derive(Debug, Clone)]
@@ -24,7 +24,7 @@ pub struct Block {
     /// Indices of the unknowns.
     pub columns: Vec<usize>,
     /// Jacobian, `[rows][columns]`.
-    pub jacobian: [[f64; MOST]; 3],
+    pub jacobian: [[f64; MAX_COLUMNS]; 3],
 }
 
 impl Block {
@@ -32,8 +32,8 @@ impl Block {
         let mut block = Self {
             value: [0.0; 3],
             rows: R,
-            columns: Vec::with_capacity(MOST),
-            jacobian: [[0.0; MOST]; 3],
+            columns: Vec::with_capacity(MAX_COLUMNS),
+            jacobian: [[0.0; MAX_COLUMNS]; 3],
         };
         block.value[..R].copy_from_slice(value.as_slice());
         block
@@ -133,7 +133,7 @@ impl Model {
     pub fn feature(&self, x: &Unknowns, picture: &Picture, camera: usize) -> Option<Vector2<f64>> {
         let marker = three(x, at::marker(picture.arm));
         let seen = self.way(x, picture, camera, &marker).seen;
-        (seen.x > NEAREST).then(|| self.lens(x, camera, &seen).0)
+        (seen.x > MIN_DEPTH).then(|| self.lens(x, camera, &seen).0)
     }
 
     /// Returns the projected marker with its derivatives, or `None` if it is not in front of the camera.
@@ -146,7 +146,7 @@ impl Model {
         let arm = picture.arm;
         let marker = three(x, at::marker(arm));
         let way = self.way(x, picture, camera, &marker);
-        if way.seen.x <= NEAREST {
+        if way.seen.x <= MIN_DEPTH {
             return None;
         }
         let (pixel, by_seen, by_lens) = self.lens(x, camera, &way.seen);

@@ -211,7 +211,7 @@ impl<'a> Problem<'a> {
         let noise = &self.config.noise;
         for (picture, camera, found) in self.features() {
             match self.model.feature_with_slope(x, picture, camera) {
-                Some(block) => take(&less(block, &found), noise.feature),
+                Some(block) => take(&minus(block, &found), noise.feature),
                 None => take(&Block::constant(UNSEEN), noise.feature),
             }
         }
@@ -223,15 +223,15 @@ impl<'a> Problem<'a> {
                 ..
             } = rest;
             let felt = self.model.rest(x, rest);
-            take(&less(felt, acceleration), noise.acceleration);
+            take(&minus(felt, acceleration), noise.acceleration);
             let still = Turn {
                 neck: NeckMotion::standing(*neck),
                 rate: *rate,
             };
-            take(&less(self.model.turn(x, &still), rate), noise.rest_rate);
+            take(&minus(self.model.turn(x, &still), rate), noise.rest_rate);
         }
         for turn in &self.session.turns {
-            take(&less(self.model.turn(x, turn), &turn.rate), noise.rate);
+            take(&minus(self.model.turn(x, turn), &turn.rate), noise.rate);
         }
     }
 
@@ -245,7 +245,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-fn less(mut block: Block, found: &[f64]) -> Block {
+fn minus(mut block: Block, found: &[f64]) -> Block {
     for (value, found) in block.value.iter_mut().zip(found) {
         *value -= found;
     }

@@ -15,7 +15,7 @@ use super::session::{NeckMotion, Picture, Rest, Session, Turn};
 use crate::track::CAMERAS;
 
 /// Number of IMU samples that are averaged while the head turns.
-const TOGETHER: usize = 8;
+const AVERAGED_SAMPLES: usize = 8;
 
 /// Sums of IMU samples.
 #[derive(Debug, Clone, Copy, Default)]
@@ -100,10 +100,13 @@ impl Recorder {
             }
             Phase::Turn => {
                 self.turn.add(sample);
-                if self.turn.count == TOGETHER {
+                if self.turn.count == AVERAGED_SAMPLES {
                     let sums = std::mem::take(&mut self.turn);
-                    let rate = sums.rate / TOGETHER as f64;
-                    self.wait(sums.stamp_ns / TOGETHER as u64, Waiting::Turn(rate.into()));
+                    let rate = sums.rate / AVERAGED_SAMPLES as f64;
+                    self.wait(
+                        sums.stamp_ns / AVERAGED_SAMPLES as u64,
+                        Waiting::Turn(rate.into()),
+                    );
                 }
             }
             Phase::Way | Phase::Marker { .. } => self.turn = Sums::default(),

@@ -15,7 +15,7 @@ const DAMPING: f64 = 1e-3;
 /// Relative decrease of the cost below which the solver has converged.
 const LEAST_GAIN: f64 = 1e-9;
 /// Minimum absolute component of an eigenvector that is reported.
-const NAMED: f64 = 0.25;
+const MIN_COMPONENT: f64 = 0.25;
 /// Median norm of two-dimensional normal noise with standard deviation 1.
 const RAYLEIGH_MEDIAN: f64 = 1.177_410;
 
@@ -111,7 +111,13 @@ pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, 
         let step = -factor.solve(&normal.gradient);
         let gain = -step.dot(&normal.gradient) - step.dot(&(&normal.hessian * &step)) / 2.0;
         if gain < LEAST_GAIN * normal.cost {
-            return Ok(ended(problem, &z, &normal.hessian, normal.cost, iterations));
+            return Ok(solution(
+                problem,
+                &z,
+                &normal.hessian,
+                normal.cost,
+                iterations,
+            ));
         }
         let there = &z + &step;
         let cost = problem.cost(&there);
@@ -124,7 +130,7 @@ pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, 
         }
     }
     // A model that does not fit has a flat minimum; report the fit as the cause.
-    let last = ended(problem, &z, &normal.hessian, normal.cost, most);
+    let last = solution(problem, &z, &normal.hessian, normal.cost, most);
     judge_fit(&last, problem.config())?;
     Err(CalibrationError::NoMinimum { iterations: most })
 }
@@ -139,7 +145,7 @@ fn judge_fit(solved: &Solved, config: &CalibrationConfig) -> Result<(), Calibrat
     Ok(())
 }
 
-fn ended(
+fn solution(
     problem: &Problem<'_>,
     z: &DVector<f64>,
     hessian: &DMatrix<f64>,
@@ -155,7 +161,7 @@ fn ended(
         .map(|&i| {
             let direction = eigen.eigenvectors.column(i);
             let mut parts: Vec<(String, f64)> = (0..UNKNOWNS)
-                .filter(|unknown| direction[*unknown].abs() >= NAMED)
+                .filter(|unknown| direction[*unknown].abs() >= MIN_COMPONENT)
                 .map(|unknown| (name(unknown), direction[unknown]))
                 .collect();
             parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));

@@ -24,7 +24,7 @@ const FULL: f64 = POINTS as f64 / 3.0 * SHARE;
 /// Number of pixels that are summed in one run.
 const RUN: usize = 32;
 /// Maximum number of peaks per window.
-const MOST: usize = 1024;
+const MAX_PEAKS: usize = 1024;
 
 /// Local maximum of the votes, in pixels of the whole picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -139,7 +139,7 @@ impl Votes {
     pub(super) fn peaks(&self, threshold: f64, window: Window, scale: f64, peaks: &mut Vec<Peak>) {
         let least = (threshold * FULL).clamp(1.0, 255.0) as u8;
         let (width, height) = (window.width, window.height);
-        let most = peaks.len() + MOST;
+        let most = peaks.len() + MAX_PEAKS;
         for (i, responses) in self.responses.iter().enumerate() {
             for line in 1..height - 1 {
                 let from = line * width;

@@ -14,15 +14,15 @@ use crate::robot::Robot;
 use crate::safety::Bodies;
 
 /// Maximum position difference between a path's start and the current motion, in rad.
-pub(super) const SAME_PLACE: f64 = 1e-4;
+pub(super) const POSITION_TOLERANCE: f64 = 1e-4;
 /// Maximum velocity difference between a path's start and the current motion, in rad/s.
-pub(super) const SAME_SPEED: f64 = 1e-3;
+pub(super) const SPEED_TOLERANCE: f64 = 1e-3;
 /// Tolerance of limit checks for rounding, absolute in rad or m and relative for speeds.
 const ROUNDING: f64 = 1e-6;
 /// Maximum time from now to the start of a path, in ns. A later start indicates a wrong clock.
-pub(super) const FARTHEST_NS: u64 = 2_000_000_000;
+pub(super) const MAX_AHEAD_NS: u64 = 2_000_000_000;
 /// Maximum distance from the waiting pose at which a starting robot counts as waiting, in rad and m.
-const THERE: f64 = 2e-3;
+const WAITING_TOLERANCE: f64 = 2e-3;
 
 /// Reason why a path is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -96,7 +96,10 @@ impl Controller {
     pub fn new(robot: Robot, ready: [f64; JOINTS], q: &[f64; JOINTS]) -> Self {
         let bodies = Bodies::new(robot.description());
         let mut trail = Trail::new(&ready);
-        let is_there = q.iter().zip(&ready).all(|(q, r)| (q - r).abs() < THERE);
+        let is_there = q
+            .iter()
+            .zip(&ready)
+            .all(|(q, r)| (q - r).abs() < WAITING_TOLERANCE);
         let within = |i: usize| {
             let [low, high] = robot.joints()[i].range;
             q[i].clamp(low, high)
@@ -215,7 +218,7 @@ impl Controller {
             return Err(PathError::NotFinite);
         }
         let since = self.last.unwrap_or(now_ns).max(now_ns);
-        if path.start_ns < since || path.start_ns > since + FARTHEST_NS {
+        if path.start_ns < since || path.start_ns > since + MAX_AHEAD_NS {
             let late_us = (since as i64 - path.start_ns as i64) / 1000;
             return Err(PathError::Time { late_us });
         }
@@ -225,7 +228,7 @@ impl Controller {
         let before = self.arms[arm];
         for (i, ramp) in ramps.iter().enumerate() {
             let (q, w) = at(&before, i, path.start_ns);
-            if (ramp.q0 - q).abs() > SAME_PLACE || (ramp.w0 - w).abs() > SAME_SPEED {
+            if (ramp.q0 - q).abs() > POSITION_TOLERANCE || (ramp.w0 - w).abs() > SPEED_TOLERANCE {
                 return Err(PathError::Jump { joint: i });
             }
             let limits = &self.robot.joints()[joint::ARM[arm].start + i];
@@ -254,9 +257,9 @@ impl Controller {
             let [low, high] = ramp.extent();
             let numbers = [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end];
             numbers.iter().all(|number| number.is_finite())
-                && (ramp.q0 - self.q[*index]).abs() <= SAME_PLACE
-                && self.dq[*index].abs() <= SAME_SPEED
-                && ramp.w0.abs() <= SAME_SPEED
+                && (ramp.q0 - self.q[*index]).abs() <= POSITION_TOLERANCE
+                && self.dq[*index].abs() <= SPEED_TOLERANCE
+                && ramp.w0.abs() <= SPEED_TOLERANCE
                 && low >= limits.range[0] - ROUNDING
                 && high <= limits.range[1] + ROUNDING
                 && ramp.top_speed() <= limits.speed * (1.0 + ROUNDING)
@@ -264,7 +267,7 @@ impl Controller {
         });
         let on_time = self.last.is_none_or(|last| {
             // A start slightly in the past causes a small step; a larger delay would cause a jump.
-            path.start_ns + 3_000_000 >= last && path.start_ns <= last + FARTHEST_NS
+            path.start_ns + 3_000_000 >= last && path.start_ns <= last + MAX_AHEAD_NS
         });
         if !(follows && goes_on && on_time) {
             self.refused += 1;
@@ -336,7 +339,7 @@ impl Controller {
 
     /// Starts the return to the waiting pose. A moving robot brakes first, and the caller must repeat the order.
     pub fn go_back(&mut self) {
-        let moves = self.dq.iter().any(|dq| dq.abs() > SAME_SPEED);
+        let moves = self.dq.iter().any(|dq| dq.abs() > SPEED_TOLERANCE);
         match self.mode {
             ControllerMode::Ready => {}
             ControllerMode::Following if moves => {

@@ -3,13 +3,15 @@
 use tactnet_catching_packets::packets::{ArmPath, RampPacket, ThrowPath};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, THROW_JOINTS};
 
-use super::controller::{FARTHEST_NS, PathError, SAME_PLACE, SAME_SPEED, is_whole, keeps};
+use super::controller::{
+    MAX_AHEAD_NS, POSITION_TOLERANCE, PathError, SPEED_TOLERANCE, is_whole, keeps,
+};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 use crate::throw::throw_joint;
 
 /// Maximum time from the start of the approach to the swing, in ns. A longer time indicates a wrong clock.
-const LONGEST_NS: u64 = 20_000_000_000;
+const MAX_REST_NS: u64 = 20_000_000_000;
 
 /// Validated throw.
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +38,7 @@ impl Throwing {
         if !(finite && way.iter().chain(&swing).all(is_whole)) {
             return Err(PathError::NotFinite);
         }
-        if path.start_ns < since_ns || path.start_ns > since_ns + FARTHEST_NS {
+        if path.start_ns < since_ns || path.start_ns > since_ns + MAX_AHEAD_NS {
             let late_us = (since_ns as i64 - path.start_ns as i64) / 1000;
             return Err(PathError::Time { late_us });
         }
@@ -46,7 +48,7 @@ impl Throwing {
         };
         let end_ns = latest(&swing, path.swing_ns);
         let in_order = path.swing_ns >= latest(&way, path.start_ns)
-            && path.swing_ns - path.start_ns <= LONGEST_NS
+            && path.swing_ns - path.start_ns <= MAX_REST_NS
             && (path.swing_ns..end_ns).contains(&path.open_ns);
         if !in_order {
             return Err(PathError::Order);
@@ -55,7 +57,7 @@ impl Throwing {
             let joint = throw_joint(arm, i);
             let begins = [q[joint], way[i].at(way[i].end).0];
             for (ramp, begin) in [way[i], swing[i]].iter().zip(begins) {
-                if (ramp.q0 - begin).abs() > SAME_PLACE || ramp.w0.abs() > SAME_SPEED {
+                if (ramp.q0 - begin).abs() > POSITION_TOLERANCE || ramp.w0.abs() > SPEED_TOLERANCE {
                     return Err(PathError::Jump { joint: i });
                 }
                 if !keeps(ramp, &robot.joints()[joint]) {

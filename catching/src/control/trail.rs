@@ -5,21 +5,21 @@ use tactnet_catching_packets::{JOINTS, Joint};
 use crate::safety::{Bodies, Interval, PAIRS, distance};
 
 /// Maximum number of ticks in the trail: 20 s of motion.
-const LONGEST: usize = 20_000;
+const MAX_POINTS: usize = 20_000;
 /// Duration of a tick, in s.
 pub(super) const TICK: f64 = 1e-3;
 /// Speed on the way back, relative to the original speed.
-const BACK: f64 = 0.5;
+const RETURN_SPEED: f64 = 0.5;
 /// Change of the relative speed per tick; full speed is reached after 0.2 s.
-const CHANGE: f64 = BACK / 200.0;
+const ACCELERATION: f64 = RETURN_SPEED / 200.0;
 /// Change of the relative speed per tick while braking; the robot rests after 1/16 s.
-const STOP: f64 = BACK / 62.0;
+const DECELERATION: f64 = RETURN_SPEED / 62.0;
 /// Growth per tick of a speed that was halved by braking; it doubles in one second.
-const REGAINED: f64 = 1.000_693_4;
+const SPEED_REGAIN: f64 = 1.000_693_4;
 /// Minimum distance between bodies on a straight way, in m.
 const MARGIN: f64 = 0.02;
 /// Maximum step between collision checks on a straight way, in rad and m.
-const DENSE: f64 = 0.02;
+const CHECK_STEP: f64 = 0.02;
 
 /// Sequence of joint positions, one per tick, without ticks at rest.
 #[derive(Debug, Clone)]
@@ -28,7 +28,7 @@ pub struct Trail {
     /// Current position on the trail during the return, in ticks from its start.
     place: f64,
     rate: f64,
-    /// Factor on [`BACK`]: halved by each braking on the way back, then growing again.
+    /// Factor on [`RETURN_SPEED`]: halved by each braking on the way back, then growing again.
     share: f64,
     /// True if the robot rests at `place`, between two points that are kept.
     stopped: bool,
@@ -37,7 +37,7 @@ pub struct Trail {
 impl Trail {
     /// Creates a trail that starts in the waiting pose.
     pub fn new(ready: &[f64; JOINTS]) -> Self {
-        let mut points = Vec::with_capacity(LONGEST);
+        let mut points = Vec::with_capacity(MAX_POINTS);
         points.push(*ready);
         Self {
             points,
@@ -54,7 +54,7 @@ impl Trail {
         if stands {
             return true;
         }
-        if self.points.len() == LONGEST {
+        if self.points.len() == MAX_POINTS {
             return false;
         }
         self.points.push(*q);
@@ -77,8 +77,8 @@ impl Trail {
 
     /// Moves back by one tick. Returns positions, velocities, and true on arrival.
     pub fn back(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
-        self.share = (self.share * REGAINED).min(1.0);
-        let (fastest, change) = (BACK * self.share, CHANGE * self.share);
+        self.share = (self.share * SPEED_REGAIN).min(1.0);
+        let (fastest, change) = (RETURN_SPEED * self.share, ACCELERATION * self.share);
         // Decelerate such that the motion ends at the start of the trail.
         let left = (2.0 * change * self.place).sqrt();
         self.rate = (self.rate + change).min(fastest).min(left);
@@ -96,7 +96,7 @@ impl Trail {
 
     /// Brakes on the trail. Returns positions, velocities, and true at rest.
     pub fn stop(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
-        self.rate = (self.rate - STOP).max(0.0).min(self.place);
+        self.rate = (self.rate - DECELERATION).max(0.0).min(self.place);
         self.place -= self.rate;
         let (q, dq) = self.here();
         if self.rate > 0.0 {
@@ -130,7 +130,7 @@ impl Trail {
         let way: [f64; JOINTS] = std::array::from_fn(|i| q[i] - ready[i]);
         let at = |part: f64| -> [f64; JOINTS] { std::array::from_fn(|i| ready[i] + way[i] * part) };
         let longest = way.iter().fold(0.0, |most: f64, part| most.max(part.abs()));
-        let looks = (longest / DENSE).ceil() as usize + 1;
+        let looks = (longest / CHECK_STEP).ceil() as usize + 1;
         let free = (0..=looks).all(|look| is_free(&at(look as f64 / looks as f64), bodies));
         if !free {
             return false;
@@ -146,7 +146,7 @@ impl Trail {
                     std::f64::consts::PI * (0.5 * part / joint.acceleration).sqrt();
                 most.max(by_speed).max(by_acceleration)
             });
-        let ticks = ((seconds / TICK).ceil() as usize).clamp(1, LONGEST - 1);
+        let ticks = ((seconds / TICK).ceil() as usize).clamp(1, MAX_POINTS - 1);
         self.points.truncate(1);
         self.points.extend((1..=ticks).map(|tick| {
             let part = tick as f64 / ticks as f64;

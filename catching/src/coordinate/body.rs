@@ -16,9 +16,9 @@ use crate::robot::Robot;
 /// Distance of an arm's best reach point in front of its shoulder, in m.
 const BEST_REACH: f64 = 0.55;
 /// Time at rest before the ball arrives, in s.
-const REST: f64 = 0.15;
+const REST_BEFORE_CATCH: f64 = 0.15;
 /// Minimum displacement that justifies a motion, in m.
-const WORTH: f64 = 0.05;
+const MIN_MOTION: f64 = 0.05;
 /// Maximum turn of the torso, in rad.
 const MAX_TURN: f64 = 0.5;
 
@@ -64,9 +64,9 @@ impl BodyMotion {
         let Some((_, t, ball, best)) = nearest else {
             return standing;
         };
-        let available = t - REST;
+        let available = t - REST_BEFORE_CATCH;
         let aside = ball.y - best.y;
-        if available < 0.15 || aside.abs() < WORTH {
+        if available < 0.15 || aside.abs() < MIN_MOTION {
             return standing;
         }
         let limits = robot.joints();
@@ -81,7 +81,7 @@ impl BodyMotion {
         let turned = q[joint::TORSO.start];
         let roll = within(joint::PLATFORM, aside * turned.cos());
         let left = aside - roll * turned.cos();
-        let turn = if left.abs() < WORTH {
+        let turn = if left.abs() < MIN_MOTION {
             0.0
         } else {
             within(

@@ -7,7 +7,7 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 
 use super::assign::assign;
 use super::body::BodyMotion;
-use super::neck::{Looked, Neck};
+use super::neck::{GazeTargets, Neck};
 use super::room::Room;
 use crate::flight::{Flight, FlightPath};
 use crate::plan::{CatchPlan, CatchPoint, CatchRequest, ChestWay, NoPlan, Objective, OtherArm};
@@ -199,7 +199,7 @@ impl Coordinator {
     }
 
     /// Returns the gaze target of the head.
-    pub fn looked_at(&self) -> &Looked {
+    pub fn looked_at(&self) -> &GazeTargets {
         self.neck.looked_at()
     }
 

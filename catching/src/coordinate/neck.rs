@@ -8,12 +8,12 @@ use crate::flight::Flight;
 use crate::robot::Robot;
 
 /// Balls to look at: time in ns and flight at that time, in the inertial frame.
-pub type Looked = [Option<(u64, Flight)>; MAX_BALLS];
+pub type GazeTargets = [Option<(u64, Flight)>; MAX_BALLS];
 
 /// Gaze control of pan and tilt.
 #[derive(Debug, Clone)]
 pub struct Neck {
-    looked: Looked,
+    looked: GazeTargets,
     joints: [(f64, f64); 2],
     turned_ns: u64,
 }
@@ -29,12 +29,12 @@ impl Neck {
     }
 
     /// Returns the current targets.
-    pub fn looked_at(&self) -> &Looked {
+    pub fn looked_at(&self) -> &GazeTargets {
         &self.looked
     }
 
     /// Replaces the targets.
-    pub fn look_at(&mut self, now_ns: u64, balls: Looked) {
+    pub fn look_at(&mut self, now_ns: u64, balls: GazeTargets) {
         if self.looked == [None; MAX_BALLS] {
             self.turned_ns = now_ns;
         }

@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_moved_is_seen_where_it_is_and_no_longer_where_it_was() {
+    fn moved_objects_appear_only_at_their_new_position() {
         let config = small();
         let mut fusion = Fusion::new(config).unwrap();
         let head = Isometry3::identity();

@@ -20,10 +20,12 @@ const OF_LINK: usize = 6;
 const LINK_RADIUS: [f64; 2] = [0.085, 0.076];
 /// Positions of the palm's spheres along the hand axis, in m from the wrist.
 const PALM: [f64; 3] = [0.04, 0.1, 0.16];
+/// Radius of the palm's spheres, in m.
 const PALM_RADIUS: f64 = 0.07;
 /// Ring of spheres around the fingers: radius of the ring, offset from the catch frame along the hand axis, and radius
 /// of a sphere, in m.
 const RING: [f64; 3] = [0.07, 0.005, 0.08];
+/// Number of spheres in the ring.
 const OF_RING: usize = ARM_SPHERES - 2 * OF_LINK - PALM.len();
 
 /// Sphere.

@@ -28,11 +28,11 @@ const SMALL_GAIN: f64 = 1e-3;
 /// Regularisation that limits steps along directions without effect.
 const RIDGE: f64 = 1e-2;
 /// Maximum position error in m and angle error in rad of a useful miss.
-const MOST: [f64; 2] = [0.15, 0.6];
+const MAX_MISS: [f64; 2] = [0.15, 0.6];
 /// Base cost of a miss, which exceeds the cost of any catch.
-const WORSE: f64 = 10.0;
+const BASE_COST: f64 = 10.0;
 /// Additional cost of a miss per metre.
-const BY_METRE: f64 = 100.0;
+const COST_PER_METRE: f64 = 100.0;
 
 /// Returns the nearest miss found from `start`, or `None` if it misses by too much.
 pub(crate) fn approach(
@@ -81,9 +81,9 @@ pub(crate) fn approach(
     }
     let x = kept?;
     let violation = problem.violation(&x);
-    (violation.position <= MOST[0] && violation.angle <= MOST[1]).then_some(Solution {
+    (violation.position <= MAX_MISS[0] && violation.angle <= MAX_MISS[1]).then_some(Solution {
         x,
-        cost: WORSE + BY_METRE * violation.position + violation.angle,
+        cost: BASE_COST + COST_PER_METRE * violation.position + violation.angle,
         violation,
     })
 }

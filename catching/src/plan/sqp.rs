@@ -29,7 +29,7 @@ const TRUST: f64 = 0.4;
 /// Maximum number of steps that restore feasibility at the start.
 const RESTORATIONS: usize = 10;
 /// Sum of violations below which no feasibility is restored, in mixed units (rad, m, s).
-const DRAWN_IN: f64 = 1e-6;
+const RESTORED: f64 = 1e-6;
 /// Distance inside the limits that restoring steps aim at, in rad, m or s.
 const MARGIN: f64 = 1e-4;
 /// Step length below which the descent ends, in rad and s.
@@ -127,9 +127,9 @@ fn restore(
 ) -> Iterate {
     let mut x = problem.retract(start);
     let mut linearised = problem.linearise(&x, TRUST);
-    while linearised.lack > DRAWN_IN && *iterations < RESTORATIONS && !out_of_time() {
+    while linearised.lack > RESTORED && *iterations < RESTORATIONS && !out_of_time() {
         *iterations += 1;
-        let Some(next) = draw_in(problem, &linearised, &x) else {
+        let Some(next) = restoring_step(problem, &linearised, &x) else {
             break;
         };
         let next = problem.retract(&next);
@@ -192,7 +192,7 @@ fn keep(problem: &Problem, best: &mut Option<Solution>, here: &Iterate) {
 }
 
 /// Returns the step that minimises the violations of inequalities in the least-squares sense without violating others.
-fn draw_in(problem: &Problem, here: &Linearised, x: &Point) -> Option<Point> {
+fn restoring_step(problem: &Problem, here: &Linearised, x: &Point) -> Option<Point> {
     let mut b = [[0.0; UNKNOWNS]; UNKNOWNS];
     let mut g = [0.0; UNKNOWNS];
     for (i, line) in b.iter_mut().enumerate() {

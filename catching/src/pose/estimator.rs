@@ -15,7 +15,7 @@ const MAX_RATE: f64 = 100.0;
 /// Step back in time, in ns, from which a sample counts as a clock change instead of a late sample.
 const CLOCK_SET_NS: u64 = 1_000_000_000;
 /// Standard deviations of position (m) and rotation (rad) above which a pose at rest restarts the estimate.
-const LOST: [f64; 2] = [0.5, 0.2];
+const RESTART_SIGMAS: [f64; 2] = [0.5, 0.2];
 
 /// Estimator of the head pose.
 #[derive(Debug, Clone)]
@@ -132,8 +132,8 @@ impl PoseEstimator {
     }
 
     fn rest(&mut self, sample: &ImuSample, pose: &Isometry3<f64>) {
-        if self.state.sigma(Block::Position) > LOST[0]
-            || self.state.sigma(Block::Rotation) > LOST[1]
+        if self.state.sigma(Block::Position) > RESTART_SIGMAS[0]
+            || self.state.sigma(Block::Rotation) > RESTART_SIGMAS[1]
         {
             self.start(pose);
         }

@@ -1,5 +1,6 @@
 use super::*;
 use proptest::prelude::*;
+use tactnet_catching_packets::Arm;
 
 fn robot() -> Robot {
     Robot::new(RobotDescription::nominal())

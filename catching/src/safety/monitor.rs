@@ -11,7 +11,7 @@ use super::sweep::{Braking, Interval, braking};
 /// Number of samples of a braking motion.
 const SAMPLES: usize = 48;
 /// Maximum speed of a joint at rest, in rad/s and m/s.
-const STANDS: f64 = 1e-3;
+const REST_SPEED: f64 = 1e-3;
 
 /// Settings of the monitor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,7 +122,7 @@ impl Monitor {
 
     /// Decides whether the robot could brake after this command without touching itself.
     pub fn judge(&mut self, command: &JointCommand) -> Ruling {
-        if self.refused && command.dq.iter().all(|dq| dq.abs() < STANDS) {
+        if self.refused && command.dq.iter().all(|dq| dq.abs() < REST_SPEED) {
             self.leaves = true;
         }
         let allowed = if self.leaves {

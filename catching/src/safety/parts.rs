@@ -5,7 +5,7 @@ use super::gjk::distance;
 use super::sweep::Braking;
 
 /// Maximum number of stored parts.
-const ROOM: usize = 128;
+const MAX_PARTS: usize = 128;
 
 /// Part of a braking motion: seconds until the drives brake, seconds of braking, and a bound of the pair's distance.
 #[derive(Debug, Clone, Copy)]
@@ -31,11 +31,11 @@ pub(super) fn least_in_parts(
         begun: [0.0, braking.reaction()],
         braked: [0.0, braking.longest()],
         bound: f64::NEG_INFINITY,
-    }; ROOM];
+    }; MAX_PARTS];
     let mut count = 1;
     loop {
         let (place, part) = least(&parts[..count]);
-        if part.bound >= enough || *looks < 2 || count == ROOM {
+        if part.bound >= enough || *looks < 2 || count == MAX_PARTS {
             return part.bound;
         }
         let middle = [part.begun, part.braked].map(|[from, to]| 0.5 * (from + to));

@@ -8,11 +8,11 @@ use super::gjk::core_bounds;
 use super::hull::{Hull, MAX_POINTS};
 
 /// Path length below which a swept point becomes a sphere, in m.
-const SMALL: f64 = 0.004;
+const MAX_SPHERE_PATH: f64 = 0.004;
 /// Maximum half angle of an arc segment, in rad.
-const PIECE: f64 = 0.4;
+const MAX_HALF_ANGLE: f64 = 0.4;
 /// Number of points that remain after thinning.
-const KEPT: usize = 20;
+const THINNED_POINTS: usize = 20;
 /// Golden ratio, for evenly distributed directions.
 const GOLDEN: f64 = 1.618_033_988_749_895;
 
@@ -151,7 +151,7 @@ fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
         .map(|point| point.cross(axis).norm())
         .fold(0.0, f64::max);
     let way = farthest * half;
-    if way <= SMALL {
+    if way <= MAX_SPHERE_PATH {
         let turned = hull.moved(&Isometry3::from_parts(
             nalgebra::Translation3::identity(),
             to_middle.into(),
@@ -160,13 +160,13 @@ fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
         hull.radius += way;
         return;
     }
-    let pieces = (half / PIECE).ceil().max(1.0) as usize;
+    let pieces = (half / MAX_HALF_ANGLE).ceil().max(1.0) as usize;
     let delta = half / pieces as f64;
     // End points of all segments, and for each segment a point outside of its middle where the tangents at its ends
     // intersect.
     let room = MAX_POINTS / (2 * pieces + 1);
     if hull.points().len() > room {
-        thin_out(hull, room.min(KEPT));
+        thin_out(hull, room.min(THINNED_POINTS));
     }
     let points = *hull;
     hull.clear();
@@ -179,8 +179,8 @@ fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
             hull.push(along + turned * outside);
         }
     }
-    if hull.points().len() > KEPT {
-        thin_out(hull, KEPT);
+    if hull.points().len() > THINNED_POINTS {
+        thin_out(hull, THINNED_POINTS);
     }
 }
 

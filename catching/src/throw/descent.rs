@@ -111,7 +111,7 @@ fn direction(
     let rows = &here.rows[..here.count];
     match qp::solve::<THROW_UNKNOWNS, ROWS>(curvature, &here.slope, rows, equalities) {
         Ok(step) => Some((step.x, Some(step.multipliers))),
-        Err(_) => Some((draw_in(here, equalities)?, None)),
+        Err(_) => Some((restoring_step(here, equalities)?, None)),
     }
 }
 
@@ -134,7 +134,7 @@ fn keep(best: &mut Option<ThrowSolution>, x: &Point, here: &Linearised) {
 }
 
 /// Returns the step that minimises the violations in the least-squares sense without violating other rows.
-fn draw_in(here: &Linearised, equalities: usize) -> Option<Point> {
+fn restoring_step(here: &Linearised, equalities: usize) -> Option<Point> {
     let mut b = [[0.0; THROW_UNKNOWNS]; THROW_UNKNOWNS];
     let mut g = [0.0; THROW_UNKNOWNS];
     for (i, line) in b.iter_mut().enumerate() {

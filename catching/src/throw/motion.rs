@@ -17,9 +17,9 @@ pub struct ThrowMotion {
     way: Way,
     swing: [Ramp; JOINTS],
     /// Time from the start of the swing to the release, in s.
-    lets_go: f64,
+    release_after: f64,
     /// Time from the start to the end of the swing, in s.
-    stands: f64,
+    swing_duration: f64,
 }
 
 /// Request of a throw's motion.
@@ -65,7 +65,7 @@ impl ThrowMotion {
         } = *request;
         let mut begin = *posture;
         let mut swing = posture.map(Ramp::standing);
-        let stands = 2.0 * (time + coast);
+        let swing_duration = 2.0 * (time + coast);
         for i in 0..THROW_JOINTS {
             let (q0, q1) = (ends[0][i], ends[1][i]);
             begin[throw_joint(arm, i)] = q0;
@@ -75,11 +75,11 @@ impl ThrowMotion {
                 a: (q1 - q0) / (time + 2.0 * coast) / time,
                 t1: time,
                 t2: time + 2.0 * coast,
-                end: stands,
+                end: swing_duration,
             };
         }
         let swings = |t: f64| swing.map(|ramp| ramp.at(t).0);
-        if let Some(pair) = touching(bodies, margin, stands, swings) {
+        if let Some(pair) = touching(bodies, margin, swing_duration, swings) {
             return Err(pair);
         }
         let over = robot.waiting();
@@ -96,8 +96,8 @@ impl ThrowMotion {
                 },
             )?,
             swing,
-            lets_go: time + coast,
-            stands,
+            release_after: time + coast,
+            swing_duration,
         })
     }
 
@@ -108,12 +108,12 @@ impl ThrowMotion {
 
     /// Returns the release time, in s.
     pub fn release(&self) -> f64 {
-        self.swing_begin() + self.lets_go
+        self.swing_begin() + self.release_after
     }
 
     /// Returns the end of the motion, in s.
     pub fn end(&self) -> f64 {
-        self.swing_begin() + self.stands
+        self.swing_begin() + self.swing_duration
     }
 
     /// Returns the ramps of the approach and the swing, or `None` if the approach is not straight.

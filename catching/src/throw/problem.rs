@@ -19,6 +19,7 @@ use crate::plan::qp::Row;
 
 /// Number of unknowns: angles, fractions of speeds, time.
 pub const THROW_UNKNOWNS: usize = 2 * THROW_JOINTS + 1;
+/// Index of the acceleration time among the unknowns.
 const TIME: usize = 2 * THROW_JOINTS;
 /// Maximum number of rows of the linear form: two equations, accelerations and ranges (48), speeds (16), time (2),
 /// palm, elevation, clearances (3), trust region.

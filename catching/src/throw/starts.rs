@@ -10,7 +10,7 @@ use tactnet_catching_packets::THROW_JOINTS;
 /// Number of throwing directions about the vertical per configuration, before the torso rotation.
 const DIRECTIONS: usize = 12;
 /// Elevation of the throwing directions, in rad.
-const STEEP: f64 = 0.6;
+const ELEVATION: f64 = 0.6;
 /// Acceleration time of the starts, in s.
 const TIME: f64 = 0.25;
 
@@ -53,9 +53,9 @@ fn candidate(problem: &Problem, number: usize, direction: usize) -> Option<(f64,
         .motion(&Problem::angles(&x), &[0.0; THROW_JOINTS]);
     let about = direction as f64 * std::f64::consts::TAU / DIRECTIONS as f64;
     let towards = Vector3::new(
-        STEEP.cos() * about.cos(),
-        STEEP.cos() * about.sin(),
-        STEEP.sin(),
+        ELEVATION.cos() * about.cos(),
+        ELEVATION.cos() * about.sin(),
+        ELEVATION.sin(),
     );
     let mut pattern = 0;
     for i in 0..THROW_JOINTS {

@@ -7,7 +7,7 @@ use crate::robot::Robot;
 use crate::safety::{Bodies, PAIRS, distance};
 
 /// Time between collision checks, in s.
-const DENSE: f64 = 0.01;
+const CHECK_PERIOD: f64 = 0.01;
 /// Maximum number of straight legs.
 const LEGS: usize = 2;
 
@@ -116,8 +116,8 @@ pub(super) fn touching(
     };
     let first = at(0.0);
     let least: [f64; PAIRS] = std::array::from_fn(|pair| apart(pair, &first).min(margin));
-    (1..=(end / DENSE).ceil() as usize).find_map(|i| {
-        let q = at(i as f64 * DENSE);
+    (1..=(end / CHECK_PERIOD).ceil() as usize).find_map(|i| {
+        let q = at(i as f64 * CHECK_PERIOD);
         (0..PAIRS).find(|pair| apart(*pair, &q) < least[*pair] - 1e-6)
     })
 }

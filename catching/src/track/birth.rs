@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_still_or_flies_too_high_is_no_throw() {
+    fn resting_and_too_high_balls_are_not_throws() {
         let state = |v: [f64; 3]| {
             let x =
                 SVector::from_row_slice(&[4.0, 0.0, 1.5, v[0], v[1], v[2], 0.03, 0.0, 0.0, 0.0]);

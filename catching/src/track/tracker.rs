@@ -13,13 +13,13 @@ use super::mht::{Hypotheses, Track};
 use crate::flight::Flight;
 
 /// Maximum time between pictures and pose of one exposure, in ns.
-const TOGETHER_NS: u64 = 1_000_000;
+const MAX_SKEW_NS: u64 = 1_000_000;
 /// Step back in time, in ns, from which pictures count as a clock change instead of late.
 const CLOCK_SET_NS: u64 = 1_000_000_000;
 /// Maximum number of remembered ball numbers.
 const MAX_NAMES: usize = 16;
 /// Maximum distance in m and velocity difference in m/s at which a new track continues a lost ball.
-const SAME: [f64; 2] = [0.2, 2.0];
+const SAME_BALL: [f64; 2] = [0.2, 2.0];
 
 /// Number of a reported ball.
 #[derive(Debug, Clone, Copy)]
@@ -77,7 +77,7 @@ impl BallTracker {
         head: &HeadPose,
     ) -> Result<BallPredictions, TrackError> {
         let exposure_ns = self.check(circles)?;
-        let pose = Head::new(head).filter(|head| head.t_ns.abs_diff(exposure_ns) <= TOGETHER_NS);
+        let pose = Head::new(head).filter(|head| head.t_ns.abs_diff(exposure_ns) <= MAX_SKEW_NS);
         let Some(mut head) = pose else {
             return Err(TrackError::Head {
                 exposure_ns,
@@ -117,7 +117,7 @@ impl BallTracker {
     /// Returns the exposure time if the pictures are a pair with valid circles.
     fn check(&self, circles: [&Circles; CAMERAS]) -> Result<u64, TrackError> {
         let [left, right] = circles;
-        let together = left.exposure_ns.abs_diff(right.exposure_ns) <= TOGETHER_NS;
+        let together = left.exposure_ns.abs_diff(right.exposure_ns) <= MAX_SKEW_NS;
         if left.frame != right.frame || [left.camera, right.camera] != [0, 1] || !together {
             return Err(TrackError::Pair {
                 left: left.frame,
@@ -243,7 +243,7 @@ fn name(
     let now = track.state.flight();
     let should_be_there = |name: &Name| {
         let then = name.flight.after((t_ns - name.t_ns) as f64 * 1e-9);
-        (then.p - now.p).norm() < SAME[0] && (then.v - now.v).norm() < SAME[1]
+        (then.p - now.p).norm() < SAME_BALL[0] && (then.v - now.v).norm() < SAME_BALL[1]
     };
     // Forget balls lost for longer.
     names.retain(|name| t_ns - name.t_ns < 300_000_000);

@@ -106,7 +106,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_not_positive_is_no_root(m in matrix::<4, 6>(), i in 0..4usize) {
+        fn indefinite_matrices_have_no_root(m in matrix::<4, 6>(), i in 0..4usize) {
             let mut l = lower(m);
             let x = l.column(i) * 1.01;
             prop_assert!(subtract(&mut l, x).is_none());

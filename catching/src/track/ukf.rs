@@ -29,7 +29,9 @@ use crate::flight::Flight;
 
 /// Number of ball states: position, velocity, drag, lift.
 pub const STATES: usize = 10;
+/// Spread of the sigma points.
 const ALPHA: f64 = 0.5;
+/// Weight of prior knowledge about the distribution; 2 is optimal for a normal one.
 const BETA: f64 = 2.0;
 /// `n + lambda`, with kappa = 0.
 const SPREAD: f64 = ALPHA * ALPHA * STATES as f64;

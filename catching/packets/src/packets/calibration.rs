@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_says_nothing_is_refused() {
+    fn unknown_numbers_are_rejected() {
         let state = |hold| CalibrationState {
             hold,
             ..CalibrationState::zeroed()

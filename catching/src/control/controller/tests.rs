@@ -90,7 +90,7 @@ proptest! {
                 let change = (dq[i] - last.1[i]).abs();
                 prop_assert!(change <= limits.acceleration * 1.6e-3 + 2e-3, "joint {i} changes by {change}");
                 let moved = q[i] - last.0[i];
-                prop_assert!((moved - 0.5e-3 * (dq[i] + last.1[i])).abs() < limits.acceleration * 1.1e-6 + SAME_PLACE, "joint {i} moved by {moved}");
+                prop_assert!((moved - 0.5e-3 * (dq[i] + last.1[i])).abs() < limits.acceleration * 1.1e-6 + POSITION_TOLERANCE, "joint {i} moved by {moved}");
             }
             last = (*q, *dq);
             Ok(())
@@ -109,7 +109,7 @@ proptest! {
                     let refused = state.refused;
                     let taken = controller.arm_path(now, &path);
                     prop_assert_eq!(controller.state(now).refused, refused + u64::from(taken.is_err()));
-                    prop_assert!(taken.is_err() || (arm < 2 && shifted.abs() <= SAME_PLACE));
+                    prop_assert!(taken.is_err() || (arm < 2 && shifted.abs() <= POSITION_TOLERANCE));
                 }
                 Event::Body { turn } => {
                     let mut body = BodyPath::zeroed();

@@ -146,10 +146,9 @@ fn kinematics_bound_the_drift_weakly() {
 }
 
 #[test]
-fn what_is_no_sample_changes_nothing() {
+fn invalid_samples_change_nothing() {
     let Run {
         mut estimator,
-        poses,
         last,
         ..
     } = run(1, PoseConfig::default());

@@ -141,7 +141,7 @@ fn a_throw_beside_an_earlier_one_is_found_from_it() {
 }
 
 #[test]
-fn what_cannot_be_thrown_is_refused_with_the_reason() {
+fn impossible_throws_are_rejected_with_a_reason() {
     let robot = robot();
     let thrower = thrower(&robot);
     let good = request(&robot, at(4.0, 0.0));
