@@ -244,6 +244,10 @@ mod tests {
                 action,
                 source: source(),
             };
+            #[cfg_attr(
+                not(any(feature = "fetch", feature = "recording")),
+                expect(unused_mut, reason = "features add errors")
+            )]
             let mut errors: Vec<anyhow::Error> = vec![
                 source().into(),
                 data().into(),

@@ -6,7 +6,7 @@
 //! speeds and accelerations, and the hand away from the body. The [`Planner`] computes
 //!
 //! 1. candidates on a grid of the remaining freedom: time, elbow angle, hand angle, times up to eight closed-form
-//! branches;
+//!    branches;
 //! 2. the minimum near the best candidates by sequential quadratic programming ([`qp`] inside).
 //!
 //! With [`Surroundings`], the motion keeps its distance from obstacles, by a term of the objective and a final check.

@@ -262,7 +262,7 @@ impl Service {
     /// # Errors
     /// Fails if the channels break down.
     pub fn step(&mut self, timeout: Duration) -> Result<(), ServeError> {
-        let ready = self.group.wait(Wait::Block { timeout: timeout })?;
+        let ready = self.group.wait(Wait::Block { timeout })?;
         // Commands first: a frame is processed after all commands sent before it.
         self.receive_commands()?;
         if let Some(finger) = ready

@@ -391,7 +391,7 @@ fn a_copy_of_the_training_sweeps_is_recognised_in_any_format() {
     let mut eval = tactnet(["eval", "--json", "--data"]);
     eval.arg(lab.path("more.npz")).arg(lab.path("run"));
     let result: serde_json::Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
-    assert_eq!(result["tested"], "every sweep but 32 of the training set");
+    assert_eq!(result["tested"], "all sweeps except 32 of the training set");
     assert_eq!(result["n_test"], 48 - 32);
 }
 

@@ -306,7 +306,7 @@ def test_folds_are_as_many_as_asked_for(data):
     own = data[0]
     assert len(own.folds(folds=3)) == len(own.folds("k-fold", folds=3)) == 3
     assert len(own.folds()) == 5
-    for wrong, complaint in [((3,), "folds=3"), (("leave-block-out", 3), "expected none")]:
+    for wrong, complaint in [((3,), "folds=3"), (("leave-block-out", 3), "expected None")]:
         with pytest.raises(tactnet.TactnetError, match=complaint):
             own.folds(*wrong)
 

@@ -10,17 +10,16 @@ mod packed;
 use burn::tensor::Device;
 use rayon::prelude::*;
 use tactnet_models::{
-    AdamStep, NetStack, Network, NetworkConfig, StackAttack, StackBatch, StackDigits,
-    StackSettings, StackSweeps, StackedNet, dropout_bits,
+    AdamStep, NetStack, Network, StackAttack, StackBatch, StackDigits, StackSettings, StackSweeps,
+    StackedNet, dropout_bits,
 };
 
 use crate::network::adam::{BETA, corrected};
 use crate::network::adam_state::{moments_of, optimizer_bytes};
 use crate::network::batches::{BatchNumber, augment, batch_positions, fill_batch};
 use crate::{
-    AdversarialMask, AdversarialStatistics, AttackedLabel, BatchReport, Normalizer,
-    PenalizedParameters, PipelineError, Position, Recipe, TrainingMethod, TrainingSettings,
-    TrainingState,
+    AdversarialMask, AdversarialStatistics, BatchReport, PenalizedParameters, PipelineError,
+    Position, TrainingMethod, TrainingState,
 };
 
 pub use member::StackMember;
