@@ -148,9 +148,10 @@ fn play_plan(
     dataset: &Dataset,
     sweeps: &[usize],
 ) -> anyhow::Result<(u64, Vec<usize>)> {
-    let order_of = |object_sweeps: u64| {
+    let order_of = |object_sweeps: u64| -> anyhow::Result<Vec<usize>> {
         let (materials, seed) = (&arguments.materials, Seed(arguments.seed));
-        play_order(dataset, sweeps, materials, object_sweeps as usize, seed)
+        let order = play_order(dataset, sweeps, materials, object_sweeps as usize, seed)?;
+        Ok(order)
     };
     match arguments.sweeps_per_object {
         Some(sweeps) => Ok((sweeps, order_of(sweeps)?)),
