@@ -189,7 +189,7 @@ fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
         std::fs::write(&path, &changed).unwrap();
         for reader in readers {
             let refused = stderr(&expect(2, tactnet(&calls[reader])));
-            let named = format!("{file}: has changed since the run ended");
+            let named = format!("{file}: the file has changed since the run ended");
             assert!(refused.contains(&named), "{file}: {refused}");
             assert_eq!(refused.lines().count(), 1, "{refused}");
         }

@@ -90,7 +90,7 @@ fn wrong_robots_worlds_and_places_are_one_line_before_anything_is_thrown() {
         (
             ["--view", &there],
             if cfg!(feature = "rerun") {
-                "already"
+                "expected a new file"
             } else {
                 "rerun"
             },

@@ -106,7 +106,7 @@ fn a_calibration_that_cannot_be_used_is_one_line_before_anything_starts() {
         (
             &write("picture.png", &[0x89, b'P', 0xff, 0, 7]),
             &described,
-            "picture.png: no calibration",
+            "picture.png: invalid calibration file",
         ),
         (
             &described,

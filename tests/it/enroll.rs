@@ -288,7 +288,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         other["tested"]
             .as_str()
             .unwrap()
-            .contains("5 that were enrolled"),
+            .contains("; 5 enrolled sweeps are left out"),
         "{other}"
     );
     let mut copy = tactnet(["data", "import"]);
@@ -375,7 +375,7 @@ fn a_known_material_under_a_new_name_is_noticed() {
         0,
         enroll(&lab, "run", "renamed.npz", &name, "more", &[]),
     ));
-    let seen = "the run was trained on 8 of these 10 sweeps, under another label";
+    let seen = "the run was trained on 8 of these 10 sweeps under another label";
     assert!(said.contains(seen), "{said}");
     let alike = format!(
         "were predicted as `{}` before; is it that material?",

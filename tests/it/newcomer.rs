@@ -263,7 +263,7 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     assert!(page.contains(&few) && page.contains("training steps a fold, which are few."));
     let (found, said, page) = experiment("rated", &["--set", "rate_hz=200"]);
     assert!(
-        !found.contains("assumed") && !said.contains("assumed") && !page.contains("Assumed:"),
+        !found.contains("Hz is assumed") && !said.contains("Hz is assumed") && !page.contains("Assumed:"),
         "{found}"
     );
 }
@@ -341,7 +341,7 @@ fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
     );
     assert!(
         refused.contains(
-            "training sweeps of `cork`: expected at least 5, since a calibration (`--calibrate`)"
+            "training sweeps of `cork`: expected at least 5, since a calibration sets a fifth"
         ),
         "{refused}"
     );

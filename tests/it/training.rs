@@ -233,7 +233,7 @@ fn an_interrupted_run_ends_with_the_very_same_weights() {
     let mut finished = tactnet(["train", "--json", "--resume"]);
     finished.arg(lab.path("whole"));
     let output = expect(0, finished);
-    assert!(stderr(&output).contains("ended already"));
+    assert!(stderr(&output).contains("has already ended"));
 }
 
 #[test]
@@ -363,7 +363,7 @@ fn two_processes_never_train_in_one_folder() {
     for second in [resume, lab.train(&recipe, "run")] {
         let message = stderr(&expect(2, second));
         assert!(
-            message.contains("another process trains in this folder"),
+            message.contains("another process is training in this folder"),
             "{message}"
         );
     }
@@ -497,7 +497,7 @@ fn mistakes_get_one_line_and_exit_code_two() {
                 "--set",
                 "data=b.h5",
             ],
-            &["`--data a.h5`", "`--set data=b.h5`", "twice"],
+            &["`--data a.h5`", "`--set data=b.h5`", "both name"],
         ),
     ];
     for (arguments, expected) in cases {

@@ -63,7 +63,7 @@ mod with_rerun {
             view
         };
         let unknown = stderr(&expect(2, view(&["--material", "kryptonite"])));
-        assert!(unknown.contains("no `kryptonite`"), "{unknown}");
+        assert!(unknown.contains("no material `kryptonite`"), "{unknown}");
         assert!(!file.exists());
         let told = json(view(&["--sweeps", "2"]));
         assert_eq!(

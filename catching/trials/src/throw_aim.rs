@@ -292,6 +292,6 @@ mod tests {
             ..aim()
         };
         let error = far.run(|| ()).unwrap_err().to_string();
-        assert!(error.contains("9.00 m away"), "{error}");
+        assert!(error.contains("9.00 m is out of reach"), "{error}");
     }
 }

@@ -70,7 +70,7 @@ impl EnrolmentCost {
     pub fn caution(&self) -> Option<String> {
         self.is_high().then(|| {
             let remedy = if self.right_after * 2 < self.right_before {
-                "the network most likely knows its few training sweeps by heart, so that all others look new to it: train it on more sweeps \
+                "the network has most likely memorised its few training sweeps, so that all others look new to it: train it on more sweeps \
                  of each material, or on all materials with the new one among them"
             } else {
                 "more sweeps of it, or a training anew with all materials, avoids that"
@@ -189,7 +189,7 @@ impl RowPrior {
         match self {
             Self::Tenth => None,
             Self::HundredthWithBias | Self::ThousandthWithBias => Some(
-                "the network has few training sweeps or knows them by heart, so the new material is held back: that spares the known ones, and it \
+                "the network has few training sweeps or has memorised them, so the new material is held back: that spares the known ones, and it \
                  is itself recognised less often; more sweeps of it, or a training anew with all materials, helps",
             ),
         }

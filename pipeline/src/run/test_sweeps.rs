@@ -71,7 +71,7 @@ impl<'a> TestSweeps<'a> {
         let dropped = before - left.len();
         if dropped > 0 {
             self.view = SweepView::new(dataset, left);
-            self.description += &format!(", except {dropped} enrolled sweeps");
+            self.description += &format!("; {dropped} enrolled sweeps are left out");
         }
         Ok(self)
     }

@@ -115,7 +115,7 @@ fn what_no_solver_can_mend_is_named_and_the_last_calibration_stays() {
             s.pictures.retain(|p| p.arm == 0 || p.configuration < 5);
         }),
         ("expected arm 0 or 1, found 2", |s| s.pictures[7].arm = 2),
-        ("something is not as the model says", |s| {
+        ("the model does not fit the session", |s| {
             // Alternating left and right offsets, as if the pictures belonged to two robots.
             for (number, picture) in s.pictures.iter_mut().enumerate() {
                 for feature in picture.features.iter_mut().flatten() {
