@@ -182,7 +182,7 @@ try:
             if not re.fullmatch(r"Stale: this prediction is [1-9]\d* s old\.", age):
                 wrong.append(f"a stale prediction without its age: `{age}`")
             shoot(browser, "laptop_stale")
-        if (scale := browser.run(AT_REST)) != "-0.40 to 3.50":
+        if (scale := browser.run(AT_REST)) != "-0.50 to 3.50":
             wrong.append(f"the scale of a skin at rest with readings from -0.4 to 3.2 is {scale}")
         for size, most in (("laptop", 2), ("phone", 3)):
             show_at(browser, size, "light")

@@ -84,7 +84,7 @@ pub(super) fn sortable(
     bodies: &Markup,
 ) -> Markup {
     let table = html! {
-        table.sortable class=[Some(class).filter(|class| !class.is_empty())] {
+        table class={ "sortable" @if !class.is_empty() { " " (class) } } {
             caption.hidden { (caption) }
             thead {
                 tr {
