@@ -335,7 +335,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         renamed.env("NO_COLOR", "1");
         renamed
     }));
-    assert!(text.contains("learnt from 20 sweeps"), "{text}");
+    assert!(text.contains("enrolled from 20 sweeps"), "{text}");
     let taken = stderr(&expect(
         2,
         enroll(&lab, "run", "five.h5", new, "again", &[]),
