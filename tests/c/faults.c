@@ -49,7 +49,7 @@ int main(int argc, char **argv) {
   says(tactnet_bus_open("nowhere.toml", &bus), TACTNET_OUTCOME_TABLE, "nowhere.toml");
   assert(bus == NULL);
   says(tactnet_bus_open(NULL, &bus), TACTNET_OUTCOME_ARGUMENT, "table is null");
-  says(tactnet_bus_open("\xff", &bus), TACTNET_OUTCOME_ARGUMENT, "no UTF-8");
+  says(tactnet_bus_open("\xff", &bus), TACTNET_OUTCOME_ARGUMENT, "not UTF-8");
   says(tactnet_bus_open(argv[1], NULL), TACTNET_OUTCOME_ARGUMENT, "bus is null");
   pthread_t thread;
   assert(pthread_create(&thread, NULL, has_no_error, NULL) == 0);
@@ -57,7 +57,7 @@ int main(int argc, char **argv) {
   assert(tactnet_bus_open(argv[1], &bus) == TACTNET_OUTCOME_OK);
 
   const tactnet_packet older = {FRAME.name, FRAME.version - 1, FRAME.bytes}, smaller = {FRAME.name, FRAME.version, FRAME.bytes - 8};
-  says(tactnet_put_port_open(bus, "nothing", &FRAME, TACTNET_PRIORITY_HIGH, &put), TACTNET_OUTCOME_CHANNEL, "it names ping, pong");
+  says(tactnet_put_port_open(bus, "nothing", &FRAME, TACTNET_PRIORITY_HIGH, &put), TACTNET_OUTCOME_CHANNEL, "the table contains ping, pong");
   says(tactnet_put_port_open(bus, "ping", &older, TACTNET_PRIORITY_HIGH, &put), TACTNET_OUTCOME_TYPE, "SkinFrame");
   says(tactnet_get_port_open(bus, "ping", &smaller, 0, &get), TACTNET_OUTCOME_TYPE, "4112");
   says(tactnet_put_port_open(bus, "ping", &FRAME, 9, &put), TACTNET_OUTCOME_ARGUMENT, "found 9");
@@ -91,7 +91,7 @@ int main(int argc, char **argv) {
   memset(loans[0].items, 0, sizeof(tactnet_skin_frame));
   ((tactnet_skin_frame *)loans[0].items)->digits[1023] = 0.5f;
   assert(tactnet_put_loan(put, &loans[0]) == TACTNET_OUTCOME_OK);
-  says(tactnet_put_loan(put, &loans[0]), TACTNET_OUTCOME_ARGUMENT, "given back");
+  says(tactnet_put_loan(put, &loans[0]), TACTNET_OUTCOME_ARGUMENT, "already put or released");
 
   const tactnet_get_port *ports[1] = {get};
   size_t which = 9;
