@@ -113,7 +113,7 @@ impl FlightPath {
     /// Creates a path from recorded states, one per 10 ms from time 0. After the last one, the ball flies on.
     ///
     /// # Panics
-    /// Panics if there is no state.
+    /// Panics without a state.
     pub fn recorded(recorded: &[Flight]) -> Self {
         let mut knots = [recorded[0]; KNOTS];
         for i in 1..KNOTS {

@@ -1,6 +1,6 @@
 //! Creates a calibration session from sensor data.
 //!
-//! Features and samples have time stamps of their own clocks. Each waits until the joint states around its time stamp
+//! Features and samples have time stamps of separate clocks. Each waits until the joint states around its time stamp
 //! are known. It then gets the neck's position, velocity and acceleration at that time.
 
 use std::collections::{BTreeMap, VecDeque};

@@ -29,7 +29,7 @@ pub struct Gate {
 
 /// Returns the gates of a camera (0 left, 1 right) for a picture taken at head pose `pose`.
 ///
-/// Balls outside of the camera's view get no gate. There are no gates if the pose is invalid.
+/// Balls outside of the camera's view get no gate. An invalid pose gives no gates.
 pub fn gates(
     cameras: &Cameras,
     camera: usize,

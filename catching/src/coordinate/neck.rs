@@ -66,7 +66,7 @@ impl Neck {
         for (t_ns, flight) in self.looked.iter().flatten() {
             let ball = flight.after((now_ns as f64 - *t_ns as f64) * 1e-9);
             let seen = to_chest * Point3::from(ball.p);
-            // Ignore balls beside or behind the head.
+            // Ignore balls to the side of the head or behind it.
             if seen.x > 0.3 {
                 let angles = robot.look_at(&seen.coords);
                 sum = [sum[0] + angles[0], sum[1] + angles[1]];

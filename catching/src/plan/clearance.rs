@@ -51,7 +51,7 @@ impl Clearance {
         jacobian: &SMatrix<f64, 6, ARM_JOINTS>,
     ) -> (f64, [f64; ARM_JOINTS]) {
         let (part, found) = self.pair(q);
-        // The point moves rigidly with the hand for joints of its own body and does not move for joints beyond it.
+        // The point moves rigidly with the hand for joints of the body it belongs to and does not move for joints beyond it.
         let from_hand = found.point - pose.position;
         let slope = std::array::from_fn(|i| {
             if i >= MOVED_BY[part] {

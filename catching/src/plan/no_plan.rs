@@ -1,6 +1,6 @@
 //! Reasons for the failure of a plan.
 
-/// Reason why there is no plan.
+/// Reason for a missing plan.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoPlan {
     /// The request is invalid.

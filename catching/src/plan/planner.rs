@@ -180,7 +180,7 @@ impl Planner {
     /// allocate.
     ///
     /// # Errors
-    /// Returns the reason if there is no plan. A plan that is being executed stays valid.
+    /// Returns the reason if planning fails. A plan that is being executed stays valid.
     pub fn plan(
         &self,
         request: &CatchRequest,

@@ -166,7 +166,7 @@ impl<'a> Problem<'a> {
         (cost, gradient)
     }
 
-    /// Returns true if the way to a point keeps its distance from obstacles or there is no map.
+    /// Returns true if the way to a point keeps its distance from obstacles; always true without a map.
     pub fn is_clear(&self, x: &Point) -> bool {
         self.obstacles
             .as_ref()
