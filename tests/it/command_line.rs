@@ -48,8 +48,14 @@ fn every_command_has_a_manual_page_and_help() {
         (["train", "--model", "lad"], "did you mean `lda`?"),
         (["train", "--data", "twim"], "did you mean `twin`?"),
         (["train", "--device", "gpu"], "did you mean `vulkan`?"),
-        (["train", "--batch", "64"], "found; it is a setting of the recipe"),
-        (["train", "--lr=0.01", ""], "found; it is a setting of the recipe"),
+        (
+            ["train", "--batch", "64"],
+            "found; it is a setting of the recipe",
+        ),
+        (
+            ["train", "--lr=0.01", ""],
+            "found; it is a setting of the recipe",
+        ),
     ] {
         let refused = stderr(&expect(2, tactnet(words)));
         assert!(refused.contains(meant), "{refused}");

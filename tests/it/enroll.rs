@@ -340,7 +340,10 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         2,
         enroll(&lab, "run", "five.h5", new, "again", &[]),
     ));
-    assert!(taken.contains("is not empty; name another folder"), "{taken}");
+    assert!(
+        taken.contains("is not empty; name another folder"),
+        "{taken}"
+    );
     let mut resumed = tactnet(["train", "--resume"]);
     resumed.arg(lab.path("more"));
     let refused = stderr(&expect(2, resumed));

@@ -263,7 +263,9 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     assert!(page.contains(&few) && page.contains("training steps a fold, which are few."));
     let (found, said, page) = experiment("rated", &["--set", "rate_hz=200"]);
     assert!(
-        !found.contains("Hz is assumed") && !said.contains("Hz is assumed") && !page.contains("Assumed:"),
+        !found.contains("Hz is assumed")
+            && !said.contains("Hz is assumed")
+            && !page.contains("Assumed:"),
         "{found}"
     );
 }
