@@ -68,7 +68,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     // If the order of the axes is in doubt, so is the number of taxels.
     let axes_in_doubt = findings.iter().any(|of| of.kind == FindingKind::AxisOrder);
     findings.extend(axes::assumed_patch(dataset).filter(|_| !axes_in_doubt));
-    findings.extend(not_read(dataset));
+    findings.extend_from_slice(dataset.reading_findings());
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
 }
@@ -116,19 +116,7 @@ pub fn refuse_errors(dataset: &Dataset, name: &str) -> Result<Vec<Finding>, Data
 }
 
 fn finding(severity: Severity, kind: FindingKind, at: Place, message: String) -> Finding {
-    Finding {
-        severity,
-        kind,
-        at,
-        message,
-        remedy: None,
-    }
-}
-
-fn not_read(dataset: &Dataset) -> impl Iterator<Item = Finding> + use<'_> {
-    let kind = FindingKind::NotRead;
-    let sentences = dataset.left_out().iter();
-    sentences.map(move |said| finding(Severity::Note, kind, Place::default(), said.clone()))
+    Finding::new(severity, kind, message).at(at)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 mod derived;
 
-use crate::{DataError, DataOrigin, LabelSet, Samples, hex, is_control};
+use crate::{DataError, DataOrigin, Finding, LabelSet, Samples, hex, is_control};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -77,8 +77,8 @@ pub struct Dataset {
     sample_rate_hz: f64,
     rate_assumed: bool,
     patch_assumed: bool,
-    /// Sentences about parts of the file that are not read.
-    left_out: Vec<String>,
+    /// Findings that only the reader of the file can make.
+    reading_findings: Vec<Finding>,
     shape: SweepShape,
     labels: LabelSet,
     records: Vec<SweepRecord>,
@@ -114,7 +114,7 @@ impl Dataset {
             sample_rate_hz,
             rate_assumed: false,
             patch_assumed: false,
-            left_out: Vec::new(),
+            reading_findings: Vec::new(),
             shape,
             labels,
             records,
@@ -150,9 +150,10 @@ impl Dataset {
         self.patch_assumed
     }
 
-    /// Returns sentences about the parts of the file that are not read.
-    pub fn left_out(&self) -> &[String] {
-        &self.left_out
+    /// Returns the findings that only the reader of the file can make, for example about time stamps and columns that
+    /// are not read. [`check`](crate::check()) includes them.
+    pub fn reading_findings(&self) -> &[Finding] {
+        &self.reading_findings
     }
 
     /// Returns true if the sample rate is assumed to be [`ASSUMED_RATE_HZ`], because the data does not name it.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::Remedy;
+use crate::{Finding, FindingKind, Place, Remedy, Severity};
 
 /// Error of a data set; every variant that concerns a file names it.
 #[derive(Debug, thiserror::Error)]
@@ -30,6 +30,14 @@ pub enum DataError {
         found: String,
         /// Cure, if the caller can apply one.
         remedy: Option<Remedy>,
+    },
+    /// Parts of a file that cannot be read, each with its place.
+    #[error("{}: {}", path.display(), first_of(findings))]
+    Unreadable {
+        /// Path of the file or folder.
+        path: PathBuf,
+        /// At least one finding.
+        findings: Vec<Finding>,
     },
     /// Parts of a data set in memory contradict each other.
     #[error("{item}: expected {expected}, found {found}")]
@@ -61,7 +69,10 @@ impl DataError {
     /// Returns true if the caller can fix the error, for example a folder in place of a file; false if the disk fails.
     pub fn is_usage(&self) -> bool {
         match self {
-            Self::Format { .. } | Self::Inconsistent { .. } | Self::Unsound { .. } => true,
+            Self::Format { .. }
+            | Self::Unreadable { .. }
+            | Self::Inconsistent { .. }
+            | Self::Unsound { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
         }
     }
@@ -71,8 +82,28 @@ impl DataError {
         match self {
             Self::Format { remedy, .. } | Self::Inconsistent { remedy, .. } => remedy.clone(),
             Self::Unsound { name, .. } => Some(Remedy::ListFindings { data: name.clone() }),
+            Self::Unreadable { findings, .. } => findings.iter().find_map(|of| of.remedy.clone()),
             Self::Io { .. } => None,
         }
+    }
+
+    /// Returns the error as findings of a check.
+    pub fn findings(&self) -> Vec<Finding> {
+        let file = match self {
+            Self::Unreadable { findings, .. } => return findings.clone(),
+            Self::Format { path, .. } | Self::Io { path, .. } => Some(path.clone()),
+            Self::Inconsistent { .. } | Self::Unsound { .. } => None,
+        };
+        vec![
+            Finding {
+                remedy: self.remedy(),
+                ..Finding::new(Severity::Error, FindingKind::Unreadable, self.to_string())
+            }
+            .at(Place {
+                file,
+                ..Place::default()
+            }),
+        ]
     }
 
     /// Returns the error with this cure. Errors of the operating system and of [`crate::refuse_errors`] do not change.
@@ -121,6 +152,15 @@ impl DataError {
             found: found.into(),
             remedy: None,
         }
+    }
+}
+
+/// Returns the first message and the number of further ones.
+fn first_of(findings: &[Finding]) -> String {
+    let first = findings.first().map_or("", |finding| &finding.message);
+    match findings.len() {
+        0 | 1 => first.into(),
+        all => format!("{first} (and {} more)", all - 1),
     }
 }
 

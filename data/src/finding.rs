@@ -4,6 +4,7 @@ use crate::Remedy;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::PathBuf;
 
 /// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -55,8 +56,34 @@ pub enum FindingKind {
     ClockTaxel,
     /// The data set has only one material.
     SingleMaterial,
-    /// Names of materials differ only in case or white space.
+    /// Names of materials that look alike.
     AlikeNames,
+    /// Mean and median time between frames disagree.
+    IrregularRate,
+    /// Sweeps or files of different sample rates.
+    MixedRates,
+    /// A pause between two frames.
+    TimeGap,
+    /// Frames are missing, by the time stamps.
+    LostFrames,
+    /// A time stamp that is earlier than the one before it.
+    ClockBackwards,
+    /// Values that programs write for missing ones.
+    FillValue,
+    /// A few values far outside the range of their taxel.
+    Spike,
+    /// All taxels are zero or frozen during several frames.
+    Dropout,
+    /// Sweeps were filled up to a common length.
+    Padding,
+    /// Two sweeps share frames.
+    Overlap,
+    /// Two sweeps are equal except for rounding, offset or gain.
+    NearDuplicate,
+    /// A taxel is constant in every sweep and follows the material.
+    LeakingColumn,
+    /// A part of the file that cannot be read.
+    Unreadable,
     /// Taxels are in one row, because the file does not name their arrangement.
     AssumedPatch,
     /// A part of the file is not read.
@@ -78,8 +105,20 @@ impl FindingKind {
 }
 
 /// Place of a finding; all parts are `None` if it concerns the whole data set.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Place {
+    /// File, if the data set consists of several or could not be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// Line of the text file, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<usize>,
+    /// Column of the table, by name or number from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    /// Name of the material.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
     /// Index of the sweep in the data set.
     pub sweep: Option<usize>,
     /// Index of the taxel, row by row.
@@ -135,6 +174,19 @@ impl fmt::Display for FindingKind {
             Self::ClockTaxel => "a clock among the taxels",
             Self::SingleMaterial => "a single material",
             Self::AlikeNames => "names that are alike",
+            Self::IrregularRate => "irregular sample rate",
+            Self::MixedRates => "mixed sample rates",
+            Self::TimeGap => "time gaps",
+            Self::LostFrames => "lost frames",
+            Self::ClockBackwards => "a clock that goes backwards",
+            Self::FillValue => "fill values",
+            Self::Spike => "spikes",
+            Self::Dropout => "dropouts",
+            Self::Padding => "padding",
+            Self::Overlap => "sweeps that overlap",
+            Self::NearDuplicate => "near duplicates",
+            Self::LeakingColumn => "columns that leak the material",
+            Self::Unreadable => "unreadable parts",
             Self::AssumedPatch => "assumed arrangement of the taxels",
             Self::NotRead => "not read",
         })
@@ -142,6 +194,37 @@ impl fmt::Display for FindingKind {
 }
 
 impl Finding {
+    /// Returns a finding without a remedy about the whole data set.
+    pub fn new(severity: Severity, kind: FindingKind, message: impl Into<String>) -> Self {
+        Self {
+            severity,
+            kind,
+            at: Place::default(),
+            message: message.into(),
+            remedy: None,
+        }
+    }
+
+    /// Returns the finding at this place.
+    #[must_use]
+    pub fn at(self, at: Place) -> Self {
+        Self { at, ..self }
+    }
+
+    /// Returns the finding with this cure.
+    #[must_use]
+    pub fn with_remedy(self, remedy: Remedy) -> Self {
+        Self {
+            remedy: Some(remedy),
+            ..self
+        }
+    }
+
+    /// Returns a note that a part of the file is not read.
+    pub(crate) fn not_read(message: impl Into<String>) -> Self {
+        Self::new(Severity::Note, FindingKind::NotRead, message)
+    }
+
     /// Returns true if the finding concerns the whole data set instead of one sweep or taxel.
     pub fn is_general(&self) -> bool {
         self.at == Place::default()

@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 use tactnet_data::format::{self, Format, Keep, SweepsToClassify};
 use tactnet_data::{
-    CheckReport, DataSource, FindingGroup, FindingKind, Severity, check, check_lengths,
+    CheckReport, DataError, DataSource, FindingGroup, FindingKind, Severity, check, check_lengths,
     check_unlabelled, group_findings, info,
 };
 use tactnet_skin::packets::unfit;
@@ -157,12 +157,36 @@ fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn run_check(arguments: &CheckArgs) -> anyhow::Result<ExitCode> {
+    match load_with_gaps(&arguments.file, Keep::Most) {
+        Ok(sweeps) => check_sweeps(arguments, sweeps),
+        Err(error) => check_unreadable(arguments, error),
+    }
+}
+
+/// Prints the places that cannot be read, if there are several or JSON was asked for, and returns the error.
+fn check_unreadable(arguments: &CheckArgs, error: anyhow::Error) -> anyhow::Result<ExitCode> {
+    if let Some(error) = error.downcast_ref::<DataError>().filter(|e| e.is_usage()) {
+        let mut findings = error.findings();
+        for finding in &mut findings {
+            finding.message = failure::with_cure(&finding.message, finding.remedy.as_ref());
+        }
+        let report = CheckReport::of(findings);
+        if arguments.file.json {
+            output::print_json(&report)?;
+        } else if report.findings.len() > 1 {
+            print_report(arguments, &report)?;
+        }
+    }
+    Err(error)
+}
+
+fn check_sweeps(arguments: &CheckArgs, sweeps: SweepsToClassify) -> anyhow::Result<ExitCode> {
     let SweepsToClassify {
         dataset,
         labelled,
         odd_lengths,
         ..
-    } = load_with_gaps(&arguments.file, Keep::Most)?;
+    } = sweeps;
     if !labelled {
         say!(
             "note: unlabelled data, checked as for `tactnet predict`; `train` needs labels (docs/data.md)"
@@ -268,18 +292,15 @@ fn convert(arguments: &ConvertArgs) -> anyhow::Result<ExitCode> {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::{Finding, Place};
+    use tactnet_data::Finding;
 
     use super::*;
 
     #[test]
     fn a_group_is_a_heading_and_a_limited_number_of_lines() {
-        let of_sweep = |sweep| Finding {
-            severity: Severity::Error,
-            kind: FindingKind::NotFinite,
-            at: Place::default(),
-            message: format!("`cork` sweep {sweep}"),
-            remedy: None,
+        let of_sweep = |sweep| {
+            let message = format!("`cork` sweep {sweep}");
+            Finding::new(Severity::Error, FindingKind::NotFinite, message)
         };
         let findings: Vec<Finding> = (0..6).map(of_sweep).collect();
         let text = group_text(&group_findings(&findings)[0], 2);

@@ -10,7 +10,7 @@ const USUAL_FOLDS: usize = 5;
 pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
     let counts = dataset.sweeps_per_label();
     let mut findings = Vec::new();
-    let nowhere = Place::default();
+    let nowhere = Place::default;
     for (label, &count) in counts.iter().enumerate().filter(|&(_, &count)| count < 2) {
         let name = dataset.labels().name(label);
         let message =
@@ -18,7 +18,7 @@ pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
         findings.push(finding(
             Severity::Error,
             FindingKind::FewSweeps,
-            nowhere,
+            nowhere(),
             message,
         ));
     }
@@ -51,7 +51,12 @@ pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
         );
         findings.push(Finding {
             remedy: can_split.then_some(Remedy::ChooseFolds),
-            ..finding(Severity::Warning, FindingKind::FewSweeps, nowhere, message)
+            ..finding(
+                Severity::Warning,
+                FindingKind::FewSweeps,
+                nowhere(),
+                message,
+            )
         });
     }
     let (least, most) = (extreme(|a, b| a < b), extreme(|a, b| a > b));
@@ -62,7 +67,7 @@ pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
             counts[least], counts[most]
         );
         let kind = FindingKind::UnbalancedMaterials;
-        findings.push(finding(Severity::Warning, kind, nowhere, message));
+        findings.push(finding(Severity::Warning, kind, nowhere(), message));
     }
     findings
 }

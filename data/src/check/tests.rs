@@ -77,7 +77,8 @@ fn a_nan_is_found_with_its_place() {
         Place {
             sweep: Some(3),
             taxel: Some(2),
-            step: Some(7)
+            step: Some(7),
+            ..Place::default()
         }
     );
     let message = "`denim` sweep 1 (`X[3]`): 2 not finite, the first at step 7, taxel (1, 0)";

@@ -138,6 +138,7 @@ pub(super) fn not_finite(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Findin
             sweep: Some(index),
             taxel: Some(taxel),
             step: Some(step),
+            ..Place::default()
         };
         findings.push(Finding {
             remedy: is_padded.then_some(Remedy::KeepSteps { steps: step }),
@@ -219,7 +220,7 @@ pub(super) fn constant(
             let at = Place {
                 sweep: Some(index),
                 taxel: Some(first),
-                step: None,
+                ..Place::default()
             };
             findings.push(finding(severity, FindingKind::ConstantTaxel, at, message));
         }
@@ -344,7 +345,7 @@ pub(super) fn out_of_range(dataset: &Dataset, sweeps: &[SweepRange]) -> Vec<Find
             findings.push(finding(
                 Severity::Warning,
                 FindingKind::OutOfRange,
-                at,
+                at.clone(),
                 message,
             ));
         }

@@ -26,7 +26,9 @@ pub(super) fn read_with_gaps(
     if labels == Labels::Optional && !has_line_of_names(path)? {
         return folder::read_one(path, keep);
     }
-    read_table(path, labels)?.into_sweeps(keep, labels)
+    read_table(path, labels)?
+        .into_recordings(labels)?
+        .into_sweeps(keep)
 }
 
 /// Returns true if the first line of a table contains words.
@@ -50,11 +52,16 @@ fn read_table(path: &Path, labels: Labels) -> Result<FrameTable<'_>, DataError> 
             (name, column)
         })
         .collect();
-    let mut table = FrameTable { path, columns };
+    let mut table = FrameTable {
+        path,
+        columns,
+        lines: Vec::new(),
+    };
     if labels == Labels::Needed {
         table.check_names()?;
     }
     while let Some(row) = rows.next()? {
+        table.lines.push(rows.line());
         for (place, (cell, (_, column))) in row.into_iter().zip(&mut table.columns).enumerate() {
             match column {
                 Column::Words(words) => words.push(cell),
@@ -108,8 +115,9 @@ impl<'a> Rows<'a> {
     }
 
     /// Returns the number of the last line that was read.
-    fn line(&self) -> u64 {
-        self.record.position().map_or(0, csv::Position::line)
+    pub(super) fn line(&self) -> usize {
+        let line = self.record.position().map_or(0, csv::Position::line);
+        usize::try_from(line).unwrap_or(usize::MAX)
     }
 
     /// Returns the error of an invalid value.

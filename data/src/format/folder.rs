@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::csv::Rows;
-use super::frame_table::{MATERIAL, is_one_of, rate_of};
-use super::lengths::{Keep, settle};
+use super::frame_table::{MATERIAL, is_one_of};
+use super::lengths::Keep;
 use super::named_sweeps::{NamedSweeps, some_names};
-use super::narrow::{TooWide, narrow};
+use super::recording::{Recording, Recordings};
 use super::sweep_file::{Patch, SweepFile, is_sweep_file};
-use crate::DataError;
+use crate::{DataError, Finding};
 
 /// Name of the table of labels in a folder.
 const LABELS: &str = "labels.csv";
@@ -37,16 +37,15 @@ pub(super) fn read_with_gaps(path: &Path, keep: Keep) -> Result<NamedSweeps, Dat
         let entries = listed(&path.join(LABELS))?;
         let unlisted = unlisted(path, &entries)?;
         let mut sweeps = read_files(path, entries, keep)?;
-        sweeps.left_out.extend(unlisted);
+        sweeps.findings.extend(unlisted.map(Finding::not_read));
         return Ok(sweeps);
     }
     let (entries, empty) = files_by_folder(path)?;
     let mut sweeps = read_files(path, entries, keep)?;
     if !empty.is_empty() {
         let names = some_names(empty.iter().map(String::as_str));
-        sweeps
-            .left_out
-            .push(format!("folders without a .csv or .npy file: {names}"));
+        let message = format!("folders without a .csv or .npy file: {names}");
+        sweeps.findings.push(Finding::not_read(message));
     }
     Ok(sweeps)
 }
@@ -104,7 +103,7 @@ impl Entry {
 /// Reads the files of sweeps.
 ///
 /// - `path`: folder or file that the user named
-fn read_files(path: &Path, mut entries: Vec<Entry>, keep: Keep) -> Result<NamedSweeps, DataError> {
+fn read_files(path: &Path, entries: Vec<Entry>, keep: Keep) -> Result<NamedSweeps, DataError> {
     if entries.is_empty() {
         return Err(DataError::format(path, "folder", LAYOUT, "neither"));
     }
@@ -113,56 +112,27 @@ fn read_files(path: &Path, mut entries: Vec<Entry>, keep: Keep) -> Result<NamedS
         .map(|entry| SweepFile::read(&entry.file))
         .collect::<Result<_, _>>()?;
     let patch = common_patch(&entries, &sweeps)?;
-    let taxels = patch.taxels();
-    let names: Vec<String> = entries
-        .iter()
-        .map(|entry| entry.file.display().to_string())
-        .collect();
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let lengths: Vec<usize> = sweeps.iter().map(SweepFile::frames).collect();
-    let (steps, odd_lengths) = settle(path, &names, &lengths, keep)?;
-    let is_kept = |sweep: &SweepFile| sweep.frames() >= steps;
-    let mut values = Vec::with_capacity(sweeps.len() * steps * taxels);
-    for sweep in sweeps.iter().filter(|sweep| is_kept(sweep)) {
-        values.extend_from_slice(&sweep.values[..steps * taxels]);
-    }
-    let timed = || {
-        names
-            .iter()
-            .zip(&sweeps)
-            .filter(|(_, sweep)| !sweep.time.is_empty())
-    };
-    let rate_hz = if timed().next().is_none() {
-        None
-    } else {
-        let times = timed().map(|(name, sweep)| (*name, sweep.time.clone()));
-        Some(rate_of(path, times)?)
-    };
-    let mut is_kept = sweeps.iter().map(is_kept);
-    entries.retain(|_| is_kept.next().unwrap_or_default());
     // All files of a set have the same columns.
-    let left_out = sweeps[0].left_out.clone();
-    let samples = narrow(&values).map_err(|TooWide(value)| {
-        DataError::format(path, "taxels", "values that a 32-bit float holds", value)
-    })?;
-    Ok(NamedSweeps {
-        name: if path.is_dir() {
-            let name = path.file_name().unwrap_or_default();
-            name.to_string_lossy().into_owned()
-        } else {
-            super::stem(path)
-        },
-        rate_hz,
-        shape: patch.shape(steps),
-        patch_known: patch.is_known(),
-        blocks: entries.iter().map(|entry| entry.block).collect(),
-        test: entries.iter().map(|entry| entry.test).collect(),
-        sweeps: sweep_names(&entries),
-        materials: entries.into_iter().map(|entry| entry.material).collect(),
-        samples,
-        left_out,
-        odd_lengths,
-    })
+    let findings = sweeps[0].left_out.clone();
+    let names = sweep_names(&entries);
+    let recording = |((entry, sweep), name): ((Entry, SweepFile), String)| Recording {
+        name,
+        file: entry.file,
+        lines: sweep.lines,
+        values: sweep.values,
+        seconds: sweep.time,
+        material: entry.material,
+        block: entry.block,
+        test: entry.test,
+    };
+    let parts = entries.into_iter().zip(sweeps).zip(names);
+    let recordings = Recordings {
+        path,
+        patch,
+        recordings: parts.map(recording).collect(),
+        findings,
+    };
+    recordings.into_sweeps(keep)
 }
 
 /// Returns the arrangement of the taxels, which all files must share.

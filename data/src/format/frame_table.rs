@@ -11,16 +11,18 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::lengths::{Keep, settle};
-use super::named_sweeps::{Labels, NamedSweeps, some_of};
-use super::narrow::{TooWide, narrow};
+use super::named_sweeps::{Labels, some_of};
+use super::recording::{Recording, Recordings};
+use super::sweep_file::Patch;
 use super::taxel_names::{left_out, unlike_the_others};
-use crate::{DataError, SweepShape};
+use crate::{DataError, Finding};
 
 /// Columns of a table, by name; the values of a column are numbers or words.
 pub(super) struct FrameTable<'a> {
     pub(super) path: &'a Path,
     pub(super) columns: Vec<(String, Column)>,
+    /// Lines of the frames in a text file, from 1: `[frames]`; empty for other files.
+    pub(super) lines: Vec<usize>,
 }
 
 /// Values of one column.
@@ -107,16 +109,15 @@ const BLOCK: &[&str] = &["block"];
 /// Names of the column of test flags.
 const TEST: &[&str] = &["test", "test_flag"];
 
-impl FrameTable<'_> {
+impl<'a> FrameTable<'a> {
     /// Returns the sweeps in the order of their first frames.
     ///
-    /// - `keep`: frames of every sweep that are read
     /// - `labels`: if they are optional, so is the column `sweep`: without it all frames are one sweep
     ///
     /// # Errors
-    /// A column that is missing or has words instead of numbers; a sweep of two materials; sweeps of different lengths.
-    pub(super) fn into_sweeps(self, keep: Keep, labels: Labels) -> Result<NamedSweeps, DataError> {
-        let (taxels, unread) = self.taxels()?;
+    /// A column that is missing or has words instead of numbers; a sweep of two materials.
+    pub(super) fn into_recordings(self, labels: Labels) -> Result<Recordings<'a>, DataError> {
+        let (taxels, findings) = self.taxels()?;
         let (sweep_of, material_of) = match labels {
             Labels::Needed => (
                 self.required(SWEEP)?.words(),
@@ -145,34 +146,37 @@ impl FrameTable<'_> {
             }
             rows.push(row);
         }
-        let lengths: Vec<usize> = order.iter().map(|sweep| frames[sweep].len()).collect();
-        let (steps, odd_lengths) = settle(self.path, &order, &lengths, keep)?;
-        order.retain(|sweep| frames[sweep].len() >= steps);
-        let mut values = Vec::with_capacity(order.len() * steps * taxels.len());
-        for sweep in &order {
-            for &row in &frames[sweep][..steps] {
-                values.extend(taxels.iter().map(|column| column[row] as f32));
-            }
-        }
         let firsts: Vec<usize> = order.iter().map(|sweep| frames[sweep][0]).collect();
-        Ok(NamedSweeps {
-            patch_known: false,
-            name: super::stem(self.path),
-            rate_hz: self.rate(&order, &frames)?,
-            shape: SweepShape {
-                steps,
-                rows: 1,
-                cols: taxels.len(),
-            },
-            materials: material_of.map(|of| firsts.iter().map(|&row| of[row].clone()).collect()),
-            sweeps: order.iter().map(|sweep| sweep.to_string()).collect(),
-            blocks: self.per_sweep(BLOCK, &firsts, |value| value as u32)?,
-            test: self.per_sweep(TEST, &firsts, |value| value != 0.0)?,
-            samples: narrow(&values).map_err(|TooWide(value)| {
-                self.error("taxels", "values that a 32-bit float holds", value)
-            })?,
-            left_out: unread,
-            odd_lengths,
+        let blocks = self.per_sweep(BLOCK, &firsts, |value| value as u32)?;
+        let test = self.per_sweep(TEST, &firsts, |value| value != 0.0)?;
+        let time = self.times();
+        let of_sweep = |(place, sweep): (usize, &&str)| {
+            let rows = &frames[*sweep];
+            let values = rows
+                .iter()
+                .flat_map(|&row| taxels.iter().map(move |column| column[row]));
+            Recording {
+                name: (*sweep).to_string(),
+                file: self.path.into(),
+                lines: match self.lines[..] {
+                    [] => Vec::new(),
+                    _ => rows.iter().map(|&row| self.lines[row]).collect(),
+                },
+                values: values.collect(),
+                seconds: time.map_or_else(Vec::new, |(time, unit)| {
+                    rows.iter().map(|&row| unit * time[row]).collect()
+                }),
+                material: material_of.as_ref().map(|of| of[rows[0]].clone()),
+                block: blocks.as_ref().map(|blocks| blocks[place]),
+                test: test.as_ref().map(|test| test[place]),
+            }
+        };
+        let recordings: Vec<Recording> = order.iter().enumerate().map(of_sweep).collect();
+        Ok(Recordings {
+            path: self.path,
+            patch: Patch::Taxels(taxels.len()),
+            recordings,
+            findings,
         })
     }
 
@@ -231,8 +235,8 @@ impl FrameTable<'_> {
         })
     }
 
-    /// Returns the columns of the taxels, `[taxels][frames]`, and sentences about columns that are not read.
-    fn taxels(&self) -> Result<(Vec<&[f64]>, Vec<String>), DataError> {
+    /// Returns the columns of the taxels, `[taxels][frames]`, and findings about columns that are not read.
+    fn taxels(&self) -> Result<(Vec<&[f64]>, Vec<Finding>), DataError> {
         let known = [SWEEP, MATERIAL, STEP, BLOCK, TEST].concat();
         let mut columns = Vec::new();
         for (name, column) in &self.columns {
@@ -260,26 +264,14 @@ impl FrameTable<'_> {
         Ok((taxels, left_out(&names, &unlike)))
     }
 
-    /// Returns the sample rate, in Hz: the inverse of the median time between two frames of a sweep.
-    fn rate(
-        &self,
-        order: &[&str],
-        frames: &BTreeMap<&str, Vec<usize>>,
-    ) -> Result<Option<f64>, DataError> {
-        let timed = self.columns.iter().find_map(|(name, column)| {
+    /// Returns the column of times, with its unit in seconds.
+    fn times(&self) -> Option<(&[f64], f64)> {
+        self.columns.iter().find_map(|(name, column)| {
             let Column::Numbers(time) = column else {
                 return None;
             };
-            Some((time, time_unit(name)?))
-        });
-        let Some((time, unit)) = timed else {
-            return Ok(None);
-        };
-        let times = order.iter().map(|sweep| {
-            let rows = &frames[sweep];
-            (*sweep, rows.iter().map(|&row| unit * time[row]).collect())
-        });
-        rate_of(self.path, times).map(Some)
+            Some((time.as_slice(), time_unit(name)?))
+        })
     }
 
     /// Returns one value per sweep: that of its first frame.

@@ -42,6 +42,7 @@ mod npz_write;
 pub mod parquet;
 #[cfg(feature = "parquet")]
 mod parquet_footer;
+mod recording;
 mod sweep_file;
 pub mod tactmat;
 mod tactmat_write;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::lengths::OddLength;
-use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
+use crate::{DataError, Dataset, Finding, LabelSet, Samples, SweepRecord, SweepShape};
 
 /// Labels that a file must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,8 +35,8 @@ pub(super) struct NamedSweeps {
     pub(super) test: Option<Vec<bool>>,
     /// Values, `[sweeps][steps][rows][cols]`.
     pub(super) samples: Samples,
-    /// Sentences about parts of the file that are not read.
-    pub(super) left_out: Vec<String>,
+    /// Findings that only the reader can make.
+    pub(super) findings: Vec<Finding>,
     /// Sweeps that were cut because they are longer, or omitted because they are shorter.
     pub(super) odd_lengths: Vec<OddLength>,
 }
@@ -75,7 +75,7 @@ impl NamedSweeps {
         } else {
             dataset.with_assumed_patch()
         };
-        Ok(dataset.leaving_out(self.left_out))
+        Ok(dataset.with_reading_findings(self.findings))
     }
 }
 

@@ -104,7 +104,7 @@ pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool)
         Some(version) => dataset.into_twin(version),
         None => dataset,
     };
-    let mut dataset = dataset.leaving_out(arrays.left_out());
+    let mut dataset = dataset.with_reading_findings(arrays.left_out());
     if is_row {
         dataset = dataset.with_assumed_patch();
     }

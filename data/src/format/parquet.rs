@@ -45,7 +45,7 @@ pub(super) fn read_with_gaps(
                 "one that is damaged",
             ))
         })?;
-    table.into_sweeps(keep, labels)
+    table.into_recordings(labels)?.into_sweeps(keep)
 }
 
 fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
@@ -93,7 +93,11 @@ fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
         }
         columns.push((name.clone(), cells.column(descriptor, &name)));
     }
-    Ok(FrameTable { path, columns })
+    Ok(FrameTable {
+        path,
+        columns,
+        lines: Vec::new(),
+    })
 }
 
 /// Values of a column: numbers or words.

@@ -12,7 +12,7 @@ use super::csv::Rows;
 use super::frame_table::{STEP, is_one_of, time_unit};
 use super::npy::Array;
 use super::taxel_names::{is_line_of_names, left_out, unlike_the_others};
-use crate::{DataError, SweepShape};
+use crate::{DataError, Finding, SweepShape};
 
 /// Returns true for a file that can contain a sweep, by its extension.
 pub(super) fn is_sweep_file(path: &Path) -> bool {
@@ -62,18 +62,16 @@ impl fmt::Display for Patch {
 pub(super) struct SweepFile {
     pub(super) patch: Patch,
     /// Values, `[frames][taxels]`.
-    pub(super) values: Vec<f32>,
+    pub(super) values: Vec<f64>,
+    /// Lines of the frames in a text file, from 1: `[frames]`; empty for other files.
+    pub(super) lines: Vec<usize>,
     /// Times, `[frames]`, in seconds; empty if the file has none.
     pub(super) time: Vec<f64>,
-    /// Sentences about parts of the file that are not read.
-    pub(super) left_out: Vec<String>,
+    /// Findings about parts of the file that are not read.
+    pub(super) left_out: Vec<Finding>,
 }
 
 impl SweepFile {
-    pub(super) fn frames(&self) -> usize {
-        self.values.len() / self.patch.taxels().max(1)
-    }
-
     /// Reads an array (`.npy`) or a table (any other extension).
     ///
     /// # Errors
@@ -108,7 +106,8 @@ impl SweepFile {
         samples.copy_to(0, &mut values);
         Ok(Self {
             patch,
-            values,
+            values: values.into_iter().map(f64::from).collect(),
+            lines: Vec::new(),
             time: Vec::new(),
             left_out: Vec::new(),
         })
@@ -119,6 +118,7 @@ impl SweepFile {
         let mut sweep = Self {
             patch: Patch::Taxels(0),
             values: Vec::new(),
+            lines: Vec::new(),
             time: Vec::new(),
             left_out: Vec::new(),
         };
@@ -153,6 +153,7 @@ impl SweepFile {
             if named {
                 continue;
             }
+            sweep.lines.push(rows.line());
             for (column, cell) in row.iter().enumerate() {
                 let value: f64 = cell
                     .trim()
@@ -161,7 +162,7 @@ impl SweepFile {
                 match time {
                     Some((at, unit)) if at == column => sweep.time.push(unit * value),
                     _ if skipped.get(column) == Some(&true) => {}
-                    _ => sweep.values.push(value as f32),
+                    _ => sweep.values.push(value),
                 }
             }
         }

@@ -1,6 +1,7 @@
 //! Recognition of taxel columns by their names.
 
 use super::named_sweeps::some_names;
+use crate::Finding;
 
 /// Minimum number of taxels that are numbered alike for other columns to be ignored.
 const NUMBERED: usize = 4;
@@ -35,17 +36,17 @@ pub(super) fn unlike_the_others(names: &[&str]) -> Vec<usize> {
         .collect()
 }
 
-/// Returns a sentence about the columns that are not read as taxels.
-pub(super) fn left_out(names: &[&str], unlike: &[usize]) -> Vec<String> {
+/// Returns a finding about the columns that are not read as taxels.
+pub(super) fn left_out(names: &[&str], unlike: &[usize]) -> Vec<Finding> {
     if unlike.is_empty() {
         return Vec::new();
     }
     let named = some_names(unlike.iter().map(|place| names[*place]));
     let example = (0..names.len()).find(|place| !unlike.contains(place));
     let example = example.map_or("", |place| names[place]);
-    vec![format!(
+    vec![Finding::not_read(format!(
         "{named}: not read as a taxel, since taxels have names like `{example}`; rename it if it is a taxel"
-    )]
+    ))]
 }
 
 /// Returns true if the first line of a table contains names: words, or the numbers 0, 1, 2 and so on.
@@ -78,7 +79,11 @@ mod tests {
             unlike_the_others(&["s_0_0", "s_0_1", "s_1_0", "s_1_1", "x1"]),
             [4]
         );
-        assert!(left_out(&["t0", "force"], &[1])[0].starts_with("`force`: not read as a taxel"));
+        assert!(
+            left_out(&["t0", "force"], &[1])[0]
+                .message
+                .starts_with("`force`: not read as a taxel")
+        );
     }
 
     #[test]

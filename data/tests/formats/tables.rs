@@ -221,7 +221,7 @@ fn columns_that_are_no_taxels_are_none() {
     });
     let dataset = format::read(&folder).unwrap();
     assert_line(&dataset);
-    let said = dataset.left_out().concat();
+    let said = dataset.reading_findings()[0].message.clone();
     assert!(
         said.starts_with("`row`, `force`: not read as a taxel"),
         "{said}"
@@ -235,7 +235,11 @@ fn columns_that_are_no_taxels_are_none() {
     write(&path, &table);
     let dataset = format::read(&path).unwrap();
     assert_line(&dataset);
-    assert!(dataset.left_out()[0].starts_with("`force`: not read as a taxel"));
+    assert!(
+        dataset.reading_findings()[0]
+            .message
+            .starts_with("`force`: not read as a taxel")
+    );
 
     // The table does not list this file.
     let one = folder.join("labels.csv");
@@ -245,8 +249,8 @@ fn columns_that_are_no_taxels_are_none() {
     let dataset = format::read(&folder).unwrap();
     assert_eq!(dataset.len(), 1);
     assert_eq!(
-        dataset.left_out(),
-        ["files that labels.csv does not list: `b`"]
+        dataset.reading_findings()[0].message,
+        "files that labels.csv does not list: `b`"
     );
 }
 

@@ -11,7 +11,7 @@ use super::super::named_sweeps::{NAMED, some_names, some_of, sorted_names};
 use super::super::npy::{Array, Header};
 use super::super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use super::NPY;
-use crate::{DataError, LabelSet, Remedy};
+use crate::{DataError, Finding, LabelSet, Remedy};
 
 /// Arrays that are read.
 const KNOWN: [&str; 9] = [
@@ -249,25 +249,26 @@ impl<'a> Arrays<'a> {
         })
     }
 
-    /// Returns sentences about the members of the archive that are not read.
-    pub(super) fn left_out(&self) -> Vec<String> {
+    /// Returns findings about the members of the archive that are not read.
+    pub(super) fn left_out(&self) -> Vec<Finding> {
         let has_blocks = self.by_name.contains_key("blocks");
         let is_block =
             |name: &str| !has_blocks && MEANT_AS_BLOCKS.contains(&name.to_lowercase().as_str());
         let names = self.others.iter().map(|(name, _)| name.as_str());
         let (blocks, others): (Vec<&str>, Vec<&str>) = names.partition(|name| is_block(name));
-        let mut sentences = Vec::new();
+        let mut findings = Vec::new();
         if !blocks.is_empty() {
-            sentences.push(format!(
+            findings.push(Finding::not_read(format!(
                 "arrays that are ignored: {}; block numbers are read from an array `blocks`",
                 some_names(blocks)
-            ));
+            )));
         }
         if !others.is_empty() {
             let names = some_names(others);
-            sentences.push(format!("arrays that are ignored: {names}"));
+            let message = format!("arrays that are ignored: {names}");
+            findings.push(Finding::not_read(message));
         }
-        sentences
+        findings
     }
 
     pub(super) fn names(&self, name: &'static str) -> Result<Vec<String>, DataError> {
