@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
-use tactnet_data::format::{self, Format, Keep, SweepsToClassify};
+use tactnet_data::format::{self, Format, Keep, ReadOptions, SweepsToClassify};
 use tactnet_data::{
     CheckReport, DataError, DataSource, FindingGroup, FindingKind, Severity, check, check_lengths,
     check_unlabelled, group_findings, info,
@@ -135,8 +135,10 @@ fn load_with_gaps(arguments: &FileArgs, otherwise: Keep) -> anyhow::Result<Sweep
         };
         SweepsToClassify::of(dataset)
     } else {
-        let keep = steps.map_or(otherwise, Keep::First);
-        format::read_to_classify_with_gaps(Path::new(data), keep)?
+        let options = ReadOptions {
+            keep: steps.map_or(otherwise, Keep::First),
+        };
+        format::read_to_classify_with_gaps(Path::new(data), &options)?
     };
     sweeps.dataset = sweeps.dataset.with_named_rate(arguments.rate)?;
     Ok(sweeps)

@@ -5,14 +5,13 @@
 use std::path::Path;
 
 use super::frame_table::{Column, FrameTable, may_hold_words};
-use super::lengths::Keep;
 use super::named_sweeps::{Labels, NamedSweeps};
+use super::read_options::ReadOptions;
 use super::{folder, taxel_names::is_line_of_names};
 use crate::DataError;
 
 /// Reads a file that may contain NaN or infinities.
 ///
-/// - `keep`: frames of every sweep that are read
 /// - `labels`: if they are optional, a file may be one sweep
 ///
 /// # Errors
@@ -20,15 +19,15 @@ use crate::DataError;
 /// line; sweeps of different lengths.
 pub(super) fn read_with_gaps(
     path: &Path,
-    keep: Keep,
+    options: &ReadOptions,
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
     if labels == Labels::Optional && !has_line_of_names(path)? {
-        return folder::read_one(path, keep);
+        return folder::read_one(path, options);
     }
     read_table(path, labels)?
         .into_recordings(labels)?
-        .into_sweeps(keep)
+        .into_sweeps(options)
 }
 
 /// Returns true if the first line of a table contains words.

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use super::csv::Rows;
 use super::frame_table::{MATERIAL, is_one_of};
-use super::lengths::Keep;
 use super::named_sweeps::{NamedSweeps, some_names};
+use super::read_options::ReadOptions;
 use super::recording::{Recording, Recordings};
 use super::sweep_file::{Patch, SweepFile, is_sweep_file};
 use crate::{DataError, Finding};
@@ -28,20 +28,19 @@ pub(super) const LAYOUT: &str =
 
 /// Reads a folder of labelled sweeps; values may be NaN or infinite.
 ///
-/// - `keep`: frames of every sweep that are read
 ///
 /// # Errors
 /// A file that cannot be read; sweeps of different lengths or numbers of taxels.
-pub(super) fn read_with_gaps(path: &Path, keep: Keep) -> Result<NamedSweeps, DataError> {
+pub(super) fn read_with_gaps(path: &Path, options: &ReadOptions) -> Result<NamedSweeps, DataError> {
     if path.join(LABELS).is_file() {
         let entries = listed(&path.join(LABELS))?;
         let unlisted = unlisted(path, &entries)?;
-        let mut sweeps = read_files(path, entries, keep)?;
+        let mut sweeps = read_files(path, entries, options)?;
         sweeps.findings.extend(unlisted.map(Finding::not_read));
         return Ok(sweeps);
     }
     let (entries, empty) = files_by_folder(path)?;
-    let mut sweeps = read_files(path, entries, keep)?;
+    let mut sweeps = read_files(path, entries, options)?;
     if !empty.is_empty() {
         let names = some_names(empty.iter().map(String::as_str));
         let message = format!("folders without a .csv or .npy file: {names}");
@@ -54,20 +53,23 @@ pub(super) fn read_with_gaps(path: &Path, keep: Keep) -> Result<NamedSweeps, Dat
 ///
 /// # Errors
 /// As [`read_with_gaps`].
-pub(super) fn read_one(path: &Path, keep: Keep) -> Result<NamedSweeps, DataError> {
-    read_files(path, vec![Entry::unlabelled(path.into())], keep)
+pub(super) fn read_one(path: &Path, options: &ReadOptions) -> Result<NamedSweeps, DataError> {
+    read_files(path, vec![Entry::unlabelled(path.into())], options)
 }
 
 /// Reads the sweep files directly in a folder, in the order of their names; `None` if there are none.
 ///
 /// # Errors
 /// As [`read_with_gaps`].
-pub(super) fn read_flat_folder(path: &Path, keep: Keep) -> Result<Option<NamedSweeps>, DataError> {
+pub(super) fn read_flat_folder(
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<Option<NamedSweeps>, DataError> {
     let entries: Vec<Entry> = sweeps_in(path)?.map(Entry::unlabelled).collect();
     if entries.is_empty() {
         return Ok(None);
     }
-    read_files(path, entries, keep).map(Some)
+    read_files(path, entries, options).map(Some)
 }
 
 /// Returns true if a folder looks like a folder of sweeps: it has a table of labels, or folders with sweep files.
@@ -103,7 +105,11 @@ impl Entry {
 /// Reads the files of sweeps.
 ///
 /// - `path`: folder or file that the user named
-fn read_files(path: &Path, entries: Vec<Entry>, keep: Keep) -> Result<NamedSweeps, DataError> {
+fn read_files(
+    path: &Path,
+    entries: Vec<Entry>,
+    options: &ReadOptions,
+) -> Result<NamedSweeps, DataError> {
     if entries.is_empty() {
         return Err(DataError::format(path, "folder", LAYOUT, "neither"));
     }
@@ -132,7 +138,7 @@ fn read_files(path: &Path, entries: Vec<Entry>, keep: Keep) -> Result<NamedSweep
         recordings: parts.map(recording).collect(),
         findings,
     };
-    recordings.into_sweeps(keep)
+    recordings.into_sweeps(options)
 }
 
 /// Returns the arrangement of the taxels, which all files must share.

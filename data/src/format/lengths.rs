@@ -5,9 +5,10 @@ use std::path::Path;
 use crate::{DataError, Remedy};
 
 /// Frames of each sweep that are read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Keep {
     /// All frames; sweeps must be equally long.
+    #[default]
     Equal,
     /// This many frames from the beginning; longer sweeps are cut, shorter ones refused.
     First(usize),

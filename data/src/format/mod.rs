@@ -42,6 +42,7 @@ mod npz_write;
 pub mod parquet;
 #[cfg(feature = "parquet")]
 mod parquet_footer;
+mod read_options;
 mod recording;
 mod sweep_file;
 pub mod tactmat;
@@ -53,6 +54,7 @@ pub mod ts;
 
 pub use folder::is_folder_of_sweeps;
 pub use lengths::{Keep, OddLength};
+pub use read_options::ReadOptions;
 
 use crate::{DataError, Dataset, Remedy, Samples};
 pub(crate) use named_sweeps::UNLABELLED;
@@ -121,7 +123,9 @@ impl Format {
     }
 }
 
-pub use to_classify::{SweepsToClassify, read_to_classify, read_to_classify_with_gaps};
+pub use to_classify::{
+    SweepsToClassify, read_to_classify, read_to_classify_with, read_to_classify_with_gaps,
+};
 
 /// Extensions of the formats that can be written, for messages.
 const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
@@ -131,7 +135,7 @@ const EXTENSIONS: &str = "the extension .h5, .hdf5, .npz or .ts";
 /// # Errors
 /// A file of another kind, or a file that its format refuses.
 pub fn read(path: &Path) -> Result<Dataset, DataError> {
-    refuse_non_finite(path, read_with_gaps(path)?, true)
+    read_with(path, &ReadOptions::default())
 }
 
 /// Reads a file or folder of any format; values may be NaN or infinite, so that a check can list them.
@@ -139,34 +143,31 @@ pub fn read(path: &Path) -> Result<Dataset, DataError> {
 /// # Errors
 /// As [`read`], except for values that are not finite.
 pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
-    read_beginning_with_gaps(path, None)
+    read_labelled(path, &ReadOptions::default())
 }
 
-/// Reads at most `steps` frames of every sweep, as [`read`]; the sweeps of a table may then have different lengths.
+/// Reads a file or folder of any format as [`read`], with options.
 ///
 /// # Errors
-/// As [`read`], and sweeps that are shorter.
-pub fn read_beginning(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
-    refuse_non_finite(path, read_beginning_with_gaps(path, steps)?, true)
+/// As [`read`], and options that the file does not allow.
+pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Dataset, DataError> {
+    refuse_non_finite(path, read_labelled(path, options)?, true)
 }
 
-fn read_beginning_with_gaps(path: &Path, steps: Option<usize>) -> Result<Dataset, DataError> {
-    if let Some(sweeps) = table_with_gaps(path, steps.into(), Labels::Needed) {
+fn read_labelled(path: &Path, options: &ReadOptions) -> Result<Dataset, DataError> {
+    if let Some(sweeps) = table_with_gaps(path, options, Labels::Needed) {
         return sweeps?.into_dataset().map_err(|error| in_file(path, error));
     }
     let (dataset, _) = read_arrays(path, Labels::Needed)?;
-    match steps {
-        Some(steps) => dataset
-            .first_steps(steps)
-            .map_err(|error| in_file(path, error)),
-        None => Ok(dataset),
-    }
+    options
+        .apply_to(dataset)
+        .map_err(|error| in_file(path, error))
 }
 
 /// Reads a table or folder; `None` for a file of another kind.
 fn table_with_gaps(
     path: &Path,
-    keep: Keep,
+    options: &ReadOptions,
     labels: Labels,
 ) -> Option<Result<NamedSweeps, DataError>> {
     if path.join("config.json").is_file() && path.join("split.json").is_file() {
@@ -179,11 +180,11 @@ fn table_with_gaps(
         )));
     }
     if path.is_dir() && folder::is_folder_of_sweeps(path) {
-        return Some(folder::read_with_gaps(path, keep));
+        return Some(folder::read_with_gaps(path, options));
     }
     if path.is_dir() {
         if labels == Labels::Optional
-            && let Some(sweeps) = folder::read_flat_folder(path, keep).transpose()
+            && let Some(sweeps) = folder::read_flat_folder(path, options).transpose()
         {
             return Some(sweeps);
         }
@@ -204,9 +205,9 @@ fn table_with_gaps(
     }
     let extension = path.extension()?.to_ascii_lowercase();
     match extension.to_str()? {
-        "csv" | "tsv" => Some(csv::read_with_gaps(path, keep, labels)),
+        "csv" | "tsv" => Some(csv::read_with_gaps(path, options, labels)),
         #[cfg(feature = "parquet")]
-        "parquet" | "pq" => Some(parquet::read_with_gaps(path, keep, labels)),
+        "parquet" | "pq" => Some(parquet::read_with_gaps(path, options, labels)),
         #[cfg(not(feature = "parquet"))]
         "parquet" | "pq" => Some(Err(DataError::format(
             path,

@@ -10,21 +10,20 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::frame_table::{Column, FrameTable, may_hold_words};
-use super::lengths::Keep;
 use super::named_sweeps::{Labels, NamedSweeps};
 use super::parquet_footer;
+use super::read_options::ReadOptions;
 use crate::DataError;
 
 /// Reads a file that may contain NaN or infinities.
 ///
-/// - `keep`: frames of every sweep that are read
 /// - `labels`: required columns
 ///
 /// # Errors
 /// A file that cannot be read; nested columns, missing values, words in place of numbers; sweeps of different lengths.
 pub(super) fn read_with_gaps(
     path: &Path,
-    keep: Keep,
+    options: &ReadOptions,
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
     // The crate panics on some damaged files; the panic then ends only this thread.
@@ -45,7 +44,7 @@ pub(super) fn read_with_gaps(
                 "one that is damaged",
             ))
         })?;
-    table.into_recordings(labels)?.into_sweeps(keep)
+    table.into_recordings(labels)?.into_sweeps(options)
 }
 
 fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use super::frame_table::rate_of;
-use super::lengths::{Keep, settle};
+use super::lengths::settle;
 use super::named_sweeps::NamedSweeps;
 use super::narrow::{TooWide, narrow};
+use super::read_options::ReadOptions;
 use super::sweep_file::Patch;
 use crate::{DataError, Finding};
 
@@ -50,16 +51,14 @@ impl Recording {
 impl Recordings<'_> {
     /// Returns the recordings as sweeps of one length.
     ///
-    /// - `keep`: frames of every sweep that are read
-    ///
     /// # Errors
-    /// Different lengths, if `keep` does not allow them; times that decrease; values that no element type holds.
-    pub(super) fn into_sweeps(mut self, keep: Keep) -> Result<NamedSweeps, DataError> {
+    /// Different lengths, if the options do not allow them; times that decrease; values that no element type holds.
+    pub(super) fn into_sweeps(mut self, options: &ReadOptions) -> Result<NamedSweeps, DataError> {
         let patch = self.patch;
         let lengths: Vec<usize> = self.recordings.iter().map(|r| r.frames(patch)).collect();
         let shown: Vec<String> = self.recordings.iter().map(|r| self.shown(r)).collect();
         let shown: Vec<&str> = shown.iter().map(String::as_str).collect();
-        let (steps, odd_lengths) = settle(self.path, &shown, &lengths, keep)?;
+        let (steps, odd_lengths) = settle(self.path, &shown, &lengths, options.keep)?;
         let rate_hz = self.rate(&shown)?;
         self.recordings.retain(|r| r.frames(patch) >= steps);
         let mut values = Vec::with_capacity(self.recordings.len() * steps * patch.taxels());

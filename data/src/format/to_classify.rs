@@ -9,8 +9,9 @@
 
 use std::path::Path;
 
-use super::lengths::{Keep, OddLength};
+use super::lengths::OddLength;
 use super::named_sweeps::Labels;
+use super::read_options::ReadOptions;
 use super::{in_file, read_arrays, refuse_non_finite, table_with_gaps};
 use crate::{DataError, Dataset};
 
@@ -25,7 +26,7 @@ pub struct SweepsToClassify {
     pub labelled: bool,
     /// True if the taxels of a file without an arrangement were put into the rows and columns of a classifier.
     pub arranged: bool,
-    /// Sweeps that were cut because they are longer than most, or omitted because they are shorter, see [`Keep::Most`].
+    /// Sweeps that were cut because they are longer than most, or omitted because they are shorter, see [`Keep::Most`](super::Keep::Most).
     pub odd_lengths: Vec<OddLength>,
 }
 
@@ -73,22 +74,33 @@ impl SweepsToClassify {
 /// # Ok::<(), tactnet_data::DataError>(())
 /// ```
 pub fn read_to_classify(path: &Path, steps: Option<usize>) -> Result<SweepsToClassify, DataError> {
-    let sweeps = read_to_classify_with_gaps(path, steps.into())?;
+    read_to_classify_with(path, &ReadOptions::keeping(steps))
+}
+
+/// Reads sweeps as [`read_to_classify`], with options.
+///
+/// # Errors
+/// As [`read_to_classify`], and options that the file does not allow.
+pub fn read_to_classify_with(
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<SweepsToClassify, DataError> {
+    let sweeps = read_to_classify_with_gaps(path, options)?;
     Ok(SweepsToClassify {
         dataset: refuse_non_finite(path, sweeps.dataset, sweeps.labelled)?,
         ..sweeps
     })
 }
 
-/// Reads sweeps as [`read_to_classify`]; values may be NaN or infinite, and lengths may differ, so that a check can list
-/// them.
-///
-/// - `keep`: frames of every sweep that are read
+/// Reads sweeps as [`read_to_classify_with`]; values may be NaN or infinite, so that a check can list them.
 ///
 /// # Errors
-/// As [`read_to_classify`], but values that are not finite are accepted.
-pub fn read_to_classify_with_gaps(path: &Path, keep: Keep) -> Result<SweepsToClassify, DataError> {
-    Ok(match table_with_gaps(path, keep, Labels::Optional) {
+/// As [`read_to_classify_with`], but values that are not finite are accepted.
+pub fn read_to_classify_with_gaps(
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<SweepsToClassify, DataError> {
+    Ok(match table_with_gaps(path, options, Labels::Optional) {
         Some(sweeps) => {
             let sweeps = sweeps?;
             SweepsToClassify {
@@ -102,12 +114,10 @@ pub fn read_to_classify_with_gaps(path: &Path, keep: Keep) -> Result<SweepsToCla
             }
         }
         None => {
-            let (mut dataset, labelled) = read_arrays(path, Labels::Optional)?;
-            if let Keep::First(steps) = keep {
-                dataset = dataset
-                    .first_steps(steps)
-                    .map_err(|error| in_file(path, error))?;
-            }
+            let (dataset, labelled) = read_arrays(path, Labels::Optional)?;
+            let dataset = options
+                .apply_to(dataset)
+                .map_err(|error| in_file(path, error))?;
             SweepsToClassify {
                 labelled,
                 ..SweepsToClassify::of(dataset)

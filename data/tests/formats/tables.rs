@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use tactnet_data::Remedy;
-use tactnet_data::format::{self, Keep};
+use tactnet_data::format::{self, Keep, ReadOptions};
 
 #[cfg(feature = "parquet")]
 use crate::fixture;
@@ -101,14 +101,15 @@ fn a_folder_of_tables_is_a_data_set() {
     let refused = refused.to_string();
     assert!(refused.contains("60 frames, as"), "{refused}");
     assert!(refused.contains("found 50"), "{refused}");
-    let looked_at = format::read_to_classify_with_gaps(&folders, Keep::Most).unwrap();
+    let most = ReadOptions { keep: Keep::Most };
+    let looked_at = format::read_to_classify_with_gaps(&folders, &most).unwrap();
     assert_eq!(looked_at.dataset.len(), 11);
     let [odd] = &looked_at.odd_lengths[..] else {
         panic!("{:?}", looked_at.odd_lengths)
     };
     assert!(odd.sweep.ends_with("00.csv"), "{odd:?}");
     assert_eq!(odd.frames, 50);
-    let cut = format::read_beginning(&folders, Some(50)).unwrap();
+    let cut = format::read_with(&folders, &ReadOptions::keeping(Some(50))).unwrap();
     assert_eq!((cut.len(), cut.shape().steps), (12, 50));
 
     let mistakes = [
@@ -166,7 +167,7 @@ fn a_folder_of_arrays_is_a_data_set() {
     let dataset = format::read(&grids).unwrap();
     assert_eq!((dataset.shape().rows, dataset.shape().cols), (4, 4));
     assert!(!dataset.is_patch_assumed());
-    let cut = format::read_beginning(&grids, Some(50)).unwrap();
+    let cut = format::read_with(&grids, &ReadOptions::keeping(Some(50))).unwrap();
     assert_eq!((cut.len(), cut.shape().steps), (12, 50));
 
     // A single folder is enough if the materials are not needed.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_data::format::{Format, read_beginning, read_to_classify};
+use tactnet_data::format::{Format, ReadOptions, read_to_classify, read_with};
 use tactnet_data::{DataSource, Dataset};
 
 use super::ConvertArgs;
@@ -76,7 +76,7 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
     } else if let Some(material) = &arguments.material {
         of_material(path, arguments.steps, material)?
     } else {
-        read_beginning(path, arguments.steps)?
+        read_with(path, &ReadOptions::keeping(arguments.steps))?
     };
     if let Some(rate) = arguments.rate {
         let own = dataset.sample_rate_hz();
