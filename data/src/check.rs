@@ -7,10 +7,14 @@
 //! | [`ConstantSweep`](FindingKind::ConstantSweep) | error | all taxels of a sweep are constant |
 //! | [`IdenticalSweeps`](FindingKind::IdenticalSweeps) | error | equal values in two sweeps, which would leak test data into training |
 //! | [`FewSweeps`](FindingKind::FewSweeps) | error; warning below 5 | fewer than two sweeps of a material; fewer than the usual 5 folds |
-//! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | a taxel has the same value in all sweeps |
+//! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | a taxel has the same value in all sweeps, except for a few single frames |
 //! | [`ConstantTaxel`](FindingKind::ConstantTaxel) | warning; note at 0 | a taxel is constant during a sweep; 0 means no contact |
 //! | [`Saturation`](FindingKind::Saturation) | warning | at least 1 % of a sweep is at the sensor's maximum |
 //! | [`OutOfRange`](FindingKind::OutOfRange) | warning | values far larger than in other sweeps, or negative in few sweeps |
+//! | [`FillValue`](FindingKind::FillValue) | error | values that programs write for missing ones, such as 1e20 or -9999, far from all others of the taxel |
+//! | [`Spike`](FindingKind::Spike) | warning; error above 0.1 % of the values | values of at most 3 frames more than 5 times as far from the taxel's median as its usual largest ones |
+//! | [`Dropout`](FindingKind::Dropout) | warning; error from 10 % of a sweep or 1 % of all frames | all taxels are zero or frozen for several frames in the middle of a motion |
+//! | [`Padding`](FindingKind::Padding) | warning; error if its length separates the materials | sweeps begin or end with equal frames, or end with noise alone, and no sensor at rest explains it |
 //! | [`UnbalancedMaterials`](FindingKind::UnbalancedMaterials) | warning | unequal numbers of sweeps |
 //! | [`AssumedRate`](FindingKind::AssumedRate) | warning | the data does not name its sample rate |
 //! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | all names of materials are bare numbers |
@@ -24,17 +28,34 @@
 //! | [`NotRead`](FindingKind::NotRead) | note | a part of the file that is not read |
 
 mod axes;
+mod clock_taxels;
+mod constant;
+mod dead_taxels;
+mod dropouts;
+mod fill_values;
+mod identical;
 mod lengths;
 mod names;
+mod not_finite;
+mod out_of_range;
+mod padding;
+mod rest;
+mod saturation;
+mod spikes;
+mod sweep_statistics;
 mod sweeps_per_material;
-mod values;
+mod taxel_limits;
+mod taxel_names;
 
 pub use lengths::check_lengths;
 
 use crate::format::UNLABELLED;
 use crate::{DataError, Dataset, Finding, FindingKind, Place, Severity};
+use fill_values::FillValues;
 use rayon::prelude::*;
-use values::SweepRange;
+use rest::Rest;
+use sweep_statistics::SweepStatistics;
+use taxel_limits::TaxelLimits;
 
 /// Returns all findings about a data set, sorted by severity, kind and sweep.
 ///
@@ -49,27 +70,46 @@ use values::SweepRange;
 /// # Ok::<(), tactnet_data::DataError>(())
 /// ```
 pub fn check(dataset: &Dataset) -> Vec<Finding> {
-    let sweeps: Vec<SweepRange> = (0..dataset.len())
+    let sweeps: Vec<SweepStatistics> = (0..dataset.len())
         .into_par_iter()
-        .map(|index| SweepRange::of(dataset, index))
+        .map(|index| SweepStatistics::of(dataset, index))
         .collect();
-    let dead = values::dead_taxels(&sweeps);
-    let mut findings = values::not_finite(dataset, &sweeps);
-    findings.extend(values::constant(dataset, &sweeps, &dead));
-    findings.extend(values::dead_findings(dataset.shape(), &dead));
-    findings.extend(values::identical(dataset, &sweeps));
-    findings.extend(values::saturated(dataset, &sweeps));
-    findings.extend(values::out_of_range(dataset, &sweeps));
+    let mut findings = of_values(dataset, &sweeps);
     findings.extend(sweeps_per_material::check(dataset));
     findings.extend(names::numbered(dataset));
     findings.extend(names::that_mislead(dataset));
-    findings.extend(values::clock_taxels(dataset, &sweeps));
+    findings.extend(clock_taxels::clock_taxels(dataset, &sweeps));
     findings.extend(axes::time_axis(dataset));
     // If the order of the axes is in doubt, so is the number of taxels.
     let axes_in_doubt = findings.iter().any(|of| of.kind == FindingKind::AxisOrder);
     findings.extend(axes::assumed_patch(dataset).filter(|_| !axes_in_doubt));
     findings.extend_from_slice(dataset.reading_findings());
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
+    findings
+}
+
+/// Returns the findings about the values of the sweeps.
+fn of_values(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Finding> {
+    let limits = TaxelLimits::of_taxels(dataset);
+    let fills = FillValues::of(dataset, sweeps, &limits);
+    let dead = dead_taxels::dead_taxels(dataset, sweeps, &limits);
+    let is_dead = |taxel: usize| dead.contains_key(&taxel);
+    let rest = Rest::of(dataset, sweeps, &limits);
+    let spikes = spikes::spikes(dataset, sweeps, &limits, &fills, is_dead);
+    let mut findings = not_finite::not_finite(dataset, sweeps);
+    findings.extend(fills.findings(dataset, sweeps));
+    findings.extend(constant::constant(dataset, sweeps, is_dead));
+    findings.extend(dead_taxels::findings(dataset, &dead));
+    findings.extend(identical::identical(dataset, sweeps));
+    findings.extend(saturation::saturated(dataset, sweeps, &fills));
+    // Sweeps with fill values or spikes are out of range because of them.
+    let is_explained = |sweep: usize| {
+        fills.are_in(&sweeps[sweep]) || spikes.iter().any(|spike| spike.at.sweep == Some(sweep))
+    };
+    findings.extend(out_of_range::out_of_range(dataset, sweeps, is_explained));
+    findings.extend(spikes);
+    findings.extend(dropouts::dropouts(dataset, sweeps, &rest, &fills));
+    findings.extend(padding::padding(dataset, sweeps, &rest, &fills));
     findings
 }
 
@@ -121,3 +161,6 @@ fn finding(severity: Severity, kind: FindingKind, at: Place, message: String) ->
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(test)]
+mod foreign_values_tests;

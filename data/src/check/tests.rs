@@ -184,10 +184,22 @@ fn the_top_of_the_element_type_is_a_ceiling() {
 #[test]
 fn outliers_and_odd_negatives_are_out_of_range() {
     let mut loud = values();
-    loud[at(5, 3, 0)] = 1e4;
+    loud[at(5, 0, 0)..].iter_mut().for_each(|x| *x *= 30.0);
     let findings = check_values(loud);
     assert_eq!(only(&findings).at.sweep, Some(5));
     assert_eq!(only(&findings).kind, FindingKind::OutOfRange);
+
+    let mut single = values();
+    single[at(5, 3, 0)] = 1e4;
+    let findings = check_values(single);
+    let place = Place {
+        sweep: Some(5),
+        taxel: Some(0),
+        step: Some(3),
+        ..Place::default()
+    };
+    assert_eq!(only(&findings).at, place);
+    assert_eq!(only(&findings).kind, FindingKind::Spike);
 
     let signed = values().iter().map(|x| x - 20.0).collect();
     assert_eq!(check_values(signed), [], "a signed signal is no fault");

@@ -1,0 +1,234 @@
+//! Frames that were added to sweeps to make them equally long.
+
+use super::fill_values::FillValues;
+use super::finding;
+use super::rest::{End, Rest, run_at};
+use super::sweep_statistics::{Run, SweepStatistics};
+use crate::{Dataset, Finding, FindingKind, Place, Remedy, Severity};
+
+/// Ratio of the change before a padding of zeros to the largest other change of the sweep.
+const JUMP: f32 = 3.0;
+/// Minimum length of padding with noise, in frames, and as a share of the sweep: shorter quiet tails are in every signal.
+const QUIET_FRAMES: usize = 5;
+const QUIET_SHARE: f64 = 0.02;
+/// Minimum share of sweeps with a quiet tail; of sweeps that begin quietly, fewer may have one, or the sensor rests.
+const QUIET_SWEEPS: f64 = 0.1;
+const QUIET_HEADS: f64 = 0.05;
+/// Maximum mean difference between frames in a quiet tail, for each taxel, as a share of that before the tail.
+const QUIET_TAXEL: f32 = 0.1;
+/// Number of standard deviations of guessing above which the lengths of the padding separate the materials.
+const SEPARATING: f64 = 3.0;
+
+/// Padding of one sweep.
+#[derive(Clone, Copy)]
+struct Padding {
+    sweep: usize,
+    end: End,
+    frames: usize,
+    content: &'static str,
+}
+
+/// Returns a warning for each padded sweep, and an error if the lengths of the padding separate the materials.
+pub(super) fn padding(
+    dataset: &Dataset,
+    sweeps: &[SweepStatistics],
+    rest: &Rest<'_>,
+    fills: &FillValues,
+) -> Vec<Finding> {
+    let equal = [End::Tail, End::Head].map(|end| equal_frames(dataset, sweeps, rest, end));
+    let mut padded = equal.concat();
+    if padded.is_empty() {
+        padded = quiet_tails(dataset, sweeps);
+    }
+    let mut findings: Vec<Finding> = separation(dataset, &padded).into_iter().collect();
+    // Fill values are reported as such.
+    padded.retain(|padding| !fills.are_in(&sweeps[padding.sweep]));
+    findings.extend(padded.iter().map(|padding| describe(dataset, padding)));
+    findings
+}
+
+/// Returns the sweeps that begin or end with equal frames, which no sensor at rest explains.
+fn equal_frames(
+    dataset: &Dataset,
+    sweeps: &[SweepStatistics],
+    rest: &Rest<'_>,
+    end: End,
+) -> Vec<Padding> {
+    let steps = dataset.shape().steps;
+    let mut padded = Vec::new();
+    for (index, sweep) in sweeps.iter().enumerate() {
+        let Some(run) = run_at(end, sweep, steps) else {
+            continue;
+        };
+        let is_added = match end {
+            End::Head => is_added_head(index, run, rest),
+            End::Tail => is_added_tail(index, sweep, run, rest),
+        };
+        if is_added {
+            let is_zero = rest.is_zero(index, run);
+            padded.push(Padding {
+                sweep: index,
+                end,
+                frames: run.frames,
+                content: if is_zero { "are zero" } else { "are equal" },
+            });
+        }
+    }
+    padded
+}
+
+fn is_added_tail(index: usize, sweep: &SweepStatistics, run: &Run, rest: &Rest<'_>) -> bool {
+    // A sensor that begins at rest may end so.
+    if rest.is_like(End::Head, index, run) || rest.is_like_own(End::Head, index, run) {
+        return false;
+    }
+    let is_usual = rest.is_like(End::Tail, index, run);
+    let is_no_accident = (rest.is_fine || !is_usual) && rest.is_no_accident(index, run);
+    is_no_accident || run.change_in > JUMP * sweep.top_change
+}
+
+fn is_added_head(index: usize, run: &Run, rest: &Rest<'_>) -> bool {
+    if rest.is_like(End::Tail, index, run) || rest.is_like_own(End::Tail, index, run) {
+        return false;
+    }
+    // Other sensors may rest before a contact.
+    let is_usual = rest.is_like(End::Head, index, run);
+    (rest.is_fine || !is_usual) && rest.is_no_accident(index, run)
+}
+
+/// Returns the sweeps whose motion ends at once and leaves noise, if other sweeps do not begin so.
+fn quiet_tails(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Padding> {
+    let all = sweeps.len() as f64;
+    let least = QUIET_FRAMES.max((QUIET_SHARE * dataset.shape().steps as f64) as usize);
+    let heads = sweeps.iter().filter(|sweep| sweep.quiet_head).count();
+    let tails = sweeps.iter().enumerate();
+    let tails = tails.filter(|(_, sweep)| sweep.quiet_tail >= least && !sweep.quiet_head);
+    let count = tails.clone().count();
+    if (heads as f64) >= QUIET_HEADS * all || (count as f64) < QUIET_SWEEPS * all || count < 2 {
+        return Vec::new();
+    }
+    tails
+        .filter(|(index, sweep)| is_quiet_in_all_taxels(dataset, *index, sweep.quiet_tail))
+        .map(|(sweep, statistics)| Padding {
+            sweep,
+            end: End::Tail,
+            frames: statistics.quiet_tail,
+            content: "hold only noise",
+        })
+        .collect()
+}
+
+/// Returns true if each taxel that moves before the tail is quiet in it.
+fn is_quiet_in_all_taxels(dataset: &Dataset, sweep: usize, tail: usize) -> bool {
+    let shape = dataset.shape();
+    let values = dataset.sweep(sweep);
+    let (before, after) = values.split_at((shape.steps - tail) * shape.taxels());
+    let mean_change = |values: &[f32], taxel: usize| {
+        let of_taxel = values[taxel..].iter().step_by(shape.taxels());
+        let pairs = of_taxel.clone().zip(of_taxel.skip(1));
+        let sum: f32 = pairs.clone().map(|(a, b)| (b - a).abs()).sum();
+        sum / pairs.count().max(1) as f32
+    };
+    (0..shape.taxels())
+        .filter(|taxel| before.len() > *taxel && after.len() > *taxel)
+        .all(|taxel| mean_change(after, taxel) <= QUIET_TAXEL * mean_change(before, taxel))
+}
+
+fn describe(dataset: &Dataset, padding: &Padding) -> Finding {
+    let steps = dataset.shape().steps;
+    let Padding {
+        sweep,
+        end,
+        frames,
+        content,
+    } = *padding;
+    let (which, step) = match end {
+        End::Head => ("first", 0),
+        End::Tail => ("last", steps - frames),
+    };
+    let message = format!(
+        "{}: the {which} {frames} of {steps} frames {content} in all taxels; padded?",
+        dataset.describe(sweep)
+    );
+    let at = Place {
+        sweep: Some(sweep),
+        step: Some(step),
+        ..Place::default()
+    };
+    Finding {
+        remedy: (end == End::Tail).then_some(Remedy::KeepSteps { steps: step }),
+        ..finding(Severity::Warning, FindingKind::Padding, at, message)
+    }
+}
+
+/// Returns an error if the materials can be told apart by the lengths of the padding.
+fn separation(dataset: &Dataset, padded: &[Padding]) -> Option<Finding> {
+    if padded.is_empty() || dataset.labels().len() < 2 {
+        return None;
+    }
+    let labels: Vec<usize> = dataset
+        .records()
+        .iter()
+        .map(|record| record.label)
+        .collect();
+    let mut lengths = vec![0; labels.len()];
+    for padding in padded {
+        lengths[padding.sweep] += padding.frames;
+    }
+    let right = nearest_neighbour(&lengths, &labels);
+    let counts = dataset.sweeps_per_label();
+    let all = labels.len() as f64;
+    let guessing = counts.into_iter().max().unwrap_or(0) as f64 / all;
+    let chance = (guessing * (1.0 - guessing) / all).sqrt();
+    if right <= guessing + SEPARATING * chance {
+        return None;
+    }
+    let tails = padded.iter().filter(|padding| padding.end == End::Tail);
+    let shortest = tails.map(|padding| dataset.shape().steps - padding.frames);
+    let message = format!(
+        "the length of the padding alone separates the materials: {:.0} % of the sweeps are recognised by it, {:.0} % by guessing; {} of {} sweeps are padded",
+        100.0 * right,
+        100.0 * guessing,
+        padded.len(),
+        labels.len(),
+    );
+    Some(Finding {
+        remedy: shortest.min().map(|steps| Remedy::KeepSteps { steps }),
+        ..finding(
+            Severity::Error,
+            FindingKind::Padding,
+            Place::default(),
+            message,
+        )
+    })
+}
+
+/// Returns the expected share of sweeps whose material is that of the other sweep with the most similar length; of several
+/// such sweeps one is drawn.
+fn nearest_neighbour(lengths: &[usize], labels: &[usize]) -> f64 {
+    let mut right = 0.0;
+    for (own, (length, label)) in lengths.iter().zip(labels).enumerate() {
+        let others = || (0..lengths.len()).filter(|other| *other != own);
+        let distance = |other: usize| lengths[other].abs_diff(*length);
+        let Some(least) = others().map(distance).min() else {
+            continue;
+        };
+        let nearest = || others().filter(|other| distance(*other) == least);
+        let same = nearest().filter(|other| labels[*other] == *label).count();
+        right += same as f64 / nearest().count() as f64;
+    }
+    right / lengths.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_that_follow_the_material_separate_and_others_do_not() {
+        let labels = [0, 0, 0, 1, 1, 1];
+        assert_eq!(nearest_neighbour(&[10, 12, 11, 40, 41, 44], &labels), 1.0);
+        assert!((nearest_neighbour(&[7; 6], &labels) - 0.4).abs() < 1e-12);
+        assert_eq!(nearest_neighbour(&[10, 20, 30, 10, 20, 30], &labels), 0.0);
+    }
+}

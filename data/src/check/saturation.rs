@@ -1,0 +1,82 @@
+//! Values at the sensor's maximum.
+
+use rayon::prelude::*;
+
+use super::fill_values::FillValues;
+use super::finding;
+use super::sweep_statistics::SweepStatistics;
+use super::taxel_names::in_sweep;
+use crate::{Dataset, Finding, FindingKind, Severity};
+
+/// Minimum share of a sweep's values at the ceiling for the sweep to count as saturated.
+const SATURATED_SHARE: f64 = 0.01;
+/// Minimum share of all values that equal the largest value for that value to count as a ceiling.
+const CEILING_SHARE: f64 = 0.001;
+/// Width of the range below the ceiling, as a share of the data set's range. A signal is clipped if more values are at
+/// the ceiling than in this range.
+const NEAR_CEILING: f32 = 0.05;
+
+/// Returns the sweeps that reach the ceiling. The ceiling is the maximum of the element type, or the largest value of the
+/// data set if the number of equal values shows that it is clipped.
+pub(super) fn saturated(
+    dataset: &Dataset,
+    sweeps: &[SweepStatistics],
+    fills: &FillValues,
+) -> Vec<Finding> {
+    let taxels = || sweeps.iter().flat_map(|sweep| &sweep.taxels);
+    let ceiling = taxels()
+        .map(|taxel| taxel.1)
+        .fold(f32::NEG_INFINITY, f32::max);
+    if fills.contains_value(ceiling) {
+        return Vec::new();
+    }
+    let floor = taxels().map(|taxel| taxel.0).fold(f32::INFINITY, f32::min);
+    let step = if dataset.samples().element_max().is_some() {
+        1.0
+    } else {
+        0.0
+    };
+    let near = ceiling - (NEAR_CEILING * (ceiling - floor)).max(step);
+    let (at_ceiling, below): (Vec<usize>, Vec<usize>) = sweeps
+        .par_iter()
+        .enumerate()
+        .map(|(index, sweep)| {
+            if sweep.max() < near {
+                return (0, 0);
+            }
+            let values = dataset.sweep(index);
+            let at_ceiling = values.iter().filter(|&&value| value == ceiling).count();
+            let not_below = values
+                .iter()
+                .filter(|&&value| value >= near && value <= ceiling);
+            (at_ceiling, not_below.count() - at_ceiling)
+        })
+        .unzip();
+    let per_sweep = dataset.shape().values() as f64;
+    let at: usize = at_ceiling.iter().sum();
+    let is_clip = at as f64 >= CEILING_SHARE * per_sweep * sweeps.len() as f64
+        && at > below.iter().sum()
+        && near > floor;
+    if dataset.samples().element_max() != Some(ceiling) && !is_clip {
+        return Vec::new();
+    }
+    let mut findings = Vec::new();
+    for (index, &count) in at_ceiling.iter().enumerate() {
+        if sweeps[index].is_constant() || (count as f64) < SATURATED_SHARE * per_sweep {
+            continue;
+        }
+        let message = format!(
+            "{}: {:.1} % of the values are at the ceiling of {ceiling}",
+            dataset.describe(index),
+            100.0 * count as f64 / per_sweep
+        );
+        let at = in_sweep(index);
+        findings.push(finding(
+            Severity::Warning,
+            FindingKind::Saturation,
+            at,
+            message,
+        ));
+    }
+    findings
+}
