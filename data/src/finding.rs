@@ -44,6 +44,10 @@ pub enum FindingKind {
     UnbalancedMaterials,
     /// The data does not name its sample rate.
     AssumedRate,
+    /// The data does not name the unit of its time stamps.
+    AssumedUnit,
+    /// The caller named another sample rate than the data.
+    NamedRate,
     /// All names of materials are numbers.
     NumberedMaterials,
     /// More taxels on a side of the patch than time steps.
@@ -167,6 +171,8 @@ impl fmt::Display for FindingKind {
             Self::OutOfRange => "values out of range",
             Self::UnbalancedMaterials => "unbalanced materials",
             Self::AssumedRate => "assumed sample rate",
+            Self::AssumedUnit => "assumed unit of time",
+            Self::NamedRate => "a named sample rate that differs",
             Self::NumberedMaterials => "numbered materials",
             Self::AxisOrder => "suspicious order of axes",
             Self::ShortSweeps => "short sweeps",

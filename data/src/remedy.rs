@@ -30,6 +30,15 @@ pub enum Remedy {
         /// Number of frames to keep.
         steps: usize,
     },
+    /// Convert the data set to one with frames at one rate.
+    Resample,
+    /// Cut continuous recordings into windows, between the gaps and changes of the label.
+    CutWindows,
+    /// Leave out the frames of a label.
+    DropLabel {
+        /// The label.
+        label: String,
+    },
     /// Choose another number of folds, or hold out a part of the sweeps.
     ChooseFolds,
     /// Check the data set, which lists all findings.

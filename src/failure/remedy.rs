@@ -29,8 +29,18 @@ pub(super) fn words_of(remedy: &Remedy) -> String {
             "for a grid of taxels: `tactnet data import FILE --shape {rows}x{cols} --out NEW.npz`"
         ),
         Remedy::KeepSteps { steps } => format!(
-            "keep the first {steps} frames of every sweep with `tactnet data import FILE --out NEW.npz --steps {steps}`"
+            "keep the first {steps} frames of every sweep with `--steps shortest` or `--steps {steps}`"
         ),
+        Remedy::Resample => {
+            "`tactnet data import FILE --out NEW.npz --resample HZ` gives all sweeps one rate".into()
+        }
+        Remedy::CutWindows => {
+            "`tactnet data import FILE --out NEW.npz --window 1s` cuts recordings into sweeps, between gaps and changes of the label"
+                .into()
+        }
+        Remedy::DropLabel { label } => {
+            format!("leave them out with `--drop-label {}`", tactnet_pipeline::quoted(label))
+        }
         Remedy::ChooseFolds => "choose another split with `--folds N` or `--split hold-out`".into(),
         Remedy::ListFindings { data } => format!("list all with `tactnet data check {data}`"),
         Remedy::ConvertRecording => {
@@ -117,6 +127,14 @@ mod tests {
             (Remedy::NameLabels, "data import --material NAME"),
             (Remedy::NameShape { rows: 4, cols: 5 }, "--shape 4x5"),
             (Remedy::KeepSteps { steps: 150 }, "--steps 150`"),
+            (Remedy::Resample, "--resample HZ`"),
+            (Remedy::CutWindows, "--window 1s`"),
+            (
+                Remedy::DropLabel {
+                    label: "no contact".into(),
+                },
+                "--drop-label 'no contact'`",
+            ),
             (Remedy::ChooseFolds, "--split hold-out"),
             (
                 Remedy::ListFindings {

@@ -60,6 +60,9 @@ fn words_of(remedy: &Remedy) -> String {
             format!("if the skin is a grid, pass an array [sweeps][steps][{rows}][{cols}]")
         }
         Remedy::KeepSteps { steps } => format!("`X[:, :{steps}]` keeps the first {steps} steps"),
+        Remedy::Resample => "pass `resample=`".into(),
+        Remedy::CutWindows => "pass `window=` to cut recordings into sweeps".into(),
+        Remedy::DropLabel { label } => format!("pass `drop_labels=[{label:?}]`"),
         Remedy::ChooseFolds => "pass `folds=`".into(),
         Remedy::ListFindings { data } => format!("`Dataset.read({data:?}).check()` lists all"),
         Remedy::ConvertRecording => "open it with `tactnet.Recording`".into(),

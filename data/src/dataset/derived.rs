@@ -1,37 +1,74 @@
 //! Data sets that are derived from others.
 
+use crate::format::{NamedSweeps, named_rate, records};
 use crate::twin::TwinVersion;
 use crate::{
-    DataError, Dataset, Finding, LabelSet, Samples, Seed, SweepRecord, SweepShape, shuffle,
+    DataError, Dataset, Finding, FindingKind, LabelSet, Samples, Seed, Severity, SweepRecord,
+    SweepShape, shuffle,
 };
 
 impl Dataset {
-    /// Sets the sample rate, in Hz, if it was assumed. With `None` the data set does not change.
+    /// Sets the sample rate, in Hz. A rate that differs from the one that the data names takes precedence, with a warning
+    /// among the findings. With `None` the data set does not change.
     ///
     /// # Errors
-    /// A rate that is not a positive number, or differs from the one that the data names.
+    /// A rate that is not a positive number.
     ///
     /// ```
+    /// use tactnet_data::FindingKind;
     /// use tactnet_data::twin::{self, TwinConfig};
     ///
     /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?;
-    /// assert!(twin.clone().with_named_rate(Some(750.0)).is_ok());
-    /// assert!(twin.with_named_rate(Some(100.0)).is_err());
+    /// let twin = twin::generate(&config)?.with_named_rate(Some(100.0))?;
+    /// assert_eq!(twin.sample_rate_hz(), 100.0);
+    /// assert_eq!(twin.reading_findings()[0].kind, FindingKind::NamedRate);
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
     pub fn with_named_rate(self, rate_hz: Option<f64>) -> Result<Self, DataError> {
         let own = self.sample_rate_hz;
-        match rate_hz {
-            None => Ok(self),
-            Some(rate_hz) if self.rate_assumed => self.with_sample_rate(rate_hz),
-            Some(rate_hz) if (own - rate_hz).abs() > 1e-6 * own => Err(DataError::inconsistent(
-                "sample rate",
-                format!("{own} Hz, as data set `{}` says", self.name),
-                format!("{rate_hz} Hz"),
-            )),
-            Some(_) => Ok(self),
+        let Some(named) = rate_hz else {
+            return Ok(self);
+        };
+        if !self.rate_assumed && (own - named).abs() <= 1e-6 * own {
+            return Ok(self);
         }
+        let differs = !self.rate_assumed;
+        let mut dataset = self.with_sample_rate(named)?;
+        // The named rate makes up for a clock that cannot be relied on.
+        for finding in &mut dataset.reading_findings {
+            if finding.kind == FindingKind::ClockBackwards {
+                finding.severity = finding.severity.max(Severity::Warning);
+            }
+        }
+        let finding = differs.then(|| named_rate(own, named, "the data names"));
+        Ok(dataset.with_reading_findings(finding))
+    }
+
+    /// Returns a data set with these sweeps, which were cut from those of this data set.
+    pub(crate) fn with_sweeps(&self, sweeps: NamedSweeps) -> Result<Self, DataError> {
+        let materials = sweeps.materials.unwrap_or_default();
+        let has_sweeps = |name: &&str| materials.iter().any(|material| material == name);
+        let names: Vec<&str> = self.labels.names().filter(has_sweeps).collect();
+        let label = |material: &String| names.iter().position(|name| name == material);
+        let of_sweep: Vec<usize> = materials.iter().filter_map(label).collect();
+        let labels = LabelSet::new(names)?;
+        let cut = Self::new(
+            self.name.clone(),
+            sweeps.rate_hz.unwrap_or(self.sample_rate_hz),
+            sweeps.shape,
+            labels.clone(),
+            records(&of_sweep, labels.len(), sweeps.blocks, sweeps.test),
+            sweeps.samples,
+        )?;
+        let mut reading_findings = self.reading_findings.clone();
+        reading_findings.extend(sweeps.findings);
+        Ok(Self {
+            origin: self.origin,
+            rate_assumed: self.rate_assumed && sweeps.rate_hz.is_none(),
+            patch_assumed: self.patch_assumed,
+            reading_findings,
+            ..cut
+        })
     }
 
     /// Sets the sample rate, in Hz.

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use super::frame_table::{Column, FrameTable, may_hold_words};
+use super::frame_table::{Column, FrameTable, is_text};
 use super::named_sweeps::{Labels, NamedSweeps};
 use super::read_options::ReadOptions;
 use super::{folder, taxel_names::is_line_of_names};
@@ -22,11 +22,12 @@ pub(super) fn read_with_gaps(
     options: &ReadOptions,
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
-    if labels == Labels::Optional && !has_line_of_names(path)? {
+    let may_be_one = labels == Labels::Optional || options.windows.is_some();
+    if may_be_one && !has_line_of_names(path)? {
         return folder::read_one(path, options);
     }
-    read_table(path, labels)?
-        .into_recordings(labels)?
+    read_table(path, labels, options)?
+        .into_recordings(labels, options)?
         .into_sweeps(options)
 }
 
@@ -37,13 +38,17 @@ fn has_line_of_names(path: &Path) -> Result<bool, DataError> {
 }
 
 /// Reads all frames of all sweeps of one file; missing columns are reported before invalid lines.
-fn read_table(path: &Path, labels: Labels) -> Result<FrameTable<'_>, DataError> {
+fn read_table<'a>(
+    path: &'a Path,
+    labels: Labels,
+    options: &ReadOptions,
+) -> Result<FrameTable<'a>, DataError> {
     let mut rows = Rows::open(path)?;
     let header = rows.next()?.unwrap_or_default();
     let columns = header
         .into_iter()
         .map(|name| {
-            let column = if may_hold_words(&name) {
+            let column = if is_text(&name, &options.columns) {
                 Column::Words(Vec::new())
             } else {
                 Column::Numbers(Vec::new())
@@ -56,7 +61,7 @@ fn read_table(path: &Path, labels: Labels) -> Result<FrameTable<'_>, DataError> 
         columns,
         lines: Vec::new(),
     };
-    if labels == Labels::Needed {
+    if labels == Labels::Needed && options.windows.is_none() {
         table.check_names()?;
     }
     while let Some(row) = rows.next()? {

@@ -115,11 +115,12 @@ fn read_files(
     }
     let sweeps: Vec<SweepFile> = entries
         .par_iter()
-        .map(|entry| SweepFile::read(&entry.file))
+        .map(|entry| SweepFile::read(&entry.file, options))
         .collect::<Result<_, _>>()?;
     let patch = common_patch(&entries, &sweeps)?;
     // All files of a set have the same columns.
     let findings = sweeps[0].left_out.clone();
+    let clockwork = sweeps[0].clockwork;
     let names = sweep_names(&entries);
     let recording = |((entry, sweep), name): ((Entry, SweepFile), String)| Recording {
         name,
@@ -128,6 +129,7 @@ fn read_files(
         values: sweep.values,
         seconds: sweep.time,
         material: entry.material,
+        labels: sweep.labels,
         block: entry.block,
         test: entry.test,
     };
@@ -136,6 +138,7 @@ fn read_files(
         path,
         patch,
         recordings: parts.map(recording).collect(),
+        clockwork,
         findings,
     };
     recordings.into_sweeps(options)

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `sweep` | number or name of the sweep; its frames are in order |
 //! | `material` (or `y`, `label`, `class`) | material, the same in every frame of a sweep |
-//! | `time` (or `t`, `timestamp`), optional | seconds, or the unit at the end of the name (`t_ms`, `time [ns]`); gives the sample rate |
+//! | `time` (or `t`, `timestamp`, `Zeit [ms]`, `sec` and `nanosec`), optional | seconds, another unit by the name, Unix time or dates; gives the sample rate, see `time_names.rs` |
 //! | `step` (or `frame`, `index`), `block`, `test`, optional | step is ignored; block and test as in [`tactmat`](super::tactmat) |
 //! | every other | one taxel, in the order of the columns; if most are numbered alike (`t0`, `t1`, ...), only those: see `taxel_names.rs` |
 
@@ -12,10 +12,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::named_sweeps::{Labels, some_of};
-use super::recording::{Recording, Recordings};
+use super::read_options::ReadOptions;
+use super::recording::{LabelRun, Recording, Recordings};
 use super::sweep_file::Patch;
-use super::taxel_names::{left_out, unlike_the_others};
-use crate::{DataError, Finding};
+use super::taxel_names::{chosen, left_out, unlike_the_others};
+use super::time_names::{are_times, is_time, unused_times};
+use super::time_stamps::{TimeStamps, time_stamps};
+use crate::{DataError, Finding, Remedy};
 
 /// Columns of a table, by name; the values of a column are numbers or words.
 pub(super) struct FrameTable<'a> {
@@ -32,6 +35,13 @@ pub(super) enum Column {
 }
 
 impl Column {
+    fn len(&self) -> usize {
+        match self {
+            Self::Numbers(numbers) => numbers.len(),
+            Self::Words(words) => words.len(),
+        }
+    }
+
     fn words(&self) -> Vec<String> {
         match self {
             Self::Numbers(numbers) => numbers.iter().map(f64::to_string).collect(),
@@ -45,24 +55,16 @@ pub(super) fn may_hold_words(name: &str) -> bool {
     is_one_of(name, SWEEP) || is_one_of(name, MATERIAL)
 }
 
-pub(super) fn is_one_of(name: &str, names: &[&str]) -> bool {
-    names.contains(&name.trim().to_ascii_lowercase().as_str())
+/// Returns true if a column of this name need not hold numbers: it is no taxel.
+///
+/// - `taxels`: names of the columns that are taxels; empty if all others are
+pub(super) fn is_text(name: &str, taxels: &[String]) -> bool {
+    let left_out = !taxels.is_empty() && !taxels.iter().any(|taxel| taxel.trim() == name.trim());
+    may_hold_words(name) || is_time(name) || (left_out && !is_one_of(name, &[BLOCK, TEST].concat()))
 }
 
-/// Returns the unit of a time column in seconds, by its name (`time`, `t_ms`, `Time [ns]`); `None` for any other column.
-pub(super) fn time_unit(name: &str) -> Option<f64> {
-    let name = name.trim().to_lowercase();
-    let mut words = name.split(|c: char| c.is_whitespace() || "_[]()/".contains(c));
-    let is_time = words.next().is_some_and(|word| TIME.contains(&word));
-    let mut units = words.filter(|word| !word.is_empty());
-    match (is_time, units.next(), units.next()) {
-        (true, None, _) => Some(1.0),
-        (true, Some(unit), None) => UNITS
-            .iter()
-            .find(|(known, _)| *known == unit)
-            .map(|(_, seconds)| *seconds),
-        _ => None,
-    }
+pub(super) fn is_one_of(name: &str, names: &[&str]) -> bool {
+    names.contains(&name.trim().to_ascii_lowercase().as_str())
 }
 
 /// Names of the column of sweeps.
@@ -90,18 +92,6 @@ const MEANT_AS_MATERIAL: &[&str] = &[
     "target",
     "texture",
 ];
-/// Names of the column of times, without their unit.
-const TIME: &[&str] = &["time", "t", "timestamp", "timestamps"];
-/// Units of time, with their length in seconds.
-const UNITS: &[(&str, f64)] = &[
-    ("s", 1.0),
-    ("sec", 1.0),
-    ("seconds", 1.0),
-    ("ms", 1e-3),
-    ("us", 1e-6),
-    ("µs", 1e-6),
-    ("ns", 1e-9),
-];
 /// Names of columns that count frames; the empty name is pandas' index.
 pub(super) const STEP: &[&str] = &["step", "frame", "index", "", "unnamed: 0"];
 /// Names of the column of block numbers.
@@ -116,19 +106,13 @@ impl<'a> FrameTable<'a> {
     ///
     /// # Errors
     /// A column that is missing or has words instead of numbers; a sweep of two materials.
-    pub(super) fn into_recordings(self, labels: Labels) -> Result<Recordings<'a>, DataError> {
-        let (taxels, findings) = self.taxels()?;
-        let (sweep_of, material_of) = match labels {
-            Labels::Needed => (
-                self.required(SWEEP)?.words(),
-                Some(self.required(MATERIAL)?.words()),
-            ),
-            Labels::Optional => {
-                let one = || vec![super::stem(self.path); taxels[0].len()];
-                let sweep_of = self.find(SWEEP).map_or_else(one, Column::words);
-                (sweep_of, self.find(MATERIAL).map(Column::words))
-            }
-        };
+    pub(super) fn into_recordings(
+        self,
+        labels: Labels,
+        options: &ReadOptions,
+    ) -> Result<Recordings<'a>, DataError> {
+        let (taxels, mut findings) = self.taxels(&options.columns)?;
+        let (sweep_of, material_of) = self.sweeps_and_materials(labels, options)?;
         let mut order: Vec<&str> = Vec::new();
         let mut frames: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
         for (row, sweep) in sweep_of.iter().enumerate() {
@@ -139,17 +123,19 @@ impl<'a> FrameTable<'a> {
             if let Some(&first) = rows.first()
                 && let Some(material_of) = &material_of
                 && material_of[first] != material_of[row]
+                && options.windows.is_none()
             {
                 let found = format!("`{}` and `{}`", material_of[first], material_of[row]);
                 let item = format!("sweep `{sweep}`, row {}", row + 1);
-                return Err(self.error(item, "one material", found));
+                let error = self.error(item, "one material", found);
+                return Err(error.with_remedy(Remedy::CutWindows));
             }
             rows.push(row);
         }
         let firsts: Vec<usize> = order.iter().map(|sweep| frames[sweep][0]).collect();
         let blocks = self.per_sweep(BLOCK, &firsts, |value| value as u32)?;
         let test = self.per_sweep(TEST, &firsts, |value| value != 0.0)?;
-        let time = self.times();
+        let times = time_stamps(self.path, &self.lines, &self.columns)?;
         let of_sweep = |(place, sweep): (usize, &&str)| {
             let rows = &frames[*sweep];
             let values = rows
@@ -163,21 +149,63 @@ impl<'a> FrameTable<'a> {
                     _ => rows.iter().map(|&row| self.lines[row]).collect(),
                 },
                 values: values.collect(),
-                seconds: time.map_or_else(Vec::new, |(time, unit)| {
-                    rows.iter().map(|&row| unit * time[row]).collect()
+                seconds: times.as_ref().map_or_else(Vec::new, |times| {
+                    rows.iter().map(|&row| times.seconds[row]).collect()
                 }),
                 material: material_of.as_ref().map(|of| of[rows[0]].clone()),
+                labels: match (&material_of, &options.windows) {
+                    (Some(of), Some(_)) => LabelRun::all(rows.iter().map(|&row| &of[row])),
+                    _ => Vec::new(),
+                },
                 block: blocks.as_ref().map(|blocks| blocks[place]),
                 test: test.as_ref().map(|test| test[place]),
             }
         };
         let recordings: Vec<Recording> = order.iter().enumerate().map(of_sweep).collect();
+        findings.extend(times.as_ref().and_then(|times| times.finding.clone()));
         Ok(Recordings {
             path: self.path,
             patch: Patch::Taxels(taxels.len()),
             recordings,
+            clockwork: times
+                .as_ref()
+                .map(|TimeStamps { clockwork, .. }| *clockwork),
             findings,
         })
+    }
+
+    /// Returns sweep and material of each frame. A continuous recording that is cut into windows needs neither.
+    fn sweeps_and_materials(
+        &self,
+        labels: Labels,
+        options: &ReadOptions,
+    ) -> Result<(Vec<String>, Option<Vec<String>>), DataError> {
+        if labels == Labels::Needed && options.windows.is_none() {
+            let sweeps = self.required(SWEEP)?.words();
+            return Ok((sweeps, Some(self.required(MATERIAL)?.words())));
+        }
+        let is_cut = options.windows.is_some();
+        let meant = |names: &[&str]| is_cut && self.find(names).is_some();
+        let sweep_of = match self.find(SWEEP) {
+            Some(column) => column.words(),
+            // A column that separates recordings under another name would be read as a taxel.
+            None if meant(MEANT_AS_SWEEP) => self.required(SWEEP)?.words(),
+            None => match self.find(BLOCK).filter(|_| is_cut) {
+                Some(column) => column.words(),
+                None => vec![super::stem(self.path); self.frames()],
+            },
+        };
+        let material_of = match self.find(MATERIAL) {
+            Some(column) => Some(column.words()),
+            None if meant(MEANT_AS_MATERIAL) => Some(self.required(MATERIAL)?.words()),
+            None => None,
+        };
+        Ok((sweep_of, material_of))
+    }
+
+    /// Returns the number of frames.
+    fn frames(&self) -> usize {
+        self.columns.first().map_or(0, |(_, column)| column.len())
     }
 
     fn error(
@@ -205,6 +233,7 @@ impl<'a> FrameTable<'a> {
     }
 
     fn required(&self, names: &[&str]) -> Result<&Column, DataError> {
+        let is_labelled = self.find(MATERIAL).is_some();
         self.find(names).ok_or_else(|| {
             let there = || self.columns.iter().map(|(name, _)| name.as_str());
             // Columns that are not taxels come first, since messages list only a few columns.
@@ -227,20 +256,29 @@ impl<'a> FrameTable<'a> {
                     "; rename `{meant}` to `{name}`, if that is what it holds"
                 ));
             }
-            self.error(
+            let error = self.error(
                 format!("column `{}`", names[0]),
                 "a table with columns `sweep`, `material` and one per taxel",
                 format!("only {found}"),
-            )
+            );
+            match names == SWEEP && is_labelled {
+                // A recording with a label in each frame.
+                true => error.with_remedy(Remedy::CutWindows),
+                false => error,
+            }
         })
     }
 
     /// Returns the columns of the taxels, `[taxels][frames]`, and findings about columns that are not read.
-    fn taxels(&self) -> Result<(Vec<&[f64]>, Vec<Finding>), DataError> {
+    ///
+    /// - `wanted`: names of the taxels; empty: all columns without another meaning
+    fn taxels(&self, wanted: &[String]) -> Result<(Vec<&[f64]>, Vec<Finding>), DataError> {
         let known = [SWEEP, MATERIAL, STEP, BLOCK, TEST].concat();
+        let all: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();
+        let times = are_times(&all);
         let mut columns = Vec::new();
-        for (name, column) in &self.columns {
-            if is_one_of(name, &known) || time_unit(name).is_some() {
+        for (place, (name, column)) in self.columns.iter().enumerate() {
+            if is_one_of(name, &known) || times[place] {
                 continue;
             }
             columns.push((name.as_str(), column));
@@ -249,29 +287,23 @@ impl<'a> FrameTable<'a> {
             return Err(self.error("columns", "one per taxel", "none"));
         }
         let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
-        let unlike = unlike_the_others(&names);
-        let mut taxels = Vec::new();
-        for (place, (name, column)) in columns.iter().enumerate() {
-            match column {
-                _ if unlike.contains(&place) => {}
-                Column::Numbers(numbers) => taxels.push(numbers.as_slice()),
-                Column::Words(_) => {
-                    let item = format!("column `{name}`");
-                    return Err(self.error(item, "a taxel's numbers", "words"));
-                }
+        let (places, mut findings) = match wanted {
+            [] => {
+                let unlike = unlike_the_others(&names);
+                let places = (0..names.len()).filter(|place| !unlike.contains(place));
+                (places.collect(), left_out(&names, &unlike))
             }
-        }
-        Ok((taxels, left_out(&names, &unlike)))
-    }
-
-    /// Returns the column of times, with its unit in seconds.
-    fn times(&self) -> Option<(&[f64], f64)> {
-        self.columns.iter().find_map(|(name, column)| {
-            let Column::Numbers(time) = column else {
-                return None;
-            };
-            Some((time.as_slice(), time_unit(name)?))
-        })
+            wanted => (chosen(self.path, &names, wanted)?, Vec::new()),
+        };
+        findings.extend(unused_times(&all));
+        let numbers = |place: usize| match columns[place] {
+            (_, Column::Numbers(numbers)) => Ok(numbers.as_slice()),
+            (name, Column::Words(_)) => {
+                Err(self.error(format!("column `{name}`"), "a taxel's numbers", "words"))
+            }
+        };
+        let taxels: Result<Vec<&[f64]>, DataError> = places.into_iter().map(numbers).collect();
+        Ok((taxels?, findings))
     }
 
     /// Returns one value per sweep: that of its first frame.
@@ -297,73 +329,4 @@ impl<'a> FrameTable<'a> {
             }
         }
     }
-}
-
-/// Maximum relative difference between the frame periods of sweeps of one rate.
-const OTHER_RATE: f64 = 0.1;
-
-/// Returns the sample rate in Hz from the times of frames, in seconds.
-///
-/// - `sweeps`: name and times of each
-///
-/// # Errors
-/// Times that decrease or repeat; sweeps of different rates.
-pub(super) fn rate_of<'a>(
-    path: &Path,
-    sweeps: impl Iterator<Item = (&'a str, Vec<f64>)>,
-) -> Result<f64, DataError> {
-    let grow = "seconds that grow from frame to frame";
-    let mut all = Vec::new();
-    // Name, mean and median period of each sweep.
-    let mut periods = Vec::new();
-    for (name, times) in sweeps {
-        let mut between: Vec<f64> = times.array_windows().map(|&[a, b]| b - a).collect();
-        if let Some(at) = between.iter().position(|&seconds| seconds < 0.0) {
-            let item = format!("column `time`, sweep `{name}`");
-            let found = format!(
-                "{} s after {} s (frame {})",
-                times[at + 1],
-                times[at],
-                at + 1
-            );
-            return Err(DataError::format(path, item, grow, found));
-        }
-        all.extend_from_slice(&between);
-        between.sort_by(f64::total_cmp);
-        if let Some(&median) = between.get(between.len() / 2) {
-            let mean = between.iter().sum::<f64>() / between.len() as f64;
-            periods.push((name, [mean, median]));
-        }
-    }
-    all.sort_by(f64::total_cmp);
-    let period = match all.get(all.len() / 2) {
-        Some(&period) if period.is_finite() && period > 0.0 => period,
-        other => {
-            let found = other.map_or("a single frame".into(), |period| {
-                format!("{period} s between frames")
-            });
-            return Err(DataError::format(path, "column `time`", grow, found));
-        }
-    };
-    // A pause changes a sweep's mean period, and rounded times change its median; another rate changes both.
-    let is_other = |value: &f64| (value / period - 1.0).abs() > OTHER_RATE;
-    if let Some((name, [_, median])) = periods.iter().find(|(_, both)| both.iter().all(is_other)) {
-        let hz = |period: f64| (100.0 / period).round() / 100.0;
-        let expected = format!("{} Hz, as of most frames", hz(period));
-        let found = format!("{} Hz", hz(*median));
-        return Err(DataError::format(
-            path,
-            format!("sweep `{name}`"),
-            expected,
-            found,
-        ));
-    }
-    // Files contain rounded times: a rate within a thousandth of a whole number is that number.
-    let rate = 1.0 / period;
-    let whole = rate.round();
-    Ok(if (rate - whole).abs() < 1e-3 * rate {
-        whole
-    } else {
-        rate
-    })
 }

@@ -12,6 +12,8 @@ pub enum Keep {
     Equal,
     /// This many frames from the beginning; longer sweeps are cut, shorter ones refused.
     First(usize),
+    /// As many frames as the shortest sweep has.
+    Shortest,
     /// The length of more than half of the sweeps, or, if none is so common, the length that keeps most frames. Longer
     /// sweeps are cut, shorter ones omitted, and all are reported.
     Most,
@@ -52,6 +54,7 @@ pub(super) fn settle(
             let most = usual(lengths);
             (most, lengths.iter().position(|&length| length != most))
         }
+        Keep::Shortest => (shortest, None),
         Keep::Most => (usual(lengths), None),
     };
     let Some(refused) = refused else {
@@ -72,9 +75,11 @@ pub(super) fn settle(
     };
     let odd = lengths.iter().filter(|&&length| length != wanted).count();
     let all = match keep {
-        Keep::Equal if odd > 1 => {
-            format!(" ({odd} sweeps differ)")
-        }
+        Keep::Equal => format!(
+            " ({odd} of {} sweeps differ; the shortest has {shortest} frames, the longest {}, most have {wanted})",
+            lengths.len(),
+            lengths.iter().max().unwrap_or(&wanted),
+        ),
         _ => String::new(),
     };
     Err(DataError::format(

@@ -28,9 +28,11 @@
 
 mod chunk_grid;
 mod chunks;
+mod clock;
 mod csv;
 mod folder;
 mod frame_table;
+mod intervals;
 mod lengths;
 mod mismatch;
 mod named_sweeps;
@@ -42,25 +44,33 @@ mod npz_write;
 pub mod parquet;
 #[cfg(feature = "parquet")]
 mod parquet_footer;
+mod pieces;
 mod read_options;
 mod recording;
+mod resample;
 mod sweep_file;
 pub mod tactmat;
 mod tactmat_write;
 mod taxel_names;
 mod tile;
+mod time_names;
+mod time_stamps;
+mod timing;
 mod to_classify;
 pub mod ts;
+mod windows;
 
 pub use folder::is_folder_of_sweeps;
 pub use lengths::{Keep, OddLength};
 pub use read_options::ReadOptions;
+pub use windows::{Span, Windows};
 
 use crate::{DataError, Dataset, Remedy, Samples};
-pub(crate) use named_sweeps::UNLABELLED;
-use named_sweeps::{Labels, NamedSweeps};
+use named_sweeps::Labels;
+pub(crate) use named_sweeps::{NamedSweeps, UNLABELLED, records};
 use std::io::Read;
 use std::path::Path;
+pub(crate) use timing::named_rate;
 
 /// Maximum compression ratio of deflate; a file that claims more is damaged.
 const DEFLATE_LIMIT: u64 = 1032;
@@ -156,12 +166,15 @@ pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Dataset, DataErro
 
 fn read_labelled(path: &Path, options: &ReadOptions) -> Result<Dataset, DataError> {
     if let Some(sweeps) = table_with_gaps(path, options, Labels::Needed) {
-        return sweeps?.into_dataset().map_err(|error| in_file(path, error));
+        let sweeps = sweeps?;
+        if sweeps.materials.is_none() {
+            let error = DataError::format(path, "labels", "the material of each frame", "none");
+            return Err(error.with_remedy(Remedy::NameLabels));
+        }
+        return sweeps.into_dataset().map_err(|error| in_file(path, error));
     }
     let (dataset, _) = read_arrays(path, Labels::Needed)?;
-    options
-        .apply_to(dataset)
-        .map_err(|error| in_file(path, error))
+    options.apply_to(path, dataset)
 }
 
 /// Reads a table or folder; `None` for a file of another kind.
@@ -183,7 +196,7 @@ fn table_with_gaps(
         return Some(folder::read_with_gaps(path, options));
     }
     if path.is_dir() {
-        if labels == Labels::Optional
+        if (labels == Labels::Optional || options.windows.is_some())
             && let Some(sweeps) = folder::read_flat_folder(path, options).transpose()
         {
             return Some(sweeps);

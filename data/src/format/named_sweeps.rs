@@ -18,27 +18,27 @@ pub(super) enum Labels {
 pub(crate) const UNLABELLED: &str = "unlabelled";
 
 /// Sweeps of equal shape with their metadata.
-pub(super) struct NamedSweeps {
-    pub(super) name: String,
+pub(crate) struct NamedSweeps {
+    pub(crate) name: String,
     /// Sample rate, in Hz; `None` if the file does not name it.
-    pub(super) rate_hz: Option<f64>,
-    pub(super) shape: SweepShape,
+    pub(crate) rate_hz: Option<f64>,
+    pub(crate) shape: SweepShape,
     /// True if the file names the arrangement of the taxels in rows and columns.
-    pub(super) patch_known: bool,
+    pub(crate) patch_known: bool,
     /// Names of the sweeps, numbers or files: `[sweeps]`.
-    pub(super) sweeps: Vec<String>,
+    pub(crate) sweeps: Vec<String>,
     /// Materials, `[sweeps]`; `None` if the file does not name them.
-    pub(super) materials: Option<Vec<String>>,
+    pub(crate) materials: Option<Vec<String>>,
     /// Block numbers, `[sweeps]`, if the file has them.
-    pub(super) blocks: Option<Vec<u32>>,
+    pub(crate) blocks: Option<Vec<u32>>,
     /// Test flags, `[sweeps]`, if the file has them.
-    pub(super) test: Option<Vec<bool>>,
+    pub(crate) test: Option<Vec<bool>>,
     /// Values, `[sweeps][steps][rows][cols]`.
-    pub(super) samples: Samples,
+    pub(crate) samples: Samples,
     /// Findings that only the reader can make.
-    pub(super) findings: Vec<Finding>,
+    pub(crate) findings: Vec<Finding>,
     /// Sweeps that were cut because they are longer, or omitted because they are shorter.
-    pub(super) odd_lengths: Vec<OddLength>,
+    pub(crate) odd_lengths: Vec<OddLength>,
 }
 
 impl NamedSweeps {
@@ -111,7 +111,7 @@ pub(super) fn sorted_names(names: &[String]) -> Vec<String> {
 }
 
 /// Returns one record per sweep; the sweeps of a label are numbered in order.
-pub(super) fn records(
+pub(crate) fn records(
     labels: &[usize],
     materials: usize,
     blocks: Option<Vec<u32>>,

@@ -44,7 +44,7 @@ pub(super) fn read_with_gaps(
                 "one that is damaged",
             ))
         })?;
-    table.into_recordings(labels)?.into_sweeps(options)
+    table.into_recordings(labels, options)?.into_sweeps(options)
 }
 
 fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {

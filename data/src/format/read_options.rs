@@ -1,21 +1,45 @@
 //! Options of reading.
 
+use std::path::Path;
+
+use super::in_file;
 use super::lengths::Keep;
+use super::pieces;
+use super::recording::{Recording, Recordings};
+use super::sweep_file::Patch;
+use super::timing::Timing;
+use super::windows::Windows;
 use crate::{DataError, Dataset};
 
 /// Options of reading a data set.
 ///
 /// ```
-/// use tactnet_data::format::{Keep, ReadOptions};
+/// use tactnet_data::format::{Keep, ReadOptions, Span, Windows};
 ///
 /// // The first 100 frames of every sweep.
 /// let options = ReadOptions { keep: Keep::First(100), ..ReadOptions::default() };
 /// assert_eq!(options, ReadOptions::keeping(Some(100)));
+///
+/// // Windows of one second at 100 Hz from continuous recordings.
+/// let options = ReadOptions {
+///     resample_hz: Some(100.0),
+///     windows: Some(Windows::of(Span::Seconds(1.0))),
+///     ..ReadOptions::default()
+/// };
+/// assert_eq!(options.keep, Keep::Equal);
 /// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReadOptions {
     /// Frames of each sweep that are read.
     pub keep: Keep,
+    /// Sample rate in Hz that the caller names; it takes precedence over that of the data.
+    pub rate_hz: Option<f64>,
+    /// Names of the columns of a table that are taxels, in order; empty: all columns without another meaning.
+    pub columns: Vec<String>,
+    /// Rate in Hz to which all sweeps are resampled.
+    pub resample_hz: Option<f64>,
+    /// Windows that are cut from continuous recordings; `None`: every recording is one sweep.
+    pub windows: Option<Windows>,
 }
 
 impl ReadOptions {
@@ -27,14 +51,66 @@ impl ReadOptions {
         }
     }
 
-    /// Returns a data set that was read whole with these options applied.
+    /// Returns true if recordings are cut or resampled.
+    pub(super) fn cuts(&self) -> bool {
+        self.windows.is_some() || self.resample_hz.is_some()
+    }
+
+    /// Returns a data set of arrays with these options applied.
     ///
     /// # Errors
     /// Options that the data set does not allow.
-    pub(super) fn apply_to(&self, dataset: Dataset) -> Result<Dataset, DataError> {
-        match self.keep {
-            Keep::First(steps) => dataset.first_steps(steps),
-            Keep::Equal | Keep::Most => Ok(dataset),
+    pub(super) fn apply_to(&self, path: &Path, dataset: Dataset) -> Result<Dataset, DataError> {
+        if !self.columns.is_empty() {
+            let expected = "a table, whose columns have names";
+            return Err(DataError::format(path, "columns", expected, "arrays"));
         }
+        let dataset = dataset.with_named_rate(self.rate_hz)?;
+        let dataset = match self.cuts() {
+            true => self.cut(path, &dataset)?,
+            false => dataset,
+        };
+        match self.keep {
+            Keep::First(steps) => dataset
+                .first_steps(steps)
+                .map_err(|error| in_file(path, error)),
+            Keep::Equal | Keep::Shortest | Keep::Most => Ok(dataset),
+        }
+    }
+
+    /// Returns the windows of all sweeps, or resampled sweeps.
+    fn cut(&self, path: &Path, dataset: &Dataset) -> Result<Dataset, DataError> {
+        let shape = dataset.shape();
+        let recording = |index: usize| Recording {
+            name: index.to_string(),
+            file: path.into(),
+            lines: Vec::new(),
+            values: dataset.sweep(index).into_iter().map(f64::from).collect(),
+            seconds: Vec::new(),
+            material: Some(dataset.labels().name(dataset.records()[index].label).into()),
+            labels: Vec::new(),
+            block: dataset.records()[index].block,
+            test: dataset.records()[index].test,
+        };
+        let mut recordings = Recordings {
+            path,
+            patch: Patch::Grid(shape.rows, shape.cols),
+            recordings: (0..dataset.len()).map(recording).collect(),
+            clockwork: None,
+            findings: Vec::new(),
+        };
+        let known = (!dataset.is_rate_assumed()).then(|| dataset.sample_rate_hz());
+        let timing = Timing {
+            rate_hz: known,
+            clocks: vec![None; dataset.len()],
+            odd_hz: vec![None; dataset.len()],
+            findings: Vec::new(),
+        };
+        pieces::cut(&mut recordings, &timing, self)?;
+        let rate_hz = self.resample_hz.or(known);
+        let sweeps = recordings.of_one_length(self.keep, rate_hz)?;
+        dataset
+            .with_sweeps(sweeps)
+            .map_err(|error| in_file(path, error))
     }
 }

@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::frame_table::rate_of;
-use super::lengths::settle;
+use super::lengths::{Keep, OddLength, settle};
 use super::named_sweeps::NamedSweeps;
 use super::narrow::{TooWide, narrow};
+use super::pieces;
 use super::read_options::ReadOptions;
 use super::sweep_file::Patch;
+use super::time_stamps::Clockwork;
+use super::timing::Timing;
 use crate::{DataError, Finding};
 
 /// Frames of one sweep, or of one continuous recording.
@@ -24,10 +26,38 @@ pub(super) struct Recording {
     pub(super) seconds: Vec<f64>,
     /// Material, if the file names it.
     pub(super) material: Option<String>,
+    /// Stretches of one label, if the recording is cut by its labels; otherwise empty.
+    pub(super) labels: Vec<LabelRun>,
     /// Block number, if the file has it.
     pub(super) block: Option<u32>,
     /// Test flag, if the file has it.
     pub(super) test: Option<bool>,
+}
+
+/// Consecutive frames of one label.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct LabelRun {
+    /// First frame; the run ends before the next one.
+    pub(super) start: usize,
+    pub(super) label: String,
+}
+
+impl LabelRun {
+    /// Returns the runs of the labels of all frames.
+    pub(super) fn all<'a>(
+        labels: impl Iterator<Item = &'a (impl AsRef<str> + ?Sized + 'a)>,
+    ) -> Vec<Self> {
+        let mut runs: Vec<Self> = Vec::new();
+        for (start, label) in labels.map(AsRef::as_ref).enumerate() {
+            if runs.last().is_none_or(|run| run.label != label) {
+                runs.push(Self {
+                    start,
+                    label: label.into(),
+                });
+            }
+        }
+        runs
+    }
 }
 
 /// Recordings of one data set.
@@ -38,6 +68,8 @@ pub(super) struct Recordings<'a> {
     pub(super) patch: Patch,
     /// At least one recording.
     pub(super) recordings: Vec<Recording>,
+    /// Meaning of the time stamps, if there are any.
+    pub(super) clockwork: Option<Clockwork>,
     /// Findings that only the reader can make.
     pub(super) findings: Vec<Finding>,
 }
@@ -52,14 +84,35 @@ impl Recordings<'_> {
     /// Returns the recordings as sweeps of one length.
     ///
     /// # Errors
-    /// Different lengths, if the options do not allow them; times that decrease; values that no element type holds.
+    /// Different lengths, if the options do not allow them; time stamps that give no rate; values that no element type holds.
     pub(super) fn into_sweeps(mut self, options: &ReadOptions) -> Result<NamedSweeps, DataError> {
+        let timing = if options.cuts() {
+            let timing = Timing::of(&self, &[], options)?;
+            pieces::cut(&mut self, &timing, options)?;
+            timing
+        } else {
+            let (steps, _) = self.settle(options.keep)?;
+            let lengths = self.recordings.iter().map(|r| r.frames(self.patch));
+            let mut kept = 0..;
+            let index = |frames| (frames >= steps).then(|| kept.next()).flatten();
+            let indices: Vec<Option<usize>> = lengths.map(index).collect();
+            Timing::of(&self, &indices, options)?
+        };
+        self.findings.extend(timing.findings);
+        self.of_one_length(options.keep, options.resample_hz.or(timing.rate_hz))
+    }
+
+    /// Returns the recordings as sweeps of one length.
+    ///
+    /// # Errors
+    /// Different lengths, if they are not allowed; values that no element type holds.
+    pub(super) fn of_one_length(
+        mut self,
+        keep: Keep,
+        rate_hz: Option<f64>,
+    ) -> Result<NamedSweeps, DataError> {
         let patch = self.patch;
-        let lengths: Vec<usize> = self.recordings.iter().map(|r| r.frames(patch)).collect();
-        let shown: Vec<String> = self.recordings.iter().map(|r| self.shown(r)).collect();
-        let shown: Vec<&str> = shown.iter().map(String::as_str).collect();
-        let (steps, odd_lengths) = settle(self.path, &shown, &lengths, options.keep)?;
-        let rate_hz = self.rate(&shown)?;
+        let (steps, odd_lengths) = self.settle(keep)?;
         self.recordings.retain(|r| r.frames(patch) >= steps);
         let mut values = Vec::with_capacity(self.recordings.len() * steps * patch.taxels());
         for recording in &self.recordings {
@@ -85,21 +138,17 @@ impl Recordings<'_> {
         })
     }
 
-    /// Returns the sample rate, in Hz; `None` without times.
-    fn rate(&self, shown: &[&str]) -> Result<Option<f64>, DataError> {
-        let of_each = self.recordings.iter().zip(shown);
-        let mut timed = of_each
-            .filter(|(recording, _)| !recording.seconds.is_empty())
-            .map(|(recording, name)| (*name, recording.seconds.clone()))
-            .peekable();
-        if timed.peek().is_none() {
-            return Ok(None);
-        }
-        rate_of(self.path, timed).map(Some)
+    /// Returns the number of frames of each sweep that are kept, and the sweeps that have more or fewer.
+    fn settle(&self, keep: Keep) -> Result<(usize, Vec<OddLength>), DataError> {
+        let lengths = self.recordings.iter().map(|r| r.frames(self.patch));
+        let lengths: Vec<usize> = lengths.collect();
+        let shown: Vec<String> = self.recordings.iter().map(|r| self.shown(r)).collect();
+        let shown: Vec<&str> = shown.iter().map(String::as_str).collect();
+        settle(self.path, &shown, &lengths, keep)
     }
 
     /// Returns the name of a recording in messages: its file, if the data set has several.
-    fn shown(&self, recording: &Recording) -> String {
+    pub(super) fn shown(&self, recording: &Recording) -> String {
         if recording.file == self.path {
             recording.name.clone()
         } else {

@@ -2,16 +2,20 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `.csv` | one row per frame and one column per taxel, with or without a line of names (or of the numbers from 0); a column `time` (seconds, or `t_ms`, `time [ns]`) gives the sample rate, a column `frame` or `index` is ignored |
+//! | `.csv` | one row per frame and one column per taxel, with or without a line of names (or of the numbers from 0); a column `time` (seconds; other names and units in `time_names.rs`) gives the sample rate, a column `frame` or `index` is ignored |
 //! | `.npy` | `[steps][taxels]` or `[steps][rows][cols]`, numbers of any type |
 
 use std::fmt;
 use std::path::Path;
 
 use super::csv::Rows;
-use super::frame_table::{STEP, is_one_of, time_unit};
+use super::frame_table::{Column, MATERIAL, STEP, is_one_of};
 use super::npy::Array;
-use super::taxel_names::{is_line_of_names, left_out, unlike_the_others};
+use super::read_options::ReadOptions;
+use super::recording::LabelRun;
+use super::taxel_names::{chosen, is_line_of_names, left_out, unlike_the_others};
+use super::time_names::{are_times, unused_times};
+use super::time_stamps::{Clockwork, time_stamps};
 use crate::{DataError, Finding, SweepShape};
 
 /// Returns true for a file that can contain a sweep, by its extension.
@@ -67,6 +71,10 @@ pub(super) struct SweepFile {
     pub(super) lines: Vec<usize>,
     /// Times, `[frames]`, in seconds; empty if the file has none.
     pub(super) time: Vec<f64>,
+    /// Meaning of the stamps, if the file has any.
+    pub(super) clockwork: Option<Clockwork>,
+    /// Stretches of one label, if the file is cut by its labels.
+    pub(super) labels: Vec<LabelRun>,
     /// Findings about parts of the file that are not read.
     pub(super) left_out: Vec<Finding>,
 }
@@ -76,11 +84,23 @@ impl SweepFile {
     ///
     /// # Errors
     /// A file without frames, or with other values than numbers for taxels.
-    pub(super) fn read(path: &Path) -> Result<Self, DataError> {
+    pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Self, DataError> {
         if path.extension().is_some_and(|e| e == "npy") {
             return Self::read_array(path);
         }
-        Self::read_table(path)
+        Self::read_table(path, options)
+    }
+
+    fn empty(patch: Patch) -> Self {
+        Self {
+            patch,
+            values: Vec::new(),
+            lines: Vec::new(),
+            time: Vec::new(),
+            clockwork: None,
+            labels: Vec::new(),
+            left_out: Vec::new(),
+        }
     }
 
     fn read_array(path: &Path) -> Result<Self, DataError> {
@@ -105,64 +125,46 @@ impl SweepFile {
         let mut values = vec![0.0; samples.len()];
         samples.copy_to(0, &mut values);
         Ok(Self {
-            patch,
             values: values.into_iter().map(f64::from).collect(),
-            lines: Vec::new(),
-            time: Vec::new(),
-            left_out: Vec::new(),
+            ..Self::empty(patch)
         })
     }
 
-    fn read_table(path: &Path) -> Result<Self, DataError> {
+    fn read_table(path: &Path, options: &ReadOptions) -> Result<Self, DataError> {
         let mut rows = Rows::open(path)?;
-        let mut sweep = Self {
-            patch: Patch::Taxels(0),
-            values: Vec::new(),
-            lines: Vec::new(),
-            time: Vec::new(),
-            left_out: Vec::new(),
-        };
-        // Index of the time column, and its unit in seconds.
-        let mut time: Option<(usize, f64)> = None;
-        // Columns that count frames, and columns that are not taxels by their name.
-        let mut skipped: Vec<bool> = Vec::new();
+        let mut sweep = Self::empty(Patch::Taxels(0));
+        let mut columns = Columns::default();
         let mut first = true;
         while let Some(row) = rows.next()? {
             let named = first && is_line_of_names(&row);
             if first {
                 if named {
-                    time = row
-                        .iter()
-                        .enumerate()
-                        .find_map(|(column, name)| Some((column, time_unit(name)?)));
-                    skipped = row.iter().map(|name| is_one_of(name, STEP)).collect();
-                    let is_taxel =
-                        |at: &usize| !skipped[*at] && time.is_none_or(|(time, _)| time != *at);
-                    let taxels: Vec<usize> = (0..row.len()).filter(is_taxel).collect();
-                    let names: Vec<&str> = taxels.iter().map(|at| row[*at].as_str()).collect();
-                    let unlike = unlike_the_others(&names);
-                    sweep.left_out = left_out(&names, &unlike);
-                    unlike
-                        .iter()
-                        .for_each(|place| skipped[taxels[*place]] = true);
+                    columns = Columns::named(path, &row, options)?;
+                    sweep.left_out = std::mem::take(&mut columns.findings);
+                } else {
+                    columns.roles = vec![Role::Taxel; row.len()];
                 }
-                let numbers = skipped.iter().filter(|skipped| **skipped).count();
-                sweep.patch = Patch::Taxels(row.len() - numbers - usize::from(time.is_some()));
+                let taxels = columns.roles.iter().filter(|role| **role == Role::Taxel);
+                sweep.patch = Patch::Taxels(taxels.count());
                 first = false;
             }
             if named {
                 continue;
             }
             sweep.lines.push(rows.line());
-            for (column, cell) in row.iter().enumerate() {
-                let value: f64 = cell
-                    .trim()
-                    .parse()
-                    .map_err(|_| rows.error("a number", column, cell))?;
-                match time {
-                    Some((at, unit)) if at == column => sweep.time.push(unit * value),
-                    _ if skipped.get(column) == Some(&true) => {}
-                    _ => sweep.values.push(value),
+            for (column, (cell, role)) in row.into_iter().zip(&columns.roles).enumerate() {
+                match role {
+                    Role::Taxel => {
+                        let value = cell.trim().parse();
+                        let value = value.map_err(|_| rows.error("a number", column, &cell))?;
+                        sweep.values.push(value);
+                    }
+                    Role::Words(place) => {
+                        if let (_, Column::Words(words)) = &mut columns.words[*place] {
+                            words.push(cell);
+                        }
+                    }
+                    Role::Skipped => {}
                 }
             }
         }
@@ -174,6 +176,82 @@ impl SweepFile {
                 "no frame",
             ));
         }
+        if let Some(times) = time_stamps(path, &sweep.lines, &columns.words)? {
+            sweep.time = times.seconds;
+            sweep.clockwork = Some(times.clockwork);
+            sweep.left_out.extend(times.finding);
+        }
+        let labels = columns
+            .words
+            .iter()
+            .find(|(name, _)| is_one_of(name, MATERIAL));
+        if let Some((_, Column::Words(labels))) = labels {
+            sweep.labels = LabelRun::all(labels.iter().map(|label| label.trim()));
+        }
         Ok(sweep)
+    }
+}
+
+/// Meaning of a column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Role {
+    Taxel,
+    /// Times or labels, by their place among these columns.
+    Words(usize),
+    /// A number of the frame, or a column that is not a taxel by its name.
+    Skipped,
+}
+
+/// Columns of one file.
+#[derive(Default)]
+struct Columns {
+    roles: Vec<Role>,
+    /// Columns of times and labels.
+    words: Vec<(String, Column)>,
+    findings: Vec<Finding>,
+}
+
+impl Columns {
+    /// Returns the meanings of columns with these names.
+    fn named(path: &Path, names: &[String], options: &ReadOptions) -> Result<Self, DataError> {
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let times = are_times(&names);
+        let is_label = |name: &str| options.windows.is_some() && is_one_of(name, MATERIAL);
+        let mut columns = Self::default();
+        // Columns that may be taxels.
+        let mut others: Vec<usize> = Vec::new();
+        for (place, name) in names.iter().enumerate() {
+            columns.roles.push(if times[place] || is_label(name) {
+                columns
+                    .words
+                    .push(((*name).into(), Column::Words(Vec::new())));
+                Role::Words(columns.words.len() - 1)
+            } else {
+                if !is_one_of(name, STEP) {
+                    others.push(place);
+                }
+                Role::Skipped
+            });
+        }
+        let of_others: Vec<&str> = others.iter().map(|place| names[*place]).collect();
+        let taxels = match &options.columns[..] {
+            [] => {
+                let unlike = unlike_the_others(&of_others);
+                columns.findings = left_out(&of_others, &unlike);
+                (0..others.len())
+                    .filter(|place| !unlike.contains(place))
+                    .collect()
+            }
+            wanted => {
+                let mut taxels = chosen(path, &of_others, wanted)?;
+                taxels.sort_unstable();
+                taxels
+            }
+        };
+        for place in taxels {
+            columns.roles[others[place]] = Role::Taxel;
+        }
+        columns.findings.extend(unused_times(&names));
+        Ok(columns)
     }
 }

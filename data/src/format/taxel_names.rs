@@ -1,7 +1,9 @@
 //! Recognition of taxel columns by their names.
 
+use std::path::Path;
+
 use super::named_sweeps::some_names;
-use crate::Finding;
+use crate::{DataError, Finding, near_name};
 
 /// Minimum number of taxels that are numbered alike for other columns to be ignored.
 const NUMBERED: usize = 4;
@@ -34,6 +36,34 @@ pub(super) fn unlike_the_others(names: &[&str]) -> Vec<usize> {
     (0..names.len())
         .filter(|place| patterns[*place] != *usual)
         .collect()
+}
+
+/// Returns the columns that the caller chose as taxels, in the caller's order.
+///
+/// # Errors
+/// A name that is not the table's.
+pub(super) fn chosen(
+    path: &Path,
+    names: &[&str],
+    wanted: &[String],
+) -> Result<Vec<usize>, DataError> {
+    let place = |wanted: &String| {
+        let place = names.iter().position(|name| name.trim() == wanted.trim());
+        place.ok_or_else(|| {
+            let meant = match near_name(wanted, names.iter().copied()) {
+                Some(meant) => format!("; did you mean `{meant}`?"),
+                None => String::new(),
+            };
+            let found = format!("{}{meant}", some_names(names.iter().copied()));
+            DataError::format(
+                path,
+                "columns",
+                format!("a taxel `{}`", wanted.trim()),
+                found,
+            )
+        })
+    };
+    wanted.iter().map(place).collect()
 }
 
 /// Returns a finding about the columns that are not read as taxels.

@@ -115,9 +115,7 @@ pub fn read_to_classify_with_gaps(
         }
         None => {
             let (dataset, labelled) = read_arrays(path, Labels::Optional)?;
-            let dataset = options
-                .apply_to(dataset)
-                .map_err(|error| in_file(path, error))?;
+            let dataset = options.apply_to(path, dataset)?;
             SweepsToClassify {
                 labelled,
                 ..SweepsToClassify::of(dataset)

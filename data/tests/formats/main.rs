@@ -5,6 +5,8 @@
 mod hostile;
 mod own_data;
 mod tables;
+mod time;
+mod windows;
 mod written;
 
 use proptest::prelude::*;

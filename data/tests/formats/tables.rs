@@ -101,7 +101,10 @@ fn a_folder_of_tables_is_a_data_set() {
     let refused = refused.to_string();
     assert!(refused.contains("60 frames, as"), "{refused}");
     assert!(refused.contains("found 50"), "{refused}");
-    let most = ReadOptions { keep: Keep::Most };
+    let most = ReadOptions {
+        keep: Keep::Most,
+        ..ReadOptions::default()
+    };
     let looked_at = format::read_to_classify_with_gaps(&folders, &most).unwrap();
     assert_eq!(looked_at.dataset.len(), 11);
     let [odd] = &looked_at.odd_lengths[..] else {
@@ -253,50 +256,6 @@ fn columns_that_are_no_taxels_are_none() {
         dataset.reading_findings()[0].message,
         "files that labels.csv does not list: `b`"
     );
-}
-
-/// Checks half of the sweeps at twice the rate, decreasing times, and accepted times: a pause, and times rounded to
-/// milliseconds.
-#[test]
-fn sweeps_of_one_set_have_one_rate() {
-    let dir = tempfile::tempdir().unwrap();
-    let materials = expected_materials();
-    let path = dir.path().join("frames.csv");
-    let read = |seconds: &dyn Fn(usize, usize) -> f64| {
-        let rows = frames(',', |sweep, step| {
-            format!(
-                "s{sweep},{},{},",
-                materials[sweep / 4],
-                seconds(sweep, step)
-            )
-        });
-        let table = format!("sweep,material,time{}\n{}", columns(','), rows.concat());
-        write(&path, &table);
-        format::read(&path).map(|dataset| dataset.sample_rate_hz())
-    };
-    let refused = read(&|sweep, step| step as f64 / [500.0, 250.0][usize::from(sweep > 7)]);
-    let refused = refused.unwrap_err().to_string();
-    assert!(
-        refused.contains("sweep `s8`: expected 500 Hz, as of most frames, found 250 Hz"),
-        "{refused}"
-    );
-    let back = read(&|sweep, step| {
-        if (sweep, step) == (3, 5) {
-            0.0
-        } else {
-            step as f64 / 100.0
-        }
-    });
-    let back = back.unwrap_err().to_string();
-    assert!(
-        back.contains("column `time`, sweep `s3`: expected seconds that grow from frame to frame, found 0 s after 0.04 s (frame 5)"),
-        "{back}"
-    );
-    let paused =
-        read(&|sweep, step| step as f64 / 100.0 + if sweep == 3 && step > 5 { 9.0 } else { 0.0 });
-    assert_eq!(paused.unwrap(), 100.0);
-    let rounded = read(&|_, step| (step as f64 / 0.4).round() / 1000.0);
-    assert!((300.0..=500.0).contains(&rounded.unwrap()));
 }
 
 #[test]

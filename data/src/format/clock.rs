@@ -1,0 +1,326 @@
+//! Rate, gaps and lost frames of one recording, by the time stamps of its frames.
+//!
+//! Loggers round time stamps, deliver frames in bursts, delay and lose some. The period is therefore the slope of the
+//! least-squares line through all stamps of a stretch without gaps. For even stamps that is duration / (frames - 1);
+//! bursts and rounding move the ends of a stretch, but hardly its slope.
+
+use std::ops::Range;
+
+/// Time without a frame, in seconds, that is always a gap: drivers and networks buffer frames for a shorter time.
+const LONGEST_BUFFER: f64 = 2.0;
+/// Missing frames above which an interval is a gap. Fewer are lost frames: they can be interpolated.
+pub(super) const LOST_AT_ONCE: usize = 5;
+/// An interval that is longer than `LOST_AT_ONCE` frames and a half may be a gap.
+const MAYBE_A_GAP: f64 = LOST_AT_ONCE as f64 + 1.5;
+/// Share of the intervals that are not exceptions, by their length. One in twenty may be a pause between bursts.
+const USUAL: f64 = 0.95;
+/// Number of frames after a delay within which late frames catch up.
+const CATCH_UP: usize = 32;
+/// Minimum share of intervals that are near a multiple of the period, if the clock is steady.
+const STEADY: f64 = 0.9;
+/// Maximum distance from a multiple of the period, in periods, of an interval that is near it.
+const NEAR: f64 = 0.25;
+/// Number of intervals whose sum shows if deviations of the stamps cancel out.
+const SUMMED: usize = 8;
+/// Variance of such sums, relative to independent intervals, below which deviations cancel out. Errors of the stamps
+/// (rounding, delays) give about 1/8, lost frames about 1.
+const CANCELLED: f64 = 0.5;
+
+/// Irregular interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Jump {
+    /// Frame after the interval.
+    pub(super) frame: usize,
+    /// Length of the interval, in seconds; negative if the clock goes backwards.
+    pub(super) seconds: f64,
+}
+
+/// Frames that are missing without a gap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Lost {
+    /// First frame after a missing one.
+    pub(super) frame: usize,
+    /// Number of missing frames.
+    pub(super) frames: usize,
+}
+
+/// Least-squares line through time stamps: covariance of stamps and positions, and variance of the positions.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Line {
+    covariance: f64,
+    variance: f64,
+}
+
+impl Line {
+    /// Returns the line through all points of two lines of equal slope.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self {
+            covariance: self.covariance + other.covariance,
+            variance: self.variance + other.variance,
+        }
+    }
+
+    /// Returns the time between two frames, in seconds; `None` if time does not pass.
+    pub(super) fn period(self) -> Option<f64> {
+        let period = self.covariance / self.variance;
+        (period.is_finite() && period > 0.0).then_some(period)
+    }
+}
+
+/// Time stamps of one recording.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Clock {
+    /// Line through the stamps.
+    pub(super) line: Line,
+    /// Middle of the sorted intervals within stretches, in seconds.
+    pub(super) median: f64,
+    /// Longest interval within stretches, in seconds.
+    pub(super) longest: f64,
+    /// Total length of the stretches, in seconds.
+    pub(super) duration: f64,
+    /// Stretches without a gap.
+    pub(super) stretches: Vec<Range<usize>>,
+    /// Intervals without frames.
+    pub(super) gaps: Vec<Jump>,
+    /// Intervals of negative length.
+    pub(super) backwards: Vec<Jump>,
+    /// Missing frames outside gaps.
+    pub(super) lost: Option<Lost>,
+    /// True if every stamp is the time of its frame; false if frames are even and the deviations of stamps cancel out.
+    pub(super) exact: bool,
+}
+
+impl Clock {
+    /// Measures the time stamps of a recording.
+    ///
+    /// - `seconds`: finite stamps, in seconds
+    pub(super) fn of(seconds: &[f64]) -> Self {
+        let intervals: Vec<f64> = seconds.array_windows().map(|&[a, b]| b - a).collect();
+        let mut backwards = Vec::new();
+        for (at, &seconds) in intervals.iter().enumerate() {
+            if seconds < 0.0 {
+                let frame = at + 1;
+                backwards.push(Jump { frame, seconds });
+            }
+        }
+        let limit = Limit::of(&intervals);
+        let breaks = |at: &usize| !(0.0..=limit.gap).contains(&intervals[*at]);
+        let pieces = between(
+            &(0..intervals.len()).filter(breaks).collect::<Vec<_>>(),
+            seconds.len(),
+        );
+        let unit = match limit.bursts {
+            true => None,
+            false => steady_period(seconds, &intervals, &pieces),
+        };
+        let period = unit.unwrap_or_else(|| mean(&intervals, &pieces));
+        let (mut gaps, mut missing) = (Vec::new(), Vec::new());
+        for (at, &length) in intervals.iter().enumerate() {
+            if length > 1.5 * period && (unit.is_some() || length > limit.gap) {
+                let lost = missing_after(seconds, at, period);
+                if length > limit.buffer || lost > LOST_AT_ONCE {
+                    gaps.push(Jump {
+                        frame: at + 1,
+                        seconds: length,
+                    });
+                } else if unit.is_some() && lost > 0 {
+                    missing.push(Lost {
+                        frame: at + 1,
+                        frames: lost,
+                    });
+                }
+            }
+        }
+        let mut cuts: Vec<usize> = gaps
+            .iter()
+            .chain(&backwards)
+            .map(|jump| jump.frame - 1)
+            .collect();
+        cuts.sort_unstable();
+        let stretches = between(&cuts, seconds.len());
+        let mut inner: Vec<f64> = stretches
+            .iter()
+            .flat_map(|range| &intervals[range.start..range.end - 1])
+            .copied()
+            .collect();
+        inner.sort_unstable_by(f64::total_cmp);
+        Self {
+            line: line(seconds, &stretches, &missing),
+            median: inner.get(inner.len() / 2).copied().unwrap_or(0.0),
+            longest: inner.last().copied().unwrap_or(0.0),
+            duration: inner.iter().sum(),
+            stretches,
+            gaps,
+            backwards,
+            lost: missing.first().map(|first| Lost {
+                frame: first.frame,
+                frames: missing.iter().map(|lost| lost.frames).sum(),
+            }),
+            exact: unit.is_some() || !(limit.bursts || cancels(seconds, &intervals, &pieces)),
+        }
+    }
+
+    /// Returns the time between two frames, in seconds; `None` for a single frame or equal stamps.
+    pub(super) fn period(&self) -> Option<f64> {
+        self.line.period()
+    }
+
+    /// Returns the error that rounding and buffers may cause in the period, relative to it.
+    pub(super) fn uncertainty(&self) -> f64 {
+        let period = self.period().unwrap_or(0.0);
+        match self.lost {
+            // Intervals of a steady clock are multiples of the period.
+            Some(_) => 0.0,
+            None if self.duration > 0.0 => ((self.longest - period) / self.duration).max(0.0),
+            None => f64::INFINITY,
+        }
+    }
+}
+
+/// Lengths of intervals above which they are gaps, in seconds.
+struct Limit {
+    /// No buffer holds frames for longer.
+    buffer: f64,
+    /// Longer than the other intervals, so that frames are missing or late.
+    gap: f64,
+    /// True if frames come in long bursts, between which nearly all of the time passes.
+    bursts: bool,
+}
+
+impl Limit {
+    fn of(intervals: &[f64]) -> Self {
+        let mut sorted: Vec<f64> = intervals.iter().copied().filter(|s| *s >= 0.0).collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        let buffer = LONGEST_BUFFER.max(10.0 * median);
+        sorted.retain(|seconds| *seconds <= buffer);
+        let usual = (USUAL * sorted.len().saturating_sub(1) as f64) as usize;
+        let gap = MAYBE_A_GAP * sorted.get(usual).copied().unwrap_or(0.0);
+        let total: f64 = sorted.iter().sum();
+        let long = sorted.partition_point(|seconds| *seconds <= gap);
+        let inside: f64 = sorted[..long].iter().sum();
+        let bursts = inside < 0.5 * total && (sorted.len() - long >= 3 || inside == 0.0);
+        Self {
+            buffer,
+            gap: if bursts { buffer } else { gap.min(buffer) },
+            bursts,
+        }
+    }
+}
+
+/// Returns the ranges of frames between cuts.
+///
+/// - `cuts`: frames before a cut, in order
+fn between(cuts: &[usize], frames: usize) -> Vec<Range<usize>> {
+    let starts = std::iter::once(0).chain(cuts.iter().map(|at| at + 1));
+    let ends = cuts.iter().map(|at| at + 1).chain([frames]);
+    starts
+        .zip(ends)
+        .map(|(start, end)| start..end)
+        .filter(|range| !range.is_empty())
+        .collect()
+}
+
+/// Returns the mean interval within the pieces, in seconds.
+fn mean(intervals: &[f64], pieces: &[Range<usize>]) -> f64 {
+    let inner = pieces
+        .iter()
+        .flat_map(|piece| &intervals[piece.start..piece.end - 1]);
+    let count = inner.clone().count();
+    inner.sum::<f64>() / count.max(1) as f64
+}
+
+/// Returns the period of a steady clock, in seconds: nearly all intervals are near a multiple of it, and longer intervals
+/// are not compensated by shorter ones.
+fn steady_period(seconds: &[f64], intervals: &[f64], pieces: &[Range<usize>]) -> Option<f64> {
+    let mut inner: Vec<f64> = pieces
+        .iter()
+        .flat_map(|piece| &intervals[piece.start..piece.end - 1])
+        .copied()
+        .collect();
+    let middle = inner.len() / 2;
+    if inner.is_empty() {
+        return None;
+    }
+    let (_, &mut median, _) = inner.select_nth_unstable_by(middle, f64::total_cmp);
+    if median <= 0.0 {
+        return None;
+    }
+    let (mut near, mut all_once, mut once, mut sum) = (0_usize, true, 0_usize, 0.0);
+    for &interval in &inner {
+        let periods = (interval / median).round();
+        let is_near = periods >= 1.0 && (interval / median - periods).abs() <= NEAR;
+        near += usize::from(is_near);
+        all_once &= is_near && periods == 1.0;
+        if periods == 1.0 {
+            once += 1;
+            sum += interval;
+        }
+    }
+    let steady = near as f64 >= STEADY * inner.len() as f64;
+    (steady && (all_once || !cancels(seconds, intervals, pieces))).then(|| sum / once.max(1) as f64)
+}
+
+/// Returns true if deviations of the intervals from their mean cancel out within a few frames: the stamps are inexact,
+/// the frames are even.
+fn cancels(seconds: &[f64], intervals: &[f64], pieces: &[Range<usize>]) -> bool {
+    let mean = mean(intervals, pieces);
+    let (mut of_sums, mut of_intervals) = (0.0, 0.0);
+    let mut sums = 0_usize;
+    for piece in pieces {
+        for first in piece.start..piece.end.saturating_sub(SUMMED) {
+            let sum = seconds[first + SUMMED] - seconds[first] - SUMMED as f64 * mean;
+            of_sums += sum * sum;
+            let apart = intervals[first..first + SUMMED]
+                .iter()
+                .map(|interval| (interval - mean).powi(2));
+            of_intervals += apart.sum::<f64>();
+            sums += 1;
+        }
+    }
+    // Few frames do not show that any are lost.
+    sums == 0 || of_sums < CANCELLED * of_intervals
+}
+
+/// Returns the number of frames that are missing in an interval. Frames that are only late are not: the next ones follow
+/// faster.
+///
+/// - `at`: frame before the interval
+fn missing_after(seconds: &[f64], at: usize, period: f64) -> usize {
+    let next = seconds[at + 1..]
+        .iter()
+        .take(CATCH_UP)
+        .take_while(|next| **next >= seconds[at]);
+    let excess = next
+        .enumerate()
+        .map(|(more, next)| next - seconds[at] - (more + 1) as f64 * period);
+    let least = excess.fold(f64::INFINITY, f64::min);
+    // The cast of a negative number is 0.
+    (least / period).round() as usize
+}
+
+/// Returns the line through the stamps of all stretches, each with its own offset.
+///
+/// - `missing`: frames that take part in the positions
+fn line(seconds: &[f64], stretches: &[Range<usize>], missing: &[Lost]) -> Line {
+    let mut all = Line::default();
+    let mut missing = missing.iter().peekable();
+    let mut lost = 0;
+    for stretch in stretches {
+        let mut positions = Vec::with_capacity(stretch.len());
+        for frame in stretch.clone() {
+            while let Some(next) = missing.next_if(|next| next.frame <= frame) {
+                lost += next.frames;
+            }
+            positions.push((frame + lost) as f64);
+        }
+        let count = positions.len() as f64;
+        let middle = positions.iter().sum::<f64>() / count;
+        let first = seconds[stretch.start];
+        for (position, time) in positions.iter().zip(&seconds[stretch.clone()]) {
+            all.covariance += (position - middle) * (time - first);
+            all.variance += (position - middle) * (position - middle);
+        }
+    }
+    all
+}
