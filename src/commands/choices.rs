@@ -3,6 +3,8 @@
 use std::net::SocketAddr;
 
 use clap::ValueEnum;
+use tactnet_data::DataError;
+use tactnet_data::format::Keep;
 use tactnet_models::Compute;
 use tactnet_pipeline::{MeanRemoval, RuntimeKind, SplitKind};
 
@@ -183,6 +185,11 @@ pub fn share(text: &str) -> Result<f64, String> {
     } else {
         Err("expected a number between 0 and 1".into())
     }
+}
+
+/// Parses a number of time steps, or `shortest`.
+pub fn steps(text: &str) -> Result<Keep, String> {
+    text.parse().map_err(|error: DataError| error.to_string())
 }
 
 /// Parses a sample rate: a positive number of Hz.

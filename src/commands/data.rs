@@ -21,7 +21,7 @@ use tactnet_skin::packets::unfit;
 
 use info_table::InfoTable;
 
-use super::choices::rate;
+use super::choices::{rate, steps};
 use crate::{failure, output, source, view};
 
 #[derive(Subcommand)]
@@ -49,7 +49,9 @@ pub enum DataCommand {
         after_help = "Examples:\n  tactnet data import sweeps.npz --out sweeps.h5 --rate 100 --shape 4x4\n  \
         tactnet data import folder/ --out sweeps.npz --rate 100             a .csv per sweep, see docs/data.md\n  \
         tactnet data import today.mcap --out today.h5                     sweeps labelled by their start commands\n  \
-        tactnet data import felt.mcap --out felt.h5 --material felt       all sweeps of one material; also .npz, .csv, .parquet\n\n\
+        tactnet data import felt.mcap --out felt.h5 --material felt       all sweeps of one material; also .npz, .csv, .parquet\n  \
+        tactnet data import walk.csv --out walk.npz --rate 20 --window 128            a recording with a label in each row\n  \
+        tactnet data import log.csv --out log.npz --resample 100 --window 1s --intervals labels.csv\n\n\
         .h5 requires the same number of sweeps for every material; .npz does not."
     )]
     Import(import::ImportArgs),
@@ -72,12 +74,12 @@ pub struct FileArgs {
     /// Data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy), or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
-    /// Sample rate of data that does not state it, in Hz
+    /// Sample rate, in Hz; it takes precedence over that of the data
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Number of time steps of each sweep to use, from its start [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    steps: Option<u32>,
+    /// Number of time steps of each sweep to use, from its start, or `shortest` [default: all]
+    #[arg(long, value_name = "N|shortest", value_parser = steps)]
+    steps: Option<Keep>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -126,22 +128,21 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
 /// - `otherwise`: frames to keep of each sweep without `--steps`
 fn load_with_gaps(arguments: &FileArgs, otherwise: Keep) -> anyhow::Result<SweepsToClassify> {
     let data = arguments.data.as_str();
-    let steps = arguments.steps.map(|steps| steps as usize);
-    let mut sweeps = if DataSource::is_twin(data) || !Path::new(data).exists() {
+    Ok(if DataSource::is_twin(data) || !Path::new(data).exists() {
         let dataset = source::load(data)?;
-        let dataset = match steps {
-            Some(steps) => dataset.first_steps(steps)?,
-            None => dataset,
+        let dataset = match arguments.steps {
+            Some(Keep::First(steps)) => dataset.first_steps(steps)?,
+            _ => dataset,
         };
-        SweepsToClassify::of(dataset)
+        SweepsToClassify::of(dataset.with_named_rate(arguments.rate)?)
     } else {
         let options = ReadOptions {
-            keep: steps.map_or(otherwise, Keep::First),
+            keep: arguments.steps.unwrap_or(otherwise),
+            rate_hz: arguments.rate,
+            ..ReadOptions::default()
         };
         format::read_to_classify_with_gaps(Path::new(data), &options)?
-    };
-    sweeps.dataset = sweeps.dataset.with_named_rate(arguments.rate)?;
-    Ok(sweeps)
+    })
 }
 
 fn show_info(arguments: &FileArgs) -> anyhow::Result<ExitCode> {

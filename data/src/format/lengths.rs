@@ -26,6 +26,38 @@ impl From<Option<usize>> for Keep {
     }
 }
 
+impl std::str::FromStr for Keep {
+    type Err = DataError;
+
+    /// Reads a number of frames, or `shortest`.
+    ///
+    /// ```
+    /// use tactnet_data::format::Keep;
+    ///
+    /// assert_eq!("100".parse::<Keep>()?, Keep::First(100));
+    /// assert_eq!("shortest".parse::<Keep>()?, Keep::Shortest);
+    /// assert!("0".parse::<Keep>().is_err());
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
+    fn from_str(text: &str) -> Result<Self, DataError> {
+        let text = text.trim();
+        if text.eq_ignore_ascii_case("shortest") {
+            return Ok(Self::Shortest);
+        }
+        match text.parse() {
+            Ok(steps) if steps > 0 => Ok(Self::First(steps)),
+            _ => {
+                let expected = "a number of time steps, or `shortest`";
+                Err(DataError::inconsistent(
+                    "steps",
+                    expected,
+                    format!("`{text}`"),
+                ))
+            }
+        }
+    }
+}
+
 /// Sweep that is longer or shorter than the others.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OddLength {

@@ -1,15 +1,18 @@
 //! `tactnet data import`: converts a recording, tables or arrays into a data set.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_data::format::{Format, ReadOptions, read_to_classify, read_with};
-use tactnet_data::{DataSource, Dataset};
+use tactnet_data::format::{
+    Format, Keep, ReadOptions, Span, Windows, read_to_classify_with, read_with,
+};
+use tactnet_data::{DataError, DataSource, Dataset, Severity, group_findings};
 
 use super::ConvertArgs;
-use crate::{output, source};
+use crate::commands::choices::{rate, steps};
+use crate::{failure, output, source};
 
 #[derive(Args)]
 pub struct ImportArgs {
@@ -18,16 +21,72 @@ pub struct ImportArgs {
     /// Material of the sweeps, for data that does not name it
     #[arg(long, value_name = "NAME")]
     pub(super) material: Option<String>,
-    /// Number of time steps of each sweep to keep, from its start [default: all; for a recording the recorded
-    /// classifier's, or 1000]
-    #[arg(long, value_name = "N")]
-    pub(super) steps: Option<usize>,
+    /// Number of time steps of each sweep to keep, from its start, or `shortest` [default: all; for a recording the
+    /// recorded classifier's, or 1000]
+    #[arg(long, value_name = "N|shortest", value_parser = steps)]
+    pub(super) steps: Option<Keep>,
     /// Sample rate, in Hz [default: from the data; for a recording the recorded classifier's, or by the frames' clock]
     #[arg(long, value_name = "HZ")]
     pub(super) rate: Option<f64>,
     /// Rows and columns of taxels [default: from the data; for a recording the recorded classifier's, or a square]
     #[arg(long, value_name = "RxC", value_parser = shape)]
     pub(super) shape: Option<(usize, usize)>,
+    #[command(flatten)]
+    cut: CutArgs,
+}
+
+/// Options of continuous recordings and tables.
+#[derive(Args)]
+struct CutArgs {
+    /// Resample all sweeps to this rate, in Hz: low-pass filtered, from the time stamps; gaps are not bridged
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    resample: Option<f64>,
+    /// Cut continuous recordings into sweeps of this length (128 steps, 1.28s, 640ms), within stretches of one label and
+    /// without a gap; each stretch is a block
+    #[arg(long, value_name = "LENGTH", value_parser = span)]
+    window: Option<Span>,
+    /// Distance between the starts of windows [default: their length, so that they do not overlap]
+    #[arg(long, value_name = "LENGTH", value_parser = span, requires = "window")]
+    hop: Option<Span>,
+    /// Table of labelled intervals for `--window`: columns start, end (times of the recording's clock), label, and file if
+    /// there are several recordings [default: the recording's column `label`]
+    #[arg(long, value_name = "FILE.csv", requires = "window")]
+    intervals: Option<PathBuf>,
+    /// Leave out the frames with this label; may be repeated
+    #[arg(long, value_name = "NAME", requires = "window")]
+    drop_label: Vec<String>,
+    /// Columns of a table that are taxels [default: all that have no other meaning]
+    #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
+    columns: Vec<String>,
+}
+
+impl CutArgs {
+    fn windows(&self) -> Option<Windows> {
+        let length = self.window?;
+        Some(Windows {
+            hop: self.hop,
+            intervals: self.intervals.clone(),
+            drop_labels: self.drop_label.clone(),
+            ..Windows::of(length)
+        })
+    }
+
+    /// Returns the first option that is set, for data that allows none.
+    fn first(&self) -> Option<&'static str> {
+        let options = [
+            (self.resample.is_some(), "--resample"),
+            (self.window.is_some(), "--window"),
+            (!self.columns.is_empty(), "--columns"),
+        ];
+        options
+            .into_iter()
+            .find_map(|(set, name)| set.then_some(name))
+    }
+}
+
+/// Parses the length of a window.
+fn span(text: &str) -> Result<Span, String> {
+    text.parse().map_err(|error: DataError| error.to_string())
 }
 
 /// Parses rows and columns, for example `4x4`.
@@ -49,9 +108,9 @@ impl ImportArgs {
 /// Reads unlabelled sweeps, all of `material`.
 ///
 /// # Errors
-/// Fails as [`read_to_classify`] does, or if the file names its materials.
-fn of_material(path: &Path, steps: Option<usize>, material: &str) -> anyhow::Result<Dataset> {
-    let found = read_to_classify(path, steps)?;
+/// Fails as [`read_to_classify_with`] does, or if the file names its materials.
+fn of_material(path: &Path, options: &ReadOptions, material: &str) -> anyhow::Result<Dataset> {
+    let found = read_to_classify_with(path, options)?;
     if found.labelled {
         bail!(
             "--material {material}: {} names its materials itself",
@@ -61,30 +120,74 @@ fn of_material(path: &Path, steps: Option<usize>, material: &str) -> anyhow::Res
     Ok(found.dataset.of_one_material(material)?)
 }
 
+/// Reads the data set of the arguments.
+fn read(arguments: &ImportArgs) -> anyhow::Result<Dataset> {
+    let data = &arguments.convert.data;
+    let path = Path::new(data);
+    if DataSource::is_twin(data) || !path.exists() {
+        if arguments.material.is_some() {
+            bail!("--material: `{data}` names its materials itself");
+        }
+        if let Some(option) = arguments.cut.first() {
+            bail!("{option}: expected a file, found `{data}`");
+        }
+        let twin = source::load(data)?.with_named_rate(arguments.rate)?;
+        return Ok(match arguments.steps {
+            Some(Keep::First(steps)) => twin.first_steps(steps)?,
+            _ => twin,
+        });
+    }
+    let options = ReadOptions {
+        keep: arguments.steps.unwrap_or_default(),
+        rate_hz: arguments.rate,
+        columns: arguments.cut.columns.clone(),
+        resample_hz: arguments.cut.resample,
+        windows: arguments.cut.windows(),
+    };
+    match &arguments.material {
+        Some(material) => of_material(path, &options, material),
+        None => Ok(read_with(path, &options)?),
+    }
+}
+
+/// Prints the findings of reading.
+///
+/// # Errors
+/// Fails if there are errors: the converted file would not show them.
+fn review(data: &str, dataset: &Dataset) -> anyhow::Result<()> {
+    let mut findings = dataset.reading_findings().to_vec();
+    findings.sort_by_key(|finding| finding.severity);
+    for group in group_findings(&findings) {
+        for finding in group.findings.iter().take(SHOWN) {
+            let message = failure::with_cure(&finding.message, finding.remedy.as_ref());
+            say!("{}: {message}", finding.severity);
+        }
+        if let Some(more) = group.findings.len().checked_sub(SHOWN + 1) {
+            say!("{}: and {} more of this kind", group.severity, more + 1);
+        }
+    }
+    let errors = findings
+        .iter()
+        .filter(|finding| finding.severity == Severity::Error);
+    match errors.count() {
+        0 => Ok(()),
+        errors => bail!(
+            "{data}: {}; `tactnet data check {} --all` lists all",
+            output::counted(errors, "error"),
+            tactnet_pipeline::quoted(data)
+        ),
+    }
+}
+
+/// Number of findings of a kind that are printed.
+const SHOWN: usize = 3;
+
 /// Another program's data set, in any format that is read.
 fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {
     let ConvertArgs { data, out, force } = &arguments.convert;
     output::refuse_to_overwrite(out, *force)?;
-    let path = Path::new(data);
-    let mut dataset = if DataSource::is_twin(data) || !path.exists() {
-        if arguments.material.is_some() {
-            bail!("--material: `{data}` names its materials itself");
-        }
-        let twin = source::load(data)?;
-        let steps = arguments.steps.unwrap_or(twin.shape().steps);
-        twin.first_steps(steps)?
-    } else if let Some(material) = &arguments.material {
-        of_material(path, arguments.steps, material)?
-    } else {
-        read_with(path, &ReadOptions::keeping(arguments.steps))?
-    };
-    if let Some(rate) = arguments.rate {
-        let own = dataset.sample_rate_hz();
-        if !dataset.is_rate_assumed() && own != rate {
-            say!("warning: {data} states {own} Hz, but `--rate {rate}` takes precedence");
-        }
-        dataset = dataset.with_sample_rate(rate)?;
-    }
+    let mut dataset = read(arguments)?;
+    review(data, &dataset)?;
     if let Some((rows, cols)) = arguments.shape {
         let own = dataset.shape();
         if !dataset.is_patch_assumed() && (own.rows, own.cols) != (rows, cols) {
@@ -122,6 +225,11 @@ pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     let format = Format::from_extension(&arguments.convert.out)?;
     if !arguments.is_recording() {
         return import_data_set(arguments, format);
+    }
+    if let Some(option) = arguments.cut.first() {
+        bail!(
+            "{option}: a recording of sweeps needs none; import tables, folders or arrays with it"
+        );
     }
     #[cfg(feature = "recording")]
     return super::import_recording::run(arguments, format);

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::bail;
-use tactnet_data::format::Format;
+use tactnet_data::format::{Format, Keep};
 use tactnet_recording::{Recording, SweepSettings, sweeps};
 
 use super::import::ImportArgs;
@@ -25,8 +25,13 @@ pub fn run(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {
     if recording.foreign > 0 {
         say!("skipped: {} messages of other types", recording.foreign);
     }
+    let steps = match arguments.steps {
+        None => None,
+        Some(Keep::First(steps)) => Some(steps),
+        Some(_) => bail!("--steps: expected a number of frames for a recording"),
+    };
     let settings = SweepSettings {
-        steps: arguments.steps,
+        steps,
         rate_hz: arguments.rate,
         rows_cols: arguments.shape,
     };
