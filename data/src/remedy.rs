@@ -18,6 +18,8 @@ pub enum Remedy {
     NameRate,
     /// Name the material of all sweeps, or only classify them.
     NameLabels,
+    /// Name the array or feature that holds the samples.
+    NameSamples,
     /// Arrange the taxels as a grid.
     NameShape {
         /// Rows of the grid that is closest to a square.

@@ -25,6 +25,7 @@ pub(super) fn words_of(remedy: &Remedy) -> String {
             "use `tactnet predict` for unlabelled sweeps, or label all with `tactnet data import --material NAME`"
                 .into()
         }
+        Remedy::NameSamples => "name the one that holds the taxels with `--samples NAME`".into(),
         Remedy::NameShape { rows, cols } => format!(
             "for a grid of taxels: `tactnet data import FILE --shape {rows}x{cols} --out NEW.npz`"
         ),
@@ -125,6 +126,7 @@ mod tests {
         for (remedy, words) in [
             (Remedy::NameRate, "--rate HZ"),
             (Remedy::NameLabels, "data import --material NAME"),
+            (Remedy::NameSamples, "--samples NAME"),
             (Remedy::NameShape { rows: 4, cols: 5 }, "--shape 4x5"),
             (Remedy::KeepSteps { steps: 150 }, "--steps 150`"),
             (Remedy::Resample, "--resample HZ`"),

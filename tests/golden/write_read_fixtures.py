@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pyarrow
+import pyarrow.parquet
 
 ROOT = Path(__file__).resolve().parents[1] / "fixtures"
 OUT = ROOT / "read"
@@ -32,6 +33,38 @@ def h5(name, samples, rate=None, blocks=None, flags=None, names=None, rate_on_sa
         if rate is not None:
             (data if rate_on_samples else file).attrs["sample_rate_hz"] = rate
     return data
+
+
+def lerobot(version, frames):
+    """A folder of LeRobot: a file per episode in version 2, several episodes per file in version 3."""
+    folder = OUT / f"lerobot_v{version}"
+    (folder / "data/chunk-000").mkdir(parents=True, exist_ok=True)
+    (folder / "meta").mkdir(exist_ok=True)
+    names = sorted(set(frames["material"]))
+    taxels = frames[[f"taxel{taxel}" for taxel in range(16)]].to_numpy("f4")
+    state = [[0.5, float(step)] for step in range(len(frames))]
+    table = pyarrow.table(
+        {
+            "observation.tactile": pyarrow.array(list(taxels), (pyarrow.large_list if version == 3 else pyarrow.list_)(pyarrow.float32())),
+            "observation.state": pyarrow.array(state, pyarrow.list_(pyarrow.float64())),
+            "timestamp": pyarrow.array((np.arange(720) % 60 / 100).astype("f4")),
+            "frame_index": np.arange(720) % 60,
+            "episode_index": frames["sweep"].to_numpy(),
+            "index": np.arange(720),
+            "task_index": np.array([names.index(name) for name in frames["material"]]),
+        }
+    )
+    episodes = 1 if version == 2 else 7
+    for number, first in enumerate(range(0, 12, episodes)):
+        name = f"episode_{number:06}" if version == 2 else f"file-{number:03}"
+        pyarrow.parquet.write_table(table[60 * first : 60 * (first + episodes)], folder / f"data/chunk-000/{name}.parquet", compression="zstd")
+    features = {"observation.tactile": {"dtype": "float32", "shape": [16]}, "observation.state": {"dtype": "float64", "shape": [2]}}
+    (folder / "meta/info.json").write_text(json.dumps({"codebase_version": f"v{version}.0", "fps": 100, "features": features}) + "\n")
+    if version == 2:
+        lines = [json.dumps({"task_index": number, "task": name}) for number, name in enumerate(names)]
+        (folder / "meta/tasks.jsonl").write_text("\n".join(lines) + "\n")
+    else:
+        pd.DataFrame({"task_index": range(len(names))}, index=names).to_parquet(folder / "meta/tasks.parquet")
 
 
 def main():
@@ -91,6 +124,8 @@ def main():
     frames.insert(2, "time", pd.to_datetime(np.arange(720) * 10_000_000))
     frames.to_parquet(OUT / "frames.parquet")
     frames.assign(taxel3=frames["taxel3"].where(frames["taxel3"] < frames["taxel3"].max())).to_parquet(OUT / "bad_missing.parquet")
+    lerobot(2, frames)
+    lerobot(3, frames)
     np.savez_compressed(OUT / "bad_rank2.npz", samples=flat[0, 0], **save)
     np.savez_compressed(OUT / "bad_no_samples.npz", x=flat[0])
     np.savez_compressed(OUT / "bad_label_range.npz", samples=flat, labels=label + 1, **save)

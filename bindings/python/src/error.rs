@@ -56,6 +56,7 @@ fn words_of(remedy: &Remedy) -> String {
             "tactnet.read_sweeps opens it, and `predict` of a classifier takes arrays without materials"
                 .into()
         }
+        Remedy::NameSamples => "pass `samples=`".into(),
         Remedy::NameShape { rows, cols } => {
             format!("if the skin is a grid, pass an array [sweeps][steps][{rows}][{cols}]")
         }

@@ -68,9 +68,9 @@ pub(super) fn is_one_of(name: &str, names: &[&str]) -> bool {
 }
 
 /// Names of the column of sweeps.
-const SWEEP: &[&str] = &["sweep", "sweep_id"];
+const SWEEP: &[&str] = &["sweep", "sweep_id", "episode_index"];
 /// Names of the column of materials.
-pub(super) const MATERIAL: &[&str] = &["material", "y", "label", "class"];
+pub(super) const MATERIAL: &[&str] = &["material", "y", "label", "class", "task"];
 /// Names of columns that probably hold the sweeps under a wrong name.
 const MEANT_AS_SWEEP: &[&str] = &[
     "episode",
@@ -93,7 +93,7 @@ const MEANT_AS_MATERIAL: &[&str] = &[
     "texture",
 ];
 /// Names of columns that count frames; the empty name is pandas' index.
-pub(super) const STEP: &[&str] = &["step", "frame", "index", "", "unnamed: 0"];
+pub(super) const STEP: &[&str] = &["step", "frame", "frame_index", "index", "", "unnamed: 0"];
 /// Names of the column of block numbers.
 const BLOCK: &[&str] = &["block"];
 /// Names of the column of test flags.
@@ -278,7 +278,9 @@ impl<'a> FrameTable<'a> {
         let times = are_times(&all);
         let mut columns = Vec::new();
         for (place, (name, column)) in self.columns.iter().enumerate() {
-            if is_one_of(name, &known) || times[place] {
+            // pandas stores its index in Parquet files.
+            let is_index = name.starts_with("__index_level_");
+            if is_index || is_one_of(name, &known) || times[place] {
                 continue;
             }
             columns.push((name.as_str(), column));

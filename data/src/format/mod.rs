@@ -21,7 +21,8 @@
 //! | [`ts`] (aeon, sktime, UEA archive) | `.ts` | no | yes | one line a sweep, one dimension a taxel |
 //! | `csv` (text tables) | `.csv` | yes | no | one row per frame |
 //! | `folder` (files of sweeps) | a folder of `.csv` or `.npy` | yes | no | one file per sweep; folders, or a table of labels, name materials |
-//! | `parquet`, with that feature | `.parquet` | yes | no | one row per frame |
+//! | `parquet`, with that feature | `.parquet` | yes | no | one row per frame; lists of numbers are taxels |
+//! | `lerobot`, with the feature `parquet` | a folder with `meta/info.json` | yes | no | episodes as sweeps, tasks as materials |
 //!
 //! The first bytes identify a file of arrays, the extension a table, and the content a folder. The extension of the
 //! output file decides the format that is written.
@@ -34,6 +35,8 @@ mod folder;
 mod frame_table;
 mod intervals;
 mod lengths;
+#[cfg(feature = "parquet")]
+mod lerobot;
 mod mismatch;
 mod named_sweeps;
 mod narrow;
@@ -191,6 +194,10 @@ fn table_with_gaps(
             folder::LAYOUT,
             found,
         )));
+    }
+    #[cfg(feature = "parquet")]
+    if lerobot::is_data_set(path) {
+        return Some(lerobot::read_with_gaps(path, options));
     }
     if path.is_dir() && folder::is_folder_of_sweeps(path) {
         return Some(folder::read_with_gaps(path, options));

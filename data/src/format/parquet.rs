@@ -1,4 +1,5 @@
-//! Parquet tables with one row per frame, as described in `frame_table.rs`. Needs the feature `parquet`.
+//! Parquet tables with one row per frame, as described in `frame_table.rs`. A column of lists of one length holds as many taxels.
+//! Needs the feature `parquet`.
 
 use std::path::Path;
 
@@ -20,34 +21,37 @@ use crate::DataError;
 /// - `labels`: required columns
 ///
 /// # Errors
-/// A file that cannot be read; nested columns, missing values, words in place of numbers; sweeps of different lengths.
+/// A file that cannot be read; lists of several lengths, missing values, words in place of numbers; sweeps of different lengths.
 pub(super) fn read_with_gaps(
     path: &Path,
     options: &ReadOptions,
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
+    table(path)?
+        .into_recordings(labels, options)?
+        .into_sweeps(options)
+}
+
+/// Reads all columns.
+///
+/// # Errors
+/// As [`read_with_gaps`], for a single column.
+pub(super) fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
     // The crate panics on some damaged files; the panic then ends only this thread.
     let read = || {
         std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().name(super::READING.into());
-            let thread = thread.spawn_scoped(scope, || table(path))?;
+            let thread = thread.spawn_scoped(scope, || read_table(path))?;
             Ok(thread.join())
         })
     };
-    let table = read()
+    let damaged = || DataError::format(path, "file", "a Parquet table", "one that is damaged");
+    read()
         .map_err(|error| DataError::io(path, "read", error))?
-        .unwrap_or_else(|_| {
-            Err(DataError::format(
-                path,
-                "file",
-                "a Parquet table",
-                "one that is damaged",
-            ))
-        })?;
-    table.into_recordings(labels, options)?.into_sweeps(options)
+        .unwrap_or_else(|_| Err(damaged()))
 }
 
-fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
+fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
     let refused =
         |error: ParquetError| DataError::format(path, "file", "a Parquet table", error.to_string());
     let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
@@ -59,38 +63,38 @@ fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let mut columns = Vec::new();
     for (index, descriptor) in schema.columns().iter().enumerate() {
-        let name = descriptor.path().string();
+        let is_list = descriptor.max_rep_level() > 0;
+        let name = match descriptor.path().parts() {
+            [name, ..] if is_list => name.clone(),
+            _ => descriptor.path().string(),
+        };
         let item = || format!("column `{name}`");
-        if descriptor.max_rep_level() > 0 {
-            let expected = "a number or a word per frame (a row per frame, a column per taxel)";
-            return Err(DataError::format(path, item(), expected, "lists"));
-        }
-        // pandas stores its index in the file.
-        if name.starts_with("__index_level_") {
-            continue;
-        }
         let mut cells = Cells::default();
         for group in 0..reader.num_row_groups() {
             let group = reader.get_row_group(group).map_err(refused)?;
             let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-            let before = cells.len();
             let column = group.get_column_reader(index).map_err(refused)?;
-            if !cells.read(column, rows).map_err(refused)? {
-                let expected = "numbers or words; float16 as float32";
-                let found = format!("{:?}", descriptor.physical_type());
-                return Err(DataError::format(path, item(), expected, found));
-            }
-            if cells.len() != before + rows {
-                let found = format!("{} missing", rows + before - cells.len());
-                return Err(DataError::format(
-                    path,
-                    item(),
-                    "a value in every row",
-                    found,
-                ));
-            }
+            let read = cells.read(column, rows, descriptor);
+            read.map_err(|error| match error {
+                Refused::File(error) => refused(error),
+                Refused::Kind => {
+                    let expected = "numbers or words; float16 as float32";
+                    let found = format!("{:?}", descriptor.physical_type());
+                    DataError::format(path, item(), expected, found)
+                }
+                Refused::Missing(row) => {
+                    let found = format!("none in row {}", row + 1);
+                    DataError::format(path, item(), "a value in every row", found)
+                }
+            })?;
         }
-        columns.push((name.clone(), cells.column(descriptor, &name)));
+        if is_list {
+            columns.extend(cells.taxels(&name).map_err(|found| {
+                DataError::format(path, item(), "lists of numbers, all of one length", found)
+            })?);
+        } else {
+            columns.push((name.clone(), cells.column(descriptor, &name)));
+        }
     }
     Ok(FrameTable {
         path,
@@ -99,43 +103,106 @@ fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
     })
 }
 
-/// Values of a column: numbers or words.
+/// Reason why a column cannot be read.
+enum Refused {
+    /// Damage, in the words of the crate.
+    File(ParquetError),
+    /// A type that is neither numbers nor words.
+    Kind,
+    /// A row without a value, counted from 0.
+    Missing(usize),
+}
+
+impl From<ParquetError> for Refused {
+    fn from(error: ParquetError) -> Self {
+        Self::File(error)
+    }
+}
+
+/// Values of a column: numbers or words, one per row or a list per row.
 #[derive(Default)]
 struct Cells {
     numbers: Vec<f64>,
     words: Vec<String>,
+    /// Number of values in each row.
+    lengths: Vec<usize>,
 }
 
 impl Cells {
-    fn len(&self) -> usize {
-        self.numbers.len() + self.words.len()
-    }
-
-    /// Appends the values of a row group; returns false for another type.
-    fn read(&mut self, column: ColumnReader, rows: usize) -> Result<bool, ParquetError> {
+    /// Appends the values of a row group.
+    fn read(
+        &mut self,
+        column: ColumnReader,
+        rows: usize,
+        descriptor: &ColumnDescriptor,
+    ) -> Result<(), Refused> {
+        let before = self.lengths.len();
+        let lengths = &mut self.lengths;
         match column {
-            ColumnReader::BoolColumnReader(column) => self
-                .numbers
-                .extend(values(column, rows)?.into_iter().map(f64::from)),
-            ColumnReader::Int32ColumnReader(column) => self
-                .numbers
-                .extend(values(column, rows)?.into_iter().map(f64::from)),
-            ColumnReader::Int64ColumnReader(column) => self
-                .numbers
-                .extend(values(column, rows)?.into_iter().map(|value| value as f64)),
-            ColumnReader::FloatColumnReader(column) => self
-                .numbers
-                .extend(values(column, rows)?.into_iter().map(f64::from)),
-            ColumnReader::DoubleColumnReader(column) => self.numbers.extend(values(column, rows)?),
+            ColumnReader::BoolColumnReader(column) => {
+                let found = values(column, rows, descriptor, lengths)?;
+                self.numbers.extend(found.into_iter().map(f64::from));
+            }
+            ColumnReader::Int32ColumnReader(column) => {
+                let found = values(column, rows, descriptor, lengths)?;
+                self.numbers.extend(found.into_iter().map(f64::from));
+            }
+            ColumnReader::Int64ColumnReader(column) => {
+                let found = values(column, rows, descriptor, lengths)?;
+                self.numbers
+                    .extend(found.into_iter().map(|value| value as f64));
+            }
+            ColumnReader::FloatColumnReader(column) => {
+                let found = values(column, rows, descriptor, lengths)?;
+                self.numbers.extend(found.into_iter().map(f64::from));
+            }
+            ColumnReader::DoubleColumnReader(column) => {
+                self.numbers
+                    .extend(values(column, rows, descriptor, lengths)?);
+            }
             ColumnReader::ByteArrayColumnReader(column) => {
-                let found: Vec<ByteArray> = values(column, rows)?;
+                let found: Vec<ByteArray> = values(column, rows, descriptor, lengths)?;
                 for word in found {
                     self.words.push(word.as_utf8()?.to_string());
                 }
             }
-            _ => return Ok(false),
+            _ => return Err(Refused::Kind),
         }
-        Ok(true)
+        if lengths.len() < before + rows {
+            return Err(Refused::Missing(lengths.len()));
+        }
+        Ok(())
+    }
+
+    /// Returns a column for each place of the lists: `name[0]`, `name[1]` and so on.
+    ///
+    /// # Errors
+    /// A description of lists that are no taxels.
+    fn taxels(self, name: &str) -> Result<Vec<(String, Column)>, String> {
+        let Some(&width) = self.lengths.first() else {
+            return Err("no row".into());
+        };
+        if !self.words.is_empty() {
+            return Err("lists of words".into());
+        }
+        if width == 0 {
+            return Err("an empty list in row 1".into());
+        }
+        if let Some(odd) = self.lengths.iter().position(|length| *length != width) {
+            let found = self.lengths[odd];
+            return Err(format!(
+                "{width} values in row 1 and {found} in row {}",
+                odd + 1
+            ));
+        }
+        let taxel = |place: usize| {
+            let values = self.numbers[place..].iter().step_by(width).copied();
+            (
+                format!("{name}[{place}]"),
+                Column::Numbers(values.collect()),
+            )
+        };
+        Ok((0..width).map(taxel).collect())
     }
 
     /// Returns the column; times are converted to seconds.
@@ -162,21 +229,51 @@ impl Cells {
     }
 }
 
-/// Returns the values of a row group that are present.
+/// Returns the values of a row group, and appends the number of values of each row to `lengths`.
+///
+/// # Errors
+/// A row, or an entry of a list, without a value.
 fn values<T: DataType>(
     mut column: ColumnReaderImpl<T>,
     rows: usize,
-) -> Result<Vec<T::T>, ParquetError> {
-    let (mut values, mut present) = (Vec::new(), Vec::new());
-    while present.len() < rows {
-        let left = rows - present.len();
-        let (read, _, levels) = column.read_records(left, Some(&mut present), None, &mut values)?;
+    descriptor: &ColumnDescriptor,
+    lengths: &mut Vec<usize>,
+) -> Result<Vec<T::T>, Refused> {
+    let (mut values, mut present, mut repeated) = (Vec::new(), Vec::new(), Vec::new());
+    let end = lengths.len() + rows;
+    let mut read_rows = 0;
+    while read_rows < rows {
+        let left = rows - read_rows;
+        let (levels, repeats) = (Some(&mut present), Some(&mut repeated));
+        let (read, _, _) = column.read_records(left, levels, repeats, &mut values)?;
         if read == 0 {
             break;
         }
+        read_rows += read;
+    }
+    if descriptor.max_rep_level() == 0 {
         // A column without missing values has no levels.
-        if levels == 0 {
-            present.resize(present.len() + read, 0);
+        if let Some(missing) = present
+            .iter()
+            .position(|of| *of < descriptor.max_def_level())
+        {
+            return Err(Refused::Missing(lengths.len() + missing));
+        }
+        lengths.resize((lengths.len() + values.len()).min(end), 1);
+        return Ok(values);
+    }
+    for (level, repeat) in present.iter().zip(&repeated) {
+        if *repeat == 0 {
+            lengths.push(0);
+        }
+        let row = lengths.len().saturating_sub(1);
+        // One level less is an empty list or an entry without a value, as the column declares entries optional or not.
+        if *level == descriptor.max_def_level() {
+            if let Some(last) = lengths.last_mut() {
+                *last += 1;
+            }
+        } else {
+            return Err(Refused::Missing(row));
         }
     }
     Ok(values)

@@ -40,6 +40,8 @@ pub struct ReadOptions {
     pub resample_hz: Option<f64>,
     /// Windows that are cut from continuous recordings; `None`: every recording is one sweep.
     pub windows: Option<Windows>,
+    /// Name or path of the samples in a file that holds several arrays or features.
+    pub samples: Option<String>,
 }
 
 impl ReadOptions {

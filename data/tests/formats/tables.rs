@@ -305,3 +305,26 @@ fn a_parquet_table_of_pandas_is_a_data_set() {
         .to_string();
     assert!(refused.contains("column `taxel3`: expected"), "{refused}");
 }
+
+#[cfg(feature = "parquet")]
+#[test]
+fn episodes_of_lerobot_are_sweeps_and_tasks_are_materials() {
+    for version in ["read/lerobot_v2", "read/lerobot_v3"] {
+        let dataset = format::read(&fixture(version)).unwrap();
+        assert_line(&dataset);
+        assert_eq!(names(&dataset), expected_materials(), "{version}");
+        assert_eq!(dataset.sample_rate_hz(), 100.0, "{version}");
+        let note = &dataset.reading_findings()[0].message;
+        assert!(note.contains("`observation.state`"), "{version}: {note}");
+
+        let named = |name: &str| ReadOptions {
+            samples: Some(name.into()),
+            ..ReadOptions::default()
+        };
+        let state = format::read_with(&fixture(version), &named("observation.state")).unwrap();
+        assert_eq!(state.shape().taxels(), 2, "{version}");
+        assert_eq!(state.sweep(1)[..2], [0.5, 60.0], "{version}");
+        let refused = format::read_with(&fixture(version), &named("action")).unwrap_err();
+        assert_eq!(refused.remedy(), Some(Remedy::NameSamples), "{version}");
+    }
+}
