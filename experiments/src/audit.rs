@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct Audit {
     /// Name of the data set, with the treatment of levels.
     pub data: String,
-    /// Accuracy of guessing: one over the number of materials.
+    /// Accuracy of guessing: the share of the material with the most test sweeps.
     pub chance: f64,
     /// Accuracy of random guesses that name each material as often as the classifier of permuted labels; absent
     /// without that probe.

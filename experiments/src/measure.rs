@@ -11,6 +11,9 @@ pub enum Measure {
     /// Share of correct decisions.
     #[serde(rename = "accuracy")]
     Accuracy,
+    /// Mean of the materials' shares of correct decisions.
+    #[serde(rename = "balanced accuracy")]
+    BalancedAccuracy,
     /// Share of correct decisions by majority vote over several sweeps.
     #[serde(rename = "accuracy, vote")]
     VoteAccuracy,
@@ -97,6 +100,7 @@ impl Measure {
     pub fn name(self) -> &'static str {
         match self {
             Self::Accuracy => "accuracy",
+            Self::BalancedAccuracy => "balanced accuracy",
             Self::VoteAccuracy => "accuracy, vote",
             Self::NegativeLogLikelihood => "negative log-likelihood",
             Self::ExpectedCalibrationError => "expected calibration error",
@@ -121,6 +125,7 @@ impl Measure {
     pub fn unit(self) -> Unit {
         match self {
             Self::Accuracy
+            | Self::BalancedAccuracy
             | Self::VoteAccuracy
             | Self::Auroc
             | Self::FalseAlarms

@@ -5,6 +5,7 @@ mod models;
 mod suitable;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -15,7 +16,7 @@ use toml::{Table, Value};
 
 use crate::{ExperimentError, ExperimentRecipe, Part, Probe, Question};
 use grid::Grid;
-use suitable::{Unsuitable, refuse_unsuitable};
+use suitable::{Unsuitable, leave_out_unsuitable};
 
 /// One unit of work, run by one process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -77,6 +78,30 @@ pub struct Plan {
     pub recipes: BTreeMap<String, String>,
     /// Tasks in the order in which they run.
     pub tasks: Vec<Task>,
+    /// Models that cannot be trained on a data set.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A model that an experiment leaves out, since it cannot be trained on a data set. Its text is a sentence.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Name of the model.
+    pub model: String,
+    /// Name or file of the data set.
+    pub data: String,
+    /// Requirement that the data set does not meet.
+    pub reason: String,
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} is left out on {}: {}",
+            self.model, self.data, self.reason
+        )
+    }
 }
 
 impl Plan {
@@ -113,7 +138,7 @@ impl Plan {
             recipe,
             models: &models,
         };
-        let tasks = grid.tasks().map_err(refused)?;
+        let mut tasks = grid.tasks().map_err(refused)?;
         let mut names: Vec<&str> = tasks.iter().map(|task| task.id.as_str()).collect();
         names.sort_unstable();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -122,20 +147,22 @@ impl Plan {
                 twice[0]
             )));
         }
-        let suited = refuse_unsuitable(&tasks, |spec| recipe_of(&recipes, spec));
-        suited.map_err(
-            |Unsuitable { reason, settings }| ExperimentError::Unsuitable {
-                origin: recipe.name.clone(),
-                reason,
-                settings,
-            },
-        )?;
+        let suited = leave_out_unsuitable(&mut tasks, |spec| recipe_of(&recipes, spec));
+        let left_out =
+            suited.map_err(
+                |Unsuitable { reason, settings }| ExperimentError::Unsuitable {
+                    origin: recipe.name.clone(),
+                    reason,
+                    settings,
+                },
+            )?;
         Ok(Self {
             schema_version: Self::SCHEMA_VERSION,
             recipe: recipe.clone(),
             command: command.into(),
             recipes,
             tasks,
+            left_out,
         })
     }
 

@@ -17,6 +17,8 @@ pub struct Scored<'a> {
     pub contender: &'a Contender,
     /// Accuracy of single sweeps.
     pub one_sweep: &'a Statistic,
+    /// Balanced accuracy of single sweeps; absent in results of earlier versions.
+    pub balanced: Option<&'a Statistic>,
     /// Accuracy of three fused sweeps.
     pub three_sweeps: Option<&'a Statistic>,
     /// Majority vote of three sweeps; absent in results of earlier builds.
@@ -72,6 +74,21 @@ impl Scored<'_> {
         self.training.filter(|training| training.are_few())
     }
 
+    /// Returns the accuracy of always naming the material with the most test sweeps.
+    pub fn guessing(&self) -> f64 {
+        let sweeps = self.confusion.iter().map(|row| row.iter().sum::<usize>());
+        let most = sweeps.clone().max().unwrap_or(0);
+        most as f64 / sweeps.sum::<usize>().max(1) as f64
+    }
+
+    /// Returns true if materials have unequal numbers of test sweeps, so that balanced accuracy differs from accuracy.
+    pub fn is_unbalanced(&self) -> bool {
+        let mut sweeps = self.confusion.iter().map(|row| row.iter().sum::<usize>());
+        sweeps
+            .next()
+            .is_some_and(|first| sweeps.any(|other| other != first))
+    }
+
     /// Returns the number of repeats, which is how often each sweep was tested.
     pub(crate) fn repeats(&self) -> usize {
         let repeats: BTreeSet<usize> = self.folds.iter().map(|fold| fold.repeat).collect();
@@ -125,6 +142,7 @@ impl Summary {
         Some(Scored {
             contender,
             one_sweep: statistic(Measure::Accuracy, 1)?,
+            balanced: statistic(Measure::BalancedAccuracy, 1),
             three_sweeps: statistic(Measure::Accuracy, 3),
             three_votes: statistic(Measure::VoteAccuracy, 3),
             negative_log_likelihood: statistic(Measure::NegativeLogLikelihood, 1)?,

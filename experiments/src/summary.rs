@@ -12,6 +12,7 @@ use crate::comparison::Comparison;
 use crate::contender::Contender;
 use crate::groups::Grouping;
 use crate::part::Part;
+use crate::plan::LeftOut;
 use crate::questions::{Question, SampleEfficiency};
 use crate::row::Row;
 
@@ -31,6 +32,9 @@ pub struct Summary {
     pub command: String,
     /// The question with its fields.
     pub question: Question,
+    /// Models that cannot be trained on a data set.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOut>,
     /// Commits of the programs that ran the tasks.
     pub git: Vec<String>,
     /// Seed of all random choices.

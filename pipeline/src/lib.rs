@@ -26,6 +26,7 @@ mod network;
 mod predict;
 mod recipe;
 mod remedy;
+mod requirements;
 mod run;
 mod spec;
 
@@ -82,6 +83,7 @@ pub use recipe::{
     PenalizedParameters, Prediction, PredictionMethod, Recipe, TrainingMethod, TrainingSettings,
 };
 pub use remedy::PipelineRemedy;
+pub use requirements::Requirements;
 pub use run::evaluate_run::{TrainingSummary, evaluate_run};
 pub use run::provenance::{Provenance, peak_rss_mib};
 pub use run::reevaluate::{EvalResult, Reevaluation, RuntimeSummary};

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use tactnet_pipeline::{Estimate, EvalResult, EvaluationTable, Verdicts};
+use tactnet_pipeline::{Confusion, Estimate, EvalResult, EvaluationTable, Verdicts};
 
 use crate::output::counted;
 
@@ -35,6 +35,9 @@ pub fn text(result: &EvalResult) -> String {
         );
     }
     if let Some(confusion) = &result.confusion {
+        if let Some(balanced) = result.evaluations.values().find_map(|of| of.balanced) {
+            let _ = write!(text, "\n{}", guessing_text(confusion, balanced));
+        }
         let _ = write!(text, "\n{confusion}");
     }
     if let Some(verdicts) = &result.verdicts {
@@ -63,6 +66,26 @@ pub fn text(result: &EvalResult) -> String {
         let _ = write!(text, "\nwarning: {values}");
     }
     text
+}
+
+/// Returns the accuracy of guessing and, for materials with unequal numbers of sweeps, the balanced accuracy.
+pub fn guessing_text(confusion: &Confusion, balanced: Estimate) -> String {
+    let counts = confusion.counts.iter().map(|row| row.iter().sum());
+    let sweeps: Vec<(usize, &String)> = counts.zip(&confusion.materials).collect();
+    // Of equally frequent materials the first.
+    let frequent = sweeps.iter().rev().max_by_key(|(count, _)| *count);
+    let Some((most, name)) = frequent else {
+        return String::new();
+    };
+    let all: usize = sweeps.iter().map(|(count, _)| count).sum();
+    let guessing = 100.0 * *most as f64 / all as f64;
+    if sweeps.iter().all(|(count, _)| count == most) {
+        return format!("guessing, with {} materials: {guessing:.1} %", sweeps.len());
+    }
+    format!(
+        "guessing (always `{name}`, the most frequent): {guessing:.1} %; balanced accuracy, the mean of the materials' recalls: {}",
+        percent(balanced)
+    )
 }
 
 fn rates(verdicts: &Verdicts) -> String {

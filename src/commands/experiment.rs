@@ -175,11 +175,11 @@ fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
         }
         source::review(Some(name), finding, arguments.axes_are_right)
     })?;
-    Ok(ExperimentDir::create(
-        &out,
-        &recipe,
-        &arguments.command_line(),
-    )?)
+    let dir = ExperimentDir::create(&out, &recipe, &arguments.command_line())?;
+    for left_out in &dir.plan.left_out {
+        say!("note: {left_out}");
+    }
+    Ok(dir)
 }
 
 fn list() -> anyhow::Result<ExitCode> {

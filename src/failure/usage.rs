@@ -28,7 +28,7 @@ pub fn usage(error: &clap::Error) -> ExitCode {
         _ => {}
     }
     let text = error.render().to_string();
-    let (mut message, mut verb) = (String::new(), verb_in(std::env::args().skip(1)));
+    let (mut message, mut verb) = (String::new(), verb_in(words_of_call()));
     for part in text.lines().map(str::trim).filter(|part| !part.is_empty()) {
         if let Some(usage) = part.strip_prefix("Usage:") {
             verb = verb_of(usage);
@@ -58,6 +58,12 @@ pub fn usage(error: &clap::Error) -> ExitCode {
     }
     say!("{}; see `{verb} --help`", harmless(&message));
     ExitCode::from(USAGE)
+}
+
+/// Returns the arguments of this program; bytes that are not UTF-8 are replaced.
+fn words_of_call() -> impl Iterator<Item = String> {
+    let arguments = std::env::args_os().skip(1);
+    arguments.map(|word| word.to_string_lossy().into_owned())
 }
 
 /// Returns the missing option for a file or folder that was given as a positional argument.
@@ -141,7 +147,7 @@ fn mistyped_word(error: &clap::Error) -> Option<String> {
             };
             let mut command = Cli::command();
             // In `help data chek`, the mistyped word is a command of `data`.
-            let words = std::env::args().skip(1).filter(|word| word != "help");
+            let words = words_of_call().filter(|word| word != "help");
             for name in words.take_while(|name| name != word) {
                 command = command.find_subcommand(&name)?.clone();
             }

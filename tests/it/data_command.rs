@@ -45,6 +45,33 @@ fn info_and_check_say_something_useful_about_every_fixture() {
     }
 }
 
+/// Linux paths are bytes.
+#[test]
+fn a_path_that_is_not_utf8_is_an_error_in_one_line() {
+    use std::os::unix::ffi::OsStrExt;
+    let path = std::ffi::OsStr::from_bytes(b"caf\xe9.npz");
+    for words in [
+        &["data", "info"][..],
+        &["data", "check"],
+        &["data", "view"],
+        &["data", "import"],
+        &["view"],
+        &["eval", "--data"],
+        &["train", "--data"],
+        &[],
+    ] {
+        let mut command = tactnet(words.iter().copied());
+        command.arg(path);
+        let message = stderr(&expect(2, command));
+        assert!(!message.contains("panicked"), "{words:?}: {message}");
+        assert_eq!(
+            message.trim_end().lines().count(),
+            1,
+            "{words:?}: {message}"
+        );
+    }
+}
+
 #[test]
 fn train_refuses_what_check_calls_an_error() {
     let lab = Lab::new();

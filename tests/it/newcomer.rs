@@ -49,7 +49,7 @@ fn few_training_steps_are_named_and_what_comes_next() {
     let end = said.rfind("next: ").map_or("", |at| &said[at..]);
     assert!(end.contains("hint: 12 training steps are few"), "{said}");
     assert!(
-        found.contains("chance level with 4 materials: 25.0 %"),
+        found.contains("guessing, with 4 materials: 25.0 %"),
         "{found}"
     );
     assert!(

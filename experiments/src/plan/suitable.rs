@@ -3,10 +3,12 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
-use tactnet_data::{DataError, DataSource, Dataset, Finding, Fold, Scheme, refuse_errors};
+use tactnet_data::{
+    DataError, DataSource, Dataset, Finding, Fold, Scheme, SweepShape, refuse_errors,
+};
 use tactnet_pipeline::{ModelRecipe, PipelineError, TrainSpec};
 
-use super::{Job, Task};
+use super::{Job, LeftOut, Task};
 use crate::questions::Question;
 use crate::{ExperimentError, ExperimentRecipe, Probe, Setting};
 
@@ -56,16 +58,22 @@ impl From<String> for Unsuitable {
     }
 }
 
-/// Returns an error if a task needs more sweeps or materials than its data set has. The twin always has enough.
+/// Removes the tasks whose model needs longer sweeps or a higher sample rate than its data set has, and returns them.
+///
+/// The twin always has enough of all.
 ///
 /// - `recipe_of`: returns the recipe of a task's model
-pub(super) fn refuse_unsuitable(
-    tasks: &[Task],
+///
+/// # Errors
+/// A task that needs more sweeps or materials than its data set has; no task that remains.
+pub(super) fn leave_out_unsuitable(
+    tasks: &mut Vec<Task>,
     recipe_of: impl Fn(&TrainSpec) -> Option<ModelRecipe>,
-) -> Result<(), Unsuitable> {
+) -> Result<Vec<LeftOut>, Unsuitable> {
     let mut known: BTreeMap<&str, Dataset> = BTreeMap::new();
     let (mut starved, mut fed) = (BTreeMap::new(), BTreeSet::new());
-    for task in tasks {
+    let (mut left_out, mut unmet) = (BTreeSet::new(), BTreeSet::new());
+    for task in tasks.iter() {
         let spec = match &task.job {
             Job::Train(spec) => spec,
             Job::Question(task) => &task.networks,
@@ -88,7 +96,18 @@ pub(super) fn refuse_unsuitable(
             Job::Train(spec) => {
                 has_fold(spec, dataset).map_err(of_data)?;
                 let model = (task.probe, task.model.as_str());
-                match recipe_of(spec).and_then(|recipe| lacking(&recipe, spec, dataset)) {
+                let recipe = recipe_of(spec);
+                let checked = recipe.as_ref().map(|of| unmet_by(of, spec, dataset));
+                if let Some(Some(reason)) = checked {
+                    unmet.insert(task.id.clone());
+                    left_out.insert(LeftOut {
+                        model: task.model.clone(),
+                        data: dataset.name().into(),
+                        reason,
+                    });
+                    continue;
+                }
+                match recipe.and_then(|recipe| lacking(&recipe, spec, dataset)) {
                     Some(lacking) => {
                         starved
                             .entry(model)
@@ -102,7 +121,25 @@ pub(super) fn refuse_unsuitable(
             Job::Question(task) => suits(&task.question, dataset).map_err(of_data)?,
         }
     }
-    refuse_starved(&starved, fed)
+    refuse_starved(&starved, fed)?;
+    let contends = |task: &&Task| !unmet.contains(&task.id) && task.probe.is_none();
+    if let Some(first) = left_out.first()
+        && !tasks.iter().any(|task| contends(&task))
+    {
+        return Err(format!("no model can be trained; {first}").into());
+    }
+    tasks.retain(|task| !unmet.contains(&task.id));
+    Ok(left_out.into_iter().collect())
+}
+
+/// Returns the requirement of a model that the sweeps of a data set do not meet; `None` if they meet all.
+fn unmet_by(recipe: &ModelRecipe, spec: &TrainSpec, dataset: &Dataset) -> Option<String> {
+    let shape = SweepShape {
+        steps: spec.steps.unwrap_or(dataset.shape().steps),
+        ..dataset.shape()
+    };
+    let checked = recipe.check_sweeps(shape, dataset.sample_rate_hz());
+    checked.err().map(|error| error.to_string())
 }
 
 /// Returns an error if some models have too few sweeps, with settings that keep only the others.

@@ -25,6 +25,7 @@ pub(super) fn empty() -> Summary {
         expects: String::new(),
         command: "tactnet experiment".into(),
         question: Question::Crossval(Crossval::default()),
+        left_out: vec![],
         git: vec![],
         seed: 1,
         tasks_done: 0,
@@ -206,6 +207,7 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
     let statistic = |mean: f64| Statistic::of(vec![mean, 1.1 * mean], 0.25);
     for (measure, sweeps, statistic) in [
         (Measure::Accuracy, 1, Statistic::of(folds.clone(), 0.25)),
+        (Measure::BalancedAccuracy, 1, statistic(accuracy)),
         (Measure::Accuracy, 3, statistic(0.85)),
         (Measure::VoteAccuracy, 3, statistic(0.84)),
         (Measure::NegativeLogLikelihood, 1, statistic(0.4)),

@@ -25,6 +25,9 @@ pub(super) fn header(summary: &Summary, headline: &Markup) -> Markup {
                 " are synthetic: a generator made them, and their results do not hold for TactMat."
             }
         }
+        @for left_out in &summary.left_out {
+            p.note { strong { "Left out:" } " " (left_out) "." }
+        }
         @for assumed in summary.assumed_rates() {
             p.note { strong { "Assumed:" } " " (assumed) "." }
         }

@@ -191,8 +191,7 @@ fn qualifier(audit: Option<&Audit>, best: &Scored<'_>) -> String {
         return "Evaluated on the inner split, which also selected it; no test sweep was read."
             .into();
     }
-    let chance = 1.0 / best.materials.len().max(1) as f64;
-    let guessing = in_percent(audit.map_or(chance, |audit| audit.chance));
+    let guessing = in_percent(audit.map_or_else(|| best.guessing(), |audit| audit.chance));
     let Some(audit) = audit else {
         return format!("Guessing recognises {guessing}.");
     };

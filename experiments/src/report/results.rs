@@ -12,6 +12,7 @@ use crate::scored::{FewSteps, Scored, few_steps};
 /// Optional columns of the table.
 #[derive(Clone, Copy)]
 struct Columns {
+    balanced: bool,
     steps: bool,
     published: bool,
 }
@@ -20,6 +21,7 @@ struct Columns {
 pub(super) fn section(contenders: &[Scored<'_>], sets: &[DataSet]) -> Option<Markup> {
     let first = contenders.first()?;
     let columns = Columns {
+        balanced: contenders.iter().any(Scored::is_unbalanced),
         steps: contenders.iter().any(|row| row.steps != first.steps),
         published: contenders.iter().any(|row| row.published.is_some()),
     };
@@ -36,7 +38,7 @@ pub(super) fn section(contenders: &[Scored<'_>], sets: &[DataSet]) -> Option<Mar
     let caption = "Accuracy and calibration of every model";
     Some(html! {
         p {
-            (common(contenders, sets)) " Means over folds, most accurate first. Intervals are corrected for training sweeps that "
+            (common(contenders, sets)) @if columns.balanced { " Balanced: the mean of the materials' recalls." } " Means over folds, most accurate first. Intervals are corrected for training sweeps that "
             "folds share (Nadeau and Bengio, 2003). For NLL, ECE and Brier, smaller is better. A model's name links to its folds."
         }
         (sortable("Results table", "results", caption, &headings, &bodies))
@@ -50,6 +52,11 @@ fn headings(columns: Columns) -> Vec<Heading> {
         Heading::text("Model"),
         Heading::score("1 sweep", "% (sd)"),
         Heading::number("95 % interval", "1 sweep, %"),
+    ];
+    if columns.balanced {
+        headings.push(Heading::number("Balanced", "1 sweep, % (sd)"));
+    }
+    headings.extend([
         Heading::number("3 sweeps", "% (sd)"),
         Heading::number("3 sweeps, vote", "% (sd)"),
         Heading::number("\u{3c3}<sub>test</sub>", "%"),
@@ -58,7 +65,7 @@ fn headings(columns: Columns) -> Vec<Heading> {
         Heading::number("Brier", "0 to 2"),
         Heading::number("Training", "s/fold"),
         Heading::number("Folds", ""),
-    ];
+    ]);
     if columns.steps {
         headings.push(Heading::number("Steps", ""));
     }
@@ -132,6 +139,7 @@ fn line(contenders: &[Scored<'_>], set: &DataSet, row: &Scored<'_>, columns: Col
             th scope="row" { a href={ "#row-" (index.unwrap_or_default()) } { (set.name(row)) } }
             (accuracy(Some(row.one_sweep)))
             (number(row.one_sweep.ci95.map(|ends| ends[0]), &percent_interval(row.one_sweep)))
+            @if columns.balanced { (accuracy(row.balanced)) }
             (accuracy(row.three_sweeps))
             (accuracy(row.three_votes))
             (number(Some(row.sigma_test), &percent(row.sigma_test)))

@@ -54,7 +54,7 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
     if means.is_none() && permuted.is_none() && block_out.is_none() {
         return None;
     }
-    let chance = 1.0 / rows[0].materials.len() as f64;
+    let chance = rows[0].guessing();
     let guessing = permuted.map(|row| guessing(row));
     let binomial = (chance * (1.0 - chance) / rows[0].n_test as f64).sqrt();
     let mut audit = Audit {

@@ -77,6 +77,9 @@ fn measured(
     result: &RunResult,
 ) -> Vec<Measurement> {
     let mut values = vec![(Measure::Accuracy, 1, evaluation.one_sweep.mean)];
+    if let Some(balanced) = &evaluation.balanced {
+        values.push((Measure::BalancedAccuracy, 1, balanced.mean));
+    }
     if let Some(fused) = &evaluation.fused {
         values.push((Measure::Accuracy, fused.sweeps, fused.bayes.mean));
         values.push((Measure::VoteAccuracy, fused.sweeps, fused.majority.mean));

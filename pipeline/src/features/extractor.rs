@@ -44,9 +44,9 @@ impl FeatureSet {
     pub fn check(self, shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
         match self {
             Self::Means => Ok(()),
-            Self::L => LowFeatures::new(shape, rate, MeanRemoval::None).map(|_| ()),
-            Self::H => HighFeatures::new(shape, rate, MeanRemoval::None).map(|_| ()),
-            Self::LogSpectra => LogSpectra::new(shape, rate).map(|_| ()),
+            Self::L => LowFeatures::check(shape, rate),
+            Self::H => HighFeatures::check(shape, rate),
+            Self::LogSpectra => LogSpectra::check(shape, rate),
             Self::MiniRocket | Self::MultiRocketHydra => enough_steps(shape),
         }
     }

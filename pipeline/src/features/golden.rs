@@ -237,5 +237,18 @@ fn a_sweep_without_room_for_a_window_is_refused() {
         .err()
         .unwrap()
         .to_string();
-    assert!(refused.contains("between 20 and 15 Hz"), "{refused}");
+    assert!(
+        refused.contains("at least 40 Hz for L-features"),
+        "{refused}"
+    );
+    // At 38 Hz all of the power lies in the first band, so that the H-features would be the same for every sweep.
+    let refused = HighFeatures::new(shape, 38.0, MeanRemoval::None)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(
+        refused.contains("at least 40 Hz for H-features"),
+        "{refused}"
+    );
+    assert!(HighFeatures::new(shape, 40.0, MeanRemoval::None).is_ok());
 }

@@ -27,13 +27,7 @@ impl LogSpectra {
     /// # Errors
     /// Sweeps of fewer than four steps.
     pub fn new(shape: SweepShape, rate: f64) -> Result<Self, PipelineError> {
-        if shape.steps < 4 {
-            return Err(PipelineError::incompatible(
-                "sweeps",
-                "at least 4 steps for a spectrum",
-                format!("{} steps at {rate} Hz", shape.steps),
-            ));
-        }
+        Self::check(shape, rate)?;
         let last = (shape.steps / 2) as f64;
         let edge = |band: usize| last.powf(band as f64 / BANDS as f64);
         // From bin 1, which is one period per sweep, to the last bin.
@@ -50,6 +44,22 @@ impl LogSpectra {
                 .filter(|bins| !bins.is_empty())
                 .collect(),
         })
+    }
+
+    /// Succeeds if the features exist for sweeps of this shape.
+    ///
+    /// # Errors
+    /// Sweeps of fewer than four steps.
+    pub fn check(shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
+        if shape.steps >= 4 {
+            return Ok(());
+        }
+        let found = format!("{} steps at {rate} Hz", shape.steps);
+        Err(PipelineError::incompatible(
+            "sweeps",
+            "at least 4 steps for a spectrum",
+            found,
+        ))
     }
 
     /// Returns the number of features, including the taxels' means.

@@ -17,6 +17,9 @@ const BAND_HZ: f64 = 20.0;
 const LOWEST_HZ: f64 = 2.0;
 /// Window of the short-time spectrum, in seconds.
 const WINDOW_SECONDS: f64 = 0.1;
+/// Lowest sample rate of L- and H-features, in Hz. Below it half the rate lies in the first band: the L-features lack their second band, and
+/// the H-features, which are shares of the power, are all 1.
+const LEAST_RATE_HZ: f64 = 2.0 * BAND_HZ;
 /// Time between successive windows, in seconds.
 const HOP_SECONDS: f64 = 0.05;
 
@@ -37,38 +40,32 @@ impl LowFeatures {
     /// # Errors
     /// A rate or length that leaves one of the two bands without a frequency.
     pub fn new(shape: SweepShape, rate: f64, levels: MeanRemoval) -> Result<Self, PipelineError> {
-        let this = Self {
+        Self::check(shape, rate)?;
+        Ok(Self {
             shape,
             rate,
             levels,
             transform: RealFftPlanner::new().plan_fft_forward(shape.steps),
-        };
-        let nyquist = rate / 2.0;
-        for (low, high) in [(LOWEST_HZ, BAND_HZ), (BAND_HZ, nyquist)] {
-            if this.bins(low, high).is_empty() {
-                return Err(too_short(
-                    "L-features",
-                    format!("a frequency between {low} and {high:.0} Hz"),
-                    shape,
-                    rate,
-                ));
-            }
-        }
-        Ok(this)
+        })
     }
 
-    /// Returns the bins from `low` to below `high`; up to the Nyquist frequency inclusive if `high` reaches it.
+    /// Succeeds if the features exist for sweeps of this shape and rate.
+    ///
+    /// # Errors
+    /// As [`LowFeatures::new`].
+    pub fn check(shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
+        enough_bands("L-features", rate)?;
+        for (low, high) in [(LOWEST_HZ, BAND_HZ), (BAND_HZ, rate / 2.0)] {
+            if bins(shape.steps, rate, low, high).is_empty() {
+                let needed = format!("a frequency between {low} and {high:.0} Hz");
+                return Err(too_short("L-features", needed, shape, rate));
+            }
+        }
+        Ok(())
+    }
+
     fn bins(&self, low: f64, high: f64) -> std::ops::Range<usize> {
-        let per_bin = self.rate / self.shape.steps as f64;
-        let bins = self.shape.steps / 2 + 1;
-        // A bin that equals the limit up to rounding belongs above it.
-        let first = |hz: f64| (hz / per_bin - 1e-9).ceil().max(0.0) as usize;
-        let end = if high >= self.rate / 2.0 {
-            bins
-        } else {
-            first(high)
-        };
-        first(low).min(end)..end
+        bins(self.shape.steps, self.rate, low, high)
     }
 
     /// Returns the features of one sweep, `[steps][taxels]`:
@@ -128,17 +125,10 @@ impl HighFeatures {
     /// Creates an extractor for sweeps of `shape` at `rate` frames per second.
     ///
     /// # Errors
-    /// A sweep shorter than one window of 0.1 s; a rate below 20 Hz.
+    /// A sweep shorter than one window of 0.1 s; a rate below [`LEAST_RATE_HZ`].
     pub fn new(shape: SweepShape, rate: f64, levels: MeanRemoval) -> Result<Self, PipelineError> {
+        Self::check(shape, rate)?;
         let window = (WINDOW_SECONDS * rate).round() as usize;
-        if shape.steps < window || window < 2 {
-            return Err(too_short(
-                "H-features",
-                format!("a window of {WINDOW_SECONDS} s"),
-                shape,
-                rate,
-            ));
-        }
         // As many hops as fit (40 for 1500 steps at 750 Hz). Zeros fill a window that reaches beyond the end.
         let hop = HOP_SECONDS * rate;
         let windows = (shape.steps as f64 / hop + 1e-9).floor() as usize;
@@ -152,6 +142,20 @@ impl HighFeatures {
                 .collect(),
             bands: (rate / 2.0 / BAND_HZ + 1e-9).floor() as usize + 1,
         })
+    }
+
+    /// Succeeds if the features exist for sweeps of this shape and rate.
+    ///
+    /// # Errors
+    /// As [`HighFeatures::new`].
+    pub fn check(shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
+        enough_bands("H-features", rate)?;
+        let window = (WINDOW_SECONDS * rate).round() as usize;
+        if shape.steps < window {
+            let needed = format!("a window of {WINDOW_SECONDS} s");
+            return Err(too_short("H-features", needed, shape, rate));
+        }
+        Ok(())
     }
 
     /// Returns the number of features: windows times bands (760 for 1500 steps at 750 Hz).
@@ -222,6 +226,33 @@ fn transform(
     transform
         .process(input, spectrum)
         .unwrap_or_else(|error| panic!("buffers were made by the plan: {error}"));
+}
+
+/// Returns the bins from `low` to below `high`; up to the Nyquist frequency inclusive if `high` reaches it.
+fn bins(steps: usize, rate: f64, low: f64, high: f64) -> std::ops::Range<usize> {
+    let per_bin = rate / steps as f64;
+    let bins = steps / 2 + 1;
+    // A bin that equals the limit up to rounding belongs above it.
+    let first = |hz: f64| (hz / per_bin - 1e-9).ceil().max(0.0) as usize;
+    let end = if high >= rate / 2.0 {
+        bins
+    } else {
+        first(high)
+    };
+    first(low).min(end)..end
+}
+
+/// Succeeds if half the rate reaches the second frequency band.
+fn enough_bands(what: &str, rate: f64) -> Result<(), PipelineError> {
+    if rate >= LEAST_RATE_HZ {
+        return Ok(());
+    }
+    let needed = format!("at least {LEAST_RATE_HZ} Hz for {what}");
+    Err(PipelineError::incompatible(
+        "sample rate",
+        needed,
+        format!("{rate} Hz"),
+    ))
 }
 
 fn too_short(what: &str, needed: String, shape: SweepShape, rate: f64) -> PipelineError {

@@ -65,6 +65,7 @@ mod tests {
                 ci95_high: 0.75,
                 n: 4,
             },
+            balanced: None,
             fused: None,
             negative_log_likelihood: 1.0,
             expected_calibration_error: 0.25,

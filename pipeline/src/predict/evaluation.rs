@@ -40,6 +40,9 @@ pub struct Evaluation {
     pub method: PredictionMethod,
     /// Accuracy on single sweeps.
     pub one_sweep: Estimate,
+    /// Balanced accuracy on single sweeps; absent in results of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub balanced: Option<Estimate>,
     /// Accuracy on fused sweeps; absent if no material has enough test sweeps.
     pub fused: Option<FusedAccuracy>,
     /// Mean negative log-likelihood, in nats.
@@ -59,6 +62,7 @@ impl Evaluation {
         Self {
             method: predictions.method,
             one_sweep: predictions.one_sweep(),
+            balanced: Some(predictions.balanced()),
             fused: predictions.fused(sweeps, seed),
             negative_log_likelihood: predictions.negative_log_likelihood(),
             expected_calibration_error: predictions.expected_calibration_error(),

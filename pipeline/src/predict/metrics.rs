@@ -66,6 +66,41 @@ impl Predictions {
         Estimate::wilson(self.accuracy(), self.sweeps.len())
     }
 
+    /// Returns the balanced accuracy on single sweeps: the mean of the materials' recalls (Brodersen et al., 2010).
+    ///
+    /// The interval is Wilson's for the number of sweeps of equal materials whose mean would vary as much. Materials without a test sweep do
+    /// not count.
+    ///
+    /// # Panics
+    /// If the predictions are empty.
+    pub fn balanced(&self) -> Estimate {
+        let confusion = self.confusion();
+        let tested = || {
+            let counts = confusion.iter().enumerate();
+            let counts = counts.map(|(label, row)| (row[label], row.iter().sum::<usize>()));
+            counts.filter(|(_, all)| *all > 0)
+        };
+        let materials = tested().count() as f64;
+        let recall = |(right, all): (usize, usize)| right as f64 / all as f64;
+        let mean = tested().map(recall).sum::<f64>() / materials;
+        // One right and one wrong sweep more, so that a recall of 0 or 1 has a variance.
+        let variance = |(right, all): (usize, usize)| {
+            let share = (right + 1) as f64 / (all + 2) as f64;
+            share * (1.0 - share) / all as f64
+        };
+        let of_mean = tested().map(variance).sum::<f64>() / materials.powi(2);
+        let pooled = tested().map(|(right, all)| (right + 1) as f64 / (all + 2) as f64);
+        let pooled = pooled.sum::<f64>() / materials;
+        let sweeps = (pooled * (1.0 - pooled) / of_mean).round() as usize;
+        Estimate::wilson(mean, sweeps.clamp(1, self.sweeps.len()))
+    }
+
+    /// Returns the accuracy of always naming the material with the most sweeps.
+    pub fn guessing(&self) -> f64 {
+        let most = self.confusion().iter().map(|row| row.iter().sum()).max();
+        most.unwrap_or(0_usize) as f64 / self.sweeps.len() as f64
+    }
+
     /// Returns the accuracy on groups of `sweeps` test sweeps of one material; `None` if no material has that many.
     ///
     /// The sweeps of every material are split at random into disjoint groups, 20 times (stream "fusion" of `seed`). The mean is over all groups.
@@ -216,6 +251,30 @@ mod tests {
             perfect.ci95_low < 0.75 && perfect.ci95_high == 1.0,
             "{perfect:?}"
         );
+    }
+
+    /// sklearn.metrics.balanced_accuracy_score([0, 0, 0, 0, 0, 0, 1, 1], [0, 0, 0, 0, 0, 1, 1, 0]) is 2/3.
+    #[test]
+    fn balanced_accuracy_matches_scikit_learn_and_equals_accuracy_for_equal_materials() {
+        let (right, wrong) = ([0.9, 0.1], [0.1, 0.9]);
+        let mut rows = vec![(0, right); 5];
+        rows.extend([(0, wrong), (1, wrong), (1, right)]);
+        let unequal = predictions(&rows);
+        assert!((unequal.balanced().mean - 2.0 / 3.0).abs() < 1e-12);
+        assert_eq!(unequal.guessing(), 0.75);
+        let (wide, narrow) = (unequal.balanced(), unequal.one_sweep());
+        assert!(wide.ci95_high - wide.ci95_low > narrow.ci95_high - narrow.ci95_low);
+
+        let equal = predictions(&[
+            (0, right),
+            (0, right),
+            (0, wrong),
+            (1, wrong),
+            (1, wrong),
+            (1, right),
+        ]);
+        assert_eq!(equal.balanced(), equal.one_sweep());
+        assert_eq!(equal.guessing(), 0.5);
     }
 
     #[test]

@@ -139,6 +139,9 @@ impl Session {
             None => fold,
             Some(part) => fold.nested(part)?,
         };
+        job.recipe().check_materials(dataset.labels())?;
+        job.recipe()
+            .check_sweeps(dataset.shape(), dataset.sample_rate_hz())?;
         let (fitted, aside) = set_aside(&fold, spec.calibration)?;
         if let Some((target, aside)) = &aside {
             target.check(aside.len())?;

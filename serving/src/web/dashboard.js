@@ -108,7 +108,7 @@ function showAge() {
   el("state").className = old || !view ? "dead" : silentSkin ? "waiting" : "alive";
   set("state", !view ? "connecting" : lost ? "connection lost, reconnecting" : dead ? "the classifier is silent" : silentSkin ? "waiting for a skin" : "live");
   document.body.classList.toggle("skinless", Boolean(silentSkin));
-  set("skin-title", silentSkin ? "Skin, last pressure: no readings" : "Skin, pressure now");
+  set("skin-title", silentSkin ? "Skin, last readings: silent now" : "Skin, readings now");
   set("age", old && view ? "Stale: this prediction is " + ago(view.heard_ms + silent) + " old." : silentSkin && view.belief ? "No readings: this is the last prediction." : "");
   el("reset").disabled = Boolean(old) || !view;
   set("rate", view && !old && !silentSkin ? view.frames_per_s.toFixed(0) + " readings per second" : "");

@@ -185,7 +185,10 @@ fn write_page(
     let Some(file) = &arguments.html else {
         return Ok(ExitCode::SUCCESS);
     };
-    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<String> = std::env::args_os()
+        .skip(1)
+        .map(|word| word.to_string_lossy().into_owned())
+        .collect();
     let machine = format!(
         "commit {GIT}, {}, {} threads",
         provenance.processor, provenance.threads

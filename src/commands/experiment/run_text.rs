@@ -8,6 +8,8 @@ use tactnet_pipeline::{
     TrainingSteps, quoted,
 };
 
+use crate::commands::eval_text::guessing_text;
+
 /// Accuracy from which no advice is given.
 const GOOD: f64 = 0.95;
 /// The default recipe of a training.
@@ -29,14 +31,11 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
         EvaluationTable(&result.evaluations).to_string(),
     ];
     let (config, split) = (run.config()?, run.split()?);
-    let materials = config.classifier.labels.len();
-    lines.push(format!(
-        "chance level with {materials} materials: {:.1} %",
-        100.0 / materials as f64
-    ));
     let method = config.recipe.method();
     let (_, predictions) = run.predictions(method)?;
-    lines.push(Confusion::from(&predictions).to_string());
+    let confusion = Confusion::from(&predictions);
+    lines.push(guessing_text(&confusion, predictions.balanced()));
+    lines.push(confusion.to_string());
     if let Some(row) = published_for(&config, result.origin, &split, method) {
         lines.push(format!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
@@ -97,7 +96,8 @@ pub fn advice(session: &Session, result: &RunResult) -> Result<Vec<String>, Pipe
                 .into(),
         );
     }
-    let chance = 1.0 / config.classifier.labels.len() as f64;
+    let (_, predictions) = run.predictions(config.recipe.method())?;
+    let chance = predictions.guessing();
     let surely = accuracies.map(|of| of.ci95_low).fold(0.0, f64::max);
     if surely <= chance {
         lines.push(format!(

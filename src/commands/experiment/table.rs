@@ -40,6 +40,9 @@ fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
             summary.tasks_done, summary.tasks
         )?;
     }
+    for left_out in &summary.left_out {
+        writeln!(out, "note: {left_out}")?;
+    }
     for assumed in summary.assumed_rates() {
         writeln!(out, "warning: {}", assumed_rate_text(assumed))?;
     }
@@ -66,12 +69,12 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
                 setting = Some(own);
                 writeln!(
                     out,
-                    "\n{}, {}, levels {}, {} steps, chance {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>16} {:>6} {:>7} {:>9}{published_heading}",
+                    "\n{}, {}, levels {}, {} steps, guessing {:.1} %\n{:<44} {:>5} {:>24} {:>16} {:>16} {:>6} {:>7} {:>9}{published_heading}",
                     row.data,
                     row.split,
                     row.levels.name(),
                     row.steps,
-                    100.0 / row.materials.len() as f64,
+                    100.0 * row.guessing(),
                     "model",
                     "folds",
                     "1 sweep [%], sd, 95 %",
@@ -85,6 +88,15 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
             writeln!(out, "{}", contender(row, published))?;
         }
     }
+    let unequal = contenders.iter().filter(|row| row.is_unbalanced());
+    let unequal: Vec<String> = unequal.filter_map(balanced).collect();
+    if !unequal.is_empty() {
+        let each = unequal.join(", ");
+        writeln!(
+            out,
+            "\nbalanced accuracy, the mean of the materials' recalls [%]: {each}"
+        )?;
+    }
     let rows = contenders.iter().map(|row| (row.name(), row.one_sweep));
     notes(out, &interval_notes(rows, "fold"))?;
     for few in summary.few_steps() {
@@ -94,6 +106,19 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
         writeln!(out, "\n{}: {}", audit.data, audit.verdict)?;
     }
     Ok(())
+}
+
+/// Returns name and balanced accuracy of a contender, with its interval.
+fn balanced(row: &Scored<'_>) -> Option<String> {
+    let statistic = row.balanced?;
+    let interval = statistic.ci95.map_or(String::new(), |[low, high]| {
+        format!(" ({:.1} to {:.1})", 100.0 * low, 100.0 * high)
+    });
+    Some(format!(
+        "{} {:.1}{interval}",
+        row.name(),
+        100.0 * statistic.mean
+    ))
 }
 
 /// Writes notes on missing and wide intervals.
