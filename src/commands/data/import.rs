@@ -58,6 +58,9 @@ struct CutArgs {
     /// Columns of a table that are taxels [default: all that have no other meaning]
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     columns: Vec<String>,
+    /// Array or feature that holds the samples, in a file that has several
+    #[arg(long, value_name = "NAME")]
+    samples: Option<String>,
 }
 
 impl CutArgs {
@@ -77,6 +80,7 @@ impl CutArgs {
             (self.resample.is_some(), "--resample"),
             (self.window.is_some(), "--window"),
             (!self.columns.is_empty(), "--columns"),
+            (self.samples.is_some(), "--samples"),
         ];
         options
             .into_iter()
@@ -143,6 +147,7 @@ fn read(arguments: &ImportArgs) -> anyhow::Result<Dataset> {
         columns: arguments.cut.columns.clone(),
         resample_hz: arguments.cut.resample,
         windows: arguments.cut.windows(),
+        samples: arguments.cut.samples.clone(),
     };
     match &arguments.material {
         Some(material) => of_material(path, &options, material),
