@@ -41,6 +41,8 @@ pub enum Remedy {
         /// The label.
         label: String,
     },
+    /// Subtract a fixed offset from each taxel, the same one in all data, before values are narrowed to 32-bit floats.
+    SubtractOffset,
     /// Choose another number of folds, or hold out a part of the sweeps.
     ChooseFolds,
     /// Check the data set, which lists all findings.

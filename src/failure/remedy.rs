@@ -42,6 +42,10 @@ pub(super) fn words_of(remedy: &Remedy) -> String {
         Remedy::DropLabel { label } => {
             format!("leave them out with `--drop-label {}`", tactnet_pipeline::quoted(label))
         }
+        Remedy::SubtractOffset => {
+            "subtract the offset of each taxel first, the same one in all files: `X - X.mean((0, 1))` of the training sweeps"
+                .into()
+        }
         Remedy::ChooseFolds => "choose another split with `--folds N` or `--split hold-out`".into(),
         Remedy::ListFindings { data } => format!("list all with `tactnet data check {data}`"),
         Remedy::ConvertRecording => {
@@ -137,6 +141,7 @@ mod tests {
                 },
                 "--drop-label 'no contact'`",
             ),
+            (Remedy::SubtractOffset, "`X - X.mean((0, 1))`"),
             (Remedy::ChooseFolds, "--split hold-out"),
             (
                 Remedy::ListFindings {

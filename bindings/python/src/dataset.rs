@@ -47,6 +47,20 @@ impl<T: numpy::Element> ShapeOf for PyReadonlyArray4<'_, T> {
     }
 }
 
+/// Succeeds if 32-bit floats keep the resolution of `samples`, `[sweeps][steps][rows][cols]`, C-contiguous.
+#[pyfunction]
+pub(crate) fn check_resolution(samples: PyReadonlyArray4<'_, f64>) -> PyResult<()> {
+    let extents = samples.shape_of();
+    let shape = SweepShape {
+        steps: extents[1],
+        rows: extents[2],
+        cols: extents[3],
+    };
+    Samples::from_f64(samples.as_slice()?, shape)
+        .map(drop)
+        .map_err(raised)
+}
+
 /// Indices of the training and test sweeps of a fold.
 type Indices<'py> = (Bound<'py, PyArray1<usize>>, Bound<'py, PyArray1<usize>>);
 

@@ -64,6 +64,10 @@ fn words_of(remedy: &Remedy) -> String {
         Remedy::Resample => "pass `resample=`".into(),
         Remedy::CutWindows => "pass `window=` to cut recordings into sweeps".into(),
         Remedy::DropLabel { label } => format!("pass `drop_labels=[{label:?}]`"),
+        Remedy::SubtractOffset => {
+            "subtract the offset of each taxel first, the same one in all arrays: `X - X.mean((0, 1))` of the training sweeps"
+                .into()
+        }
         Remedy::ChooseFolds => "pass `folds=`".into(),
         Remedy::ListFindings { data } => format!("`Dataset.read({data:?}).check()` lists all"),
         Remedy::ConvertRecording => "open it with `tactnet.Recording`".into(),

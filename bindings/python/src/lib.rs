@@ -39,6 +39,7 @@ fn _tactnet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     )?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(fuse, module)?)?;
+    module.add_function(wrap_pyfunction!(dataset::check_resolution, module)?)?;
     module.add_class::<dataset::Dataset>()?;
     module.add_class::<classifier::Classifier>()?;
     module.add_class::<online::Online>()?;

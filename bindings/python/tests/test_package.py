@@ -62,6 +62,7 @@ def test_arrays_come_back_as_they_were():
         (np.zeros((0, 4, 4)), "at least one sweep"),
         (np.array([[["a"]]]), "expected numbers"),
         (np.full((2, 3, 4), 1e300), "32-bit float"),
+        (1.6e9 + np.arange(24.0).reshape(2, 3, 4), "keeps steps of 128"),
         (np.full((2, 3, 4), 1 << 60), "32-bit float"),
         (np.zeros((3, 4, 4)), "found 2"),
     ],

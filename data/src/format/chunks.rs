@@ -7,7 +7,8 @@
 use super::DEFLATE_LIMIT;
 use super::chunk_grid::{Band, ChunkGrid, RANK};
 use super::mismatch::{Mismatch, type_name};
-use super::narrow::{Stored, TooWide, Width, join, narrow, widen, width_of};
+use super::narrow::{HELD, Stored, TooWide, Width, join, narrow, widen, width_of};
+use super::resolution::SomeSweeps;
 use super::tile::TileCopy;
 use crate::Samples;
 use hdf5_reader::chunk_index::ChunkEntry;
@@ -270,6 +271,49 @@ impl Values<'_> {
     }
 }
 
+/// Returns some of the sweeps of a data set, if 32-bit floats may lose their resolution; `None` for other types.
+pub(super) fn some_sweeps(
+    dataset: &Dataset,
+    shape: [usize; RANK],
+) -> Result<Option<SomeSweeps>, Mismatch> {
+    match *dataset.dtype() {
+        Datatype::FloatingPoint { size: 8, .. } => some_of::<f64>(dataset, shape),
+        Datatype::FixedPoint { size, signed, .. } => match (size, signed) {
+            (4, true) => some_of::<i32>(dataset, shape),
+            (4, false) => some_of::<u32>(dataset, shape),
+            (8, true) => some_of::<i64>(dataset, shape),
+            (8, false) => some_of::<u64>(dataset, shape),
+            _ => return Ok(None),
+        },
+        _ => return Ok(None),
+    }
+    .map(Some)
+}
+
+fn some_of<T: Stored>(dataset: &Dataset, shape: [usize; RANK]) -> Result<SomeSweeps, Mismatch> {
+    /// Number of sweeps, which may each need a chunk with many others.
+    const SWEEPS: usize = 16;
+    let all = shape[0] * shape[1];
+    let count = all.min(SWEEPS);
+    let mut some = SomeSweeps::of_array(&[count, shape[2], shape[3] * shape[4]]);
+    for number in 0..count {
+        let sweep = number * all / count;
+        let mut selection = SliceInfo::all(RANK);
+        for (axis, at) in [sweep / shape[1], sweep % shape[1]].into_iter().enumerate() {
+            let start = at as u64;
+            selection.selections[axis] = SliceInfoElem::Slice {
+                start,
+                end: start + 1,
+                step: 1,
+            };
+        }
+        let values =
+            T::read_box(dataset, &selection).map_err(|error| Mismatch::from_hdf5(&error))?;
+        some.push(&values.into_iter().map(T::to_f64).collect::<Vec<f64>>());
+    }
+    Ok(some)
+}
+
 fn too_wide(value: TooWide) -> Mismatch {
-    Mismatch::new("values that a 32-bit float holds", value.0)
+    Mismatch::new(HELD, value.0)
 }

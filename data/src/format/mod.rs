@@ -51,6 +51,7 @@ mod pieces;
 mod read_options;
 mod recording;
 mod resample;
+mod resolution;
 mod sweep_file;
 pub mod tactmat;
 mod tactmat_write;

@@ -27,6 +27,8 @@ pub(super) trait Stored: Copy + Send + Sync + std::fmt::Display + 'static {
     fn to_u16(self) -> u16;
     /// Converts to the nearest `f32`.
     fn to_f32(self) -> f32;
+    /// Converts to the nearest `f64`.
+    fn to_f64(self) -> f64;
     /// Decodes all numbers of `bytes`; a shorter remainder is ignored.
     fn decode(bytes: Vec<u8>, order: ByteOrder) -> Vec<Self>;
     /// Reads the numbers of a box of an HDF5 data set, row-major.
@@ -47,6 +49,9 @@ macro_rules! stored {
             }
             fn to_f32(self) -> f32 {
                 self as f32
+            }
+            fn to_f64(self) -> f64 {
+                self as f64
             }
             fn decode(bytes: Vec<u8>, order: ByteOrder) -> Vec<Self> {
                 $decode(bytes, order)
@@ -115,6 +120,9 @@ stored!(u64, |value: u64| integer_width(value.into()), decode!(u64));
 stored!(i64, |value: i64| integer_width(value.into()), decode!(i64));
 stored!(f32, |value: f32| float_width(value.into()), decode!(f32));
 stored!(f64, float_width, decode!(f64));
+
+/// Expected values, for messages about [`TooWide`].
+pub(super) const HELD: &str = "values that a 32-bit float holds";
 
 /// Value that no element type represents, as text.
 #[derive(Debug)]

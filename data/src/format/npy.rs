@@ -4,6 +4,7 @@
 //! on crates.io bring a Python grammar and multiply the extents of a damaged shape unchecked.
 
 use super::narrow::{Stored, TooWide, append, join, narrow};
+use super::resolution::SomeSweeps;
 use crate::Samples;
 use half::f16;
 use hdf5_reader::ByteOrder;
@@ -23,6 +24,8 @@ pub(super) struct Array {
     values: Vec<u8>,
     /// Narrowed values of an array that [`Array::read_samples`] read.
     samples: Option<Result<Samples, TooWide>>,
+    /// Some of the values in `samples`, before they were narrowed.
+    some: Option<SomeSweeps>,
 }
 
 /// Number of bytes that are narrowed at once.
@@ -191,11 +194,19 @@ impl Array {
         }
         let mut samples = Ok(Samples::U8(Vec::new()));
         let mut left = header.bytes;
+        let mut some = array
+            .wide(Vec::new())
+            .map(|_| SomeSweeps::of_array(&array.shape));
         while left > 0 {
             let mut piece = vec![0; left.min(array.size * PIECE)];
             from.read_exact(&mut piece)
                 .map_err(|_| header.wrong(format!("less than {} bytes", header.bytes)))?;
             left -= piece.len();
+            if let Some(some) = &mut some {
+                some.push_if_kept(piece.len() / array.size, || {
+                    array.wide(piece.clone()).unwrap_or_default()
+                });
+            }
             samples = match (samples, array.narrowed(piece)) {
                 (Ok(all), Some(Ok(piece))) => Ok(append(all, piece)),
                 (Ok(_), Some(Err(too_wide))) => Err(too_wide),
@@ -205,6 +216,7 @@ impl Array {
         }
         header.check_end(&mut from)?;
         array.samples = Some(samples);
+        array.some = some;
         Ok(array)
     }
 
@@ -241,7 +253,44 @@ impl Array {
             shape: header.shape.clone(),
             values: Vec::new(),
             samples: None,
+            some: None,
         }
+    }
+
+    /// Returns the numbers of `bytes` as `f64`, if 32-bit floats may lose their resolution; `None` for other types.
+    fn wide(&self, bytes: Vec<u8>) -> Option<Vec<f64>> {
+        fn floats<T: Stored>(bytes: Vec<u8>, order: ByteOrder) -> Vec<f64> {
+            T::decode(bytes, order).into_iter().map(T::to_f64).collect()
+        }
+        let order = self.order;
+        Some(match (self.kind, self.size) {
+            ('f', 8) => floats::<f64>(bytes, order),
+            ('i', 4) => floats::<i32>(bytes, order),
+            ('u', 4) => floats::<u32>(bytes, order),
+            ('i', 8) => floats::<i64>(bytes, order),
+            ('u', 8) => floats::<u64>(bytes, order),
+            _ => return None,
+        })
+    }
+
+    /// Returns the numbers as `f64`, if 32-bit floats may lose their resolution; `None` for other types.
+    pub(super) fn wide_values(&self) -> Option<Vec<f64>> {
+        self.wide(self.values.clone())
+    }
+
+    /// Removes and returns some of the sweeps, if 32-bit floats may lose their resolution; `None` for other types.
+    pub(super) fn some_sweeps(&mut self) -> Option<SomeSweeps> {
+        if self.samples.is_some() {
+            return self.some.take();
+        }
+        self.wide(Vec::new())?;
+        let mut some = SomeSweeps::of_array(&self.shape);
+        for piece in self.values.chunks(self.size * PIECE) {
+            some.push_if_kept(piece.len() / self.size, || {
+                self.wide(piece.to_vec()).unwrap_or_default()
+            });
+        }
+        Some(some)
     }
 
     /// Returns the type as numpy writes it, without the byte order; for text only the kind.
@@ -304,13 +353,22 @@ impl Array {
 
     /// Returns numbers as `f64`; `None` for other values and numbers too large for an `f32`.
     pub(super) fn floats(&self) -> Option<Vec<f64>> {
+        self.values_f64()?.ok()
+    }
+
+    /// Returns numbers as `f64`; `None` for other values.
+    ///
+    /// # Errors
+    /// An integer that an `f32` does not represent.
+    pub(super) fn values_f64(&self) -> Option<Result<Vec<f64>, TooWide>> {
         if (self.kind, self.size) == ('f', 8) {
-            return Some(f64::decode(self.values.clone(), self.order));
+            return Some(Ok(f64::decode(self.values.clone(), self.order)));
         }
-        let samples = self.numbers()?.ok()?;
-        let mut values = vec![0.0; samples.len()];
-        samples.copy_to(0, &mut values);
-        Some(values.into_iter().map(f64::from).collect())
+        Some(self.numbers()?.map(|samples| {
+            let mut values = vec![0.0; samples.len()];
+            samples.copy_to(0, &mut values);
+            values.into_iter().map(f64::from).collect()
+        }))
     }
 
     /// Returns whole numbers from 0; `None` for other values.

@@ -15,6 +15,7 @@
 mod arrays;
 
 use super::named_sweeps::{Labels, UNLABELLED, records};
+use super::narrow::HELD;
 use super::npy::Array;
 use super::tactmat::SYNTHETIC_ATTRIBUTE;
 use crate::twin::TwinVersion;
@@ -75,11 +76,14 @@ pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool)
     if let Some(odd) = flags.iter().flatten().find(|&&flag| flag > 1) {
         return Err(arrays.error("test_flag", "0 or 1", odd.to_string()));
     }
+    if let Some(some) = samples.some_sweeps() {
+        some.check(path, layout.shape)?;
+    }
     let type_name = samples.type_name();
     let values = match samples.into_numbers() {
         Some(Ok(values)) => values,
         Some(Err(value)) => {
-            return Err(arrays.error(samples_name, "values that a 32-bit float holds", value.0));
+            return Err(arrays.error(samples_name, HELD, value.0));
         }
         None => return Err(arrays.error(samples_name, "numbers", type_name)),
     };

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::lengths::{Keep, OddLength, settle};
 use super::named_sweeps::NamedSweeps;
-use super::narrow::{TooWide, narrow};
 use super::pieces;
 use super::read_options::ReadOptions;
+use super::resolution::narrow_sweeps;
 use super::sweep_file::Patch;
 use super::time_stamps::Clockwork;
 use super::timing::Timing;
@@ -118,10 +118,7 @@ impl Recordings<'_> {
         for recording in &self.recordings {
             values.extend_from_slice(&recording.values[..steps * patch.taxels()]);
         }
-        let samples = narrow(&values).map_err(|TooWide(value)| {
-            let expected = "values that a 32-bit float holds";
-            DataError::format(self.path, "taxels", expected, value)
-        })?;
+        let samples = narrow_sweeps(self.path, patch.shape(steps), &values)?;
         let kept = &self.recordings;
         Ok(NamedSweeps {
             name: self.data_set_name(),

@@ -10,9 +10,11 @@ use std::path::Path;
 
 use super::csv::Rows;
 use super::frame_table::{Column, MATERIAL, STEP, is_one_of};
+use super::narrow::HELD;
 use super::npy::Array;
 use super::read_options::ReadOptions;
 use super::recording::LabelRun;
+use super::resolution::check_resolution;
 use super::taxel_names::{chosen, is_line_of_names, left_out, unlike_the_others};
 use super::time_names::{are_times, unused_times};
 use super::time_stamps::{Clockwork, time_stamps};
@@ -109,7 +111,7 @@ impl SweepFile {
         let io = |error| DataError::io(path, "read", error);
         let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
         let bytes = file.metadata().map_err(io)?.len();
-        let array = Array::read_samples(std::io::BufReader::new(file), bytes)
+        let array = Array::read(std::io::BufReader::new(file), bytes)
             .map_err(|found| DataError::format(path, "file", EXPECTED, found))?;
         let shape = array.shape.clone();
         let kind = array.type_name();
@@ -119,13 +121,16 @@ impl SweepFile {
             [_, rows, cols] => Patch::Grid(rows, cols),
             _ => return Err(found()),
         };
-        let samples = array.into_numbers().ok_or_else(found)?.map_err(|wide| {
-            DataError::format(path, "taxels", "values that a 32-bit float holds", wide.0)
-        })?;
-        let mut values = vec![0.0; samples.len()];
-        samples.copy_to(0, &mut values);
+        let values = match array.values_f64().ok_or_else(found)? {
+            Ok(values) => values,
+            Err(too_wide) => {
+                let values = array.wide_values().unwrap_or_default();
+                check_resolution(path, patch.shape(shape[0]), &values)?;
+                return Err(DataError::format(path, "taxels", HELD, too_wide.0));
+            }
+        };
         Ok(Self {
-            values: values.into_iter().map(f64::from).collect(),
+            values,
             ..Self::empty(patch)
         })
     }

@@ -18,10 +18,11 @@ pub use super::tactmat_write::write;
 
 use super::DEFLATE_LIMIT;
 use super::chunk_grid::RANK;
-use super::chunks::read_samples;
+use super::chunks::{read_samples, some_sweeps};
 use super::mismatch::{Mismatch, type_name};
+use super::narrow::HELD;
 use crate::twin::TwinVersion;
-use crate::{DataError, Dataset, LabelSet, SweepRecord, SweepShape};
+use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 use hdf5_reader::error::Error;
 use hdf5_reader::{Datatype, Hdf5File, OpenOptions};
 use std::path::Path;
@@ -64,8 +65,17 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         },
     )?;
     let rate = sample_rate_hz(&file, &samples, path)?;
-    let values = read_samples(&file, &samples, shape)
-        .map_err(|m| DataError::format(path, item, m.expected, m.found))?;
+    let mismatch = |m: Mismatch| DataError::format(path, item, m.expected, m.found);
+    let values = read_samples(&file, &samples, shape);
+    let sweep_shape = SweepShape { steps, rows, cols };
+    let may_lose = match &values {
+        Ok(values) => matches!(values, Samples::F32(_)),
+        Err(mismatch) => mismatch.expected == HELD,
+    };
+    if may_lose && let Some(some) = some_sweeps(&samples, shape).map_err(mismatch)? {
+        some.check(path, sweep_shape)?;
+    }
+    let values = values.map_err(mismatch)?;
     let records = (0..materials * sweeps)
         .map(|index| SweepRecord {
             label: index / sweeps,
@@ -75,15 +85,8 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
         })
         .collect();
     let name = super::stem(path);
-    let dataset = Dataset::at_rate(
-        name,
-        rate,
-        SweepShape { steps, rows, cols },
-        labels,
-        records,
-        values,
-    )
-    .map_err(|error| super::in_file(path, error))?;
+    let dataset = Dataset::at_rate(name, rate, sweep_shape, labels, records, values)
+        .map_err(|error| super::in_file(path, error))?;
     Ok(match twin_version(&file) {
         Some(version) => dataset.into_twin(version),
         None => dataset,

@@ -16,7 +16,7 @@ pub(crate) fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
     [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), values].concat()
 }
 
-fn archive(path: &Path, members: &[(&str, Vec<u8>)]) {
+pub(crate) fn archive(path: &Path, members: &[(&str, Vec<u8>)]) {
     let mut zip = ZipWriter::new(File::create(path).unwrap());
     for (name, content) in members {
         zip.start_file(format!("{name}.npy"), SimpleFileOptions::default())

@@ -4,6 +4,7 @@
 
 mod hostile;
 mod own_data;
+mod resolution;
 mod tables;
 mod time;
 mod windows;

@@ -27,7 +27,8 @@ class Finding:
 def native_values(X: Any) -> np.ndarray:
     """Returns ``X`` as ``(sweeps, steps, rows, cols)`` of a supported type: uint8, uint16 or float32.
 
-    Raises TactnetError for arrays with other axes, for text, and for numbers out of the range of a 32-bit float.
+    Raises TactnetError for arrays with other axes, for text, for numbers out of the range of a 32-bit float, and for signals on
+    an offset that leaves a 32-bit float too few steps.
     """
     X = np.asarray(X)
     if X.ndim == 3:
@@ -54,6 +55,8 @@ def native_values(X: Any) -> np.ndarray:
         finite = np.isfinite(X)
         if X.dtype.itemsize > 4 and (np.abs(X, where=finite, out=np.zeros_like(X)) > np.finfo(np.float32).max).any():
             raise TactnetError("X: expected values in the range of a 32-bit float, found larger ones")
+        if X.dtype.itemsize > 4:
+            _tactnet.check_resolution(np.ascontiguousarray(X, dtype=np.float64))
         X = X.astype(np.float32, copy=False)
     elif X.dtype not in (np.uint8, np.uint16):
         raise TactnetError(f"X: expected numbers, found {X.dtype}")
