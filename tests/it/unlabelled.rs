@@ -209,7 +209,7 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     let said = expect(0, with(&lab, &["data", "import"], "twin.h5", &slower));
     let said = stderr(&said);
     assert!(
-        said.contains("twin.h5 states 750 Hz, but `--rate 100` takes precedence"),
+        said.contains("the data names 750 Hz; the named 100 Hz takes precedence"),
         "{said}"
     );
     for command in [

@@ -35,8 +35,9 @@ impl Dataset {
         let differs = !self.rate_assumed;
         let mut dataset = self.with_sample_rate(named)?;
         // The named rate makes up for a clock that cannot be relied on.
+        let of_clock = [FindingKind::ClockBackwards, FindingKind::LostFrames];
         for finding in &mut dataset.reading_findings {
-            if finding.kind == FindingKind::ClockBackwards {
+            if of_clock.contains(&finding.kind) {
                 finding.severity = finding.severity.max(Severity::Warning);
             }
         }

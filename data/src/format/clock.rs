@@ -22,6 +22,11 @@ const STEADY: f64 = 0.9;
 const NEAR: f64 = 0.25;
 /// Number of intervals whose sum shows if deviations of the stamps cancel out.
 const SUMMED: usize = 8;
+/// Resolution of clocks that count whole milliseconds, in seconds.
+const MILLISECOND: f64 = 1e-3;
+/// Maximum period of a steady clock, in units of the stamps' resolution, whose multiples may come from rounding: rounding
+/// a period of 1.33 units gives intervals of 1 and 2.
+const ROUNDED: f64 = 1.67;
 /// Variance of such sums, relative to independent intervals, below which deviations cancel out. Errors of the stamps
 /// (rounding, delays) give about 1/8, lost frames about 1.
 const CANCELLED: f64 = 0.5;
@@ -94,7 +99,8 @@ impl Clock {
     /// Measures the time stamps of a recording.
     ///
     /// - `seconds`: finite stamps, in seconds
-    pub(super) fn of(seconds: &[f64]) -> Self {
+    /// - `resolution`: unit of the last digit with which all stamps are written, in seconds; 0 if that is not known
+    pub(super) fn of(seconds: &[f64], resolution: f64) -> Self {
         let intervals: Vec<f64> = seconds.array_windows().map(|&[a, b]| b - a).collect();
         let mut backwards = Vec::new();
         for (at, &seconds) in intervals.iter().enumerate() {
@@ -111,7 +117,10 @@ impl Clock {
         );
         let unit = match limit.bursts {
             true => None,
-            false => steady_period(seconds, &intervals, &pieces),
+            false => {
+                let resolution = resolution.max(whole_milliseconds(seconds));
+                steady_period(seconds, &intervals, &pieces, resolution)
+            }
         };
         let period = unit.unwrap_or_else(|| mean(&intervals, &pieces));
         let (mut gaps, mut missing) = (Vec::new(), Vec::new());
@@ -232,7 +241,12 @@ fn mean(intervals: &[f64], pieces: &[Range<usize>]) -> f64 {
 
 /// Returns the period of a steady clock, in seconds: nearly all intervals are near a multiple of it, and longer intervals
 /// are not compensated by shorter ones.
-fn steady_period(seconds: &[f64], intervals: &[f64], pieces: &[Range<usize>]) -> Option<f64> {
+fn steady_period(
+    seconds: &[f64],
+    intervals: &[f64],
+    pieces: &[Range<usize>],
+    resolution: f64,
+) -> Option<f64> {
     let mut inner: Vec<f64> = pieces
         .iter()
         .flat_map(|piece| &intervals[piece.start..piece.end - 1])
@@ -246,19 +260,39 @@ fn steady_period(seconds: &[f64], intervals: &[f64], pieces: &[Range<usize>]) ->
     if median <= 0.0 {
         return None;
     }
-    let (mut near, mut all_once, mut once, mut sum) = (0_usize, true, 0_usize, 0.0);
+    let (mut near, mut once, mut twice, mut sum) = (0_usize, 0_usize, 0_usize, 0.0);
     for &interval in &inner {
         let periods = (interval / median).round();
         let is_near = periods >= 1.0 && (interval / median - periods).abs() <= NEAR;
         near += usize::from(is_near);
-        all_once &= is_near && periods == 1.0;
-        if periods == 1.0 {
+        if is_near && periods == 1.0 {
             once += 1;
             sum += interval;
         }
+        twice += usize::from(is_near && periods == 2.0);
     }
-    let steady = near as f64 >= STEADY * inner.len() as f64;
-    (steady && (all_once || !cancels(seconds, intervals, pieces))).then(|| sum / once.max(1) as f64)
+    if (near as f64) < STEADY * inner.len() as f64 {
+        return None;
+    }
+    // Frames that are lost regularly, never two at once: only rounding could explain such stamps otherwise.
+    let regularly =
+        once + twice == inner.len() && 2 * once >= inner.len() && median > ROUNDED * resolution;
+    let steady = once == inner.len() || regularly || !cancels(seconds, intervals, pieces);
+    steady.then(|| sum / once.max(1) as f64)
+}
+
+/// Returns the resolution of stamps that are whole milliseconds, in seconds, otherwise 0.
+fn whole_milliseconds(seconds: &[f64]) -> f64 {
+    let is_whole = |time: &f64| {
+        let milliseconds = time / MILLISECOND;
+        // Unix times have an error of a quarter of a microsecond.
+        (milliseconds - milliseconds.round()).abs() < 1e-3
+    };
+    if seconds.iter().all(is_whole) {
+        MILLISECOND
+    } else {
+        0.0
+    }
 }
 
 /// Returns true if deviations of the intervals from their mean cancel out within a few frames: the stamps are inexact,

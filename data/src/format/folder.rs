@@ -121,6 +121,7 @@ fn read_files(
     // All files of a set have the same columns.
     let findings = sweeps[0].left_out.clone();
     let clockwork = sweeps[0].clockwork;
+    let resolution = sweeps[0].resolution;
     let names = sweep_names(&entries);
     let recording = |((entry, sweep), name): ((Entry, SweepFile), String)| Recording {
         name,
@@ -139,6 +140,7 @@ fn read_files(
         patch,
         recordings: parts.map(recording).collect(),
         clockwork,
+        resolution,
         findings,
     };
     recordings.into_sweeps(options)

@@ -170,6 +170,7 @@ impl<'a> FrameTable<'a> {
             clockwork: times
                 .as_ref()
                 .map(|TimeStamps { clockwork, .. }| *clockwork),
+            resolution: times.as_ref().map_or(0.0, |times| times.resolution),
             findings,
         })
     }

@@ -99,6 +99,7 @@ impl ReadOptions {
             patch: Patch::Grid(shape.rows, shape.cols),
             recordings: (0..dataset.len()).map(recording).collect(),
             clockwork: None,
+            resolution: 0.0,
             findings: Vec::new(),
         };
         let known = (!dataset.is_rate_assumed()).then(|| dataset.sample_rate_hz());

@@ -70,6 +70,8 @@ pub(super) struct Recordings<'a> {
     pub(super) recordings: Vec<Recording>,
     /// Meaning of the time stamps, if there are any.
     pub(super) clockwork: Option<Clockwork>,
+    /// Unit of the last digit of all time stamps, in seconds; 0 if that is not known.
+    pub(super) resolution: f64,
     /// Findings that only the reader can make.
     pub(super) findings: Vec<Finding>,
 }

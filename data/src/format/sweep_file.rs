@@ -75,6 +75,8 @@ pub(super) struct SweepFile {
     pub(super) time: Vec<f64>,
     /// Meaning of the stamps, if the file has any.
     pub(super) clockwork: Option<Clockwork>,
+    /// Unit of the last digit of all stamps, in seconds; 0 if that is not known.
+    pub(super) resolution: f64,
     /// Stretches of one label, if the file is cut by its labels.
     pub(super) labels: Vec<LabelRun>,
     /// Findings about parts of the file that are not read.
@@ -100,6 +102,7 @@ impl SweepFile {
             lines: Vec::new(),
             time: Vec::new(),
             clockwork: None,
+            resolution: 0.0,
             labels: Vec::new(),
             left_out: Vec::new(),
         }
@@ -184,6 +187,7 @@ impl SweepFile {
         if let Some(times) = time_stamps(path, &sweep.lines, &columns.words)? {
             sweep.time = times.seconds;
             sweep.clockwork = Some(times.clockwork);
+            sweep.resolution = times.resolution;
             sweep.left_out.extend(times.finding);
         }
         let labels = columns

@@ -36,6 +36,8 @@ pub(super) struct TimeStamps {
     /// Seconds: `[frames]`.
     pub(super) seconds: Vec<f64>,
     pub(super) clockwork: Clockwork,
+    /// Unit of the last digit of all stamps, in seconds; 0 if their numbers of digits differ or are not known.
+    pub(super) resolution: f64,
     /// Note about a unit that was recognised by the size of the numbers.
     pub(super) finding: Option<Finding>,
 }
@@ -70,6 +72,7 @@ pub(super) fn time_stamps(
     columns: &[(String, Column)],
 ) -> Result<Option<TimeStamps>, DataError> {
     let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+    let digit = |at: usize| last_digit(&columns[at].1);
     let read = |at: usize| {
         let (name, column) = &columns[at];
         stamps(column).map_err(|unreadable| refused(path, lines, name, &unreadable))
@@ -80,7 +83,7 @@ pub(super) fn time_stamps(
     let (column, unit) = match found {
         TimeColumns::One { column, unit } => (column, unit),
         TimeColumns::DateAndTime { date, time } => {
-            let mut times = in_unit(path, names[time], read(time)?, None)?;
+            let mut times = in_unit(path, names[time], read(time)?, None, digit(time))?;
             if times.clockwork == Clockwork::TimesOfDay
                 && let Ok(dates) = stamps(&columns[date].1)
                 && let Some(Stamp::Date(_)) = dates.first()
@@ -98,6 +101,7 @@ pub(super) fn time_stamps(
                 return Ok(Some(TimeStamps {
                     seconds: wholes.iter().zip(&rests).map(sum).collect(),
                     clockwork: Clockwork::Numbers(1.0),
+                    resolution: 0.0,
                     finding: None,
                 }));
             }
@@ -105,7 +109,7 @@ pub(super) fn time_stamps(
             (rest, Some(unit))
         }
     };
-    in_unit(path, names[column], read(column)?, unit).map(Some)
+    in_unit(path, names[column], read(column)?, unit, digit(column)).map(Some)
 }
 
 /// Returns the times in the recording's clock, for example the ends of intervals.
@@ -152,11 +156,13 @@ fn kind_of(stamps: &[Stamp]) -> &'static str {
 /// Converts stamps to seconds.
 ///
 /// - `unit`: unit of numbers, if the name of the column has one
+/// - `digit`: unit of the last digit, before conversion to seconds; 0 if not known
 fn in_unit(
     path: &Path,
     name: &str,
     stamps: Vec<Stamp>,
     unit: Option<f64>,
+    digit: f64,
 ) -> Result<TimeStamps, DataError> {
     let mut seconds: Vec<f64> = stamps.iter().map(|stamp| stamp.seconds()).collect();
     let clockwork = match (stamps.first(), unit) {
@@ -166,8 +172,10 @@ fn in_unit(
         (_, None) => Clockwork::Numbers(unit_by_size(path, name, &seconds)?),
     };
     let mut finding = None;
+    let mut resolution = digit;
     if let Clockwork::Numbers(used) = clockwork {
         seconds.iter_mut().for_each(|value| *value *= used);
+        resolution *= used;
         if unit.is_none() && used != 1.0 {
             let of_unit = UNIX_UNITS.iter().find(|(unit, _)| *unit == used);
             let message = format!(
@@ -185,8 +193,26 @@ fn in_unit(
     Ok(TimeStamps {
         seconds,
         clockwork,
+        resolution,
         finding,
     })
+}
+
+/// Returns the unit of the last digit of all stamps; 0 if their numbers of digits differ, as if they were computed.
+fn last_digit(column: &Column) -> f64 {
+    let Column::Words(words) = column else {
+        return 0.0;
+    };
+    let digits = |word: &String| match word.trim().rsplit_once(['.', ',']) {
+        None => 0,
+        Some((_, fraction)) => fraction.bytes().take_while(u8::is_ascii_digit).count(),
+    };
+    match words.split_first() {
+        Some((first, others)) if others.iter().all(|other| digits(other) == digits(first)) => {
+            0.1_f64.powi(digits(first) as i32)
+        }
+        _ => 0.0,
+    }
 }
 
 /// Returns the unit of numbers without one, in seconds: that of Unix time, otherwise seconds.

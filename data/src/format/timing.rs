@@ -64,7 +64,8 @@ impl Timing {
         options: &ReadOptions,
     ) -> Result<Self, DataError> {
         let clock = |recording: &Recording| {
-            (!recording.seconds.is_empty()).then(|| Clock::of(&recording.seconds))
+            (!recording.seconds.is_empty())
+                .then(|| Clock::of(&recording.seconds, recordings.resolution))
         };
         let clocks: Vec<Option<Clock>> = recordings.recordings.iter().map(clock).collect();
         let mut timing = Self {
@@ -163,62 +164,76 @@ impl Timing {
         indices: &[Option<usize>],
         options: &ReadOptions,
     ) {
-        let rate = self.rate_hz;
-        // A recording that is cut at its gaps has none.
-        let is_cut = options.windows.is_some() || options.resample_hz.is_some();
-        let (mut gaps, mut backwards, mut all_lost) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut gaps, mut backwards, mut lost) = (Vec::new(), Vec::new(), Vec::new());
         for (at, clock) in self.clocks.iter().enumerate() {
             let Some(clock) = clock else { continue };
-            let total: f64 = clock.gaps.iter().map(|gap| gap.seconds).sum();
-            let severity = match (is_cut, total > LONG_GAPS * clock.duration) {
-                (true, _) => Severity::Note,
-                (false, true) => Severity::Error,
-                (false, false) => Severity::Warning,
-            };
+            let place = |frame| place(recordings, indices, at, Some(frame));
+            let severity = severity_of_gaps(clock, options);
             for gap in &clock.gaps {
-                let message = gap_message(recordings, at, gap, rate);
-                let gap = Finding::new(severity, FindingKind::TimeGap, message)
-                    .at(place(recordings, indices, at, Some(gap.frame)))
-                    .with_remedy(Remedy::CutWindows);
-                gaps.push(gap);
+                let message = gap_message(recordings, at, gap, self.rate_hz);
+                let finding = Finding::new(severity, FindingKind::TimeGap, message);
+                gaps.push((finding, place(gap.frame)));
             }
-            // A named rate makes up for a clock that cannot be relied on.
-            let severity = match (is_cut, options.rate_hz) {
-                (true, _) => Severity::Note,
-                (false, Some(_)) => Severity::Warning,
-                (false, None) => Severity::Error,
-            };
+            let severity = severity_of_backwards(options);
             for jump in &clock.backwards {
                 let message = backwards_message(recordings, at, jump);
-                let jump = Finding::new(severity, FindingKind::ClockBackwards, message)
-                    .at(place(recordings, indices, at, Some(jump.frame)))
-                    .with_remedy(Remedy::NameRate);
-                backwards.push(jump);
+                let finding = Finding::new(severity, FindingKind::ClockBackwards, message);
+                backwards.push((finding, place(jump.frame)));
             }
             if let Some(Lost { frame, frames }) = clock.lost {
-                let share =
-                    frames as f64 / (recordings.recordings[at].seconds.len() + frames) as f64;
-                let severity = match (options.resample_hz, share > MANY_LOST) {
-                    (Some(_), _) => Severity::Note,
-                    (None, true) => Severity::Error,
-                    (None, false) => Severity::Warning,
-                };
+                let all = recordings.recordings[at].seconds.len() + frames;
+                let share = frames as f64 / all as f64;
                 let message = lost_message(recordings, at, frame, frames, share);
-                let lost = Finding::new(severity, FindingKind::LostFrames, message)
-                    .at(place(recordings, indices, at, Some(frame)))
-                    .with_remedy(Remedy::Resample);
-                all_lost.push(lost);
+                let severity = severity_of_lost(share, options);
+                let finding = Finding::new(severity, FindingKind::LostFrames, message);
+                lost.push((finding, place(frame)));
             }
         }
-        for mut findings in [gaps, backwards, all_lost] {
+        for (mut findings, remedy) in [
+            (gaps, Remedy::CutWindows),
+            (backwards, Remedy::NameRate),
+            (lost, Remedy::Resample),
+        ] {
             let all = findings.len();
             findings.truncate(LISTED);
-            if let Some(last) = findings.last_mut().filter(|_| all > LISTED) {
-                last.message
-                    .push_str(&format!(" (and {} more that are not listed)", all - LISTED));
+            if let Some((last, _)) = findings.last_mut().filter(|_| all > LISTED) {
+                let more = format!(" (and {} more that are not listed)", all - LISTED);
+                last.message.push_str(&more);
             }
-            self.findings.extend(findings);
+            let with_cure = |(finding, place): (Finding, Place)| match finding.severity {
+                // A recording that is cut or resampled is cured.
+                Severity::Note => finding.at(place),
+                _ => finding.at(place).with_remedy(remedy.clone()),
+            };
+            self.findings.extend(findings.into_iter().map(with_cure));
         }
+    }
+}
+
+fn severity_of_gaps(clock: &Clock, options: &ReadOptions) -> Severity {
+    let total: f64 = clock.gaps.iter().map(|gap| gap.seconds).sum();
+    match (options.cuts(), total > LONG_GAPS * clock.duration) {
+        (true, _) => Severity::Note,
+        (false, true) => Severity::Error,
+        (false, false) => Severity::Warning,
+    }
+}
+
+/// Returns the severity of a clock that goes backwards. A named rate makes up for it.
+fn severity_of_backwards(options: &ReadOptions) -> Severity {
+    match (options.cuts(), options.rate_hz) {
+        (true, _) => Severity::Note,
+        (false, Some(_)) => Severity::Warning,
+        (false, None) => Severity::Error,
+    }
+}
+
+/// Returns the severity of lost frames. Stamps that are rounded may look like it; a named rate then decides.
+fn severity_of_lost(share: f64, options: &ReadOptions) -> Severity {
+    match (options.resample_hz, options.rate_hz) {
+        (Some(_), _) => Severity::Note,
+        (None, None) if share > MANY_LOST => Severity::Error,
+        (None, _) => Severity::Warning,
     }
 }
 

@@ -349,6 +349,45 @@ fn lost_frames_are_counted() {
     }
 }
 
+/// Frames that are lost regularly look like rounded stamps, except for the digits of the stamps.
+#[test]
+fn frames_that_are_lost_regularly_are_counted() {
+    let stamps = |rate: f64, every: usize, digits: Option<usize>| -> Stamps {
+        let kept = (0..800).filter(|frame| frame % every != every - 1);
+        kept.map(|frame| match digits {
+            Some(digits) => format!("{:.digits$}", frame as f64 / rate),
+            None => (frame as f64 / rate).to_string(),
+        })
+        .collect()
+    };
+    for (rate, every, digits) in [
+        (100.0, 4, None),
+        (100.0, 4, Some(3)),
+        (200.0, 4, None),
+        (200.0, 3, Some(4)),
+        (50.0, 3, None),
+        (750.0, 4, Some(6)),
+    ] {
+        let sweeps = [stamps(rate, every, digits), stamps(rate, every, digits)];
+        let dataset = read("time", &sweeps);
+        assert!(
+            (dataset.sample_rate_hz() / rate - 1.0).abs() < 1e-3,
+            "{rate} {every}: {}",
+            dataset.sample_rate_hz()
+        );
+        let found = of_kind(&dataset, FindingKind::LostFrames);
+        assert_eq!(found.len(), 2, "{rate} {every}");
+        assert_eq!(found[0].severity, Severity::Error);
+    }
+    // The same intervals as of 100 Hz without every fourth frame, but hundredths of a second are the last digit.
+    for rate in [75.0, 80.0, 90.0] {
+        let sweep: Stamps = (0..800)
+            .map(|frame| format!("{:.2}", f64::from(frame) / rate))
+            .collect();
+        assert_eq!(read("time", &[sweep.clone(), sweep]).sample_rate_hz(), rate);
+    }
+}
+
 #[test]
 fn late_frames_are_neither_lost_nor_a_gap() {
     // Once a second, seven frames wait for 70 ms and come at once.
