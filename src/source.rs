@@ -2,6 +2,7 @@
 
 use tactnet_data::{
     DataError, DataSource, Dataset, Finding, FindingKind, Remedy, Severity, SweepShape,
+    group_findings,
 };
 use tactnet_pipeline::{LabelOrder, PipelineError, PipelineRemedy, TrainSpec, quoted};
 
@@ -125,6 +126,26 @@ pub fn in_file(data: &str, rate: Option<f64>, error: PipelineError) -> PipelineE
         }
         .into(),
         other => other,
+    }
+}
+
+/// Number of findings of a kind that are printed.
+const SHOWN: usize = 3;
+
+/// Prints errors and warnings that only the reader of the data can make, the first of each kind.
+pub fn warn_of_findings(findings: &[Finding]) {
+    for group in group_findings(findings) {
+        if group.severity == Severity::Note {
+            continue;
+        }
+        for finding in group.findings.iter().take(SHOWN) {
+            let message = failure::with_cure(&finding.message, finding.remedy.as_ref());
+            say!("{}: {message}", finding.severity);
+        }
+        match group.findings.len().saturating_sub(SHOWN) {
+            0 => {}
+            more => say!("{}: {more} more: {}", group.severity, group.kind),
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::format::{Keep, ReadOptions};
 use crate::twin::{self, TwinConfig, TwinVersion};
 use crate::{DataError, Dataset, format, near_name};
 
@@ -57,21 +58,35 @@ impl DataSource {
         self.read_at(None)
     }
 
-    /// Reads the file or generates the twin, and sets the sample rate in Hz if the file does not name one.
+    /// Reads the file or generates the twin at a sample rate in Hz, which takes precedence over that of the file.
     ///
     /// # Errors
-    /// As [`DataSource::read`], and a file that names another rate.
+    /// As [`DataSource::read`].
     pub fn read_at(&self, rate_hz: Option<f64>) -> Result<Dataset, DataError> {
-        self.read_whole()?.with_named_rate(rate_hz)
+        self.read_with(&ReadOptions {
+            rate_hz,
+            ..ReadOptions::default()
+        })
     }
 
-    fn read_whole(&self) -> Result<Dataset, DataError> {
+    /// Reads the file or generates the twin with options. Of the twin, only sample rate and number of frames can be chosen.
+    ///
+    /// # Errors
+    /// As [`DataSource::read`], and options that the data does not allow.
+    pub fn read_with(&self, options: &ReadOptions) -> Result<Dataset, DataError> {
         match self {
-            Self::Twin(version) => twin::generate(&TwinConfig {
-                version: *version,
-                ..TwinConfig::default()
-            }),
-            Self::File(path) if path.exists() => format::read(path),
+            Self::Twin(version) => {
+                let twin = twin::generate(&TwinConfig {
+                    version: *version,
+                    ..TwinConfig::default()
+                })?;
+                let twin = twin.with_named_rate(options.rate_hz)?;
+                match options.keep {
+                    Keep::First(steps) => twin.first_steps(steps),
+                    Keep::Equal | Keep::Shortest | Keep::Most => Ok(twin),
+                }
+            }
+            Self::File(path) if path.exists() => format::read_with(path, options),
             Self::File(path) => Err(DataError::format(
                 path,
                 "file",

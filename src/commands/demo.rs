@@ -127,9 +127,10 @@ fn network_and_sweeps(
                 DataSource::File(path) => {
                     // The skin process reads the file again, but its messages do not reach the terminal.
                     let mut spec = config.spec.clone();
-                    spec.rate_hz = arguments.rate.or(spec.rate_hz);
+                    spec.name_rate_of(data, arguments.rate);
                     let read = source::load_as(&spec, data, LabelOrder::True)
                         .map_err(|error| source::in_file(data, arguments.rate, error.into()))?;
+                    source::warn_of_findings(read.reading_findings());
                     check_fit(&read, data, &config.classifier)?;
                     path
                 }

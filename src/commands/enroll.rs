@@ -152,6 +152,7 @@ fn read_sweeps(
         .read_to_classify(data, known.shape, known.sample_rate_hz)
         .map_err(|error| source::in_file(data, arguments.rate, error.into()))?;
     let dataset = read.dataset;
+    source::warn_of_findings(dataset.reading_findings());
     if read.labelled {
         refuse_errors(&dataset, data)?;
     }

@@ -67,17 +67,18 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     }
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let mut spec = config.spec.clone();
-    spec.rate_hz = arguments.rate.or(spec.rate_hz);
+    let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
+    spec.name_rate_of(data, arguments.rate);
     if let Some(steps) = arguments.steps {
         spec.steps = Some(steps as usize);
     }
-    let data = arguments.data.as_deref().unwrap_or(&spec.data);
     source::announce(data);
     let in_file = |error| source::in_file(data, arguments.rate, error);
     let shape = config.classifier.shape;
     let (dataset, arranged) = spec
         .read_sweeps_to_judge(arguments.data.as_deref(), shape)
         .map_err(in_file)?;
+    source::warn_of_findings(dataset.reading_findings());
     if arranged {
         source::note_arranged(shape);
     }

@@ -93,6 +93,7 @@ impl RunClassifier {
             one_object,
         );
         let found = found.map_err(|error| source::in_file(data, rate, error))?;
+        source::warn_of_findings(sweeps.dataset.reading_findings());
         // Refused sweeps have no notes.
         if sweeps.arranged {
             source::note_arranged(known.shape);

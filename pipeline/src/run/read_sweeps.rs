@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tactnet_data::format::{self, SweepsToClassify};
+use tactnet_data::format::{self, Keep, ReadOptions, SweepsToClassify};
 use tactnet_data::{DataError, DataSource, Dataset, SweepShape};
 
 use crate::{LabelOrder, PipelineError, PipelineRemedy, TrainSpec};
@@ -11,25 +11,39 @@ impl TrainSpec {
     /// Reads the sweeps for training and test.
     ///
     /// # Errors
-    /// A missing or damaged file; a rate that contradicts the file's; more steps than the sweeps have.
+    /// A missing or damaged file; more steps than the sweeps have.
     pub fn read_sweeps(&self) -> Result<Dataset, DataError> {
         self.read_sweeps_of(&self.data, self.label_order)
     }
 
-    /// Reads other sweeps with the same settings, with labels in `order`.
+    /// Reads other sweeps with the same settings, with labels in `order`. Other data that names its sample rate keeps it, even if it does not
+    /// match the classifier; see [`TrainSpec::name_rate_of`].
     ///
     /// - `data`: path of the data set, or `twin`
     ///
     /// # Errors
     /// As [`TrainSpec::read_sweeps`].
     pub fn read_sweeps_of(&self, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
-        let mut dataset = DataSource::named(data).read_at(self.rate_hz)?;
-        if let Some(steps) = self.steps {
-            dataset = dataset.first_steps(steps)?;
+        let is_own = data == self.data;
+        let mut dataset = DataSource::named(data).read_with(&ReadOptions {
+            keep: Keep::from(self.steps),
+            rate_hz: self.rate_hz.filter(|_| is_own),
+            ..ReadOptions::default()
+        })?;
+        if dataset.is_rate_assumed() {
+            dataset = dataset.with_named_rate(self.rate_hz)?;
         }
         match order {
             LabelOrder::True => Ok(dataset),
             LabelOrder::Permuted => dataset.permute_labels(self.seed),
+        }
+    }
+
+    /// Names the sample rate of other data, in Hz; it takes precedence over that of the data. With `None` the settings do not change.
+    pub fn name_rate_of(&mut self, data: &str, rate_hz: Option<f64>) {
+        if rate_hz.is_some() {
+            self.rate_hz = rate_hz;
+            self.data = data.into();
         }
     }
 
@@ -51,7 +65,13 @@ impl TrainSpec {
         sample_rate_hz: f64,
     ) -> Result<SweepsToClassify, DataError> {
         let mut sweeps = match DataSource::named(data) {
-            DataSource::File(path) if path.exists() => format::read_to_classify(&path, self.steps)?,
+            DataSource::File(path) if path.exists() => {
+                let options = ReadOptions {
+                    rate_hz: self.rate_hz,
+                    ..ReadOptions::keeping(self.steps)
+                };
+                format::read_to_classify_with(&path, &options)?
+            }
             // The twin, or a missing file.
             other => {
                 let mut dataset = other.read()?;

@@ -8,11 +8,11 @@ use clap::Args;
 use tactnet_data::format::{
     Format, Keep, ReadOptions, Span, Windows, read_to_classify_with, read_with,
 };
-use tactnet_data::{DataError, DataSource, Dataset, Severity, group_findings};
+use tactnet_data::{DataError, DataSource, Dataset, Severity};
 
 use super::ConvertArgs;
 use crate::commands::choices::{rate, steps};
-use crate::{failure, output, source};
+use crate::{output, source};
 
 #[derive(Args)]
 pub struct ImportArgs {
@@ -160,17 +160,14 @@ fn read(arguments: &ImportArgs) -> anyhow::Result<Dataset> {
 /// # Errors
 /// Fails if there are errors: the converted file would not show them.
 fn review(data: &str, dataset: &Dataset) -> anyhow::Result<()> {
-    let mut findings = dataset.reading_findings().to_vec();
-    findings.sort_by_key(|finding| finding.severity);
-    for group in group_findings(&findings) {
-        for finding in group.findings.iter().take(SHOWN) {
-            let message = failure::with_cure(&finding.message, finding.remedy.as_ref());
-            say!("{}: {message}", finding.severity);
-        }
-        if let Some(more) = group.findings.len().checked_sub(SHOWN + 1) {
-            say!("{}: and {} more of this kind", group.severity, more + 1);
-        }
+    let findings = dataset.reading_findings();
+    for finding in findings
+        .iter()
+        .filter(|finding| finding.severity == Severity::Note)
+    {
+        say!("note: {}", finding.message);
     }
+    source::warn_of_findings(findings);
     let errors = findings
         .iter()
         .filter(|finding| finding.severity == Severity::Error);
@@ -183,9 +180,6 @@ fn review(data: &str, dataset: &Dataset) -> anyhow::Result<()> {
         ),
     }
 }
-
-/// Number of findings of a kind that are printed.
-const SHOWN: usize = 3;
 
 /// Another program's data set, in any format that is read.
 fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<ExitCode> {

@@ -126,8 +126,8 @@ fn load_sweeps(arguments: &SkinArgs) -> anyhow::Result<(Dataset, Vec<usize>)> {
             // Sample rate and number of steps are the run's.
             let config = RunDir::open(run)?.config()?;
             let mut spec = config.spec.clone();
-            spec.rate_hz = arguments.rate.or(spec.rate_hz);
-            let data = spec.place_of_data(arguments.data.as_deref())?;
+            let data = config.spec.place_of_data(arguments.data.as_deref())?;
+            spec.name_rate_of(data, arguments.rate);
             let dataset = source::load_as(&spec, data, LabelOrder::True)?;
             check_fit(&dataset, data, &config.classifier)?;
             let unseen = unseen_by(&dataset, run)?;
