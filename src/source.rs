@@ -1,5 +1,6 @@
 //! Reading of data sets, with notes about the twin and assumed sample rates.
 
+use tactnet_data::format::{Keep, ReadOptions};
 use tactnet_data::{
     DataError, DataSource, Dataset, Finding, FindingKind, Remedy, Severity, SweepShape,
     group_findings,
@@ -25,6 +26,22 @@ pub fn load(data: &str) -> Result<Dataset, DataError> {
 pub fn load_as(spec: &TrainSpec, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
     announce(data);
     spec.read_sweeps_of(data, order)
+}
+
+/// Returns the number of time steps of the shortest sweep of the settings' data, and prints it.
+///
+/// # Errors
+/// Data that cannot be read.
+pub fn shortest(spec: &TrainSpec) -> Result<usize, DataError> {
+    let options = ReadOptions {
+        keep: Keep::Shortest,
+        rate_hz: spec.rate_hz,
+        ..ReadOptions::default()
+    };
+    let source = DataSource::named(&spec.data);
+    let steps = source.read_with(&options)?.shape().steps;
+    say!("the shortest sweep has {steps} time steps: `--steps {steps}`");
+    Ok(steps)
 }
 
 /// Notes that the taxels were arranged in the run's rows and columns.

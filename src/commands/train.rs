@@ -38,6 +38,9 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         }
         None => {
             let mut spec = arguments.spec();
+            if arguments.keeps_shortest() {
+                spec.steps = Some(source::shortest(&spec)?);
+            }
             if arguments.selects_device() {
                 spec.device = device_times::fastest()?;
             }

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray4};
 use pyo3::prelude::*;
-use tactnet_data::format::{self, Format};
+use tactnet_data::format::{self, Format, Keep, ReadOptions, Span, Windows};
 use tactnet_data::twin::{self, TwinConfig, TwinVersion};
 use tactnet_data::{
-    CheckReport, DataError, Fold, LabelSet, Samples, Scheme, Seed, SweepRecord, SweepShape, check,
+    CheckReport, DataError, Fold, LabelSet, Samples, Scheme, Seed, Severity, SweepRecord,
+    SweepShape, check,
 };
 
 use crate::error::{TactnetError, raised, with_cure};
@@ -17,6 +18,47 @@ use crate::error::{TactnetError, raised, with_cure};
 #[pyclass(frozen, module = "tactnet")]
 pub(crate) struct Dataset {
     pub(crate) inner: Arc<tactnet_data::Dataset>,
+}
+
+/// Length of a window: frames, seconds, or text such as `1.28s`.
+#[derive(FromPyObject)]
+pub(crate) enum Length {
+    Steps(usize),
+    Seconds(f64),
+    Text(String),
+}
+
+impl TryFrom<Length> for Span {
+    type Error = DataError;
+
+    fn try_from(length: Length) -> Result<Self, DataError> {
+        // The text has the checks.
+        match length {
+            Length::Steps(steps) => steps.to_string(),
+            Length::Seconds(seconds) => format!("{seconds}s"),
+            Length::Text(text) => text,
+        }
+        .parse()
+    }
+}
+
+/// Frames to keep of each sweep: a number, or `shortest`.
+#[derive(FromPyObject)]
+pub(crate) enum StepsToKeep {
+    Steps(usize),
+    Text(String),
+}
+
+impl TryFrom<StepsToKeep> for Keep {
+    type Error = DataError;
+
+    fn try_from(steps: StepsToKeep) -> Result<Self, DataError> {
+        match steps {
+            StepsToKeep::Steps(steps) => steps.to_string(),
+            StepsToKeep::Text(text) => text,
+        }
+        .parse()
+    }
 }
 
 /// Values of sweeps, `[sweeps][steps][rows][cols]`, in the types of a data set.
@@ -123,11 +165,54 @@ impl Dataset {
 
     /// Reads HDF5, npz, CSV, Parquet or a folder of CSV.
     #[staticmethod]
-    #[pyo3(signature = (path, rate_hz=None))]
-    fn read(py: Python<'_>, path: PathBuf, rate_hz: Option<f64>) -> PyResult<Self> {
-        py.detach(|| -> Result<_, DataError> { format::read(&path)?.with_named_rate(rate_hz) })
+    #[pyo3(signature = (path, rate_hz=None, steps=None, columns=Vec::new(), resample_hz=None, window=None, hop=None, intervals=None, drop_labels=Vec::new()))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments of Python
+    fn read(
+        py: Python<'_>,
+        path: PathBuf,
+        rate_hz: Option<f64>,
+        steps: Option<StepsToKeep>,
+        columns: Vec<String>,
+        resample_hz: Option<f64>,
+        window: Option<Length>,
+        hop: Option<Length>,
+        intervals: Option<PathBuf>,
+        drop_labels: Vec<String>,
+    ) -> PyResult<Self> {
+        let span = |length: Option<Length>| length.map(Span::try_from).transpose().map_err(raised);
+        let (length, hop) = (span(window)?, span(hop)?);
+        let only_windows = hop.is_some() || intervals.is_some() || !drop_labels.is_empty();
+        if length.is_none() && only_windows {
+            let message = "hop, intervals, drop_labels: expected `window=` with them, found none";
+            return Err(TactnetError::new_err(message));
+        }
+        let options = ReadOptions {
+            keep: steps
+                .map_or(Ok(Keep::Equal), Keep::try_from)
+                .map_err(raised)?,
+            rate_hz,
+            columns,
+            resample_hz,
+            windows: length.map(|length| Windows {
+                hop,
+                intervals,
+                drop_labels,
+                ..Windows::of(length)
+            }),
+        };
+        py.detach(|| format::read_with(&path, &options))
             .map(Self::from)
             .map_err(raised)
+    }
+
+    /// Messages of the warnings that only the reader of the file can make.
+    #[getter]
+    fn reading_warnings(&self) -> Vec<String> {
+        let findings = self.inner.reading_findings().iter();
+        let warnings = findings.filter(|finding| finding.severity == Severity::Warning);
+        warnings
+            .map(|finding| with_cure(finding.message.clone(), finding.remedy.as_ref()))
+            .collect()
     }
 
     /// Reads sweeps without materials. Also returns their names: of files or of sweeps in a table.
@@ -140,11 +225,12 @@ impl Dataset {
         steps: Option<usize>,
     ) -> PyResult<(Self, Vec<String>)> {
         py.detach(|| -> Result<_, DataError> {
-            let sweeps = format::read_to_classify(&path, steps)?;
-            Ok((
-                Self::from(sweeps.dataset.with_named_rate(rate_hz)?),
-                sweeps.names,
-            ))
+            let options = ReadOptions {
+                rate_hz,
+                ..ReadOptions::keeping(steps)
+            };
+            let sweeps = format::read_to_classify_with(&path, &options)?;
+            Ok((Self::from(sweeps.dataset), sweeps.names))
         })
         .map_err(raised)
     }

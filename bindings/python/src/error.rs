@@ -60,7 +60,9 @@ fn words_of(remedy: &Remedy) -> String {
         Remedy::NameShape { rows, cols } => {
             format!("if the skin is a grid, pass an array [sweeps][steps][{rows}][{cols}]")
         }
-        Remedy::KeepSteps { steps } => format!("`X[:, :{steps}]` keeps the first {steps} steps"),
+        Remedy::KeepSteps { steps } => {
+            format!("`X[:, :{steps}]`, or `steps={steps}` when reading, keeps the first {steps} steps")
+        }
         Remedy::Resample => "pass `resample=`".into(),
         Remedy::CutWindows => "pass `window=` to cut recordings into sweeps".into(),
         Remedy::DropLabel { label } => format!("pass `drop_labels=[{label:?}]`"),

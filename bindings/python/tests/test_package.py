@@ -418,6 +418,21 @@ def test_no_sweeps_are_no_gaps(data):
         fitted.predict(own.X[:0].astype(float))
 
 
+def test_continuous_recordings_are_cut_into_windows(tmp_path):
+    file = tmp_path / "stream.csv"
+    rows = [f"{frame},{frame % 5},{'cork' if frame < 70 else 'felt'}" for frame in range(150)]
+    file.write_text("a,b,label\n" + "\n".join(rows) + "\n")
+    data = tactnet.Dataset.read(file, rate=20, window=1.0, hop="500ms")
+    assert data.X.shape == (6 + 7, 20, 1, 2)
+    assert list(data.X[:, 0, 0, 0][:2]) == [0, 10]
+    assert tactnet.Dataset.read(file, rate=20, window=20, columns=["a"]).X.shape == (3 + 4, 20, 1, 1)
+    with pytest.raises(tactnet.TactnetError, match="window="):
+        tactnet.Dataset.read(file)
+    with pytest.warns(UserWarning, match="the named 100 Hz takes precedence"):
+        tactnet.Dataset.from_arrays(data.X, data.y, rate=20).write(tmp_path / "own.npz")
+        tactnet.Dataset.read(tmp_path / "own.npz", rate=100)
+
+
 def test_gaps_and_transposed_sweeps_are_told(data):
     own, _, train, test = data
     X = own.X[train].astype(np.float32)

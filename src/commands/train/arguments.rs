@@ -4,10 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use tactnet_data::Seed;
+use tactnet_data::format::Keep;
 use tactnet_models::Compute;
 use tactnet_pipeline::{CalibrationTarget, LabelOrder, TrainSpec, quoted};
 
-use crate::commands::choices::{LevelsChoice, ModelChoice, SplitChoice, TrainDeviceChoice, share};
+use crate::commands::choices::{
+    LevelsChoice, ModelChoice, SplitChoice, TrainDeviceChoice, share, steps,
+};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -53,12 +56,12 @@ struct TrainOptions {
     /// Keep or remove each taxel's mean over the sweep [default: the recipe's choice]
     #[arg(long, value_enum)]
     levels: Option<LevelsChoice>,
-    /// Frames per second, for data that does not name its sample rate
+    /// Frames per second; takes precedence over the sample rate of the data
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Only the first N time steps of every sweep
-    #[arg(long, value_name = "N")]
-    steps: Option<usize>,
+    /// Only the first N time steps of every sweep, or as many as the shortest sweep has
+    #[arg(long, value_name = "N|shortest", value_parser = steps)]
+    steps: Option<Keep>,
     /// Permute the labels at random first, as a control: a sound experiment then scores chance
     #[arg(long)]
     permute_labels: bool,
@@ -104,6 +107,12 @@ struct TrainOptions {
 }
 
 impl TrainArgs {
+    /// Returns true if every sweep keeps as many time steps as the shortest has; [`TrainArgs::spec`] does not contain
+    /// their number.
+    pub fn keeps_shortest(&self) -> bool {
+        self.options.steps == Some(Keep::Shortest)
+    }
+
     /// Returns the settings of the training, not validated.
     pub fn spec(&self) -> TrainSpec {
         let default = TrainSpec::default();
@@ -119,7 +128,10 @@ impl TrainArgs {
                 .unwrap_or(default.recipe),
             mean_removal: options.levels.map(Into::into),
             rate_hz: options.rate,
-            steps: options.steps,
+            steps: match options.steps {
+                Some(Keep::First(steps)) => Some(steps),
+                _ => None,
+            },
             label_order: match options.permute_labels {
                 true => LabelOrder::Permuted,
                 false => LabelOrder::True,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Sequence
 
@@ -101,12 +102,34 @@ class Dataset:
         return cls(native)
 
     @classmethod
-    def read(cls, path: Any, rate: float | None = None) -> Dataset:
+    def read(
+        cls,
+        path: Any,
+        rate: float | None = None,
+        *,
+        steps: int | str | None = None,
+        columns: Sequence[str] = (),
+        resample: float | None = None,
+        window: int | float | str | None = None,
+        hop: int | float | str | None = None,
+        intervals: Any = None,
+        drop_labels: Sequence[str] = (),
+    ) -> Dataset:
         """Reads HDF5, npz, CSV, Parquet or a folder of CSV. :func:`read_sweeps` reads files without labels.
 
-        rate: frames per second, for files that do not contain it.
+        rate: frames per second; takes precedence over that of the file, with a warning.
+        steps: number of frames to keep, from the beginning of every sweep, or ``"shortest"``; None: all.
+        columns: names of a table's columns that are taxels; empty: all without another meaning.
+        resample: frames per second of the result: low-pass filtered, from the time stamps; gaps are not bridged.
+        window: length of windows that are cut from continuous recordings: frames (int), seconds (float) or ``"1.28s"``.
+            A window has one label and no gap; each stretch of one label is a block.
+        hop: distance between the starts of windows; None: their length.
+        intervals: table of labelled intervals, with columns ``start``, ``end``, ``label``; None: the column ``label`` of the recording.
+        drop_labels: labels whose frames are left out.
         """
-        return cls(_tactnet.Dataset.read(path, rate))
+        native = _tactnet.Dataset.read(path, rate, steps, list(columns), resample, window, hop, intervals, list(drop_labels))
+        _warn(native)
+        return cls(native)
 
     @classmethod
     def twin(cls, **settings: Any) -> Dataset:
@@ -196,11 +219,18 @@ class Sweeps(NamedTuple):
     """True if the rate is unknown and 750 is assumed."""
 
 
+def _warn(native: _tactnet.Dataset) -> None:
+    """Passes the warnings of the reader on to Python."""
+    for message in native.reading_warnings[:3]:
+        warnings.warn(message, stacklevel=3)
+
+
 def read_sweeps(path: Any, rate: float | None = None, steps: int | None = None) -> Sweeps:
     """Reads unlabelled sweeps: all files of :meth:`Dataset.read`, npz with ``X`` only, CSV and Parquet without a column of materials.
 
-    rate: frames per second, for files that do not contain it.
+    rate: frames per second; takes precedence over that of the file, with a warning.
     steps: number of frames to keep, from the beginning of every sweep; None: all.
     """
     native, names = _tactnet.Dataset.read_unlabelled(path, rate, steps)
+    _warn(native)
     return Sweeps(native.samples, names, native.rate_hz, native.rate_is_assumed)

@@ -25,7 +25,18 @@ class Dataset:
         name: str = "arrays",
     ) -> Dataset: ...
     @staticmethod
-    def read(path: str | PathLike[str], rate_hz: float | None = None) -> Dataset: ...
+    def read(
+        path: str | PathLike[str],
+        rate_hz: float | None = None,
+        steps: int | str | None = None,
+        columns: list[str] = ...,
+        resample_hz: float | None = None,
+        window: int | float | str | None = None,
+        hop: int | float | str | None = None,
+        intervals: str | PathLike[str] | None = None,
+        drop_labels: list[str] = ...,
+    ) -> Dataset: ...
+    reading_warnings: list[str]
     @staticmethod
     def read_unlabelled(
         path: str | PathLike[str], rate_hz: float | None = None, steps: int | None = None
