@@ -14,6 +14,7 @@ use super::frame_table::{Column, FrameTable, may_hold_words};
 use super::named_sweeps::{Labels, NamedSweeps};
 use super::parquet_footer;
 use super::read_options::ReadOptions;
+use super::time_names::unit_of;
 use crate::DataError;
 
 /// Reads a file that may contain NaN or infinities.
@@ -205,18 +206,19 @@ impl Cells {
         Ok((0..width).map(taxel).collect())
     }
 
-    /// Returns the column; times are converted to seconds.
+    /// Returns the column; times are converted to seconds, or to the unit in the column's name.
     fn column(self, descriptor: &ColumnDescriptor, name: &str) -> Column {
         if !self.words.is_empty() {
             return Column::Words(self.words);
         }
         let per_second = match descriptor.logical_type_ref() {
             Some(LogicalType::Timestamp { unit, .. } | LogicalType::Time { unit, .. }) => {
-                match unit {
+                let per_second = match unit {
                     TimeUnit::MILLIS => 1e3,
                     TimeUnit::MICROS => 1e6,
                     TimeUnit::NANOS => 1e9,
-                }
+                };
+                per_second * unit_of(name).unwrap_or(1.0)
             }
             _ => 1.0,
         };
