@@ -32,9 +32,8 @@ pub(super) fn dropouts(
     let steps = dataset.shape().steps;
     let mut found = Vec::new();
     for (index, sweep) in sweeps.iter().enumerate() {
-        let in_the_middle = |run: &&Run| run.start > 0 && run.start + run.frames < steps;
-        let runs = sweep.runs.iter().filter(in_the_middle);
-        let lost: Vec<&Run> = runs
+        let lost: Vec<&Run> = sweep
+            .middle_runs(steps)
             .filter(|run| is_dropout(index, sweep, run, rest))
             .collect();
         if let Some(&&first) = lost.first()
@@ -84,7 +83,10 @@ pub(super) fn dropouts(
 
 fn is_dropout(index: usize, sweep: &SweepStatistics, run: &Run, rest: &Rest<'_>) -> bool {
     let usual = sweep.top_change.max(rest.change());
-    if run.change_in.min(run.change_out) > JUMP * usual {
+    if rest.is_lift(index, run) {
+        return false;
+    }
+    if usual > 0.0 && run.change_in.min(run.change_out) > JUMP * usual {
         return true;
     }
     let is_at_rest = || {
@@ -92,5 +94,5 @@ fn is_dropout(index: usize, sweep: &SweepStatistics, run: &Run, rest: &Rest<'_>)
             .into_iter()
             .any(|end| rest.is_like(end, index, run) || rest.is_like_own(end, index, run))
     };
-    rest.is_no_accident(index, run) && !is_at_rest()
+    (rest.is_no_accident(index, run) || rest.is_far_zero(index, run)) && !is_at_rest()
 }

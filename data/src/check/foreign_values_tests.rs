@@ -337,6 +337,30 @@ fn padding_is_found_and_its_length_if_it_follows_the_material() {
 }
 
 #[test]
+fn a_skin_that_is_lifted_to_zero_and_a_slow_sensor_are_not_padded() {
+    let mut sweeps = Sweeps::noisy(60.0, 4.0);
+    for sweep in 0..SWEEPS {
+        let end = 130 + 3 * sweep;
+        for step in 0..SHAPE.steps {
+            let force = ((end as f32 - step as f32) / 20.0).clamp(0.0, 1.0);
+            sweeps
+                .frame(sweep, step)
+                .iter_mut()
+                .for_each(|x| *x *= force);
+        }
+    }
+    assert_eq!(sweeps.check(), []);
+
+    let mut held = Sweeps::noisy(500.0, 40.0);
+    for sweep in 0..SWEEPS {
+        (0..SHAPE.steps)
+            .step_by(4)
+            .for_each(|step| held.freeze(sweep, step + 1..step + 4));
+    }
+    assert_eq!(held.check(), []);
+}
+
+#[test]
 fn zeros_before_the_sweeps_are_padding() {
     let mut sweeps = Sweeps::noisy(0.0, 8.0);
     (0..6).for_each(|sweep| sweeps.fill(sweep, 0..12 + sweep, 0.0));

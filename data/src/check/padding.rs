@@ -38,7 +38,7 @@ pub(super) fn padding(
     let equal = [End::Tail, End::Head].map(|end| equal_frames(dataset, sweeps, rest, end));
     let mut padded = equal.concat();
     if padded.is_empty() {
-        padded = quiet_tails(dataset, sweeps);
+        padded = quiet_tails(dataset, sweeps, rest);
     }
     let mut findings: Vec<Finding> = separation(dataset, &padded).into_iter().collect();
     // Fill values are reported as such.
@@ -82,13 +82,20 @@ fn is_added_tail(index: usize, sweep: &SweepStatistics, run: &Run, rest: &Rest<'
     if rest.is_like(End::Head, index, run) || rest.is_like_own(End::Head, index, run) {
         return false;
     }
+    if rest.is_gradual(End::Tail, index, run) {
+        return false;
+    }
     let is_usual = rest.is_like(End::Tail, index, run);
     let is_no_accident = (rest.is_fine || !is_usual) && rest.is_no_accident(index, run);
-    is_no_accident || run.change_in > JUMP * sweep.top_change
+    let jumps = sweep.top_change > 0.0 && run.change_in > JUMP * sweep.top_change;
+    is_no_accident || jumps
 }
 
 fn is_added_head(index: usize, run: &Run, rest: &Rest<'_>) -> bool {
     if rest.is_like(End::Tail, index, run) || rest.is_like_own(End::Tail, index, run) {
+        return false;
+    }
+    if rest.is_gradual(End::Head, index, run) {
         return false;
     }
     // Other sensors may rest before a contact.
@@ -97,7 +104,7 @@ fn is_added_head(index: usize, run: &Run, rest: &Rest<'_>) -> bool {
 }
 
 /// Returns the sweeps whose motion ends at once and leaves noise, if other sweeps do not begin so.
-fn quiet_tails(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Padding> {
+fn quiet_tails(dataset: &Dataset, sweeps: &[SweepStatistics], rest: &Rest<'_>) -> Vec<Padding> {
     let all = sweeps.len() as f64;
     let least = QUIET_FRAMES.max((QUIET_SHARE * dataset.shape().steps as f64) as usize);
     let heads = sweeps.iter().filter(|sweep| sweep.quiet_head).count();
@@ -105,6 +112,19 @@ fn quiet_tails(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Padding> {
     let tails = tails.filter(|(_, sweep)| sweep.quiet_tail >= least && !sweep.quiet_head);
     let count = tails.clone().count();
     if (heads as f64) >= QUIET_HEADS * all || (count as f64) < QUIET_SWEEPS * all || count < 2 {
+        return Vec::new();
+    }
+    // A finger that is lifted fades to the level of the sensor at rest, which is one in all sweeps.
+    let steps = dataset.shape().steps;
+    let starts: Vec<(usize, usize)> = tails
+        .clone()
+        .map(|(index, sweep)| (index, steps - sweep.quiet_tail + 1))
+        .collect();
+    let fading = starts.iter().filter(|(sweep, start)| {
+        let before = start.saturating_sub(2);
+        rest.are_near(*sweep, before, *start)
+    });
+    if 2 * fading.count() >= starts.len() && rest.are_one_level(&starts) {
         return Vec::new();
     }
     tails
@@ -172,7 +192,9 @@ fn separation(dataset: &Dataset, padded: &[Padding]) -> Option<Finding> {
         .map(|record| record.label)
         .collect();
     let mut lengths = vec![0; labels.len()];
-    for padding in padded {
+    // Frames at rest before a contact look like padding; their number may be chance.
+    let tails = padded.iter().filter(|padding| padding.end == End::Tail);
+    for padding in tails {
         lengths[padding.sweep] += padding.frames;
     }
     let right = nearest_neighbour(&lengths, &labels);

@@ -18,6 +18,16 @@ const NEARBY_FRAMES: [usize; 2] = [10, 64];
 const INDEPENDENT_TAXELS: usize = 4;
 /// Maximum difference to a frame at rest, as a share of the usual largest deviation of the taxel.
 const REST_TOLERANCE: f32 = 0.1;
+/// Maximum difference of the frames next to a run to the frames in it for the signal to fade, as a share of the usual
+/// largest deviation of the taxel: a finger that is lifted leaves in several frames.
+const FADE_TOLERANCE: f32 = 0.2;
+/// Minimum share of sweeps with zero frames in the middle for these to be lifts of the finger, if the signal fades.
+const LIFTED_SHARE: f64 = 0.1;
+/// Number of runs in the middle of the median sweep from which a sensor repeats frames, for example because it is slower
+/// than the recording.
+const USUAL_RUNS: usize = 2;
+/// Distance of zero from the median, in usual largest deviations, from which a taxel at zero is no usual value.
+const FAR_ZERO: f32 = 1.5;
 /// Minimum share of sweeps that begin or end with equal frames for these to be frames at rest.
 const RESTING_SHARE: f64 = 0.02;
 /// Maximum number of sweeps from which frames at rest and repeated values are counted.
@@ -33,6 +43,8 @@ pub(super) enum End {
 /// Frames that a data set repeats, in motion and at rest.
 pub(super) struct Rest<'a> {
     dataset: &'a Dataset,
+    /// Usual values of each taxel.
+    limits: &'a [TaxelLimits],
     /// Tolerance of each taxel.
     tolerance: Vec<f32>,
     /// Usual frames at rest at the beginning and at the end of sweeps, if the sensor rests there.
@@ -44,6 +56,8 @@ pub(super) struct Rest<'a> {
     repeated_share: f64,
     /// True if the sensor hardly ever repeats a value.
     pub(super) is_fine: bool,
+    /// True if the signal often fades before it is zero, and returns so.
+    has_lifts: bool,
 }
 
 /// Usual frame at rest.
@@ -51,18 +65,26 @@ struct RestFrame {
     values: Vec<f32>,
     /// Usual change from the rest to the motion, or back.
     change: f32,
+    /// True if most motions begin or end gradually.
+    fades: bool,
 }
 
 impl<'a> Rest<'a> {
     pub(super) fn of(
         dataset: &'a Dataset,
         sweeps: &[SweepStatistics],
-        limits: &[TaxelLimits],
+        limits: &'a [TaxelLimits],
     ) -> Self {
         let steps = dataset.shape().steps;
         let in_runs = |sweep: &SweepStatistics| -> usize {
             sweep.runs.iter().map(|run| run.frames - 1).sum()
         };
+        let mut runs: Vec<usize> = sweeps
+            .iter()
+            .map(|sweep| sweep.middle_runs(steps).count())
+            .collect();
+        runs.sort_unstable();
+        let repeats_frames = runs[runs.len() / 2] >= USUAL_RUNS;
         let pairs: usize = sweeps
             .iter()
             .map(|sweep| (steps - 1).saturating_sub(in_runs(sweep)))
@@ -70,8 +92,9 @@ impl<'a> Rest<'a> {
         let repeated: usize = sweeps.iter().map(|sweep| sweep.repeated).sum();
         let (pairs, repeated) = (pairs.max(1) as f64, repeated as f64);
         let whole = f32::from(u8::from(dataset.samples().element_max().is_some()));
-        Self {
+        let mut rest = Self {
             dataset,
+            limits,
             tolerance: limits
                 .iter()
                 .map(|limits| (REST_TOLERANCE * limits.deviation).max(whole))
@@ -79,9 +102,90 @@ impl<'a> Rest<'a> {
             head: rest_frame(dataset, sweeps, End::Head),
             tail: rest_frame(dataset, sweeps, End::Tail),
             pairs,
-            repeated_share: repeated / pairs,
+            repeated_share: if repeats_frames {
+                1.0
+            } else {
+                repeated / pairs
+            },
             is_fine: repeated_values(dataset, sweeps) <= REPEATED_VALUES,
+            has_lifts: false,
+        };
+        for end in [End::Head, End::Tail] {
+            let runs = sweeps.iter().map(|sweep| run_at(end, sweep, steps));
+            let fading = rest.share_fading(runs.enumerate());
+            let of_end = match end {
+                End::Head => &mut rest.head,
+                End::Tail => &mut rest.tail,
+            };
+            if let Some(of_end) = of_end {
+                of_end.fades = fading >= 0.5;
+            }
         }
+        let lifted = |(index, sweep): (usize, &SweepStatistics)| {
+            let mut runs = sweep.middle_runs(steps);
+            runs.any(|run| rest.is_zero(index, run) && rest.fades(index, run))
+        };
+        let lifted = sweeps.iter().enumerate().filter(|of| lifted(*of)).count();
+        rest.has_lifts = lifted as f64 >= LIFTED_SHARE * sweeps.len() as f64;
+        rest
+    }
+
+    /// Returns the share of these runs before or after which the signal fades.
+    fn share_fading<'r>(&self, runs: impl Iterator<Item = (usize, Option<&'r Run>)>) -> f64 {
+        let (mut fading, mut all) = (0, 0);
+        for (sweep, run) in runs {
+            if let Some(run) = run {
+                all += 1;
+                fading += usize::from(self.fades(sweep, run));
+            }
+        }
+        fading as f64 / all.max(1) as f64
+    }
+
+    /// Returns true if the frames before and after the run are near those in it.
+    fn fades(&self, sweep: usize, run: &Run) -> bool {
+        let end = run.start + run.frames;
+        let after = (end < self.dataset.shape().steps).then_some(end);
+        let next = [run.start.checked_sub(1), after].into_iter().flatten();
+        next.into_iter()
+            .all(|step| self.are_near(sweep, run.start, step))
+    }
+
+    /// Returns true if two frames of a sweep are so near that the signal fades from one to the other.
+    pub(super) fn are_near(&self, sweep: usize, step: usize, other: usize) -> bool {
+        let frames = [self.frame(sweep, step), self.frame(sweep, other)];
+        let pairs = frames[0].iter().zip(&frames[1]).zip(self.limits);
+        pairs
+            .into_iter()
+            .all(|((a, b), limits)| (a - b).abs() <= FADE_TOLERANCE * limits.deviation)
+    }
+
+    /// Returns true if these frames, each a sweep and a step, are alike: those of a sensor at rest.
+    pub(super) fn are_one_level(&self, frames: &[(usize, usize)]) -> bool {
+        let Some((&(sweep, step), others)) = frames.split_first() else {
+            return false;
+        };
+        let first = self.frame(sweep, step);
+        let is_alike =
+            |&&(sweep, step): &&(usize, usize)| self.are_alike(&first, &self.frame(sweep, step));
+        2 * others.iter().filter(is_alike).count() >= others.len()
+    }
+
+    /// Returns true if the run is one of many lifts of the finger.
+    pub(super) fn is_lift(&self, sweep: usize, run: &Run) -> bool {
+        self.has_lifts && self.is_zero(sweep, run) && self.fades(sweep, run)
+    }
+
+    /// Returns true if the frames are like those at rest at this end of most sweeps, and motions begin or end there
+    /// gradually.
+    pub(super) fn is_gradual(&self, end: End, sweep: usize, run: &Run) -> bool {
+        self.of_end(end).is_some_and(|rest| rest.fades) && self.is_like(end, sweep, run)
+    }
+
+    /// Returns true if all taxels are zero in the run, and for none of them zero is a usual value.
+    pub(super) fn is_far_zero(&self, sweep: usize, run: &Run) -> bool {
+        let is_far = |limits: &TaxelLimits| limits.distance(0.0) >= FAR_ZERO;
+        self.limits.iter().all(is_far) && self.is_zero(sweep, run)
     }
 
     /// Returns true if a run is longer than one by accident. An accident of L frames has the probability p to the power of
@@ -138,12 +242,15 @@ impl<'a> Rest<'a> {
 
     /// Returns true if the frames of the run are like those at rest at this end of the sweeps.
     pub(super) fn is_like(&self, end: End, sweep: usize, run: &Run) -> bool {
-        let rest = match end {
-            End::Head => &self.head,
-            End::Tail => &self.tail,
-        };
-        rest.as_ref()
+        self.of_end(end)
             .is_some_and(|rest| self.are_alike(&self.frame(sweep, run.start), &rest.values))
+    }
+
+    fn of_end(&self, end: End) -> Option<&RestFrame> {
+        match end {
+            End::Head => self.head.as_ref(),
+            End::Tail => self.tail.as_ref(),
+        }
     }
 
     /// Returns true if the frames of the run are like the first or the last frame of the same sweep.
@@ -226,6 +333,7 @@ fn rest_frame(dataset: &Dataset, sweeps: &[SweepStatistics], end: End) -> Option
     Some(RestFrame {
         values,
         change: median(changes.collect()),
+        fades: false,
     })
 }
 

@@ -7,7 +7,9 @@ pub(super) const RUN_FRAMES: usize = 3;
 /// Change between frames below which a sweep counts as quiet, as a share of its median change: the noise of a sensor at
 /// rest is a few hundredths of the vibration of a sliding contact, or more.
 const QUIET_SHARE: f32 = 0.05;
-/// Minimum change of the last frame before a quiet tail, as a share of the median change: a real motion decays over
+/// Number of changes over which the mean is quiet or lively.
+const MEAN_FRAMES: usize = 4;
+/// Minimum change of the last frames before a quiet tail, as a share of the median change: a real motion decays over
 /// several frames.
 const LIVELY_SHARE: f32 = 0.3;
 
@@ -100,6 +102,12 @@ impl SweepStatistics {
         }
     }
 
+    /// Returns the runs that neither begin nor end a sweep of `steps` frames.
+    pub(super) fn middle_runs(&self, steps: usize) -> impl Iterator<Item = &Run> {
+        let is_middle = move |run: &&Run| run.start > 0 && run.start + run.frames < steps;
+        self.runs.iter().filter(is_middle)
+    }
+
     pub(super) fn max(&self) -> f32 {
         let highs = self.taxels.iter().map(|taxel| taxel.1);
         highs.fold(f32::NEG_INFINITY, f32::max)
@@ -184,14 +192,24 @@ fn quiet_ends(changes: &[f32]) -> (usize, bool) {
     // The third quartile: up to half of a sweep may be padding.
     let place = 3 * sorted.len() / 4;
     let (_, &mut usual, _) = sorted.select_nth_unstable_by(place, f32::total_cmp);
-    let is_quiet = |change: &&f32| **change <= QUIET_SHARE * usual;
-    let head = changes.iter().take(RUN_FRAMES).all(|c| is_quiet(&c));
-    let tail = changes.iter().rev().take_while(is_quiet);
-    let frozen = tail.clone().filter(|change| **change == 0.0).count();
+    // Single changes of few taxels vary; their mean over a few frames does not.
+    let mean = |some: &[f32]| some.iter().sum::<f32>() / some.len() as f32;
+    let is_quiet = |start: usize| {
+        let end = changes.len().min(start + MEAN_FRAMES);
+        mean(&changes[start..end]) <= QUIET_SHARE * usual
+    };
+    let head = is_quiet(0);
+    let tail = (0..changes.len())
+        .rev()
+        .take_while(|start| is_quiet(*start));
     let frames = tail.count();
-    // The change before the tail may be the step to the padding; the one before it belongs to the motion.
-    let before = (changes.len() - frames).checked_sub(2);
-    let is_abrupt = before.is_some_and(|at| changes[at] >= LIVELY_SHARE * usual);
+    let start = changes.len() - frames;
+    let frozen = changes[start..].iter().filter(|change| **change == 0.0);
+    let frozen = frozen.count();
+    // The change before the tail may be the step to the padding; those before it belong to the motion.
+    let before = start.saturating_sub(1);
+    let before = &changes[before.saturating_sub(MEAN_FRAMES)..before];
+    let is_abrupt = !before.is_empty() && mean(before) >= LIVELY_SHARE * usual;
     if is_abrupt && 2 * frozen < frames {
         (frames + 1, head)
     } else {
