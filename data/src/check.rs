@@ -17,6 +17,13 @@
 //! | [`Padding`](FindingKind::Padding) | warning; error if its length separates the materials | sweeps begin or end with equal frames, or end with noise alone, and no sensor at rest explains it |
 //! | [`UnbalancedMaterials`](FindingKind::UnbalancedMaterials) | warning | unequal numbers of sweeps |
 //! | [`AssumedRate`](FindingKind::AssumedRate) | warning | the data does not name its sample rate |
+//! | [`AssumedUnit`](FindingKind::AssumedUnit) | note | time stamps without a unit that are Unix time in ms, µs or ns by their size |
+//! | [`NamedRate`](FindingKind::NamedRate) | warning | the caller named another sample rate than the data or its time stamps |
+//! | [`IrregularRate`](FindingKind::IrregularRate) | warning | mean and median time between frames differ by more than 5 % |
+//! | [`MixedRates`](FindingKind::MixedRates) | error | a sweep or file whose rate differs from that of most by more than 2 % |
+//! | [`TimeGap`](FindingKind::TimeGap) | warning; error if the gaps exceed a tenth of the sweep | more than 5 frames are missing at once, or no frame comes for 2 s |
+//! | [`LostFrames`](FindingKind::LostFrames) | warning; error above 3 % of the frames | at most 5 frames at once are missing, by the time stamps |
+//! | [`ClockBackwards`](FindingKind::ClockBackwards) | error; warning with a named rate | a time stamp is earlier than the one before it |
 //! | [`NumberedMaterials`](FindingKind::NumberedMaterials) | note | all names of materials are bare numbers |
 //! | [`AxisOrder`](FindingKind::AxisOrder) | warning | a side of the patch has more than 32 taxels and more taxels than there are steps |
 //! | [`ShortSweeps`](FindingKind::ShortSweeps) | warning | sweeps shorter than 50 ms |

@@ -36,11 +36,8 @@ pub enum Remedy {
     Resample,
     /// Cut continuous recordings into windows, between the gaps and changes of the label.
     CutWindows,
-    /// Leave out the frames of a label.
-    DropLabel {
-        /// The label.
-        label: String,
-    },
+    /// Leave out the frames with an empty label.
+    DropUnlabelled,
     /// Subtract a fixed offset from each taxel, the same one in all data, before values are narrowed to 32-bit floats.
     SubtractOffset,
     /// Choose another number of folds, or hold out a part of the sweeps.

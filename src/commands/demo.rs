@@ -37,7 +37,7 @@ pub struct DemoArgs {
     /// Data set of the played sweeps [default: the held-out sweeps of the run's data set]
     #[arg(long, value_name = "FILE|twin", requires = "run")]
     data: Option<String>,
-    /// Sample rate of data that does not state it, in Hz [default: the run's setting]
+    /// Sample rate, in Hz; takes precedence over that of the data [default: the run's setting]
     #[arg(long, value_name = "HZ", value_parser = rate, requires = "run")]
     rate: Option<f64>,
     /// Also run a robot that catches balls and classifies their material

@@ -33,7 +33,7 @@ pub struct EnrollArgs {
     /// Data set with sweeps of the new material; sweeps without labels all count as the new material
     #[arg(long, value_name = "FILE|twin")]
     data: String,
-    /// Sample rate of data that does not state it, in Hz [default: the run's sample rate]
+    /// Sample rate, in Hz; takes precedence over that of the data [default: the run's sample rate]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Number of time steps of each sweep to use, from its start [default: as in training]

@@ -27,7 +27,7 @@ pub struct EvalArgs {
     /// materials. Also the new path of the run's own data set [default: the run's test sweeps]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
-    /// Sample rate of data that does not state it, in Hz [default: the run's setting]
+    /// Sample rate, in Hz; takes precedence over that of the data [default: the run's setting]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Number of time steps of each sweep to use, from its start [default: as in training]

@@ -28,7 +28,7 @@ pub struct PredictArgs {
     /// without rows and columns (tables, `X` [n][steps][taxels]) take the run's arrangement of taxels
     #[arg(long, value_name = "FILE")]
     data: String,
-    /// Sample rate of data that does not state it, in Hz [default: the run's sample rate]
+    /// Sample rate, in Hz; takes precedence over that of the data [default: the run's sample rate]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Number of time steps of each sweep to use, from its start [default: as in training]

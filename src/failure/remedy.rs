@@ -39,9 +39,7 @@ pub(super) fn words_of(remedy: &Remedy) -> String {
             "`tactnet data import FILE --out NEW.npz --window 1s` cuts recordings into sweeps, between gaps and changes of the label"
                 .into()
         }
-        Remedy::DropLabel { label } => {
-            format!("leave them out with `--drop-label {}`", tactnet_pipeline::quoted(label))
-        }
+        Remedy::DropUnlabelled => "leave them out with `--drop-label ''`".into(),
         Remedy::SubtractOffset => {
             "subtract the offset of each taxel first, the same one in all files: `X - X.mean((0, 1))` of the training sweeps"
                 .into()
@@ -135,12 +133,7 @@ mod tests {
             (Remedy::KeepSteps { steps: 150 }, "--steps 150`"),
             (Remedy::Resample, "--resample HZ`"),
             (Remedy::CutWindows, "--window 1s`"),
-            (
-                Remedy::DropLabel {
-                    label: "no contact".into(),
-                },
-                "--drop-label 'no contact'`",
-            ),
+            (Remedy::DropUnlabelled, "--drop-label ''`"),
             (Remedy::SubtractOffset, "`X - X.mean((0, 1))`"),
             (Remedy::ChooseFolds, "--split hold-out"),
             (

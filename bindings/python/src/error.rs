@@ -65,7 +65,7 @@ fn words_of(remedy: &Remedy) -> String {
         }
         Remedy::Resample => "pass `resample=`".into(),
         Remedy::CutWindows => "pass `window=` to cut recordings into sweeps".into(),
-        Remedy::DropLabel { label } => format!("pass `drop_labels=[{label:?}]`"),
+        Remedy::DropUnlabelled => "pass `drop_labels=[\"\"]`".into(),
         Remedy::SubtractOffset => {
             "subtract the offset of each taxel first, the same one in all arrays: `X - X.mean((0, 1))` of the training sweeps"
                 .into()

@@ -150,9 +150,7 @@ fn labelled(
             "the material of each frame",
             found,
         );
-        return Err(error.with_remedy(Remedy::DropLabel {
-            label: String::new(),
-        }));
+        return Err(error.with_remedy(Remedy::DropUnlabelled));
     }
     if pieces.is_empty() {
         return Err(DataError::format(

@@ -175,13 +175,7 @@ fn a_recording_without_a_sweep_column_names_the_cure() {
     );
     let (_dir, path) = in_folder(&stream(None, &[("", 25), ("walk", 10)]));
     let error = format::read_with(&path, &windows(Span::Steps(5), None)).unwrap_err();
-    assert_eq!(
-        error.remedy(),
-        Some(Remedy::DropLabel {
-            label: String::new()
-        }),
-        "{error}"
-    );
+    assert_eq!(error.remedy(), Some(Remedy::DropUnlabelled), "{error}");
 }
 
 #[test]

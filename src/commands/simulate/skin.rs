@@ -30,7 +30,7 @@ pub struct SkinArgs {
     /// Data set of the sweeps [default: twin; with --unseen-by, the run's data set]
     #[arg(long, value_name = "FILE|twin")]
     data: Option<String>,
-    /// Sample rate of data that does not state it, in Hz [default: with --unseen-by, the run's setting]
+    /// Sample rate, in Hz; takes precedence over that of the data [default: with --unseen-by, the run's setting]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Run directory: play only sweeps that this run was not trained on, with its sample rate and number of steps
