@@ -123,23 +123,7 @@ impl Clock {
             }
         };
         let period = unit.unwrap_or_else(|| mean(&intervals, &pieces));
-        let (mut gaps, mut missing) = (Vec::new(), Vec::new());
-        for (at, &length) in intervals.iter().enumerate() {
-            if length > 1.5 * period && (unit.is_some() || length > limit.gap) {
-                let lost = missing_after(seconds, at, period);
-                if length > limit.buffer || lost > LOST_AT_ONCE {
-                    gaps.push(Jump {
-                        frame: at + 1,
-                        seconds: length,
-                    });
-                } else if unit.is_some() && lost > 0 {
-                    missing.push(Lost {
-                        frame: at + 1,
-                        frames: lost,
-                    });
-                }
-            }
-        }
+        let (gaps, missing) = jumps(seconds, &intervals, &limit, unit, period);
         let mut cuts: Vec<usize> = gaps
             .iter()
             .chain(&backwards)
@@ -184,6 +168,35 @@ impl Clock {
             None => f64::INFINITY,
         }
     }
+}
+
+/// Returns gaps and lost frames.
+///
+/// - `unit`: period of a steady clock; frames of another clock are not missed singly
+fn jumps(
+    seconds: &[f64],
+    intervals: &[f64],
+    limit: &Limit,
+    unit: Option<f64>,
+    period: f64,
+) -> (Vec<Jump>, Vec<Lost>) {
+    let (mut gaps, mut missing) = (Vec::new(), Vec::new());
+    for (at, &length) in intervals.iter().enumerate() {
+        let is_long = length > 1.5 * period && (unit.is_some() || length > limit.gap);
+        if !is_long {
+            continue;
+        }
+        let (frame, frames) = (at + 1, missing_after(seconds, at, period));
+        if length > limit.buffer || frames > LOST_AT_ONCE {
+            gaps.push(Jump {
+                frame,
+                seconds: length,
+            });
+        } else if unit.is_some() && frames > 0 {
+            missing.push(Lost { frame, frames });
+        }
+    }
+    (gaps, missing)
 }
 
 /// Lengths of intervals above which they are gaps, in seconds.

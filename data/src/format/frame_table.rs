@@ -113,24 +113,9 @@ impl<'a> FrameTable<'a> {
     ) -> Result<Recordings<'a>, DataError> {
         let (taxels, mut findings) = self.taxels(&options.columns)?;
         let (sweep_of, material_of) = self.sweeps_and_materials(labels, options)?;
-        let mut order: Vec<&str> = Vec::new();
-        let mut frames: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-        for (row, sweep) in sweep_of.iter().enumerate() {
-            let rows = frames.entry(sweep).or_insert_with(|| {
-                order.push(sweep);
-                Vec::new()
-            });
-            if let Some(&first) = rows.first()
-                && let Some(material_of) = &material_of
-                && material_of[first] != material_of[row]
-                && options.windows.is_none()
-            {
-                let found = format!("`{}` and `{}`", material_of[first], material_of[row]);
-                let item = format!("sweep `{sweep}`, row {}", row + 1);
-                let error = self.error(item, "one material", found);
-                return Err(error.with_remedy(Remedy::CutWindows));
-            }
-            rows.push(row);
+        let (order, frames) = frames_of_sweeps(&sweep_of);
+        if let Some(material_of) = material_of.as_ref().filter(|_| options.windows.is_none()) {
+            self.refuse_changing_material(&frames, material_of)?;
         }
         let firsts: Vec<usize> = order.iter().map(|sweep| frames[sweep][0]).collect();
         let blocks = self.per_sweep(BLOCK, &firsts, |value| value as u32)?;
@@ -207,6 +192,28 @@ impl<'a> FrameTable<'a> {
     /// Returns the number of frames.
     fn frames(&self) -> usize {
         self.columns.first().map_or(0, |(_, column)| column.len())
+    }
+
+    /// Returns an error if the material changes within a sweep.
+    fn refuse_changing_material(
+        &self,
+        frames: &BTreeMap<&str, Vec<usize>>,
+        material_of: &[String],
+    ) -> Result<(), DataError> {
+        let changes = frames.iter().filter_map(|(sweep, rows)| {
+            let first = &material_of[*rows.first()?];
+            let row = rows.iter().find(|&&row| material_of[row] != *first)?;
+            Some((*row, sweep, first))
+        });
+        match changes.min() {
+            None => Ok(()),
+            Some((row, sweep, first)) => {
+                let found = format!("`{first}` and `{}`", material_of[row]);
+                let item = format!("sweep `{sweep}`, row {}", row + 1);
+                let error = self.error(item, "one material", found);
+                Err(error.with_remedy(Remedy::CutWindows))
+            }
+        }
     }
 
     fn error(
@@ -332,4 +339,18 @@ impl<'a> FrameTable<'a> {
             }
         }
     }
+}
+
+/// Returns the sweeps in the order of their first frames, and the frames of each.
+fn frames_of_sweeps(sweep_of: &[String]) -> (Vec<&str>, BTreeMap<&str, Vec<usize>>) {
+    let mut order: Vec<&str> = Vec::new();
+    let mut frames: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (row, sweep) in sweep_of.iter().enumerate() {
+        let rows = frames.entry(sweep).or_insert_with(|| {
+            order.push(sweep);
+            Vec::new()
+        });
+        rows.push(row);
+    }
+    (order, frames)
 }

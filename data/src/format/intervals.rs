@@ -5,7 +5,7 @@ use std::path::Path;
 use super::csv::Rows;
 use super::frame_table::{Column, MATERIAL};
 use super::pieces::Piece;
-use super::recording::Recordings;
+use super::recording::{Recording, Recordings};
 use super::time_stamps::{Clockwork, times_of};
 use super::timing::Timing;
 use crate::{DataError, Finding, FindingKind, Place, Remedy, Severity};
@@ -46,34 +46,9 @@ pub(super) fn pieces(
     let mut cut = Vec::new();
     for piece in pieces {
         let recording = &recordings.recordings[piece.recording];
-        let seconds: Vec<f64> = match &recording.seconds[..] {
-            // Without stamps, time counts from the first frame.
-            [] => {
-                let rate = timing.rate_hz.ok_or_else(|| {
-                    let error = DataError::format(
-                        recordings.path,
-                        "sample rate",
-                        "one, for intervals",
-                        "none",
-                    );
-                    error.with_remedy(Remedy::NameRate)
-                })?;
-                piece
-                    .frames
-                    .clone()
-                    .map(|frame| frame as f64 / rate)
-                    .collect()
-            }
-            all => all[piece.frames.clone()].to_vec(),
-        };
-        let is_of = |file: &String| {
-            let path = Path::new(file);
-            recording.name == *file
-                || recording.file.ends_with(path)
-                || recording.file.file_stem() == Some(path.as_os_str())
-        };
+        let seconds = times_of_frames(recordings, timing, piece)?;
         let mut own: Vec<usize> = (0..intervals.len())
-            .filter(|at| intervals[*at].file.as_ref().is_none_or(is_of))
+            .filter(|at| intervals[*at].is_of(recording))
             .collect();
         own.sort_by(|a, b| intervals[*a].start.total_cmp(&intervals[*b].start));
         refuse_overlap(table, &intervals, &own)?;
@@ -91,36 +66,72 @@ pub(super) fn pieces(
             }
         }
     }
-    for interval in intervals
-        .iter()
-        .zip(&used)
-        .filter(|(_, used)| !**used)
-        .map(|(interval, _)| interval)
-    {
-        let message = format!(
-            "{}, line {}: no frame from {} to {} s (`{}`)",
-            table.display(),
-            interval.line,
-            interval.start,
-            interval.end,
-            interval.label
-        );
-        let finding = Finding::new(Severity::Warning, FindingKind::NotRead, message);
-        recordings.findings.push(finding.at(Place {
-            file: Some(table.into()),
-            line: Some(interval.line),
-            ..Place::default()
-        }));
-    }
+    let unused = intervals.iter().zip(&used).filter(|(_, used)| !**used);
+    let unused = unused.map(|(interval, _)| interval.without_frames(table));
+    recordings.findings.extend(unused);
     if cut.is_empty() {
+        let expected = "times within the recordings";
         return Err(DataError::format(
             table,
             "intervals",
-            "times within the recordings",
+            expected,
             "none within",
         ));
     }
     Ok(cut)
+}
+
+/// Returns the times of the frames of a piece. Without stamps, time counts from the first frame of the recording.
+fn times_of_frames(
+    recordings: &Recordings<'_>,
+    timing: &Timing,
+    piece: &Piece,
+) -> Result<Vec<f64>, DataError> {
+    let seconds = &recordings.recordings[piece.recording].seconds;
+    match (seconds.get(piece.frames.clone()), timing.rate_hz) {
+        (Some(seconds), _) => Ok(seconds.to_vec()),
+        (None, Some(rate)) => Ok(piece
+            .frames
+            .clone()
+            .map(|frame| frame as f64 / rate)
+            .collect()),
+        (None, None) => {
+            let expected = "one, for intervals";
+            let error = DataError::format(recordings.path, "sample rate", expected, "none");
+            Err(error.with_remedy(Remedy::NameRate))
+        }
+    }
+}
+
+impl Interval {
+    /// Returns true if the interval is one of the recording.
+    fn is_of(&self, recording: &Recording) -> bool {
+        let Some(file) = &self.file else { return true };
+        let path = Path::new(file);
+        recording.name == *file
+            || recording.file.ends_with(path)
+            || recording.file.file_stem() == Some(path.as_os_str())
+    }
+
+    /// Returns a warning that no recording has frames in the interval.
+    fn without_frames(&self, table: &Path) -> Finding {
+        let Self {
+            start,
+            end,
+            label,
+            line,
+            ..
+        } = self;
+        let message = format!(
+            "{}, line {line}: no frame from {start} to {end} s (`{label}`)",
+            table.display()
+        );
+        Finding::new(Severity::Warning, FindingKind::NotRead, message).at(Place {
+            file: Some(table.into()),
+            line: Some(*line),
+            ..Place::default()
+        })
+    }
 }
 
 fn refuse_overlap(table: &Path, intervals: &[Interval], sorted: &[usize]) -> Result<(), DataError> {

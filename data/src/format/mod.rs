@@ -52,6 +52,7 @@ mod read_options;
 mod recording;
 mod resample;
 mod resolution;
+mod stamp;
 mod sweep_file;
 pub mod tactmat;
 mod tactmat_write;

@@ -78,17 +78,19 @@ fn of_one_label(recordings: &Recordings<'_>, pieces: &[Piece]) -> Vec<Piece> {
         if runs.is_empty() {
             cut.push(piece.clone());
         }
-        for (at, run) in runs.iter().enumerate() {
-            let end = runs.get(at + 1).map_or(piece.frames.end, |next| next.start);
-            let frames = run.start.max(piece.frames.start)..end.min(piece.frames.end);
-            if !frames.is_empty() {
-                let material = Some(run.label.clone());
-                cut.push(Piece {
-                    frames,
-                    material,
-                    ..*piece
-                });
+        // The run that contains the first frame, and the next ones.
+        let first = runs.partition_point(|run| run.start <= piece.frames.start);
+        for at in first.saturating_sub(1)..runs.len() {
+            let run = &runs[at];
+            if run.start >= piece.frames.end {
+                break;
             }
+            let end = runs.get(at + 1).map_or(piece.frames.end, |next| next.start);
+            cut.push(Piece {
+                recording: piece.recording,
+                frames: run.start.max(piece.frames.start)..end.min(piece.frames.end),
+                material: Some(run.label.clone()),
+            });
         }
     }
     cut
@@ -103,64 +105,44 @@ fn labelled(
     mut pieces: Vec<Piece>,
     windows: &Windows,
 ) -> Result<Vec<Piece>, DataError> {
+    let refused = |expected: String, found: String| {
+        DataError::format(recordings.path, "labels", expected, found)
+    };
     let label = |piece: &Piece| {
         piece
             .material
-            .clone()
+            .as_deref()
             .unwrap_or_default()
             .trim()
             .to_string()
     };
     let labels = sorted_names(&pieces.iter().map(label).collect::<Vec<_>>());
-    if let Some(unknown) = windows
-        .drop_labels
+    let drops: Vec<&str> = windows.drop_labels.iter().map(|drop| drop.trim()).collect();
+    if let Some(unknown) = drops
         .iter()
-        .find(|drop| !labels.contains(&drop.trim().into()))
+        .find(|drop| !labels.iter().any(|label| label == **drop))
     {
         let found = some_names(labels.iter().map(String::as_str));
-        return Err(DataError::format(
-            recordings.path,
-            "labels",
-            format!("`{unknown}`, to drop"),
-            found,
-        ));
+        return Err(refused(format!("`{unknown}`, to drop"), found));
     }
-    pieces.retain(|piece| {
-        !windows
-            .drop_labels
-            .iter()
-            .any(|drop| drop.trim() == label(piece))
-    });
-    let is_empty = |piece: &&Piece| {
-        piece
-            .material
-            .as_ref()
-            .is_some_and(|label| label.trim().is_empty())
-    };
-    let nameless: usize = pieces
+    pieces.retain(|piece| !drops.contains(&label(piece).as_str()));
+    let is_nameless = |piece: &&Piece| piece.material.is_some() && label(piece).is_empty();
+    let nameless = pieces
         .iter()
-        .filter(is_empty)
-        .map(|piece| piece.frames.len())
-        .sum();
-    if nameless > 0 {
-        let found = format!("{nameless} frames with an empty label");
-        let error = DataError::format(
-            recordings.path,
-            "labels",
-            "the material of each frame",
-            found,
-        );
-        return Err(error.with_remedy(Remedy::DropUnlabelled));
+        .filter(is_nameless)
+        .map(|piece| piece.frames.len());
+    match nameless.sum() {
+        0_usize if pieces.is_empty() => Err(refused(
+            "frames with a label that is not dropped".into(),
+            "none".into(),
+        )),
+        0 => Ok(pieces),
+        frames => {
+            let found = format!("{frames} frames with an empty label");
+            let error = refused("the material of each frame".into(), found);
+            Err(error.with_remedy(Remedy::DropUnlabelled))
+        }
     }
-    if pieces.is_empty() {
-        return Err(DataError::format(
-            recordings.path,
-            "labels",
-            "frames with a label that is not dropped",
-            "none",
-        ));
-    }
-    Ok(pieces)
 }
 
 /// Returns the frames of a piece at the rate of the options, or as they are.
@@ -211,16 +193,10 @@ fn stretch(
             }
         }
     };
+    let part = recording.part(recording.name.clone(), values, recording.block);
     Ok(Recording {
-        name: recording.name.clone(),
-        file: recording.file.clone(),
-        lines: Vec::new(),
-        values,
-        seconds: Vec::new(),
         material: piece.material.clone(),
-        labels: Vec::new(),
-        block: recording.block,
-        test: recording.test,
+        ..part
     })
 }
 
@@ -261,30 +237,20 @@ fn in_windows(
         let mut end = 0;
         for start in starts(frames, length, hop) {
             end = start + length;
-            cut.push(Recording {
-                // Frames of the recording are counted at its own rate.
-                name: match options.resample_hz {
-                    None => format!(
-                        "{}, from frame {}",
-                        stretch.name,
-                        piece.frames.start + start
-                    ),
-                    Some(rate) => format!(
-                        "{}, {:.2} s after frame {}",
-                        stretch.name,
-                        start as f64 / rate,
-                        piece.frames.start
-                    ),
-                },
-                values: stretch.values[start * taxels..end * taxels].to_vec(),
-                lines: Vec::new(),
-                seconds: Vec::new(),
-                labels: Vec::new(),
-                file: stretch.file.clone(),
-                material: stretch.material.clone(),
-                block: stretch.block.or(Some(block)),
-                test: stretch.test,
-            });
+            // Frames of the recording are counted at its own rate.
+            let name = match options.resample_hz {
+                None => format!(
+                    "{}, from frame {}",
+                    stretch.name,
+                    piece.frames.start + start
+                ),
+                Some(rate) => {
+                    let (seconds, first) = (start as f64 / rate, piece.frames.start);
+                    format!("{}, {seconds:.2} s after frame {first}", stretch.name)
+                }
+            };
+            let values = stretch.values[start * taxels..end * taxels].to_vec();
+            cut.push(stretch.part(name, values, stretch.block.or(Some(block))));
         }
         block += u32::from(end > 0);
         short += usize::from(end == 0);

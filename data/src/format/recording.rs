@@ -77,6 +77,21 @@ pub(super) struct Recordings<'a> {
 }
 
 impl Recording {
+    /// Returns a part of the recording.
+    pub(super) fn part(&self, name: String, values: Vec<f64>, block: Option<u32>) -> Self {
+        Self {
+            name,
+            values,
+            block,
+            file: self.file.clone(),
+            lines: Vec::new(),
+            seconds: Vec::new(),
+            material: self.material.clone(),
+            labels: Vec::new(),
+            test: self.test,
+        }
+    }
+
     pub(super) fn frames(&self, patch: Patch) -> usize {
         self.values.len() / patch.taxels().max(1)
     }

@@ -134,20 +134,28 @@ impl Timing {
                 .push(named_rate(measured, named, "the time stamps give"));
         }
         self.rate_hz = Some(options.rate_hz.unwrap_or(measured));
+        self.mixed_rates(recordings, indices, options, measured);
+    }
+
+    /// Adds a finding for each recording of another rate.
+    fn mixed_rates(
+        &mut self,
+        recordings: &Recordings<'_>,
+        indices: &[Option<usize>],
+        options: &ReadOptions,
+        measured: f64,
+    ) {
+        // Resampling gives all recordings one rate.
         let severity = match options.resample_hz {
             Some(_) => Severity::Note,
             None => Severity::Error,
         };
-        for (at, own) in self
-            .odd_hz
-            .iter()
-            .enumerate()
-            .filter_map(|(at, own)| Some((at, (*own)?)))
-        {
+        for (at, own) in self.odd_hz.iter().enumerate() {
+            let Some(own) = own else { continue };
             let message = format!(
                 "{}: {} Hz, other than the {} Hz of most recordings, by the time stamps",
                 subject(recordings, at),
-                hz(own),
+                hz(*own),
                 hz(measured)
             );
             let finding = Finding::new(severity, FindingKind::MixedRates, message)
