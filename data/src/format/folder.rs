@@ -113,10 +113,10 @@ fn read_files(
     if entries.is_empty() {
         return Err(DataError::format(path, "folder", LAYOUT, "neither"));
     }
-    let sweeps: Vec<SweepFile> = entries
+    let read = entries
         .par_iter()
-        .map(|entry| SweepFile::read(&entry.file, options))
-        .collect::<Result<_, _>>()?;
+        .map(|entry| SweepFile::read(&entry.file, options));
+    let sweeps = all_or_unreadable(path, read.collect())?;
     let patch = common_patch(&entries, &sweeps)?;
     // All files of a set have the same columns.
     let findings = sweeps[0].left_out.clone();
@@ -144,6 +144,31 @@ fn read_files(
         findings,
     };
     recordings.into_sweeps(options)
+}
+
+/// Returns the content of all files.
+///
+/// # Errors
+/// The first error of another kind, otherwise all places that cannot be read.
+fn all_or_unreadable(
+    path: &Path,
+    read: Vec<Result<SweepFile, DataError>>,
+) -> Result<Vec<SweepFile>, DataError> {
+    let (mut sweeps, mut unreadable) = (Vec::with_capacity(read.len()), Vec::new());
+    for file in read {
+        match file {
+            Ok(sweep) => sweeps.push(sweep),
+            Err(DataError::Unreadable { findings, .. }) => unreadable.extend(findings),
+            Err(error) => return Err(error),
+        }
+    }
+    match unreadable.len() {
+        0 => Ok(sweeps),
+        _ => Err(DataError::Unreadable {
+            path: path.into(),
+            findings: unreadable,
+        }),
+    }
 }
 
 /// Returns the arrangement of the taxels, which all files must share.

@@ -26,6 +26,8 @@ pub(super) struct FrameTable<'a> {
     pub(super) columns: Vec<(String, Column)>,
     /// Lines of the frames in a text file, from 1: `[frames]`; empty for other files.
     pub(super) lines: Vec<usize>,
+    /// Findings of the reader of the file.
+    pub(super) findings: Vec<Finding>,
 }
 
 /// Values of one column.
@@ -148,6 +150,7 @@ impl<'a> FrameTable<'a> {
         };
         let recordings: Vec<Recording> = order.iter().enumerate().map(of_sweep).collect();
         findings.extend(times.as_ref().and_then(|times| times.finding.clone()));
+        findings.extend(self.findings.iter().cloned());
         Ok(Recordings {
             path: self.path,
             patch: Patch::Taxels(taxels.len()),

@@ -31,6 +31,8 @@ mod chunk_grid;
 mod chunks;
 mod clock;
 mod csv;
+mod dialect;
+mod file_kind;
 mod folder;
 mod frame_table;
 mod intervals;
@@ -71,6 +73,7 @@ pub use read_options::ReadOptions;
 pub use windows::{Span, Windows};
 
 use crate::{DataError, Dataset, Remedy, Samples};
+use file_kind::FileKind;
 use named_sweeps::Labels;
 pub(crate) use named_sweeps::{NamedSweeps, UNLABELLED, records};
 use std::io::Read;
@@ -225,56 +228,68 @@ fn table_with_gaps(
             },
         )));
     }
-    let extension = path.extension()?.to_ascii_lowercase();
-    match extension.to_str()? {
-        "csv" | "tsv" => Some(csv::read_with_gaps(path, options, labels)),
+    if !path.exists() {
+        return None;
+    }
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    match file_kind::of(path) {
+        Err(error) => Some(Err(error)),
+        Ok(FileKind::Pretended(found)) => {
+            Some(Err(DataError::format(path, "file", READABLE, found)))
+        }
         #[cfg(feature = "parquet")]
-        "parquet" | "pq" => Some(parquet::read_with_gaps(path, options, labels)),
+        Ok(FileKind::Parquet) => Some(parquet::read_with_gaps(path, options, labels)),
         #[cfg(not(feature = "parquet"))]
-        "parquet" | "pq" => Some(Err(DataError::format(
+        Ok(FileKind::Parquet) => Some(Err(DataError::format(
             path,
             "file",
             "a program built with Parquet (in a checkout of the source, `cargo install --path . --features parquet`), or .npz or .csv",
             "Parquet",
         ))),
-        _ => None,
+        Ok(FileKind::Other) if TABLES.iter().any(|table| extension == *table) => {
+            Some(csv::read_with_gaps(path, options, labels))
+        }
+        Ok(_) => None,
     }
 }
+
+/// Extensions of text tables.
+const TABLES: [&str; 5] = ["csv", "tsv", "txt", "dat", "asc"];
+/// Files that are read, for messages.
+const READABLE: &str =
+    "HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv or .npy";
 
 /// First bytes of MCAP files.
 const MCAP: &[u8] = b"\x89MCAP";
 
 /// Reads HDF5 or npz, identified by the first bytes; also returns true if the file names the materials.
 fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError> {
-    let head = first_bytes(path)?;
-    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-    let is_array = labels == Labels::Optional && head.starts_with(npz::NPY);
-    let is_archive = head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06");
-    if is_array || is_archive || extension == "npz" {
-        npz::read_arrays(path, labels)
-    } else if head == b"\x89HDF\r\n\x1a\n" || extension == "h5" || extension == "hdf5" {
-        Ok((tactmat::read_with_gaps(path)?, true))
-    } else {
-        let found = match head.as_slice() {
-            [] => "an empty file".to_owned(),
-            head if head.starts_with(npz::NPY) => {
-                "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"
-                    .to_owned()
-            }
-            head if head.starts_with(MCAP) => "a recording".to_owned(),
-            head => format!("a file that begins with `{}`", head.escape_ascii()),
-        };
-        let error = DataError::format(
-            path,
-            "file",
-            "HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv or .npy",
-            found,
-        );
-        Err(match head.starts_with(MCAP) {
-            true => error.with_remedy(Remedy::ConvertRecording),
-            false => error,
-        })
-    }
+    let kind = file_kind::of(path)?;
+    let found = match kind {
+        FileKind::Npz => return npz::read_arrays(path, labels),
+        FileKind::Npy if labels == Labels::Optional => return npz::read_arrays(path, labels),
+        FileKind::Hdf5 => return Ok((tactmat::read_with_gaps(path)?, true)),
+        FileKind::Npy => {
+            "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"
+        }
+        FileKind::Mcap => "a recording",
+        FileKind::Matlab => "a MATLAB file before version 7.3; save it with -v7.3",
+        FileKind::Parquet => "Parquet",
+        FileKind::Pretended(found) => found,
+        FileKind::Other => "a file of another kind",
+    };
+    let error = match kind {
+        FileKind::Other => {
+            let head = first_bytes(path)?;
+            let found = format!("a file that begins with `{}`", head.escape_ascii());
+            DataError::format(path, "file", READABLE, found)
+        }
+        _ => DataError::format(path, "file", READABLE, found),
+    };
+    Err(match kind {
+        FileKind::Mcap => error.with_remedy(Remedy::ConvertRecording),
+        _ => error,
+    })
 }
 
 /// Returns the first eight bytes of a file, or fewer if it is shorter.

@@ -87,7 +87,7 @@ impl Header {
         let descr = descr
             .strip_prefix(['\'', '"'])
             .and_then(|d| d.split(['\'', '"']).next())
-            .ok_or_else(|| format!("records ({descr})"))?;
+            .ok_or_else(|| format!("a structured array, {descr}; take one field: X[\"name\"]"))?;
         let fortran = field(header, "fortran_order")
             .ok_or_else(damaged)?
             .starts_with("True");
@@ -108,7 +108,9 @@ impl Header {
         let kind = letters.next().unwrap_or(' ');
         if !"uifbSU".contains(kind) {
             return Err(match kind {
-                'O' => "Python objects (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)".into(),
+                'O' => "an object array (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)".into(),
+                'c' => format!("complex numbers ({}); `np.abs(X)` or `X.real.astype(np.float32)` gives real ones", numpy_name(kind, letters.as_str())),
+                'M' | 'm' => format!("{}; `X.astype(np.int64)` gives numbers", numpy_name(kind, letters.as_str())),
                 _ => format!("values of type `{descr}`"),
             });
         }
@@ -116,6 +118,12 @@ impl Header {
             .as_str()
             .parse()
             .map_err(|_| format!("values of type `{descr}`"))?;
+        if kind == 'f' && size > 8 {
+            return Err(format!(
+                "longdouble (numpy's float{}); `X.astype(np.float64)` gives numbers that are read",
+                8 * size
+            ));
+        }
         // A size that the file cannot contain would otherwise be accepted, however large.
         if size == 0 || shape.contains(&0) || shape.len() > MAX_DIMENSIONS {
             return Err(format!("no values: {shape:?} of type `{descr}`"));
@@ -134,6 +142,18 @@ impl Header {
             shape,
             bytes,
         })
+    }
+}
+
+/// Returns numpy's name of a type: `complex128` for `c16`, `datetime64[s]` for `M8[s]`.
+fn numpy_name(kind: char, size: &str) -> String {
+    let bits = |bytes: usize| 8 * bytes;
+    let unit = size.trim_start_matches(|c: char| c.is_ascii_digit());
+    let bytes = size[..size.len() - unit.len()].parse().unwrap_or(0);
+    match kind {
+        'c' => format!("complex{}", bits(bytes)),
+        'M' => format!("datetime{}{unit}", bits(bytes)),
+        _ => format!("timedelta{}{unit}", bits(bytes)),
     }
 }
 

@@ -101,6 +101,7 @@ fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
         path,
         columns,
         lines: Vec::new(),
+        findings: Vec::new(),
     })
 }
 

@@ -9,6 +9,7 @@ use std::fmt;
 use std::path::Path;
 
 use super::csv::Rows;
+use super::file_kind;
 use super::frame_table::{Column, MATERIAL, STEP, is_one_of};
 use super::narrow::HELD;
 use super::npy::Array;
@@ -20,9 +21,16 @@ use super::time_names::{are_times, unused_times};
 use super::time_stamps::{Clockwork, time_stamps};
 use crate::{DataError, Finding, SweepShape};
 
-/// Returns true for a file that can contain a sweep, by its extension.
+/// Beginnings of the names of text files that are no sweeps, in lower case.
+const NO_SWEEPS: [&str; 4] = ["readme", "license", "licence", "requirements"];
+
+/// Returns true for a file that can contain a sweep, by its name.
 pub(super) fn is_sweep_file(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e == "csv" || e == "npy")
+    let name = super::stem(path).to_lowercase();
+    let is_sweep = |extension: &std::ffi::OsStr| {
+        extension == "npy" || super::TABLES.iter().any(|table| extension == *table)
+    };
+    path.extension().is_some_and(is_sweep) && !NO_SWEEPS.iter().any(|no| name.starts_with(no))
 }
 
 /// Arrangement of the taxels in a frame.
@@ -111,6 +119,7 @@ impl SweepFile {
     fn read_array(path: &Path) -> Result<Self, DataError> {
         /// Expected content, for messages.
         const EXPECTED: &str = "one sweep, numbers [steps][taxels] or [steps][rows][cols] (many sweeps in one array: .npz with `X`, `y`)";
+        file_kind::refuse_pretended(path, EXPECTED)?;
         let io = |error| DataError::io(path, "read", error);
         let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
         let bytes = file.metadata().map_err(io)?.len();
@@ -162,11 +171,7 @@ impl SweepFile {
             sweep.lines.push(rows.line());
             for (column, (cell, role)) in row.into_iter().zip(&columns.roles).enumerate() {
                 match role {
-                    Role::Taxel => {
-                        let value = cell.trim().parse();
-                        let value = value.map_err(|_| rows.error("a number", column, &cell))?;
-                        sweep.values.push(value);
-                    }
+                    Role::Taxel => sweep.values.push(rows.number(column, &cell)),
                     Role::Words(place) => {
                         if let (_, Column::Words(words)) = &mut columns.words[*place] {
                             words.push(cell);
@@ -176,6 +181,7 @@ impl SweepFile {
                 }
             }
         }
+        sweep.left_out.extend(rows.finish()?);
         if sweep.values.is_empty() {
             return Err(DataError::format(
                 path,

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::dialect::number;
 use super::named_sweeps::some_names;
 use crate::{DataError, Finding, near_name};
 
@@ -86,7 +87,7 @@ pub(super) fn is_line_of_names(cells: &[String]) -> bool {
             .iter()
             .enumerate()
             .all(|(place, cell)| cell.trim().parse() == Ok(place));
-    counts || cells.iter().any(|cell| cell.trim().parse::<f64>().is_err())
+    counts || cells.iter().any(|cell| number(cell).is_none())
 }
 
 #[cfg(test)]

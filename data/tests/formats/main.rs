@@ -186,7 +186,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "h5/bad_not_hdf5.h5",
-            "HDF5 file with data set `samples`: expected the signature of HDF5, found 22 other bytes",
+            "file: expected HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv or .npy, found a file that begins with `samples,`",
         ),
         (
             "h5/bad_rank3.h5",
@@ -242,7 +242,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "read/bad_complex.npz",
-            "array `samples`: expected numbers or text saved without pickle, found values of type `<c8`",
+            "array `samples`: expected numbers or text saved without pickle, found complex numbers (complex64); `np.abs(X)` or `X.real.astype(np.float32)` gives real ones",
         ),
         (
             "read/bad_label_range.npz",
@@ -310,10 +310,19 @@ fn files_of_another_kind_are_refused_by_what_they_are() {
     let recording = refusal("a.mcap", b"\x89MCAP0\r\n").remedy();
     assert_eq!(recording, Some(Remedy::ConvertRecording));
     let refusal = |name: &str, content: &[u8]| refusal(name, content).to_string();
-    assert!(refusal("a.txt", b"1,2,3").ends_with("found a file that begins with `1,2,3`"));
+    assert!(refusal("a.bin", b"1,2,3").ends_with("found a file that begins with `1,2,3`"));
+    assert!(refusal("a.txt", b"1,2,3").contains("a table with columns `sweep`, `material`"));
     assert!(refusal("a.csv", b"1,2,3").contains("a table with columns `sweep`, `material`"));
     assert!(refusal("a.dat", b"").ends_with("found an empty file"));
-    assert!(refusal("a.npz", b"").contains("expected a zip archive"));
+    for name in ["a.npz", "a.h5", "a.csv", "a.parquet"] {
+        assert!(
+            refusal(name, b"").ends_with("found an empty file"),
+            "{name}"
+        );
+        let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n";
+        assert!(refusal(name, pointer).contains("`git lfs pull`"), "{name}");
+        assert!(refusal(name, b"<!DOCTYPE html>").contains("HTML"), "{name}");
+    }
     assert!(refusal("a.npy", b"\x93NUMPY\x01\x00").contains("np.savez_compressed"));
     let missing = format::read(&dir.path().join("none.h5"))
         .unwrap_err()

@@ -121,13 +121,14 @@ fn a_folder_of_tables_is_a_data_set() {
             "line 2, column 2: expected a number, found `x`",
         ),
         (
-            "1;2\n1;0,5\n",
-            "found `0,5`; decimals are written with a point",
+            "1;2\r\n\r\n1;1,234.5\r\n",
+            "line 3, column 2: expected a number, found `1,234.5`; write numbers without thousands separators",
         ),
         (
             "1,2\n1\n",
-            "line 2: expected 2 values, as in the first line, found 1",
+            "line 2: expected 2 values, as in most lines, found 1",
         ),
+        ("1,2\n1,x\ny,2\n5,z\n", "(and 2 more)"),
         ("1,2\n3,4\n", "taxels: expected 2 taxels"),
         ("a,b\n", "file: expected a row per frame, found no frame"),
     ];
@@ -326,5 +327,47 @@ fn episodes_of_lerobot_are_sweeps_and_tasks_are_materials() {
         assert_eq!(state.sweep(1)[..2], [0.5, 60.0], "{version}");
         let refused = format::read_with(&fixture(version), &named("action")).unwrap_err();
         assert_eq!(refused.remedy(), Some(Remedy::NameSamples), "{version}");
+    }
+}
+
+/// The same sweeps in the dialects of spreadsheets, loggers and NumPy.
+#[test]
+fn tables_are_read_as_the_world_writes_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let materials = expected_materials();
+    type Change = fn(&str) -> String;
+    let dialects: [(&str, Change); 12] = [
+        ("CRLF", |text| text.replace('\n', "\r\n")),
+        ("CR", |text| text.replace('\n', "\r")),
+        ("last separator", |text| text.replace('\n', ",\n")),
+        ("tabs", |text| text.replace(',', "\t")),
+        ("blanks", |text| text.replace(',', "   ")),
+        ("bars", |text| text.replace(',', "|")),
+        ("decimal comma", |text| {
+            text.replace(',', ",0;").replace('\n', ",0\n")
+        }),
+        ("quotes", |text| {
+            format!(
+                "\"{}\"\n",
+                text.trim_end()
+                    .replace(',', "\",\"")
+                    .replace('\n', "\"\n\"")
+            )
+        }),
+        ("comments", |text| {
+            format!("# skin\n# gain 3, offset 2\n{text}")
+        }),
+        ("preamble", |text| format!("Logger 3\nrate; fast\n\n{text}")),
+        ("byte order mark", |text| format!("\u{feff}{text}")),
+        ("blanks after separators", |text| text.replace(',', ", ")),
+    ];
+    for (dialect, change) in dialects {
+        let folder = dir.path().join(dialect);
+        for (sweep, text) in frames(',', |_, _| String::new()).iter().enumerate() {
+            let place = folder.join(format!("{}/{sweep:02}.csv", materials[sweep / 4]));
+            write(&place, &change(text));
+        }
+        let dataset = format::read(&folder).unwrap_or_else(|error| panic!("{dialect}: {error}"));
+        assert_line(&dataset);
     }
 }

@@ -1,0 +1,178 @@
+//! Kinds of files, by their first bytes: data under any name, and files that only pretend to be data.
+
+use std::io::Read;
+use std::path::Path;
+
+use super::{MCAP, npz};
+use crate::DataError;
+
+/// Number of bytes that show the kind.
+const SHOWN: u64 = 512;
+
+/// Kind of a file, by its first bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FileKind {
+    /// HDF5, also behind a user block.
+    Hdf5,
+    /// An archive of numpy arrays.
+    Npz,
+    /// A single numpy array.
+    Npy,
+    /// A Parquet table.
+    Parquet,
+    /// A recording.
+    Mcap,
+    /// A file of MATLAB before version 7.3.
+    Matlab,
+    /// Text, or bytes of no known kind.
+    Other,
+    /// No data; what it is, with the cure.
+    Pretended(&'static str),
+}
+
+/// First bytes of files that are no data, and what they are.
+const PRETENDED: [(&[u8], &str); 10] = [
+    (
+        b"version https://git-lfs.github.com/",
+        "a Git LFS pointer, which stands for the file; `git lfs pull` downloads it",
+    ),
+    (b"\x1f\x8b", "a gzip archive; unpack it with `gunzip`"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7z archive; unpack it"),
+    (b"Rar!", "a RAR archive; unpack it"),
+    (
+        b"\x28\xb5\x2f\xfd",
+        "a file packed by zstd; unpack it with `zstd -d`",
+    ),
+    (b"BZh", "a bzip2 archive; unpack it with `bunzip2`"),
+    (b"%PDF", "a PDF document"),
+    (b"\x89PNG", "a PNG picture"),
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (
+        b"\xd0\xcf\x11\xe0",
+        "an old Excel or Office document; save it as CSV",
+    ),
+];
+/// Reason why pickles are refused, with the cure.
+const PICKLE: &str = "a Python pickle, which can run code when it is loaded; save arrays with np.savez_compressed(\"sweeps.npz\", X=X, y=y)";
+/// Beginnings of web pages, in lower case.
+const PAGES: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"<?xml"];
+
+/// Returns the kind of a file.
+///
+/// # Errors
+/// A file that cannot be read.
+pub(super) fn of(path: &Path) -> Result<FileKind, DataError> {
+    let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
+    let mut head = Vec::new();
+    file.take(SHOWN)
+        .read_to_end(&mut head)
+        .map_err(|error| DataError::io(path, "read", error))?;
+    Ok(match of_bytes(&head) {
+        // MATLAB writes a block of 512 bytes before the HDF5 signature; any power of two from there is allowed.
+        FileKind::Other | FileKind::Matlab if has_user_block(path) => FileKind::Hdf5,
+        kind => kind,
+    })
+}
+
+/// Returns an error for a file that is no data.
+///
+/// - `expected`: what the file should be
+///
+/// # Errors
+/// A file that cannot be read, is empty or of a kind that is no data.
+pub(super) fn refuse_pretended(path: &Path, expected: &str) -> Result<(), DataError> {
+    match of(path)? {
+        FileKind::Pretended(found) => Err(DataError::format(path, "file", expected, found)),
+        _ => Ok(()),
+    }
+}
+
+fn of_bytes(head: &[u8]) -> FileKind {
+    let known: [(&[u8], FileKind); 6] = [
+        (b"\x89HDF\r\n\x1a\n", FileKind::Hdf5),
+        (b"PK\x03\x04", FileKind::Npz),
+        (b"PK\x05\x06", FileKind::Npz),
+        (npz::NPY, FileKind::Npy),
+        (b"PAR1", FileKind::Parquet),
+        (MCAP, FileKind::Mcap),
+    ];
+    if head.is_empty() {
+        return FileKind::Pretended("an empty file");
+    }
+    if let Some((_, kind)) = known.iter().find(|(magic, _)| head.starts_with(magic)) {
+        // An Excel workbook is a zip archive of XML.
+        let is_workbook = head.windows(3).any(|part| part == b"xl/")
+            || head.windows(19).any(|part| part == b"[Content_Types].xml");
+        return match kind {
+            FileKind::Npz if is_workbook => {
+                FileKind::Pretended("an Excel workbook; save its sheet as CSV")
+            }
+            kind => *kind,
+        };
+    }
+    if head.starts_with(b"MATLAB 5.0") || (head.starts_with(b"MATLAB") && head.len() >= 128) {
+        return FileKind::Matlab;
+    }
+    if let Some((_, found)) = PRETENDED.iter().find(|(magic, _)| head.starts_with(magic)) {
+        return FileKind::Pretended(found);
+    }
+    // Protocols 2 to 5 of pickle begin with their number.
+    if let [0x80, 2..=5, ..] = head {
+        return FileKind::Pretended(PICKLE);
+    }
+    let text = head.trim_ascii_start().to_ascii_lowercase();
+    if PAGES.iter().any(|page| text.starts_with(page)) {
+        return FileKind::Pretended(
+            "an HTML page or XML: a download of a web page in place of the file?",
+        );
+    }
+    FileKind::Other
+}
+
+/// Returns true if the signature of HDF5 follows at 512, 1024, 2048, ... bytes.
+fn has_user_block(path: &Path) -> bool {
+    use std::io::{Seek, SeekFrom};
+    let Ok(mut file) = crate::open_file(path) else {
+        return false;
+    };
+    let length = file.metadata().map_or(0, |of| of.len());
+    let mut places = (9..40)
+        .map(|power| 1_u64 << power)
+        .take_while(|place| place + 8 <= length);
+    places.any(|place| {
+        let mut signature = [0; 8];
+        let read = file
+            .seek(SeekFrom::Start(place))
+            .and_then(|_| file.read_exact(&mut signature));
+        read.is_ok() && &signature == b"\x89HDF\r\n\x1a\n"
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_that_are_no_data_are_named_with_their_cure() {
+        for (head, word) in [
+            (&b""[..], "empty"),
+            (
+                b"version https://git-lfs.github.com/spec/v1\noid",
+                "git lfs pull",
+            ),
+            (b"\n <!DOCTYPE HTML><html>", "HTML"),
+            (b"\x80\x04\x95\x1c", "pickle"),
+            (b"\x1f\x8b\x08", "gunzip"),
+            (b"PK\x03\x04..........[Content_Types].xml", "Excel"),
+            (b"%PDF-1.7", "PDF"),
+        ] {
+            let FileKind::Pretended(found) = of_bytes(head) else {
+                panic!("{}", head.escape_ascii());
+            };
+            assert!(found.contains(word), "{found}");
+        }
+        assert_eq!(of_bytes(b"PK\x03\x04\x14\0"), FileKind::Npz);
+        assert_eq!(of_bytes(b"% recorded on Monday\n1,2"), FileKind::Other);
+        assert_eq!(of_bytes(b"1.5,2.5\n"), FileKind::Other);
+    }
+}
