@@ -258,7 +258,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "read/bad_pickled.npz",
-            "array `materials`: expected numbers or text saved without pickle, found Python objects (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)",
+            "array `materials`: expected numbers or text saved without pickle, found an object array (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)",
         ),
         (
             "read/bad_rank2.npz",
