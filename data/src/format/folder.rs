@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::csv::Rows;
+use super::file_layout::{NamePattern, named_files, stretched};
 use super::frame_table::{MATERIAL, is_one_of};
 use super::named_sweeps::{NamedSweeps, some_names};
 use super::read_options::ReadOptions;
@@ -44,6 +45,46 @@ pub(super) fn read_with_gaps(path: &Path, options: &ReadOptions) -> Result<Named
     if !empty.is_empty() {
         let names = some_names(empty.iter().map(String::as_str));
         let message = format!("folders without a .csv or .npy file: {names}");
+        sweeps.findings.push(Finding::not_read(message));
+    }
+    Ok(sweeps)
+}
+
+/// Reads the files in a folder whose names match a pattern.
+///
+/// # Errors
+/// As [`read_with_gaps`]; no file that matches.
+pub(super) fn read_named(
+    path: &Path,
+    names: &NamePattern,
+    options: &ReadOptions,
+) -> Result<NamedSweeps, DataError> {
+    let (files, others) = named_files(path, names)?;
+    let dropped = &options.layout.drop_materials;
+    let files: Vec<_> = files
+        .into_iter()
+        .filter(|(_, named)| !dropped.contains(&named.material))
+        .collect();
+    // Blocks are numbered in the order of their first sweeps.
+    let mut blocks: Vec<String> = Vec::new();
+    let mut number = |block: String| {
+        let known = blocks.iter().position(|known| *known == block);
+        known.unwrap_or_else(|| {
+            blocks.push(block);
+            blocks.len() - 1
+        }) as u32
+    };
+    let entries = files.into_iter().map(|(file, named)| Entry {
+        file,
+        block: named
+            .block
+            .map(|block| number(format!("{}/{block}", named.material))),
+        material: Some(named.material),
+        test: named.test,
+    });
+    let mut sweeps = read_files(path, entries.collect(), options)?;
+    if others > 0 {
+        let message = format!("files that are not named {names}: {others}");
         sweeps.findings.push(Finding::not_read(message));
     }
     Ok(sweeps)
@@ -127,8 +168,15 @@ fn read_files(
         name,
         file: entry.file,
         lines: sweep.lines,
-        values: sweep.values,
-        seconds: sweep.time,
+        values: match options.layout.stretch {
+            Some(steps) => stretched(&sweep.values, patch.taxels(), steps),
+            None => sweep.values,
+        },
+        // The rate of a stretched sweep is another for every sweep.
+        seconds: match options.layout.stretch {
+            Some(_) => Vec::new(),
+            None => sweep.time,
+        },
         material: entry.material,
         labels: sweep.labels,
         block: entry.block,

@@ -33,6 +33,7 @@ mod clock;
 mod csv;
 mod dialect;
 mod file_kind;
+mod file_layout;
 mod folder;
 mod frame_table;
 mod intervals;
@@ -67,6 +68,7 @@ mod to_classify;
 pub mod ts;
 mod windows;
 
+pub use file_layout::{Axes, FileLayout, NamePattern};
 pub use folder::is_folder_of_sweeps;
 pub use lengths::{Keep, OddLength};
 pub use read_options::ReadOptions;
@@ -203,6 +205,9 @@ fn table_with_gaps(
     #[cfg(feature = "parquet")]
     if lerobot::is_data_set(path) {
         return Some(lerobot::read_with_gaps(path, options));
+    }
+    if let (true, Some(names)) = (path.is_dir(), &options.layout.names) {
+        return Some(folder::read_named(path, names, options));
     }
     if path.is_dir() && folder::is_folder_of_sweeps(path) {
         return Some(folder::read_with_gaps(path, options));

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::file_layout::FileLayout;
 use super::in_file;
 use super::lengths::Keep;
 use super::pieces;
@@ -42,6 +43,8 @@ pub struct ReadOptions {
     pub windows: Option<Windows>,
     /// Name or path of the samples in a file that holds several arrays or features.
     pub samples: Option<String>,
+    /// Layout of the files in a folder.
+    pub layout: FileLayout,
 }
 
 impl ReadOptions {

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use super::csv::Rows;
 use super::file_kind;
+use super::file_layout::{Axes, read_lines};
 use super::frame_table::{Column, MATERIAL, STEP, is_one_of};
 use super::narrow::HELD;
 use super::npy::Array;
@@ -98,7 +99,15 @@ impl SweepFile {
     /// A file without frames, or with other values than numbers for taxels.
     pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Self, DataError> {
         if path.extension().is_some_and(|e| e == "npy") {
-            return Self::read_array(path);
+            return Self::read_array(path, options.layout.axes.as_ref());
+        }
+        if let Some(lines) = options.layout.lines_per_frame {
+            let (values, taxels, left_out) = read_lines(path, lines, &options.columns)?;
+            return Ok(Self {
+                values,
+                left_out,
+                ..Self::empty(Patch::Taxels(taxels))
+            });
         }
         Self::read_table(path, options)
     }
@@ -116,7 +125,7 @@ impl SweepFile {
         }
     }
 
-    fn read_array(path: &Path) -> Result<Self, DataError> {
+    fn read_array(path: &Path, axes: Option<&Axes>) -> Result<Self, DataError> {
         /// Expected content, for messages.
         const EXPECTED: &str = "one sweep, numbers [steps][taxels] or [steps][rows][cols] (many sweeps in one array: .npz with `X`, `y`)";
         file_kind::refuse_pretended(path, EXPECTED)?;
@@ -140,6 +149,25 @@ impl SweepFile {
                 check_resolution(path, patch.shape(shape[0]), &values)?;
                 return Err(DataError::format(path, "taxels", HELD, too_wide.0));
             }
+        };
+        let Some(axes) = axes else {
+            return Ok(Self {
+                values,
+                ..Self::empty(patch)
+            });
+        };
+        let turned = axes.steps_first(&shape, &values);
+        let (extents, values) = turned.ok_or_else(|| {
+            DataError::format(
+                path,
+                "array",
+                "as many axes as are named",
+                format!("{shape:?}"),
+            )
+        })?;
+        let patch = match extents[1..] {
+            [rows, cols] => Patch::Grid(rows, cols),
+            _ => Patch::Taxels(extents[1..].iter().product()),
         };
         Ok(Self {
             values,

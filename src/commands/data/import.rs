@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use anyhow::bail;
 use clap::Args;
 use tactnet_data::format::{
-    Format, Keep, ReadOptions, Span, Windows, read_to_classify_with, read_with,
+    Axes, FileLayout, Format, Keep, NamePattern, ReadOptions, Span, Windows, read_to_classify_with,
+    read_with,
 };
 use tactnet_data::{DataError, DataSource, Dataset, Severity};
 
@@ -52,12 +53,24 @@ struct CutArgs {
     /// there are several recordings [default: the recording's column `label`]
     #[arg(long, value_name = "FILE.csv", requires = "window")]
     intervals: Option<PathBuf>,
-    /// Leave out the frames with this label; may be repeated
-    #[arg(long, value_name = "NAME", requires = "window")]
+    /// Leave out the frames with this label, or with `--names` the sweeps of this material; may be repeated
+    #[arg(long, value_name = "NAME")]
     drop_label: Vec<String>,
     /// Columns of a table that are taxels [default: all that have no other meaning]
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     columns: Vec<String>,
+    /// Pattern of the files' names in a folder, such as '{material}_{sweep}.txt' or '{split}/{block}/{material}.npy'
+    #[arg(long, value_name = "PATTERN", value_parser = names)]
+    names: Option<NamePattern>,
+    /// Order of the axes of the array of one sweep (.npy), such as taxels,steps or rows,cols,steps
+    #[arg(long, value_name = "ORDER", value_parser = axes)]
+    axes: Option<Axes>,
+    /// Number of lines of a text file that form a frame; `--columns 15-74` selects taxels among its numbers
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    lines_per_frame: Option<u32>,
+    /// Stretch every sweep to this number of steps, by linear interpolation
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(2..))]
+    stretch: Option<u32>,
     /// Array or feature that holds the samples, in a file that has several
     #[arg(long, value_name = "NAME")]
     samples: Option<String>,
@@ -74,6 +87,16 @@ impl CutArgs {
         })
     }
 
+    fn layout(&self) -> FileLayout {
+        FileLayout {
+            names: self.names.clone(),
+            axes: self.axes.clone(),
+            lines_per_frame: self.lines_per_frame.map(|lines| lines as usize),
+            stretch: self.stretch.map(|steps| steps as usize),
+            drop_materials: self.drop_label.clone(),
+        }
+    }
+
     /// Returns the first option that is set, for data that allows none.
     fn first(&self) -> Option<&'static str> {
         let options = [
@@ -81,11 +104,20 @@ impl CutArgs {
             (self.window.is_some(), "--window"),
             (!self.columns.is_empty(), "--columns"),
             (self.samples.is_some(), "--samples"),
+            (self.names.is_some(), "--names"),
         ];
         options
             .into_iter()
             .find_map(|(set, name)| set.then_some(name))
     }
+}
+
+fn names(text: &str) -> Result<NamePattern, String> {
+    text.parse().map_err(|error: DataError| error.to_string())
+}
+
+fn axes(text: &str) -> Result<Axes, String> {
+    text.parse().map_err(|error: DataError| error.to_string())
 }
 
 /// Parses the length of a window.
@@ -148,6 +180,7 @@ fn read(arguments: &ImportArgs) -> anyhow::Result<Dataset> {
         resample_hz: arguments.cut.resample,
         windows: arguments.cut.windows(),
         samples: arguments.cut.samples.clone(),
+        layout: arguments.cut.layout(),
     };
     match &arguments.material {
         Some(material) => of_material(path, &options, material),
