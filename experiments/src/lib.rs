@@ -38,6 +38,7 @@ mod statistic;
 mod status;
 mod summarise;
 mod summary;
+mod sweep_length;
 mod tasks;
 mod time_left;
 
@@ -74,5 +75,6 @@ pub use statistic::{Statistic, holm, resampled_t_test};
 pub use status::{Status, TaskStatus};
 pub use summarise::summarise;
 pub use summary::{AssumedRate, DataRecord, Summary, TaskRecord};
+pub use sweep_length::{NamedSweep, SweepLength};
 pub use tasks::{ExperimentDir, STOPPING, Start, TaskState};
 pub use time_left::TimeLeft;

@@ -13,7 +13,7 @@ use toml::{Table, Value};
 
 use crate::one_or_many::one_or_many;
 use crate::settings::{FIELDS, current_shape, parse_value, set_field};
-use crate::{Crossval, ExperimentError, Question};
+use crate::{Crossval, ExperimentError, Question, SweepLength};
 pub use search::{Range, Search};
 
 /// Built-in experiments by name.
@@ -80,9 +80,9 @@ pub struct ExperimentRecipe {
     /// Treatments of the mean of each taxel; each is evaluated separately.
     #[serde(default = "kept", deserialize_with = "one_or_many")]
     pub levels: Vec<MeanRemoval>,
-    /// Numbers of time steps to which sweeps are cut; each is evaluated separately. Empty for complete sweeps.
+    /// Numbers of time steps to which sweeps are cut, or `"shortest"`; each is evaluated separately. Empty for complete sweeps.
     #[serde(default, deserialize_with = "one_or_many")]
-    pub steps: Vec<usize>,
+    pub steps: Vec<SweepLength>,
     /// Sample rate in Hz for data that does not state one; absent for the stated or assumed rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,

@@ -157,6 +157,7 @@ fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
     for data in &mut recipe.data {
         *data = DataSource::from_anywhere(data);
     }
+    recipe.measure_lengths()?;
     let out = match &arguments.out {
         Some(out) => out.clone(),
         None => ExperimentDir::place_in(Path::new("experiments-out"), &recipe)?,

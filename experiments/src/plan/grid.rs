@@ -39,7 +39,7 @@ impl<'a> Grid<'a> {
         let lengths: Vec<Option<usize>> = if recipe.steps.is_empty() {
             vec![None]
         } else {
-            recipe.steps.iter().copied().map(Some).collect()
+            recipe.steps.iter().map(|length| length.steps()).collect()
         };
         let mut points = Vec::new();
         for data in &recipe.data {

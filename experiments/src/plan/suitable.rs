@@ -3,6 +3,7 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
+use tactnet_data::format::ReadOptions;
 use tactnet_data::{
     DataError, DataSource, Dataset, Finding, Fold, Scheme, SweepShape, refuse_errors,
 };
@@ -28,12 +29,13 @@ impl ExperimentRecipe {
     ) -> Result<(), ExperimentError> {
         let files = self.data.iter().filter(|data| !DataSource::is_twin(data));
         for file in files {
-            let spec = TrainSpec {
-                data: file.clone(),
+            let options = ReadOptions {
+                keep: self.kept_frames(),
                 rate_hz: self.rate_hz,
-                ..TrainSpec::default()
+                ..ReadOptions::default()
             };
-            let dataset = spec.read_sweeps().map_err(PipelineError::from)?;
+            let dataset = DataSource::named(file).read_with(&options);
+            let dataset = dataset.map_err(PipelineError::from)?;
             let findings = refuse_errors(&dataset, file).map_err(PipelineError::from)?;
             for finding in &findings {
                 on_finding(&dataset, finding)?;
