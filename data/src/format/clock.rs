@@ -1,8 +1,9 @@
 //! Rate, gaps and lost frames of one recording, by the time stamps of its frames.
 //!
-//! Loggers round time stamps, deliver frames in bursts, delay and lose some. The period is therefore the slope of the
-//! least-squares line through all stamps of a stretch without gaps. For even stamps that is duration / (frames - 1);
-//! bursts and rounding move the ends of a stretch, but hardly its slope.
+//! Loggers round time stamps, deliver frames in bursts, delay and lose some. The period is the duration of stretches
+//! without a gap, divided by the number of intervals. If deviations of the stamps cancel out, as those of rounding and
+//! bursts do, the duration is that of the least-squares line through the stamps: they move the ends of a stretch, but
+//! hardly its slope.
 
 use std::ops::Range;
 
@@ -27,6 +28,8 @@ const MILLISECOND: f64 = 1e-3;
 /// Maximum period of a steady clock, in units of the stamps' resolution, whose multiples may come from rounding: rounding
 /// a period of 1.33 units gives intervals of 1 and 2.
 const ROUNDED: f64 = 1.67;
+/// Number of such sums of a recording that suffice to decide for it alone.
+const ENOUGH: usize = 1000;
 /// Variance of such sums, relative to independent intervals, below which deviations cancel out. Errors of the stamps
 /// (rounding, delays) give about 1/8, lost frames about 1.
 const CANCELLED: f64 = 0.5;
@@ -49,25 +52,25 @@ pub(super) struct Lost {
     pub(super) frames: usize,
 }
 
-/// Least-squares line through time stamps: covariance of stamps and positions, and variance of the positions.
+/// Time that passes in a number of frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Line {
-    covariance: f64,
-    variance: f64,
+pub(super) struct Pace {
+    seconds: f64,
+    frames: f64,
 }
 
-impl Line {
-    /// Returns the line through all points of two lines of equal slope.
+impl Pace {
+    /// Returns the pace of the frames of both.
     pub(super) fn and(self, other: Self) -> Self {
         Self {
-            covariance: self.covariance + other.covariance,
-            variance: self.variance + other.variance,
+            seconds: self.seconds + other.seconds,
+            frames: self.frames + other.frames,
         }
     }
 
     /// Returns the time between two frames, in seconds; `None` if time does not pass.
     pub(super) fn period(self) -> Option<f64> {
-        let period = self.covariance / self.variance;
+        let period = self.seconds / self.frames;
         (period.is_finite() && period > 0.0).then_some(period)
     }
 }
@@ -75,14 +78,14 @@ impl Line {
 /// Time stamps of one recording.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Clock {
-    /// Line through the stamps.
-    pub(super) line: Line,
+    /// Time and frames of all stretches, with missing frames.
+    pub(super) pace: Pace,
     /// Middle of the sorted intervals within stretches, in seconds.
     pub(super) median: f64,
-    /// Longest interval within stretches, in seconds.
-    pub(super) longest: f64,
     /// Total length of the stretches, in seconds.
     pub(super) duration: f64,
+    /// Possible error of the period, relative to it.
+    pub(super) uncertainty: f64,
     /// Stretches without a gap.
     pub(super) stretches: Vec<Range<usize>>,
     /// Intervals without frames.
@@ -100,8 +103,9 @@ impl Clock {
     ///
     /// - `seconds`: finite stamps, in seconds
     /// - `resolution`: unit of the last digit with which all stamps are written, in seconds; 0 if that is not known
-    pub(super) fn of(seconds: &[f64], resolution: f64) -> Self {
-        let intervals: Vec<f64> = seconds.array_windows().map(|&[a, b]| b - a).collect();
+    /// - `all`: deviations of all recordings, which decide for short ones
+    pub(super) fn of(seconds: &[f64], resolution: f64, all: Deviations) -> Self {
+        let intervals = intervals(seconds);
         let mut backwards = Vec::new();
         for (at, &seconds) in intervals.iter().enumerate() {
             if seconds < 0.0 {
@@ -110,16 +114,17 @@ impl Clock {
             }
         }
         let limit = Limit::of(&intervals);
-        let breaks = |at: &usize| !(0.0..=limit.gap).contains(&intervals[*at]);
-        let pieces = between(
-            &(0..intervals.len()).filter(breaks).collect::<Vec<_>>(),
-            seconds.len(),
-        );
+        let pieces = limit.pieces(&intervals);
+        let own = Deviations::within(seconds, &intervals, &pieces);
+        let cancel = match own.stretches {
+            ENOUGH.. => own.cancel(),
+            _ => all.cancel(),
+        };
         let unit = match limit.bursts {
             true => None,
             false => {
                 let resolution = resolution.max(whole_milliseconds(seconds));
-                steady_period(seconds, &intervals, &pieces, resolution)
+                steady_period(&intervals, &pieces, resolution, cancel)
             }
         };
         let period = unit.unwrap_or_else(|| mean(&intervals, &pieces));
@@ -137,11 +142,16 @@ impl Clock {
             .copied()
             .collect();
         inner.sort_unstable_by(f64::total_cmp);
+        let exact = unit.is_some() || !(limit.bursts || cancel);
+        let pace = match exact {
+            true => between_ends(seconds, &stretches, &missing),
+            false => along_a_line(seconds, &stretches),
+        };
         Self {
-            line: line(seconds, &stretches, &missing),
+            pace,
             median: inner.get(inner.len() / 2).copied().unwrap_or(0.0),
-            longest: inner.last().copied().unwrap_or(0.0),
             duration: inner.iter().sum(),
+            uncertainty: uncertainty(&inner, pace, exact, !missing.is_empty()),
             stretches,
             gaps,
             backwards,
@@ -149,25 +159,42 @@ impl Clock {
                 frame: first.frame,
                 frames: missing.iter().map(|lost| lost.frames).sum(),
             }),
-            exact: unit.is_some() || !(limit.bursts || cancels(seconds, &intervals, &pieces)),
+            exact,
         }
     }
 
     /// Returns the time between two frames, in seconds; `None` for a single frame or equal stamps.
     pub(super) fn period(&self) -> Option<f64> {
-        self.line.period()
+        self.pace.period()
     }
+}
 
-    /// Returns the error that rounding and buffers may cause in the period, relative to it.
-    pub(super) fn uncertainty(&self) -> f64 {
-        let period = self.period().unwrap_or(0.0);
-        match self.lost {
-            // Intervals of a steady clock are multiples of the period.
-            Some(_) => 0.0,
-            None if self.duration > 0.0 => ((self.longest - period) / self.duration).max(0.0),
-            None => f64::INFINITY,
-        }
+/// Returns the possible error of a period, relative to it.
+///
+/// - `intervals`: within stretches, sorted
+fn uncertainty(intervals: &[f64], pace: Pace, exact: bool, some_are_missing: bool) -> f64 {
+    let (Some(period), Some(longest)) = (pace.period(), intervals.last()) else {
+        return f64::INFINITY;
+    };
+    // Intervals of a steady clock with missing frames are multiples of the period.
+    if some_are_missing {
+        return 0.0;
     }
+    // A buffer or rounding moves an end by at most one interval.
+    let of_ends = (longest - period) / pace.seconds;
+    let count = intervals.len() as f64;
+    let variance = intervals
+        .iter()
+        .map(|interval| (interval - period).powi(2))
+        .sum::<f64>()
+        / count;
+    // Three standard errors of the mean of independent intervals.
+    let of_mean = if exact {
+        3.0 * (variance / count).sqrt() / period
+    } else {
+        0.0
+    };
+    of_ends.max(of_mean)
 }
 
 /// Returns gaps and lost frames.
@@ -228,6 +255,17 @@ impl Limit {
             bursts,
         }
     }
+
+    /// Returns the ranges of frames between gaps and steps back.
+    fn pieces(&self, intervals: &[f64]) -> Vec<Range<usize>> {
+        let breaks = |at: &usize| !(0.0..=self.gap).contains(&intervals[*at]);
+        let cuts: Vec<usize> = (0..intervals.len()).filter(breaks).collect();
+        between(&cuts, intervals.len() + 1)
+    }
+}
+
+fn intervals(seconds: &[f64]) -> Vec<f64> {
+    seconds.array_windows().map(|&[a, b]| b - a).collect()
 }
 
 /// Returns the ranges of frames between cuts.
@@ -254,11 +292,13 @@ fn mean(intervals: &[f64], pieces: &[Range<usize>]) -> f64 {
 
 /// Returns the period of a steady clock, in seconds: nearly all intervals are near a multiple of it, and longer intervals
 /// are not compensated by shorter ones.
+///
+/// - `cancel`: true if deviations from the mean cancel out
 fn steady_period(
-    seconds: &[f64],
     intervals: &[f64],
     pieces: &[Range<usize>],
     resolution: f64,
+    cancel: bool,
 ) -> Option<f64> {
     let mut inner: Vec<f64> = pieces
         .iter()
@@ -290,7 +330,7 @@ fn steady_period(
     // Frames that are lost regularly, never two at once: only rounding could explain such stamps otherwise.
     let regularly =
         once + twice == inner.len() && 2 * once >= inner.len() && median > ROUNDED * resolution;
-    let steady = once == inner.len() || regularly || !cancels(seconds, intervals, pieces);
+    let steady = once == inner.len() || regularly || !cancel;
     steady.then(|| sum / once.max(1) as f64)
 }
 
@@ -308,25 +348,62 @@ fn whole_milliseconds(seconds: &[f64]) -> f64 {
     }
 }
 
-/// Returns true if deviations of the intervals from their mean cancel out within a few frames: the stamps are inexact,
-/// the frames are even.
-fn cancels(seconds: &[f64], intervals: &[f64], pieces: &[Range<usize>]) -> bool {
-    let mean = mean(intervals, pieces);
-    let (mut of_sums, mut of_intervals) = (0.0, 0.0);
-    let mut sums = 0_usize;
-    for piece in pieces {
-        for first in piece.start..piece.end.saturating_sub(SUMMED) {
-            let sum = seconds[first + SUMMED] - seconds[first] - SUMMED as f64 * mean;
-            of_sums += sum * sum;
-            let apart = intervals[first..first + SUMMED]
-                .iter()
-                .map(|interval| (interval - mean).powi(2));
-            of_intervals += apart.sum::<f64>();
-            sums += 1;
+/// Squared deviations from the mean interval, relative to it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Deviations {
+    /// Sum over stretches of a few intervals.
+    of_stretches: f64,
+    /// Sum over the intervals of these stretches.
+    of_intervals: f64,
+    /// Number of stretches.
+    stretches: usize,
+}
+
+impl Deviations {
+    /// Returns the deviations of a recording.
+    ///
+    /// - `seconds`: finite stamps, in seconds
+    pub(super) fn of(seconds: &[f64]) -> Self {
+        let intervals = intervals(seconds);
+        Self::within(
+            seconds,
+            &intervals,
+            &Limit::of(&intervals).pieces(&intervals),
+        )
+    }
+
+    fn within(seconds: &[f64], intervals: &[f64], pieces: &[Range<usize>]) -> Self {
+        let mean = mean(intervals, pieces);
+        let mut all = Self::default();
+        if mean <= 0.0 {
+            return all;
+        }
+        for piece in pieces {
+            for first in piece.start..piece.end.saturating_sub(SUMMED) {
+                let sum = (seconds[first + SUMMED] - seconds[first]) / mean - SUMMED as f64;
+                all.of_stretches += sum * sum;
+                let apart = intervals[first..first + SUMMED].iter();
+                all.of_intervals += apart.map(|s| (s / mean - 1.0).powi(2)).sum::<f64>();
+                all.stretches += 1;
+            }
+        }
+        all
+    }
+
+    /// Returns the deviations of both.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self {
+            of_stretches: self.of_stretches + other.of_stretches,
+            of_intervals: self.of_intervals + other.of_intervals,
+            stretches: self.stretches + other.stretches,
         }
     }
-    // Few frames do not show that any are lost.
-    sums == 0 || of_sums < CANCELLED * of_intervals
+
+    /// Returns true if deviations cancel out within a few frames: the stamps are inexact, the frames are even.
+    fn cancel(self) -> bool {
+        // Few frames do not show that any are lost.
+        self.stretches == 0 || self.of_stretches < CANCELLED * self.of_intervals
+    }
 }
 
 /// Returns the number of frames that are missing in an interval. Frames that are only late are not: the next ones follow
@@ -346,28 +423,37 @@ fn missing_after(seconds: &[f64], at: usize, period: f64) -> usize {
     (least / period).round() as usize
 }
 
-/// Returns the line through the stamps of all stretches, each with its own offset.
+/// Returns time and frames between the ends of all stretches: the mean of independent intervals.
 ///
-/// - `missing`: frames that take part in the positions
-fn line(seconds: &[f64], stretches: &[Range<usize>], missing: &[Lost]) -> Line {
-    let mut all = Line::default();
-    let mut missing = missing.iter().peekable();
-    let mut lost = 0;
+/// - `missing`: frames that count as well
+fn between_ends(seconds: &[f64], stretches: &[Range<usize>], missing: &[Lost]) -> Pace {
+    let lost: usize = missing.iter().map(|lost| lost.frames).sum();
+    let mut pace = Pace {
+        seconds: 0.0,
+        frames: lost as f64,
+    };
     for stretch in stretches {
-        let mut positions = Vec::with_capacity(stretch.len());
-        for frame in stretch.clone() {
-            while let Some(next) = missing.next_if(|next| next.frame <= frame) {
-                lost += next.frames;
-            }
-            positions.push((frame + lost) as f64);
-        }
-        let count = positions.len() as f64;
-        let middle = positions.iter().sum::<f64>() / count;
-        let first = seconds[stretch.start];
-        for (position, time) in positions.iter().zip(&seconds[stretch.clone()]) {
-            all.covariance += (position - middle) * (time - first);
-            all.variance += (position - middle) * (position - middle);
-        }
+        pace.seconds += seconds[stretch.end - 1] - seconds[stretch.start];
+        pace.frames += (stretch.len() - 1) as f64;
     }
-    all
+    pace
+}
+
+/// Returns time and frames along the least-squares line through the stamps of each stretch: errors of the stamps at the
+/// ends hardly change its slope.
+fn along_a_line(seconds: &[f64], stretches: &[Range<usize>]) -> Pace {
+    let mut pace = Pace::default();
+    for stretch in stretches.iter().filter(|stretch| stretch.len() > 1) {
+        let middle = 0.5 * (stretch.len() - 1) as f64;
+        let (mut covariance, mut variance) = (0.0, 0.0);
+        for (frame, time) in seconds[stretch.clone()].iter().enumerate() {
+            let position = frame as f64 - middle;
+            covariance += position * (time - seconds[stretch.start]);
+            variance += position * position;
+        }
+        let frames = (stretch.len() - 1) as f64;
+        pace.seconds += covariance / variance * frames;
+        pace.frames += frames;
+    }
+    pace
 }

@@ -1,6 +1,6 @@
 //! Rate of a data set and findings about its time stamps.
 
-use super::clock::{Clock, Jump, Line, Lost};
+use super::clock::{Clock, Deviations, Jump, Lost, Pace};
 use super::read_options::ReadOptions;
 use super::recording::{Recording, Recordings};
 use crate::{DataError, Finding, FindingKind, Place, Remedy, Severity};
@@ -63,9 +63,15 @@ impl Timing {
         indices: &[Option<usize>],
         options: &ReadOptions,
     ) -> Result<Self, DataError> {
+        let timed = recordings
+            .recordings
+            .iter()
+            .filter(|of| !of.seconds.is_empty());
+        let deviations = timed.map(|recording| Deviations::of(&recording.seconds));
+        let all = deviations.fold(Deviations::default(), Deviations::and);
         let clock = |recording: &Recording| {
             (!recording.seconds.is_empty())
-                .then(|| Clock::of(&recording.seconds, recordings.resolution))
+                .then(|| Clock::of(&recording.seconds, recordings.resolution, all))
         };
         let clocks: Vec<Option<Clock>> = recordings.recordings.iter().map(clock).collect();
         let mut timing = Self {
@@ -93,7 +99,7 @@ impl Timing {
         Ok(timing)
     }
 
-    /// Sets the rate from the line through the stamps of all recordings of the usual rate.
+    /// Sets the rate from the stamps of all recordings of the usual rate.
     fn measure(
         &mut self,
         recordings: &Recordings<'_>,
@@ -102,12 +108,12 @@ impl Timing {
         usual: f64,
     ) {
         let is_odd = |clock: &Clock| {
-            let tolerance = OTHER_RATE + clock.uncertainty();
+            let tolerance = OTHER_RATE + clock.uncertainty;
             clock
                 .period()
                 .is_some_and(|period| (usual / period - 1.0).abs() > tolerance)
         };
-        let mut line = Line::default();
+        let mut pace = Pace::default();
         let mut irregular: Vec<(usize, &Clock)> = Vec::new();
         for (at, clock) in self.clocks.iter().enumerate() {
             let Some(clock) = clock else { continue };
@@ -115,13 +121,13 @@ impl Timing {
                 self.odd_hz[at] = clock.period().map(rate_of);
                 continue;
             }
-            line = line.and(clock.line);
+            pace = pace.and(clock.pace);
             let period = clock.period();
             if period.is_some_and(|period| (clock.median / period - 1.0).abs() > IRREGULAR) {
                 irregular.push((at, clock));
             }
         }
-        let period = line.period().unwrap_or(usual);
+        let period = pace.period().unwrap_or(usual);
         let measured = rate_of(period);
         if let Some(finding) = irregular_rate(&irregular, self.clocks.len(), period) {
             self.findings.push(finding);

@@ -187,6 +187,31 @@ fn stamps_that_jitter_give_the_true_rate() {
     }
 }
 
+/// Intervals of a busy computer: each has its own length, and none makes up for another.
+#[test]
+fn independent_intervals_give_frames_by_duration() {
+    let mut random = random(5);
+    for rate in [138.8, 90.0] {
+        let mut sweep = || -> Stamps {
+            let intervals: Vec<f64> = (0..199).map(|_| -random().ln()).collect();
+            let unit = 199.0 / rate / intervals.iter().sum::<f64>();
+            let mut time = 0.0;
+            let mut stamps = vec!["0".to_string()];
+            for interval in intervals {
+                time += unit * interval;
+                stamps.push(format!("{time:.9}"));
+            }
+            stamps
+        };
+        let sweeps: Vec<Stamps> = (0..24).map(|_| sweep()).collect();
+        let dataset = read("time", &sweeps);
+        let found = dataset.sample_rate_hz();
+        assert!((found / rate - 1.0).abs() < 1e-3, "{rate}: {found}");
+        let irregular = (Severity::Warning, FindingKind::IrregularRate);
+        assert_eq!(kinds(&dataset), [irregular], "{rate}");
+    }
+}
+
 #[test]
 fn a_named_rate_takes_precedence_with_a_warning() {
     let dir = tempfile::tempdir().unwrap();
