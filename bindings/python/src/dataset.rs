@@ -199,6 +199,7 @@ impl Dataset {
                 drop_labels,
                 ..Windows::of(length)
             }),
+            ..ReadOptions::default()
         };
         py.detach(|| format::read_with(&path, &options))
             .map(Self::from)

@@ -174,7 +174,7 @@ fn shown_lines(text: &str) -> Vec<(usize, &str)> {
     // Excel writes the separator into a first line.
     let is_shown = |(_, line): &(usize, &str)| {
         let line = line.trim();
-        !line.is_empty() && !(line.len() <= 5 && line.starts_with("sep="))
+        !line.is_empty() && (line.len() > 5 || !line.starts_with("sep="))
     };
     lines.filter(is_shown).take(SHOWN).collect()
 }

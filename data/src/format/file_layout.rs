@@ -177,7 +177,7 @@ pub(super) fn named_files(
 ) -> Result<(Vec<(PathBuf, NamedFile)>, usize), DataError> {
     let mut all = Vec::new();
     list(folder, String::new(), &mut all)?;
-    all.sort_by(|(a, _), (b, _)| human(a).cmp(&human(b)));
+    all.sort_by_key(|(name, _)| human(name));
     let count = all.len();
     let same = |path: &Path| path.extension().and_then(|e| e.to_str()) == pattern.extension();
     let candidates = all.into_iter().filter(|(_, path)| same(path));
