@@ -51,7 +51,8 @@ pub enum DataCommand {
         tactnet data import today.mcap --out today.h5                     sweeps labelled by their start commands\n  \
         tactnet data import felt.mcap --out felt.h5 --material felt       all sweeps of one material; also .npz, .csv, .parquet\n  \
         tactnet data import walk.csv --out walk.npz --rate 20 --window 128            a recording with a label in each row\n  \
-        tactnet data import log.csv --out log.npz --resample 100 --window 1s --intervals labels.csv\n\n\
+        tactnet data import log.csv --out log.npz --resample 100 --window 1s --intervals labels.csv\n  \
+        tactnet data import bag.mcap --out bag.npz --topic /tip --field data --window 1s --intervals labels.csv\n\n\
         .h5 requires the same number of sweeps for every material; .npz does not."
     )]
     Import(import::ImportArgs),

@@ -53,6 +53,9 @@ fn recording_remedy(cause: &(dyn Error + 'static)) -> Option<&'static str> {
         RecordingRemedy::WriteFile => "or write a file with `--save`",
         RecordingRemedy::NameShape => "`--shape` names rows and columns",
         RecordingRemedy::NameRate => "`--rate` names the frames per second",
+        RecordingRemedy::NameTopic => {
+            "`tactnet data import` reads one with `--topic NAME --field PATH`"
+        }
     })
 }
 

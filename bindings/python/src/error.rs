@@ -94,6 +94,9 @@ fn cure_of_channels(error: &(dyn std::error::Error + 'static)) -> Option<&'stati
     match recording.remedy()? {
         RecordingRemedy::NameShape => Some("pass `rows_cols=`"),
         RecordingRemedy::NameRate => Some("pass `rate_hz=`"),
+        RecordingRemedy::NameTopic => {
+            Some("`tactnet data import` reads one with `--topic NAME --field PATH`")
+        }
         RecordingRemedy::UseDescribedPackets | RecordingRemedy::WriteFile => None,
     }
 }

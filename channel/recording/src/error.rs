@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::Topic;
+
 /// Errors of recordings.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
@@ -105,6 +107,24 @@ pub enum RecordingError {
         /// Path of the file.
         path: PathBuf,
     },
+    /// The file has no table of channels: it is a recording of another program.
+    #[error("{}: a recording of another program; its topics:{}", path.display(), listed(topics))]
+    Foreign {
+        /// Path of the file.
+        path: PathBuf,
+        /// Topics of the file.
+        topics: Vec<Topic>,
+    },
+    /// The file has no such topic, or no message of it.
+    #[error("{}: no message of topic `{topic}`; the topics are:{}", path.display(), listed(topics))]
+    NoTopic {
+        /// Path of the file.
+        path: PathBuf,
+        /// Requested topic.
+        topic: String,
+        /// Topics of the file.
+        topics: Vec<Topic>,
+    },
     /// The file is not a recording, or is not one of channels.
     #[error("{}: {reason}", path.display())]
     Unreadable {
@@ -113,6 +133,15 @@ pub enum RecordingError {
         /// Expected and found, or the cause.
         reason: String,
     },
+}
+
+/// Returns the topics, one a line.
+fn listed(topics: &[Topic]) -> String {
+    let line = |topic: &Topic| format!("\n  {topic}");
+    match topics {
+        [] => " none".into(),
+        topics => topics.iter().map(line).collect(),
+    }
 }
 
 /// Action that cures an error. Front ends name the command, flag or argument for it.
@@ -126,6 +155,8 @@ pub enum RecordingRemedy {
     NameShape,
     /// Give the frames per second.
     NameRate,
+    /// Give the topic and the field to read.
+    NameTopic,
 }
 
 impl RecordingError {
@@ -136,6 +167,7 @@ impl RecordingError {
             Self::NoViewer => Some(RecordingRemedy::WriteFile),
             Self::WrongShape { .. } => Some(RecordingRemedy::NameShape),
             Self::UnknownRate { .. } => Some(RecordingRemedy::NameRate),
+            Self::Foreign { .. } | Self::NoTopic { .. } => Some(RecordingRemedy::NameTopic),
             _ => None,
         }
     }
@@ -155,6 +187,8 @@ impl RecordingError {
             | Self::NoViewer
             | Self::WrongShape { .. }
             | Self::UnknownRate { .. }
+            | Self::Foreign { .. }
+            | Self::NoTopic { .. }
             | Self::Unreadable { .. } => true,
             Self::Table(_)
             | Self::Write { .. }

@@ -2,7 +2,8 @@
 //! tools can read.
 //!
 //! [`Recorder`] writes the packets of all channels to a file, and [`Recording`] reads them back. [`sweeps`] turns a
-//! recording into a data set, and [`play`] puts its packets onto channels again.
+//! recording into a data set, and [`play`] puts its packets onto channels again. [`topics`] and [`topic_frames`] read the
+//! recordings of other programs.
 
 mod described_channels;
 mod error;
@@ -16,6 +17,7 @@ mod recording;
 mod records;
 mod replay;
 mod sweeps;
+mod topics;
 #[cfg(feature = "rerun")]
 pub mod view;
 
@@ -28,6 +30,7 @@ pub use recorder::{About, Counts, Recorder};
 pub use recording::{Entry, RecordedPacket, Recording};
 pub use replay::{FrameLosses, Played, ReplayReport, SweepBeliefs, play};
 pub use sweeps::{SweepSettings, Sweeps, sweeps};
+pub use topics::{Topic, TopicClock, TopicFrames, TopicSelection, Topics, topic_frames, topics};
 
 /// Name of the metadata record with the table of channels.
 const METADATA: &str = "tactnet";

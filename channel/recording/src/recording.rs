@@ -11,6 +11,7 @@ use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, 
 
 use crate::messages::{PlainPacket, Recordable, kind_of_message};
 use crate::records::each_record;
+use crate::topics::{Topics, topics};
 use crate::{EPOCH, METADATA, RecordingError};
 
 /// One packet of a recording.
@@ -69,7 +70,6 @@ struct Contents {
     material: Option<String>,
     files: BTreeMap<String, Vec<u8>>,
     foreign: usize,
-    ended: bool,
     /// Names of message types by id.
     schemas: HashMap<u16, String>,
     /// Topic and message type by id.
@@ -82,19 +82,21 @@ impl Recording {
     /// # Errors
     /// The file is not an MCAP file, or has no table of channels.
     pub fn read(path: &Path) -> Result<Self, RecordingError> {
-        let unreadable = |reason: String| RecordingError::Unreadable {
-            path: path.into(),
-            reason,
-        };
         let mut found = Contents::default();
-        let mut cut = each_record(path, |opcode, data| found.take(opcode, data))?;
-        if !found.ended && cut.is_none() {
-            cut = Some("the file has no proper end".into());
-        }
-        let table = found.table.ok_or_else(|| {
-            let why = cut.as_deref().unwrap_or("no table of channels in it");
-            unreadable(format!("not a recording of channels: {why}"))
-        })?;
+        let cut = each_record(path, |opcode, data| found.take(opcode, data))?;
+        let Some(table) = found.table else {
+            let Topics { topics, cut } = topics(path)?;
+            return Err(match cut {
+                Some(cut) if topics.is_empty() => RecordingError::Unreadable {
+                    path: path.into(),
+                    reason: format!("not a recording of channels: {cut}"),
+                },
+                _ => RecordingError::Foreign {
+                    path: path.into(),
+                    topics,
+                },
+            });
+        };
         // The recorder writes channel by channel.
         found.entries.sort_by_key(|entry| entry.time_ns);
         Ok(Self {
@@ -148,7 +150,6 @@ impl Contents {
             Record::Attachment { header, data, .. } => {
                 self.files.insert(header.name, data.into_owned());
             }
-            Record::Footer(_) => self.ended = true,
             // Records of other programs have larger numbers.
             Record::Unknown { opcode, .. } if opcode < 0x80 => {
                 return Err(format!("a record of unknown kind {opcode:#04x}"));

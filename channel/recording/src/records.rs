@@ -21,8 +21,8 @@ const NOT_NEEDED: [u8; 7] = [
     op::DATA_END,
 ];
 
-/// Passes every record to `take`, except indices and statistics. Returns the reason if the rest of the file is
-/// unreadable.
+/// Passes every record to `take`, except indices and statistics. Returns the reason and the number of lost bytes if the
+/// rest of the file is unreadable.
 ///
 /// Indices and statistics are not needed, and reading them would mean to trust their lengths.
 ///
@@ -48,6 +48,13 @@ pub(crate) fn each_record(
             .with_record_length_limit(limit),
     );
     let (mut unread, mut records) = (length, 0);
+    let mut ended = false;
+    // Up to the last chunk with a record that was read.
+    let mut read_bytes = 0;
+    let lost = |reason: String, read_bytes: u64| match length - read_bytes {
+        0 => reason,
+        lost => format!("{reason}; the last {lost} of {length} bytes are lost"),
+    };
     while let Some(event) = reader.next_event() {
         match event {
             Ok(LinearReadEvent::ReadRequest(bytes)) => {
@@ -59,15 +66,18 @@ pub(crate) fn each_record(
             }
             Ok(LinearReadEvent::Record { data, opcode }) => {
                 records += 1;
+                ended |= opcode == op::FOOTER;
                 if !lengths_fit(opcode, data) {
-                    return Ok(Some(format!("a record of kind {opcode:#04x} is damaged")));
+                    let reason = format!("a record of kind {opcode:#04x} is damaged");
+                    return Ok(Some(lost(reason, read_bytes)));
                 }
                 if NOT_NEEDED.contains(&opcode) {
                     continue;
                 }
                 if let Err(reason) = take(opcode, data) {
-                    return Ok(Some(reason));
+                    return Ok(Some(lost(reason, read_bytes)));
                 }
+                read_bytes = length - unread;
             }
             Err(mcap::McapError::BadMagic) if records == 0 => {
                 return Err(RecordingError::Unreadable {
@@ -75,8 +85,11 @@ pub(crate) fn each_record(
                     reason: "not an MCAP file".into(),
                 });
             }
-            Err(error) => return Ok(Some(error.to_string())),
+            Err(error) => return Ok(Some(lost(error.to_string(), read_bytes))),
         }
     }
-    Ok(None)
+    Ok(match ended {
+        true => None,
+        false => Some(lost("the file has no proper end".into(), read_bytes)),
+    })
 }

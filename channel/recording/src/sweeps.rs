@@ -1,5 +1,7 @@
 //! Conversion of recorded frames into a data set.
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape, ValueRange};
@@ -63,10 +65,14 @@ pub fn sweeps(
         ..
     } = cutter;
     if complete.is_empty() {
+        let reasons = match &rejected[..] {
+            [] => String::new(),
+            rejected => format!(" ({})", counted_reasons(rejected)),
+        };
         return Err(RecordingError::Unreadable {
             path: path.into(),
             reason: format!(
-                "no sweep with a label: {unlabelled} without, {} rejected",
+                "no sweep with a label: {unlabelled} without, {} rejected{reasons}",
                 rejected.len()
             ),
         });
@@ -77,6 +83,23 @@ pub fn sweeps(
         rejected,
         unlabelled,
     })
+}
+
+/// Returns the distinct reasons with their numbers, the most frequent first.
+fn counted_reasons(rejected: &[String]) -> String {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for reason in rejected {
+        *counts.entry(reason).or_default() += 1;
+    }
+    let mut counts: Vec<(&str, usize)> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, count)| Reverse(*count));
+    let shown = |(reason, count): &(&str, usize)| format!("{count} x {reason}");
+    counts
+        .iter()
+        .take(3)
+        .map(shown)
+        .collect::<Vec<_>>()
+        .join("; ")
 }
 
 /// Shape and rate of the sweeps in a recording.

@@ -55,6 +55,7 @@ mod read_options;
 mod recording;
 mod resample;
 mod resolution;
+mod series;
 mod stamp;
 mod sweep_file;
 pub mod tactmat;
@@ -72,6 +73,7 @@ pub use file_layout::{Axes, FileLayout, NamePattern};
 pub use folder::is_folder_of_sweeps;
 pub use lengths::{Keep, OddLength};
 pub use read_options::ReadOptions;
+pub use series::FrameSeries;
 pub use windows::{Span, Windows};
 
 use crate::{DataError, Dataset, Remedy, Samples};

@@ -10,7 +10,7 @@
 use std::path::Path;
 
 use super::lengths::OddLength;
-use super::named_sweeps::Labels;
+use super::named_sweeps::{Labels, NamedSweeps};
 use super::read_options::ReadOptions;
 use super::{in_file, read_arrays, refuse_non_finite, table_with_gaps};
 use crate::{DataError, Dataset};
@@ -40,6 +40,30 @@ impl SweepsToClassify {
             odd_lengths: Vec::new(),
             dataset,
         }
+    }
+
+    /// Returns sweeps of a table or folder.
+    ///
+    /// # Errors
+    /// Sweeps that are no data set.
+    pub(super) fn of_named(path: &Path, sweeps: NamedSweeps) -> Result<Self, DataError> {
+        Ok(Self {
+            names: sweeps.sweeps.clone(),
+            labelled: sweeps.materials.is_some(),
+            arranged: false,
+            odd_lengths: sweeps.odd_lengths.clone(),
+            dataset: sweeps
+                .into_dataset()
+                .map_err(|error| in_file(path, error))?,
+        })
+    }
+
+    /// Returns an error if a value is NaN or infinite.
+    pub(super) fn refuse_non_finite(self, path: &Path) -> Result<Self, DataError> {
+        Ok(Self {
+            dataset: refuse_non_finite(path, self.dataset, self.labelled)?,
+            ..self
+        })
     }
 
     /// Returns true for sweeps without any change, `[sweeps]`: they contain no touch.
@@ -85,11 +109,7 @@ pub fn read_to_classify_with(
     path: &Path,
     options: &ReadOptions,
 ) -> Result<SweepsToClassify, DataError> {
-    let sweeps = read_to_classify_with_gaps(path, options)?;
-    Ok(SweepsToClassify {
-        dataset: refuse_non_finite(path, sweeps.dataset, sweeps.labelled)?,
-        ..sweeps
-    })
+    read_to_classify_with_gaps(path, options)?.refuse_non_finite(path)
 }
 
 /// Reads sweeps as [`read_to_classify_with`]; values may be NaN or infinite, so that a check can list them.
@@ -101,18 +121,7 @@ pub fn read_to_classify_with_gaps(
     options: &ReadOptions,
 ) -> Result<SweepsToClassify, DataError> {
     Ok(match table_with_gaps(path, options, Labels::Optional) {
-        Some(sweeps) => {
-            let sweeps = sweeps?;
-            SweepsToClassify {
-                names: sweeps.sweeps.clone(),
-                labelled: sweeps.materials.is_some(),
-                arranged: false,
-                odd_lengths: sweeps.odd_lengths.clone(),
-                dataset: sweeps
-                    .into_dataset()
-                    .map_err(|error| in_file(path, error))?,
-            }
-        }
+        Some(sweeps) => SweepsToClassify::of_named(path, sweeps?)?,
         None => {
             let (dataset, labelled) = read_arrays(path, Labels::Optional)?;
             let dataset = options.apply_to(path, dataset)?;

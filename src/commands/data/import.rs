@@ -33,12 +33,12 @@ pub struct ImportArgs {
     #[arg(long, value_name = "RxC", value_parser = shape)]
     pub(super) shape: Option<(usize, usize)>,
     #[command(flatten)]
-    cut: CutArgs,
+    pub(super) cut: CutArgs,
 }
 
 /// Options of continuous recordings and tables.
 #[derive(Args)]
-struct CutArgs {
+pub(super) struct CutArgs {
     /// Resample all sweeps to this rate, in Hz: low-pass filtered, from the time stamps; gaps are not bridged
     #[arg(long, value_name = "HZ", value_parser = rate)]
     resample: Option<f64>,
@@ -71,6 +71,16 @@ struct CutArgs {
     /// Stretch every sweep to this number of steps, by linear interpolation
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(2..))]
     stretch: Option<u32>,
+    /// Topic of a recording (.mcap) of any program whose numbers are frames: JSON, Protocol Buffers, ROS 1 and 2
+    #[arg(long, value_name = "NAME")]
+    pub(super) topic: Option<String>,
+    /// Numbers of a message of `--topic`, such as `data`, `wrench.force` or `layers[0].values`; may be repeated [default:
+    /// its only array]
+    #[arg(long, value_name = "PATH", requires = "topic")]
+    pub(super) field: Vec<String>,
+    /// Text or number of a message of `--topic` that names the material of its frame
+    #[arg(long, value_name = "PATH", requires = "topic")]
+    pub(super) label_field: Option<String>,
     /// Array or feature that holds the samples, in a file that has several
     #[arg(long, value_name = "NAME")]
     samples: Option<String>,
@@ -105,6 +115,7 @@ impl CutArgs {
             (!self.columns.is_empty(), "--columns"),
             (self.samples.is_some(), "--samples"),
             (self.names.is_some(), "--names"),
+            (self.topic.is_some(), "--topic"),
         ];
         options
             .into_iter()
@@ -134,6 +145,18 @@ fn shape(text: &str) -> Result<(usize, usize), String> {
 }
 
 impl ImportArgs {
+    fn options(&self) -> ReadOptions {
+        ReadOptions {
+            keep: self.steps.unwrap_or_default(),
+            rate_hz: self.rate,
+            columns: self.cut.columns.clone(),
+            resample_hz: self.cut.resample,
+            windows: self.cut.windows(),
+            samples: self.cut.samples.clone(),
+            layout: self.cut.layout(),
+        }
+    }
+
     fn is_recording(&self) -> bool {
         Path::new(&self.convert.data)
             .extension()
@@ -173,19 +196,24 @@ fn read(arguments: &ImportArgs) -> anyhow::Result<Dataset> {
             _ => twin,
         });
     }
-    let options = ReadOptions {
-        keep: arguments.steps.unwrap_or_default(),
-        rate_hz: arguments.rate,
-        columns: arguments.cut.columns.clone(),
-        resample_hz: arguments.cut.resample,
-        windows: arguments.cut.windows(),
-        samples: arguments.cut.samples.clone(),
-        layout: arguments.cut.layout(),
-    };
+    let options = arguments.options();
+    if let Some(topic) = &arguments.cut.topic {
+        return read_topic(arguments, topic, &options);
+    }
     match &arguments.material {
         Some(material) => of_material(path, &options, material),
         None => Ok(read_with(path, &options)?),
     }
+}
+
+#[cfg(feature = "recording")]
+use super::import_recording::read_topic;
+
+#[cfg(not(feature = "recording"))]
+fn read_topic(_: &ImportArgs, _: &str, _: &ReadOptions) -> anyhow::Result<Dataset> {
+    bail!(tactnet_models::MissingFeature {
+        feature: "recording"
+    })
 }
 
 /// Prints the findings of reading.
@@ -255,13 +283,11 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
 /// Fails if the input cannot be read or the output format cannot hold it.
 pub fn run(arguments: &ImportArgs) -> anyhow::Result<ExitCode> {
     let format = Format::from_extension(&arguments.convert.out)?;
-    if !arguments.is_recording() {
+    if !arguments.is_recording() || arguments.cut.topic.is_some() {
         return import_data_set(arguments, format);
     }
     if let Some(option) = arguments.cut.first() {
-        bail!(
-            "{option}: a recording of sweeps needs none; import tables, folders or arrays with it"
-        );
+        bail!("{option}: expected `--topic NAME` with it, for a recording");
     }
     #[cfg(feature = "recording")]
     return super::import_recording::run(arguments, format);
