@@ -15,7 +15,7 @@ use tactnet_serving::web::{self, WebServer};
 use tactnet_serving::{
     ModelSource, Realtime, ServeReport, Service, accepted_values, allocations_of_this_thread,
 };
-use tactnet_skin::{ServeConfig, commented};
+use tactnet_skin::{FrameSpan, ServeConfig, commented};
 
 use crate::output::counted;
 use crate::stop::Stop;
@@ -136,7 +136,7 @@ fn print_table(run: Option<&Path>) -> anyhow::Result<ExitCode> {
         if let Some(result) = dir.result()?
             && !result.origin.is_comparable_to_published()
         {
-            config.segmenter.skip = 0;
+            config.segmenter.skip = FrameSpan::Frames(0);
         }
     }
     output::print(commented(&config.table("robot"), rate_hz)?)?;
@@ -160,8 +160,8 @@ fn serve_metrics(address: &str, service: &Service) -> anyhow::Result<Option<WebS
 
 /// Prints the properties of the serving model and the settings that reject or delay sweeps.
 ///
-/// - `skip`: number of frames between the start of a motion and the window
-fn describe(service: &Service, skip: usize) {
+/// - `skip`: part of a motion before the window
+fn describe(service: &Service, skip: FrameSpan) {
     let names = service.names();
     say!(
         "serving {} materials, {} frames of {} x {} taxels at {} Hz, {} dropout masks; Ctrl-C ends",
@@ -177,11 +177,12 @@ fn describe(service: &Service, skip: usize) {
             "sweeps with values outside {least} to {greatest} are rejected (`values` in the table)"
         );
     }
-    if skip > 0 {
+    let skipped = skip.frames(names.sample_rate_hz);
+    if skipped > 0 {
         say!(
-            "each sweep is classified from {:.2} s after its motion starts (`skip = {skip}` in the table; set 0 if motions start where the \
+            "each sweep is classified from {:.2} s after its motion starts (`skip` in the table; set 0 if motions start where the \
              training sweeps start)",
-            skip as f64 / names.sample_rate_hz
+            skipped as f64 / names.sample_rate_hz
         );
     }
     if service.is_rate_assumed() {

@@ -89,7 +89,7 @@ say "wrong calls are answered with code and text; packets are given back; C++ mo
 "$tactnet" train --data twin.h5 --epochs 12 --out run >/dev/null 2>&1
 "$tactnet" serve --print-table >robot.toml 2>/dev/null
 # The sweeps of this data set are complete windows, so no frame is skipped.
-sed -i 's/^bus = .*/bus = "c-robot"/; s/^skip = 250 /skip = 0 /' robot.toml
+sed -i 's/^bus = .*/bus = "c-robot"/; s/^skip = "333ms" /skip = 0 /' robot.toml
 "$built/examples/sweeps_as_text" twin.h5 6 >frames.txt 2>truth.txt
 "$tactnet" channel hub --table robot.toml >robot_hub.log 2>&1 &
 pids+=($!)

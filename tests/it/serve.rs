@@ -87,7 +87,7 @@ impl Robot {
         let config = ServeConfig {
             anytime_ms: 40.0,
             segmenter: SegmenterConfig {
-                skip: 20,
+                skip: 20.into(),
                 ..SegmenterConfig::default()
             },
             ..ServeConfig::default()

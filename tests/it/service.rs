@@ -33,7 +33,7 @@ impl ServiceUnderTest {
             anytime_ms: 0.0,
             mc_samples: 0,
             segmenter: SegmenterConfig {
-                skip: SKIP,
+                skip: SKIP.into(),
                 ..SegmenterConfig::default()
             },
             ..ServeConfig::default()

@@ -74,7 +74,7 @@ def test_a_sweep_from_ros_comes_back_as_a_material(tmp_path):
     network.save(tmp_path / "run")
     table, domain = tmp_path / "robot.toml", 1 + os.getpid() % 100
     with channel.Hub(bus=f"ros{os.getpid()}") as hub:
-        table.write_text(hub.table.replace("skip = 250", "skip = 0"))
+        table.write_text(hub.table.replace('skip = "333ms"', "skip = 0"))
         commands = [
             [TACTNET, "serve", "--run", tmp_path / "run", "--table", table],
             [sys.executable, "-m", "tactnet.ros2", "--table", table, "--domain", domain, "--prefix", "left"],

@@ -238,7 +238,7 @@ mod tests {
         .unwrap();
         let mut skin = SkinSimulator::new(&twin, vec![3, 1], 20, 5);
         let config = SegmenterConfig {
-            skip: 20,
+            skip: 20.into(),
             ..SegmenterConfig::default()
         };
         let mut segmenter = SweepSegmenter::new(config, 60, 16, twin.sample_rate_hz());

@@ -169,12 +169,9 @@ fn play_skin(
         with_priority(70).apply();
     }
     let (dataset, order) = (played.dataset(), played.order().to_vec());
-    let mut skin = SkinSimulator::new(
-        dataset,
-        order,
-        config.segmenter.skip,
-        rest_frames(dataset.sample_rate_hz()),
-    );
+    let rate_hz = dataset.sample_rate_hz();
+    let lead = config.segmenter.skip.frames(rate_hz);
+    let mut skin = SkinSimulator::new(dataset, order, lead, rest_frames(rate_hz));
     let ended = |_| over.load(Ordering::Relaxed);
     driver.run(&mut skin, |_, _| Ok(()), &ended)
 }

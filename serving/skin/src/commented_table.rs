@@ -198,17 +198,17 @@ const SETTINGS: [Setting; 41] = [
     setting(
         SEGMENTER,
         "skip",
-        "frames between the start of the motion and the window; 0 if motions start where the training sweeps start",
+        "time or number of frames between the start of the motion and the window, such as \"333ms\"; 0 if motions start where the training sweeps start",
     ),
     setting(
         SEGMENTER,
         "longest_gap",
-        "maximum number of consecutive lost frames that are interpolated",
+        "longest run of lost frames that is interpolated, in frames, or a time such as \"4ms\"",
     ),
     setting(
         SEGMENTER,
         "most_filled_in",
-        "maximum number of interpolated frames in a sweep",
+        "maximum of interpolated frames in a sweep, or a time",
     ),
     setting(
         SEGMENTER,
@@ -223,7 +223,7 @@ const SETTINGS: [Setting; 41] = [
     setting(
         SEGMENTER,
         "stalled_frames",
-        "consecutive frames with the same nonzero value after which a taxel is stalled",
+        "consecutive frames with the same nonzero value, or a time, after which a taxel is stalled",
     ),
     follows(
         SEGMENTER,
@@ -234,7 +234,7 @@ const SETTINGS: [Setting; 41] = [
     setting(
         SEGMENTER,
         "saturated_frames",
-        "consecutive frames at the maximum value after which a taxel is saturated",
+        "consecutive frames at the maximum value, or a time, after which a taxel is saturated",
     ),
 ];
 

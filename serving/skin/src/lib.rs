@@ -6,6 +6,7 @@
 mod commented_table;
 mod error;
 mod frame;
+mod frame_span;
 pub mod packets;
 mod readable_packet;
 mod segmenter;
@@ -16,6 +17,7 @@ mod window;
 pub use commented_table::commented;
 pub use error::SkinError;
 pub use frame::Frame;
+pub use frame_span::FrameSpan;
 pub use readable_packet::{MaterialPrediction, ReadablePacket, material_names};
 pub use segmenter::{Contact, Reject, Segmentation, SegmenterConfig, SweepChange, SweepSegmenter};
 pub use serve_config::{MAX_FINGERS, ServeConfig};

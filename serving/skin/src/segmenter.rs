@@ -11,6 +11,7 @@ mod tests;
 
 use crate::{Frame, Push, SweepWindow, WindowConfig};
 
+use config::FrameCounts;
 pub use config::{Contact, Segmentation, SegmenterConfig};
 pub use reject::Reject;
 
@@ -77,7 +78,7 @@ struct TaxelHealth {
 /// ```
 /// use tactnet_skin::{Frame, SegmenterConfig, SweepChange, SweepSegmenter};
 ///
-/// let config = SegmenterConfig { skip: 0, ..SegmenterConfig::default() };
+/// let config = SegmenterConfig { skip: 0.into(), ..SegmenterConfig::default() };
 /// // Windows of 2 frames, 1 taxel, 1000 Hz.
 /// let mut segmenter = SweepSegmenter::new(config, 2, 1, 1000.0);
 /// segmenter.set_values([0.0, 255.0]);
@@ -96,6 +97,7 @@ struct TaxelHealth {
 #[derive(Debug, Clone)]
 pub struct SweepSegmenter {
     config: SegmenterConfig,
+    counts: FrameCounts,
     steps: usize,
     period_ns: f64,
     window: SweepWindow,
@@ -120,17 +122,18 @@ impl SweepSegmenter {
     /// - `steps`: number of frames in a window
     /// - `taxels`: number of taxels in a frame
     /// - `rate_hz`: frames per second
-    pub fn new(mut config: SegmenterConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
-        config.saturated_frames = config.saturated_frames.min(steps);
+    pub fn new(config: SegmenterConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
+        let counts = config.at_rate(steps, rate_hz);
         let window = SweepWindow::new(WindowConfig {
             taxels,
-            skip: config.skip,
+            skip: counts.skip,
             steps,
-            longest_gap: config.longest_gap,
+            longest_gap: counts.longest_gap,
         });
         Self {
             limits: config.values.unwrap_or(NO_LIMITS),
             config,
+            counts,
             steps,
             period_ns: 1e9 / rate_hz,
             window,
@@ -237,7 +240,7 @@ impl SweepSegmenter {
             false => mean >= contact.begins,
         };
         self.turning = if turns { self.turning + 1 } else { 0 };
-        if self.turning < contact.frames {
+        if self.turning < self.counts.contact {
             return SweepChange::Unchanged;
         }
         self.turning = 0;
@@ -269,15 +272,15 @@ impl SweepSegmenter {
         if self.first.is_none() {
             self.first = Some(FrameTime::of(frame));
         }
-        if self.window.filled_in() > self.config.most_filled_in {
+        if self.window.filled_in() > self.counts.most_filled_in {
             return Err(Reject::Losses {
                 found: self.window.filled_in(),
-                allowed: self.config.most_filled_in,
+                allowed: self.counts.most_filled_in,
             });
         }
         for row in self.examined..self.window.kept() {
             let row = self.window.row(row);
-            examine(&self.config, greatest, &mut self.health, row)?;
+            examine(&self.counts, greatest, &mut self.health, row)?;
         }
         self.examined = self.window.kept();
         Ok(pushed)
@@ -319,7 +322,7 @@ impl SweepSegmenter {
 ///
 /// - `greatest`: value of a saturated taxel, in digits
 fn examine(
-    config: &SegmenterConfig,
+    counts: &FrameCounts,
     greatest: f32,
     health: &mut [TaxelHealth],
     row: &[f32],
@@ -336,13 +339,13 @@ fn examine(
         } else {
             0
         };
-        if health.saturated >= config.saturated_frames {
+        if health.saturated >= counts.saturated {
             return Err(Reject::Saturated {
                 taxel,
                 frames: health.saturated,
             });
         }
-        if health.repeated >= config.stalled_frames {
+        if health.repeated >= counts.stalled {
             return Err(Reject::Stalled {
                 taxel,
                 digit: *digit,

@@ -124,16 +124,16 @@ impl ServeConfig {
             ("dropout_deadline_ms", self.dropout_deadline_ms),
             ("segmenter.clock_tolerance", Some(segmenter.clock_tolerance)),
             ("segmenter.clock_drift", Some(segmenter.clock_drift)),
-            (
-                "segmenter.stalled_frames",
-                Some(segmenter.stalled_frames as f64),
-            ),
-            (
-                "segmenter.saturated_frames",
-                Some(segmenter.saturated_frames as f64),
-            ),
         ] {
             if value.is_some_and(|value| !(value.is_finite() && value > 0.0)) {
+                return wrong(setting, "expected more than 0");
+            }
+        }
+        for (setting, span) in [
+            ("segmenter.stalled_frames", segmenter.stalled_frames),
+            ("segmenter.saturated_frames", segmenter.saturated_frames),
+        ] {
+            if span.is_zero() {
                 return wrong(setting, "expected more than 0");
             }
         }
@@ -152,7 +152,7 @@ impl ServeConfig {
         }
         if let Segmentation::Contact(contact) = self.segmenter.segmentation {
             let apart = contact.begins > contact.ends && contact.ends.is_finite();
-            if !apart || contact.frames == 0 {
+            if !apart || contact.frames.is_zero() {
                 return wrong(
                     "segmenter.segmentation",
                     "expected `begins` above `ends`, and at least one frame",

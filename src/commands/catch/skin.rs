@@ -46,7 +46,8 @@ pub fn run(
     };
     check_fit(&dataset, &settings.data, &config.classifier)?;
     let sweeps = unseen_by(&dataset, &settings.run)?;
-    let lead = ServeConfig::of(bus.table())?.segmenter.skip;
+    let skip = ServeConfig::of(bus.table())?.segmenter.skip;
+    let lead = skip.frames(dataset.sample_rate_hz());
     let mut skin = HeldSkin::new(&dataset, &sweeps, &settings.materials, lead)
         .with_context(|| settings.data.clone())?;
     Ok(skin.run(bus, settings.seed, ready, stopped)?)

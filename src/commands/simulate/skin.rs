@@ -191,8 +191,9 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
         driver = driver.without_commands();
     }
     let rest = rest_frames(dataset.sample_rate_hz());
+    let lead = config.segmenter.skip.frames(dataset.sample_rate_hz());
     let in_order = order.len() as u64;
-    let mut skin = SkinSimulator::new(&dataset, order, config.segmenter.skip, rest);
+    let mut skin = SkinSimulator::new(&dataset, order, lead, rest);
     if object_sweeps > 0 {
         skin = skin.with_objects_of(object_sweeps);
     }

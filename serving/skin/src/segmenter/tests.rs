@@ -7,10 +7,10 @@ const PERIOD: u64 = 1_000_000;
 
 fn config() -> SegmenterConfig {
     SegmenterConfig {
-        skip: 2,
-        longest_gap: 1,
-        stalled_frames: 4,
-        saturated_frames: 3,
+        skip: 2.into(),
+        longest_gap: 1.into(),
+        stalled_frames: 4.into(),
+        saturated_frames: 3.into(),
         values: Some([0.0, 255.0]),
         ..SegmenterConfig::default()
     }
@@ -131,8 +131,8 @@ fn losses_just_before_the_first_frame_count_and_clocks_may_not_drift() {
     assert!(outcomes.any(|o| matches!(o, SweepChange::Rejected(Reject::Clock { .. }))));
 
     let mut holes = segmenter(SegmenterConfig {
-        most_filled_in: 1,
-        skip: 0,
+        most_filled_in: 1.into(),
+        skip: 0.into(),
         ..config()
     });
     holes.start();
@@ -173,13 +173,13 @@ fn stalled_and_saturated_taxels_are_found_and_silent_ones_are_not() {
     let stalled = Reject::Stalled {
         taxel: 1,
         digit: 7.0,
-        frames: 4,
+        frames: 4.into(),
     };
     assert_eq!(sweep(&|n| [n as f32, 7.0]), SweepChange::Rejected(stalled));
     assert_eq!(sweep(&|n| [n as f32, 0.0]), SweepChange::Complete);
     let saturated = Reject::Saturated {
         taxel: 0,
-        frames: 3,
+        frames: 3.into(),
     };
     assert_eq!(
         sweep(&|n| [255.0, n as f32]),
@@ -226,11 +226,11 @@ fn contact_begins_and_ends_with_hysteresis() {
     let contact = Contact {
         begins: 10.0,
         ends: 5.0,
-        frames: 2,
+        frames: 2.into(),
     };
     let mut segmenter = segmenter(SegmenterConfig {
         segmentation: Segmentation::Contact(contact),
-        skip: 0,
+        skip: 0.into(),
         ..config()
     });
     let mut sequence = 0;
