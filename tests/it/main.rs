@@ -31,6 +31,8 @@ mod runtimes;
 mod serve;
 mod service;
 mod study;
+#[cfg(feature = "recording")]
+mod topics;
 mod training;
 mod tutorial;
 mod unlabelled;
