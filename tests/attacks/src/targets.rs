@@ -9,13 +9,16 @@ mod texts;
 use anyhow::bail;
 
 /// Names of all targets.
-pub const NAMES: [&str; 9] = [
+pub const NAMES: [&str; 12] = [
     "npz",
     "npz members",
     "hdf5",
     "csv",
+    "recordings",
     "parquet",
+    "folders",
     "mcap",
+    "topics",
     "messages",
     "run",
     "tables",
@@ -57,8 +60,11 @@ pub fn open(name: &str) -> anyhow::Result<Target> {
         "npz members" => datasets::npz_members(),
         "hdf5" => datasets::whole("h5"),
         "csv" => datasets::csv(),
+        "recordings" => datasets::recordings(),
         "parquet" => datasets::parquet(),
+        "folders" => datasets::folders(),
         "mcap" => recording::mcap(),
+        "topics" => recording::topics(),
         "messages" => Ok(messages::messages()),
         "run" => run_dir::run(),
         "tables" => Ok(texts::tables()),

@@ -3,7 +3,7 @@
 use std::io::{Cursor, Read, Write};
 use std::path::PathBuf;
 
-use tactnet_data::format::{self, Format};
+use tactnet_data::format::{self, FileLayout, Format, ReadOptions, Span, Windows};
 use tactnet_data::twin::{TwinConfig, generate};
 use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
@@ -74,7 +74,31 @@ pub(super) fn whole(extension: &'static str) -> anyhow::Result<Target> {
     Ok(Target::new(seeds, move |input| place.reads(input)))
 }
 
-/// Target: the members of an archive, inside an undamaged archive. Input: `NAME LENGTH\n` and that many bytes, for each member.
+/// Returns named contents as one input: `NAME LENGTH\n` and that many bytes, for each.
+fn joined(members: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let mut input = Vec::new();
+    for (name, content) in members {
+        input.extend(format!("{name} {}\n", content.len()).bytes());
+        input.extend(content);
+    }
+    input
+}
+
+/// Splits an input of [`joined`]; lengths that do not fit are cut.
+fn members(input: &[u8]) -> Vec<(String, &[u8])> {
+    let (mut members, mut rest) = (Vec::new(), input);
+    while let Some(line) = rest.iter().position(|byte| *byte == b'\n') {
+        let head = String::from_utf8_lossy(&rest[..line]).into_owned();
+        rest = &rest[line + 1..];
+        let (name, length) = head.rsplit_once(' ').unwrap_or((&head, "0"));
+        let length = length.parse().unwrap_or(usize::MAX).min(rest.len());
+        members.push((name.to_owned(), &rest[..length]));
+        rest = &rest[length..];
+    }
+    members
+}
+
+/// Target: the members of an archive, inside an undamaged archive.
 pub(super) fn npz_members() -> anyhow::Result<Target> {
     let place = Place::new("data.npz")?;
     Format::Npz.write(&place.path, &twin()?)?;
@@ -85,30 +109,96 @@ pub(super) fn npz_members() -> anyhow::Result<Target> {
         let mut content = Vec::new();
         member.read_to_end(&mut content)?;
         let name = String::from_utf8_lossy(member.name_raw()).into_owned();
-        writeln!(seed, "{name} {}", content.len())?;
-        seed.extend(content);
+        seed.push((name, content));
     }
-    Ok(Target::new(vec![seed], move |input| {
+    Ok(Target::new(vec![joined(&seed)], move |input| {
         let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-        let mut rest = input;
-        while let Some(line) = rest.iter().position(|byte| *byte == b'\n') {
-            let head = String::from_utf8_lossy(&rest[..line]).into_owned();
-            rest = &rest[line + 1..];
-            let (name, length) = head.rsplit_once(' ').unwrap_or((&head, "0"));
-            let length = length.parse().unwrap_or(usize::MAX).min(rest.len());
-            let stored =
-                SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
-            if archive.start_file(name, stored).is_err()
-                || archive.write_all(&rest[..length]).is_err()
-            {
+        let stored =
+            SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        for (name, content) in members(input) {
+            if archive.start_file(name, stored).is_err() || archive.write_all(content).is_err() {
                 return false;
             }
-            rest = &rest[length..];
         }
         archive
             .finish()
             .is_ok_and(|archive| place.reads(archive.get_ref()))
     }))
+}
+
+/// Target: a folder of files, with the options of other people's folders. Names outside the folder are left out.
+pub(super) fn folders() -> anyhow::Result<Target> {
+    let fixtures = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/read/");
+    let file = |name: &str| {
+        Ok::<_, std::io::Error>((name.into(), std::fs::read(fixtures.to_owned() + name)?))
+    };
+    let lerobot_2 = |name: &str| file(&format!("lerobot_v2/{name}"));
+    let lerobot_3 = |name: &str| file(&format!("lerobot_v3/{name}"));
+    let mut seeds = vec![
+        vec![
+            lerobot_2("meta/info.json")?,
+            lerobot_2("meta/tasks.jsonl")?,
+            lerobot_2("data/chunk-000/episode_000000.parquet")?,
+            lerobot_2("data/chunk-000/episode_000001.parquet")?,
+        ],
+        vec![
+            lerobot_3("meta/info.json")?,
+            lerobot_3("meta/tasks.parquet")?,
+            lerobot_3("data/chunk-000/file-000.parquet")?,
+        ],
+    ];
+    for seed in &mut seeds {
+        for (name, _) in seed {
+            *name = name.split_once('/').map_or("", |(_, name)| name).to_owned();
+        }
+    }
+    let text = |sweep: usize| -> String {
+        let line = |step: usize| format!("{step} {} {}\n", sweep * step % 7, (sweep + step) % 5);
+        (0..12).map(line).collect()
+    };
+    let of = |name: &str, sweep: usize| (name.to_owned(), text(sweep).into_bytes());
+    seeds.push(vec![
+        of("train/a_1.txt", 1),
+        of("train/b_2.txt", 2),
+        of("test/a_3.txt", 3),
+    ]);
+    seeds.push(vec![
+        of("felt/1.csv", 1),
+        of("felt/2.csv", 2),
+        of("cork/1.csv", 4),
+    ]);
+    let folder = tempfile::tempdir_in("/dev/shm")?;
+    let options = ReadOptions {
+        layout: FileLayout {
+            names: Some("{split}/{material}_{sweep}.txt".parse()?),
+            lines_per_frame: Some(2),
+            stretch: Some(9),
+            ..FileLayout::default()
+        },
+        ..ReadOptions::default()
+    };
+    Ok(Target::new(
+        seeds.iter().map(|seed| joined(seed)).collect(),
+        move |input| {
+            let path = folder.path().join("data");
+            let _ = std::fs::remove_dir_all(&path);
+            for (name, content) in members(input) {
+                let is_plain = |part: &str| !part.is_empty() && !part.starts_with('.');
+                let is_short = name.len() < 100 && name.split('/').count() < 6;
+                if !is_short || !name.split('/').all(is_plain) || name.contains('\0') {
+                    continue;
+                }
+                let file = path.join(name);
+                let made = file.parent().map(std::fs::create_dir_all);
+                if made.is_none_or(|made| made.is_err()) || std::fs::write(&file, content).is_err()
+                {
+                    continue;
+                }
+            }
+            let as_it_is = format::read(&path).is_ok();
+            as_it_is | format::read_with(&path, &options).is_ok()
+        },
+    ))
 }
 
 /// Target: a table of sweeps.
@@ -122,6 +212,60 @@ pub(super) fn csv() -> anyhow::Result<Target> {
     }
     Ok(Target::new(vec![text.into_bytes()], move |input| {
         place.reads(input)
+    }))
+}
+
+/// Target: a continuous recording as text, cut into windows: dialects, dates, units, labels.
+pub(super) fn recordings() -> anyhow::Result<Target> {
+    let place = Place::new("data.csv")?;
+    let rows = |head: &str, row: &dyn Fn(usize) -> String| -> Vec<u8> {
+        let rows: Vec<String> = (0..40).map(row).collect();
+        format!("{head}{}", rows.join("")).into_bytes()
+    };
+    let label = |step: usize| if step < 20 { "felt" } else { "cork" };
+    let seeds = vec![
+        rows("time,label,t0,t1\n", &|step| {
+            format!(
+                "{}.{:02},{},{},{step}\n",
+                step / 100,
+                step % 100,
+                label(step),
+                step % 7
+            )
+        }),
+        rows("# a sensor\nsep=;\nZeit [ms];class;p [kPa];q\n", &|step| {
+            format!(
+                "{};{};{},5;{}\r\n",
+                step * 10,
+                label(step),
+                step % 9,
+                step * step % 11
+            )
+        }),
+        rows("sec\tnanosec\tmaterial\ta\n", &|step| {
+            format!(
+                "1700000000\t{}\t{}\t\"{}\"\n",
+                step * 10_000_000,
+                label(step),
+                step % 5
+            )
+        }),
+        rows("timestamp,label,a,b\n", &|step| {
+            format!(
+                "2024-03-31T01:59:59.{:03}+01:00,{},{step},{}\n",
+                step * 10,
+                label(step),
+                step % 3
+            )
+        }),
+    ];
+    let options = ReadOptions {
+        resample_hz: Some(70.0),
+        windows: Some(Windows::of(Span::Seconds(0.05))),
+        ..ReadOptions::default()
+    };
+    Ok(Target::new(seeds, move |input| {
+        place.reads(input) | format::read_with(&place.path, &options).is_ok()
     }))
 }
 

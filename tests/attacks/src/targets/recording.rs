@@ -7,7 +7,8 @@ use std::time::Duration;
 use bytemuck::Zeroable;
 use mcap::records::Record;
 use tactnet_channel::{Bus, Domain, Priority};
-use tactnet_recording::{About, Recorder, Recording};
+use tactnet_data::format::ReadOptions;
+use tactnet_recording::{About, Recorder, Recording, Topic, TopicSelection, topic_frames};
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::SkinFrame;
 
@@ -42,6 +43,35 @@ pub(super) fn mcap() -> anyhow::Result<Target> {
         let _folder = &folder;
         std::fs::write(&path, input).is_ok() && Recording::read(&path).is_ok()
     }))
+}
+
+/// Target: topics of recordings of other programs, in three encodings, with and without compression.
+pub(super) fn topics() -> anyhow::Result<Target> {
+    let folder = tempfile::tempdir_in("/dev/shm")?;
+    let path: PathBuf = folder.path().join("foreign.mcap");
+    let mut seeds = Vec::new();
+    for name in ["json", "protobuf", "ros2"] {
+        let fixtures = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/topics/");
+        let written = std::fs::read(format!("{fixtures}{name}.mcap"))?;
+        seeds.extend([plain(&written)?, written]);
+    }
+    let read = move |input: &[u8]| -> Option<()> {
+        let _folder = &folder;
+        std::fs::write(&path, input).ok()?;
+        let topics = tactnet_recording::topics(&path).ok()?.topics;
+        let has_numbers = |topic: &&Topic| topic.numbers.as_ref().is_ok_and(|n| !n.is_empty());
+        let topic = topics.iter().find(has_numbers)?;
+        let field = topic.numbers.as_ref().ok()?.last()?.0.clone();
+        let selection = TopicSelection {
+            topic: topic.name.clone(),
+            fields: vec![field],
+            label: None,
+        };
+        let frames = topic_frames(&path, &selection).ok()?;
+        let sweeps = frames.series.into_sweeps(&path, &ReadOptions::default());
+        sweeps.ok().map(|_| ())
+    };
+    Ok(Target::new(seeds, move |input| read(input).is_some()))
 }
 
 fn plain(written: &[u8]) -> anyhow::Result<Vec<u8>> {
