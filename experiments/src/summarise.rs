@@ -257,7 +257,7 @@ fn unmixed(
         ),
         (
             "recipes",
-            all().any(|task| task.record.recipe_sha256 != first.record.recipe_sha256),
+            all().any(|task| task.recipe_key != first.recipe_key),
         ),
         ("results of one fold", parts.len() < values.len()),
     ] {
@@ -283,6 +283,7 @@ impl ExperimentDir {
                     model: task.model.clone(),
                     data: result.data,
                     label_order: LabelOrder::True,
+                    recipe_key: result.recipe_sha256.clone(),
                     origin: result.origin,
                     data_sha256: result.data_sha256,
                     assumed_rate_hz: result.assumed_rate_hz,

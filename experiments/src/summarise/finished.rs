@@ -16,6 +16,8 @@ pub(crate) struct FinishedTask<'a> {
     /// Name of the data set, including its treatment.
     pub(crate) data: String,
     pub(crate) label_order: LabelOrder,
+    /// Text that is equal for all tasks of one recipe, whatever the size of their folds.
+    pub(crate) recipe_key: String,
     pub(crate) origin: DataOrigin,
     pub(crate) data_sha256: String,
     pub(crate) assumed_rate_hz: Option<f64>,
@@ -90,6 +92,7 @@ mod tests {
             model: "net".into(),
             data: data.into(),
             label_order,
+            recipe_key: String::new(),
             origin: DataOrigin::Recorded,
             data_sha256: String::new(),
             assumed_rate_hz: None,

@@ -1,7 +1,7 @@
 //! Reads finished trainings for the summary.
 
 use tactnet_data::{Scheme, SplitManifest};
-use tactnet_pipeline::{Evaluation, PredictionMethod, RunConfig, RunDir, RunResult};
+use tactnet_pipeline::{Evaluation, ModelRecipe, PredictionMethod, RunConfig, RunDir, RunResult};
 
 use super::finished::FinishedTask;
 use crate::tasks::ExperimentDir;
@@ -35,6 +35,7 @@ pub(crate) fn read_training<'a>(
         model: shown_model(&task.model, &result.recipe),
         data: result.data,
         label_order: config.spec.label_order,
+        recipe_key: recipe_key(&config.recipe),
         origin: result.origin,
         data_sha256: result.data_sha256,
         assumed_rate_hz: config
@@ -67,6 +68,16 @@ pub(crate) fn read_training<'a>(
             chosen: result.chosen,
         },
     })
+}
+
+/// Returns the text of a recipe without its epochs, whose number depends on the size of the fold.
+fn recipe_key(recipe: &ModelRecipe) -> String {
+    let mut recipe = recipe.clone();
+    if let ModelRecipe::Network(network) = &mut recipe {
+        network.training.epochs = 0;
+        network.training.least_steps = None;
+    }
+    recipe.to_toml()
 }
 
 /// Returns the measurements of one prediction method.
@@ -129,5 +140,28 @@ pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
     match config.spec.inner {
         None => scheme,
         Some(part) => format!("{scheme}, judged by inner part {part}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folds_of_one_recipe_have_one_key() {
+        let of_sweeps = |name: &str, sweeps| match ModelRecipe::load(name).unwrap() {
+            ModelRecipe::Network(recipe) => recipe.for_sweeps(sweeps),
+            ModelRecipe::Baseline(_) => panic!("a network"),
+        };
+        let (one, other) = (of_sweeps("fast", 70), of_sweeps("fast", 71));
+        assert_ne!(
+            one.training.epochs, other.training.epochs,
+            "folds that straddle a batch"
+        );
+        let key = |recipe| recipe_key(&ModelRecipe::Network(recipe));
+        assert_eq!(key(one.clone()), key(other));
+        let mut changed = one.clone();
+        changed.training.batch += 1;
+        assert_ne!(key(one), key(changed));
     }
 }
