@@ -153,7 +153,7 @@ mod tests {
             ModelRecipe::Network(recipe) => recipe.for_sweeps(sweeps),
             ModelRecipe::Baseline(_) => panic!("a network"),
         };
-        let (one, other) = (of_sweeps("fast", 70), of_sweeps("fast", 71));
+        let (one, other) = (of_sweeps("fast", 72), of_sweeps("fast", 73));
         assert_ne!(
             one.training.epochs, other.training.epochs,
             "folds that straddle a batch"
