@@ -118,7 +118,7 @@ impl<'a> Folds<'a> {
     /// Returns the number of folds.
     pub fn count(&self) -> usize {
         match self.dataset.scheme {
-            Scheme::StratifiedKFold { folds, .. } => folds,
+            Scheme::StratifiedKFold { folds, .. } | Scheme::GroupKFold { folds, .. } => folds,
             Scheme::HoldOut { .. }
             | Scheme::TestFlag
             | Scheme::LeaveBlockOut

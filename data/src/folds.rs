@@ -5,6 +5,7 @@
 //!                                          └─ inner(i) ──> (TrainSplit, ValidationSplit)
 //! ```
 
+mod groups;
 mod manifest;
 mod scheme;
 mod split;
@@ -14,6 +15,7 @@ pub use scheme::Scheme;
 pub use split::{SweepView, TestSplit, TrainSplit, ValidationSplit};
 
 use crate::{DataError, Dataset, Seed, shuffle};
+use groups::Groups;
 use scheme::blocks_of_each_label;
 use split::SplitKey;
 
@@ -251,6 +253,9 @@ fn tested(dataset: &Dataset, choice: SplitKey) -> Result<Vec<bool>, DataError> {
                 choice.repeat,
             )?;
             parts.into_iter().map(|part| part == choice.fold).collect()
+        }
+        Scheme::GroupKFold { folds, .. } => {
+            Groups::of(dataset).tested(folds, choice.seed, choice.repeat, choice.fold)
         }
         Scheme::HoldOut { test_percent, .. } => {
             held_out(dataset, test_percent, choice.seed, choice.repeat)?

@@ -103,6 +103,8 @@ pub enum SplitKind {
     TestFlag,
     /// Fold k tests on the k-th recording block.
     LeaveBlockOut,
+    /// Whole recording blocks are held out, in folds with about equal shares of every material.
+    GroupKFold,
     /// All sweeps are trained on.
     TrainOnAll,
 }
@@ -115,6 +117,7 @@ impl SplitKind {
             Self::HoldOut => "hold-out",
             Self::TestFlag => "test-flag",
             Self::LeaveBlockOut => "leave-block-out",
+            Self::GroupKFold => "group-k-fold",
             Self::TrainOnAll => "train-on-all",
         }
     }
@@ -126,6 +129,7 @@ impl SplitKind {
             Self::HoldOut => Scheme::hold_out(),
             Self::TestFlag => Scheme::TestFlag,
             Self::LeaveBlockOut => Scheme::LeaveBlockOut,
+            Self::GroupKFold => Scheme::group_folds_for(dataset),
             Self::TrainOnAll => Scheme::TrainOnAll,
         }
     }
@@ -137,6 +141,7 @@ impl SplitKind {
             Scheme::HoldOut { .. } => Self::HoldOut,
             Scheme::TestFlag => Self::TestFlag,
             Scheme::LeaveBlockOut => Self::LeaveBlockOut,
+            Scheme::GroupKFold { .. } => Self::GroupKFold,
             Scheme::TrainOnAll => Self::TrainOnAll,
         }
     }
@@ -153,6 +158,9 @@ impl TrainSpec {
         match (scheme, self.folds) {
             (Scheme::StratifiedKFold { repeats, .. }, Some(folds)) => {
                 Scheme::StratifiedKFold { folds, repeats }
+            }
+            (Scheme::GroupKFold { repeats, .. }, Some(folds)) => {
+                Scheme::GroupKFold { folds, repeats }
             }
             (scheme, _) => scheme,
         }

@@ -93,6 +93,8 @@ pub enum SplitChoice {
     TestFlag,
     /// Fold k tests on the k-th recording block of each material
     LeaveBlockOut,
+    /// Folds of whole recording blocks, with about equal shares of each material
+    GroupKFold,
 }
 
 impl From<SplitChoice> for SplitKind {
@@ -102,6 +104,7 @@ impl From<SplitChoice> for SplitKind {
             SplitChoice::HoldOut => Self::HoldOut,
             SplitChoice::TestFlag => Self::TestFlag,
             SplitChoice::LeaveBlockOut => Self::LeaveBlockOut,
+            SplitChoice::GroupKFold => Self::GroupKFold,
         }
     }
 }

@@ -308,9 +308,13 @@ impl Dataset {
                 repeats: repeat + 1,
             },
             "leave-block-out" => Scheme::LeaveBlockOut,
+            "group-k-fold" => Scheme::GroupKFold {
+                folds,
+                repeats: repeat + 1,
+            },
             other => {
                 return Err(TactnetError::new_err(format!(
-                    "scheme: expected default, k-fold or leave-block-out, found {other}"
+                    "scheme: expected default, k-fold, group-k-fold or leave-block-out, found {other}"
                 )));
             }
         };

@@ -1,5 +1,6 @@
 //! Schemes that split a data set, and their numbers of folds.
 
+use super::groups::Groups;
 use crate::{DataError, Dataset};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -21,7 +22,7 @@ use std::collections::BTreeSet;
 ///
 /// ```toml
 /// [split]
-/// kind = "stratified-k-fold"   # or "hold-out" (test_percent, repeats); "test-flag", "leave-block-out", "train-on-all" have no settings
+/// kind = "stratified-k-fold"   # or "group-k-fold" (folds, repeats), "hold-out" (test_percent, repeats); "test-flag", "leave-block-out", "train-on-all" have no settings
 /// folds = 5
 /// repeats = 2
 /// ```
@@ -54,6 +55,16 @@ pub enum Scheme {
     /// No block has sweeps on both sides. Materials with fewer than `k + 1` blocks only train, so every sweep is tested
     /// exactly once over all folds.
     LeaveBlockOut,
+    /// Distributes the recording blocks to `folds` parts, anew in each of `repeats` repeats, so that every material has
+    /// about the same share in each; fold `k` tests on part `k`. A block is the sweeps of one number, of any material.
+    ///
+    /// No block has test sweeps of a material and training sweeps of the same one. Materials in a single block only train.
+    GroupKFold {
+        /// Number of parts, at least 2.
+        folds: usize,
+        /// Number of repetitions with another order of equal groups, at least 1.
+        repeats: usize,
+    },
     /// Trains on all sweeps and tests on none; one fold. Suitable for classifiers that are evaluated on another data set.
     TrainOnAll,
 }
@@ -75,6 +86,12 @@ enum SchemeConfig {
         #[serde(default = "published_repeats")]
         repeats: usize,
     },
+    GroupKFold {
+        #[serde(default = "published_folds")]
+        folds: usize,
+        #[serde(default = "one_repeat")]
+        repeats: usize,
+    },
     TestFlag {},
     LeaveBlockOut {},
     TrainOnAll {},
@@ -86,6 +103,10 @@ fn published_folds() -> usize {
 
 fn published_repeats() -> usize {
     2
+}
+
+fn one_repeat() -> usize {
+    1
 }
 
 fn usual_test_percent() -> usize {
@@ -121,6 +142,14 @@ impl Scheme {
         }
     }
 
+    /// Returns 5 folds of whole blocks; fewer, at least 2, if there are fewer blocks.
+    pub fn group_folds_for(dataset: &Dataset) -> Self {
+        Self::GroupKFold {
+            folds: published_folds().min(Groups::of(dataset).len()).max(2),
+            repeats: one_repeat(),
+        }
+    }
+
     /// Returns a hold-out of a fifth of every material's sweeps, in 2 repeats.
     pub fn hold_out() -> Self {
         Self::HoldOut {
@@ -132,7 +161,9 @@ impl Scheme {
     /// Returns the number of repetitions; 1 for schemes without randomness.
     pub fn repeats(self) -> usize {
         match self {
-            Self::StratifiedKFold { repeats, .. } | Self::HoldOut { repeats, .. } => repeats,
+            Self::StratifiedKFold { repeats, .. }
+            | Self::GroupKFold { repeats, .. }
+            | Self::HoldOut { repeats, .. } => repeats,
             Self::TestFlag | Self::LeaveBlockOut | Self::TrainOnAll => 1,
         }
     }
@@ -148,6 +179,21 @@ impl Scheme {
             Self::HoldOut { .. } | Self::TrainOnAll => Ok(1),
             Self::TestFlag if dataset.has_test_flag() => Ok(1),
             Self::TestFlag => Err(self.missing(dataset, "test_flag")),
+            Self::GroupKFold { folds, .. } if dataset.has_blocks() => {
+                match Groups::of(dataset).len() {
+                    0 => Err(DataError::inconsistent(
+                        format!("blocks of data set `{}`", dataset.name()),
+                        format!("a material in at least 2 blocks to {self}"),
+                        "each material in a single block",
+                    )),
+                    groups if groups < folds => Err(DataError::inconsistent(
+                        format!("blocks of data set `{}`", dataset.name()),
+                        format!("at least {folds} to {self}"),
+                        groups.to_string(),
+                    )),
+                    _ => Ok(folds),
+                }
+            }
             Self::LeaveBlockOut if dataset.has_blocks() => {
                 let blocks = blocks_of_each_label(dataset);
                 if let Some(label) = blocks.iter().position(|blocks| blocks.len() < 2) {
@@ -159,7 +205,7 @@ impl Scheme {
                 }
                 Ok(blocks.iter().map(BTreeSet::len).max().unwrap_or(0))
             }
-            Self::LeaveBlockOut => Err(self.missing(dataset, "blocks")),
+            Self::LeaveBlockOut | Self::GroupKFold { .. } => Err(self.missing(dataset, "blocks")),
         }
     }
 
@@ -168,15 +214,15 @@ impl Scheme {
             DataError::inconsistent(format!("`{item}`"), expected, found.to_string())
         };
         match self {
-            Self::StratifiedKFold { folds, .. } if folds < 2 => {
+            Self::StratifiedKFold { folds, .. } | Self::GroupKFold { folds, .. } if folds < 2 => {
                 Err(refused("folds", "at least 2", folds))
             }
             Self::HoldOut { test_percent, .. } if !(1..=99).contains(&test_percent) => {
                 Err(refused("test_percent", "1 to 99", test_percent))
             }
-            Self::StratifiedKFold { repeats: 0, .. } | Self::HoldOut { repeats: 0, .. } => {
-                Err(refused("repeats", "at least 1", 0))
-            }
+            Self::StratifiedKFold { repeats: 0, .. }
+            | Self::GroupKFold { repeats: 0, .. }
+            | Self::HoldOut { repeats: 0, .. } => Err(refused("repeats", "at least 1", 0)),
             _ => Ok(self),
         }
     }
@@ -200,6 +246,9 @@ impl std::fmt::Display for Scheme {
             Self::HoldOut { test_percent, .. } => {
                 write!(f, "hold out {test_percent} % of the sweeps")
             }
+            Self::GroupKFold { folds, .. } => {
+                write!(f, "split into {folds} folds of whole recording blocks")
+            }
             Self::TestFlag => f.write_str("split by the author's test flag"),
             Self::LeaveBlockOut => f.write_str("leave one recording block out"),
             Self::TrainOnAll => f.write_str("train on all sweeps and test on none"),
@@ -214,6 +263,9 @@ impl TryFrom<SchemeConfig> for Scheme {
         match config {
             SchemeConfig::StratifiedKFold { folds, repeats } => {
                 Self::StratifiedKFold { folds, repeats }.checked()
+            }
+            SchemeConfig::GroupKFold { folds, repeats } => {
+                Self::GroupKFold { folds, repeats }.checked()
             }
             SchemeConfig::HoldOut {
                 test_percent,
@@ -234,6 +286,7 @@ impl From<Scheme> for SchemeConfig {
     fn from(scheme: Scheme) -> Self {
         match scheme {
             Scheme::StratifiedKFold { folds, repeats } => Self::StratifiedKFold { folds, repeats },
+            Scheme::GroupKFold { folds, repeats } => Self::GroupKFold { folds, repeats },
             Scheme::HoldOut {
                 test_percent,
                 repeats,
@@ -267,6 +320,10 @@ mod tests {
             Scheme::StratifiedKFold {
                 folds: 3,
                 repeats: 4,
+            },
+            Scheme::GroupKFold {
+                folds: 4,
+                repeats: 2,
             },
             Scheme::hold_out(),
             Scheme::TestFlag,

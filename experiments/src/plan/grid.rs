@@ -237,6 +237,7 @@ impl GridPoint<'_> {
             SplitKind::HoldOut => format!("{data}-{model}{rest}-holdout{repeat}"),
             SplitKind::TestFlag => format!("{data}-{model}{rest}-test_flag"),
             SplitKind::LeaveBlockOut => format!("{data}-{model}{rest}-block{fold}"),
+            SplitKind::GroupKFold => format!("{data}-{model}{rest}-run{repeat}-groups{fold}"),
             SplitKind::TrainOnAll => format!("{data}-{model}{rest}-all"),
         }
     }

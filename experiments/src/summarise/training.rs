@@ -136,6 +136,7 @@ pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
         Scheme::TestFlag => "author's test sweeps".into(),
         Scheme::TrainOnAll => "no test sweeps".into(),
         Scheme::LeaveBlockOut => "block left out".into(),
+        Scheme::GroupKFold { folds, .. } => format!("{folds} folds of whole blocks"),
     };
     match config.spec.inner {
         None => scheme,

@@ -13,6 +13,7 @@ pub(crate) fn free_folder(dataset: &str, config: &RunConfig, fold: &Fold<'_>) ->
         Scheme::TestFlag => "test_flag".to_string(),
         Scheme::TrainOnAll => "all".to_string(),
         Scheme::LeaveBlockOut => format!("block{}", fold.fold()),
+        Scheme::GroupKFold { .. } => format!("run{}_groups{}", fold.repeat(), fold.fold()),
         Scheme::StratifiedKFold { .. } if fold.repeat() == 0 => format!("fold{}", fold.fold()),
         Scheme::StratifiedKFold { .. } => format!("run{}_fold{}", fold.repeat(), fold.fold()),
     };

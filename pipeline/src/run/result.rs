@@ -106,6 +106,7 @@ pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String 
         Scheme::TestFlag => "the author's test sweeps".into(),
         Scheme::TrainOnAll => "no test sweeps".into(),
         Scheme::LeaveBlockOut => format!("block {part} of every material left out"),
+        Scheme::GroupKFold { folds, .. } => format!("fold {part} of {folds}, whole blocks"),
     };
     if manifest.repeat > 0 {
         text.push_str(&format!(", repeat {}", manifest.repeat + 1));
