@@ -31,10 +31,12 @@
 //! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | a taxel rises identically in all sweeps, or counts up |
 //! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | only one material |
 //! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ only in case or white space |
+//! | [`ConfoundedBlocks`](FindingKind::ConfoundedBlocks) | warning | materials whose sweeps are all in one block, with at most half of the materials |
 //! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row, because the data does not name their arrangement |
 //! | [`NotRead`](FindingKind::NotRead) | note | a part of the file that is not read |
 
 mod axes;
+mod blocks;
 mod clock_taxels;
 mod constant;
 mod dead_taxels;
@@ -83,6 +85,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
         .collect();
     let mut findings = of_values(dataset, &sweeps);
     findings.extend(sweeps_per_material::check(dataset));
+    findings.extend(blocks::confounded(dataset));
     findings.extend(names::numbered(dataset));
     findings.extend(names::that_mislead(dataset));
     findings.extend(clock_taxels::clock_taxels(dataset, &sweeps));

@@ -86,6 +86,8 @@ pub enum FindingKind {
     NearDuplicate,
     /// A taxel is constant in every sweep and follows the material.
     LeakingColumn,
+    /// Materials that were recorded in one block each.
+    ConfoundedBlocks,
     /// A part of the file that cannot be read.
     Unreadable,
     /// Taxels are in one row, because the file does not name their arrangement.
@@ -104,6 +106,7 @@ impl FindingKind {
                 | Self::NumberedMaterials
                 | Self::SingleMaterial
                 | Self::AlikeNames
+                | Self::ConfoundedBlocks
         )
     }
 }
@@ -192,6 +195,7 @@ impl fmt::Display for FindingKind {
             Self::Overlap => "sweeps that overlap",
             Self::NearDuplicate => "near duplicates",
             Self::LeakingColumn => "columns that leak the material",
+            Self::ConfoundedBlocks => "materials in one block each",
             Self::Unreadable => "unreadable parts",
             Self::AssumedPatch => "assumed arrangement of the taxels",
             Self::NotRead => "not read",

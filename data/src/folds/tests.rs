@@ -417,3 +417,29 @@ fn all_sweeps_train_where_none_is_tested() {
     let (inner, aside) = train.inner(1).unwrap();
     assert_eq!((inner.len(), aside.len()), (16, 4));
 }
+
+proptest! {
+    #[test]
+    fn group_folds_test_every_sweep_once_and_keep_blocks_whole(dataset in any_recording(), folds in 2usize..=4) {
+        let scheme = Scheme::GroupKFold { folds, repeats: 2 };
+        prop_assume!(scheme.folds(&dataset).is_ok());
+        for repeat in 0..2 {
+            let mut tested = vec![0; dataset.len()];
+            for fold in 0..folds {
+                let Ok(fold) = Fold::new(&dataset, scheme, Seed(5), repeat, fold) else { continue };
+                let block = |sweep: &usize| {
+                    let record = &dataset.records()[*sweep];
+                    (record.label, record.block)
+                };
+                let trained: BTreeSet<_> = fold.train.indices().iter().map(block).collect();
+                for sweep in fold.test.indices() {
+                    tested[*sweep] += 1;
+                    prop_assert!(!trained.contains(&block(sweep)));
+                    // Every tested material has training sweeps.
+                    prop_assert!(trained.iter().any(|(label, _)| *label == block(sweep).0));
+                }
+            }
+            prop_assert!(tested.iter().all(|times| *times <= 1));
+        }
+    }
+}

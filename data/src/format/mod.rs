@@ -79,7 +79,7 @@ pub use windows::{Span, Windows};
 use crate::{DataError, Dataset, Remedy, Samples};
 use file_kind::FileKind;
 use named_sweeps::Labels;
-pub(crate) use named_sweeps::{NamedSweeps, UNLABELLED, records};
+pub(crate) use named_sweeps::{NamedSweeps, UNLABELLED, records, some_names};
 use std::io::Read;
 use std::path::Path;
 pub(crate) use timing::named_rate;

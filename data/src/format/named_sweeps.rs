@@ -80,7 +80,7 @@ impl NamedSweeps {
 }
 
 /// Returns the names in backquotes, at most [`NAMED`].
-pub(super) fn some_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+pub(crate) fn some_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let quoted: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
     some_of(quoted)
 }
