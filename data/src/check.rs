@@ -10,6 +10,7 @@
 //! | [`NearDuplicate`](FindingKind::NearDuplicate) | error; warning within a block | a sweep is another one except for rounding, an offset or a gain |
 //! | [`FewSweeps`](FindingKind::FewSweeps) | error; warning below 5 | fewer than two sweeps of a material; fewer than the usual 5 folds |
 //! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | a taxel has the same value in all sweeps, except for a few single frames |
+//! | [`LeakingColumn`](FindingKind::LeakingColumn) | error | a taxel is constant in every sweep and its value follows the material |
 //! | [`ConstantTaxel`](FindingKind::ConstantTaxel) | warning; note at 0 | a taxel is constant during a sweep; 0 means no contact |
 //! | [`Saturation`](FindingKind::Saturation) | warning | at least 1 % of a sweep is at the sensor's maximum |
 //! | [`OutOfRange`](FindingKind::OutOfRange) | warning | values far larger than in other sweeps, or negative in few sweeps |
@@ -32,7 +33,7 @@
 //! | [`LongSweeps`](FindingKind::LongSweeps) | warning | sweeps longer than ten minutes, or fewer than 5 frames per second |
 //! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | a taxel rises identically in all sweeps, or counts up |
 //! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | only one material |
-//! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ only in case or white space |
+//! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that look alike: they differ only in case, white space, invisible characters or letters of another script |
 //! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row, because the data does not name their arrangement |
 //! | [`NotRead`](FindingKind::NotRead) | note | a part of the file that is not read |
 
@@ -43,6 +44,7 @@ mod dead_taxels;
 mod dropouts;
 mod fill_values;
 mod identical;
+mod leaking_columns;
 mod lengths;
 mod names;
 mod near_duplicates;
@@ -110,7 +112,11 @@ fn of_values(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Finding> {
     let spikes = spikes::spikes(dataset, sweeps, &limits, &fills, is_dead);
     let mut findings = not_finite::not_finite(dataset, sweeps);
     findings.extend(fills.findings(dataset, sweeps));
-    findings.extend(constant::constant(dataset, sweeps, is_dead));
+    let leaking = leaking_columns::leaking_columns(dataset, sweeps);
+    let is_explained =
+        |taxel: usize| is_dead(taxel) || leaking.iter().any(|of| of.taxel() == taxel);
+    findings.extend(constant::constant(dataset, sweeps, is_explained));
+    findings.extend(leaking.iter().map(|of| of.finding(dataset)));
     findings.extend(dead_taxels::findings(dataset, &dead));
     findings.extend(copies(dataset, sweeps));
     findings.extend(saturation::saturated(dataset, sweeps, &fills));
