@@ -11,7 +11,7 @@ use super::super::named_sweeps::{NAMED, some_names, some_of, sorted_names};
 use super::super::npy::{Array, Header};
 use super::super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use super::NPY;
-use crate::{DataError, Finding, LabelSet, Remedy};
+use crate::{DataError, Finding, LabelSet, Remedy, normal_name};
 
 /// Arrays that are read.
 const KNOWN: [&str; 9] = [
@@ -276,8 +276,7 @@ impl<'a> Arrays<'a> {
         if array.shape.len() != 1 {
             return Err(self.error(name, "one dimension", format!("{:?}", array.shape)));
         }
-        array
-            .texts()
+        normal_texts(array)
             .or_else(|| Some(array.whole_numbers()?.iter().map(i64::to_string).collect()))
             .ok_or_else(|| self.error(name, "names or whole numbers", array.type_name()))
     }
@@ -326,8 +325,7 @@ impl<'a> Arrays<'a> {
             let of_sweep = numbers.iter().filter_map(index).collect();
             return Ok((self.label_set(materials.clone())?, of_sweep));
         }
-        let texts = labels
-            .texts()
+        let texts = normal_texts(labels)
             .or_else(|| Some(numbers?.iter().map(i64::to_string).collect()))
             .ok_or_else(|| self.error(name, "names or whole numbers", labels.type_name()))?;
         if let Some(nameless) = texts.iter().position(|text| text.trim().is_empty()) {
@@ -441,4 +439,9 @@ fn unpack(
     } else {
         Array::read(member, room)
     }
+}
+/// Returns the texts of an array in Unicode's composed form, in which names are compared.
+fn normal_texts(array: &Array) -> Option<Vec<String>> {
+    let texts = array.texts()?;
+    Some(texts.iter().map(|text| normal_name(text)).collect())
 }
