@@ -27,6 +27,7 @@
 //! The first bytes identify a file of arrays, the extension a table, and the content a folder. The extension of the
 //! output file decides the format that is written.
 
+mod arrays;
 mod chunk_grid;
 mod chunks;
 mod clock;
@@ -183,7 +184,7 @@ fn read_labelled(path: &Path, options: &ReadOptions) -> Result<Dataset, DataErro
         }
         return sweeps.into_dataset().map_err(|error| in_file(path, error));
     }
-    let (dataset, _) = read_arrays(path, Labels::Needed)?;
+    let (dataset, _) = read_arrays(path, Labels::Needed, options)?;
     options.apply_to(path, dataset)
 }
 
@@ -268,11 +269,17 @@ const READABLE: &str =
 const MCAP: &[u8] = b"\x89MCAP";
 
 /// Reads HDF5 or npz, identified by the first bytes; also returns true if the file names the materials.
-fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError> {
+fn read_arrays(
+    path: &Path,
+    labels: Labels,
+    options: &ReadOptions,
+) -> Result<(Dataset, bool), DataError> {
     let kind = file_kind::of(path)?;
     let found = match kind {
-        FileKind::Npz => return npz::read_arrays(path, labels),
-        FileKind::Npy if labels == Labels::Optional => return npz::read_arrays(path, labels),
+        FileKind::Npz => return npz::read_arrays(path, labels, options),
+        FileKind::Npy if labels == Labels::Optional => {
+            return npz::read_arrays(path, labels, options);
+        }
         FileKind::Hdf5 => return Ok((tactmat::read_with_gaps(path)?, true)),
         FileKind::Npy => {
             "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"

@@ -147,8 +147,9 @@ fn open(path: &Path) -> Result<Hdf5File, DataError> {
         }
         other => DataError::format(path, item, "readable HDF5", other.to_string()),
     })?;
+    // The end of the file is an absolute address, but the storage begins behind a user block.
     let promised = file.superblock().eof_address;
-    let found = file.storage().len();
+    let found = length;
     if found < promised {
         return Err(DataError::format(
             path,

@@ -114,7 +114,7 @@ pub fn read_to_classify_with_gaps(
             }
         }
         None => {
-            let (dataset, labelled) = read_arrays(path, Labels::Optional)?;
+            let (dataset, labelled) = read_arrays(path, Labels::Optional, options)?;
             let dataset = options.apply_to(path, dataset)?;
             SweepsToClassify {
                 labelled,
