@@ -14,7 +14,7 @@ use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use crate::{DataError, Finding, LabelSet, Remedy};
 use missing::{MEANT_AS_BLOCKS, MEANT_AS_RATE};
 
-pub(super) use roles::{Role, Roles};
+pub(super) use roles::{RATES, Role, Roles};
 
 /// Kind of file that holds arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -103,6 +103,14 @@ impl<'a> Arrays<'a> {
     /// Adds an array that is not read.
     pub(super) fn add_other(&mut self, other: Other) {
         self.others.push(other);
+    }
+
+    /// Adds the sample rate from another place than an array.
+    pub(super) fn name_rate(&mut self, name: String, rate: Array) {
+        if !self.roles.rate.iter().any(|name| self.contains(name)) {
+            self.by_name.insert(name.clone(), Ok(rate));
+            self.roles.rate = vec![name];
+        }
     }
 
     /// Returns the number of arrays that are not read.
@@ -221,11 +229,7 @@ impl<'a> Arrays<'a> {
     }
 
     /// Returns the labels of the sweeps of the array `samples`, which has this shape.
-    fn labels(
-        &self,
-        shape: &[usize],
-        samples: &str,
-    ) -> Result<(LabelSet, Vec<usize>), DataError> {
+    fn labels(&self, shape: &[usize], samples: &str) -> Result<(LabelSet, Vec<usize>), DataError> {
         let count = shape[0];
         let has_labels = self.has(Role::Labels);
         // If there are other arrays, the error of `required` names them, because one of them may be meant.
@@ -323,11 +327,7 @@ impl<'a> Arrays<'a> {
         self.error(name, format!("shape [{count}], as `{samples}`"), found)
     }
 
-    fn per_sweep(
-        &self,
-        name: &str,
-        shape: &[usize],
-    ) -> Result<Option<Vec<u32>>, DataError> {
+    fn per_sweep(&self, name: &str, shape: &[usize]) -> Result<Option<Vec<u32>>, DataError> {
         let Some(array) = self.optional(name)? else {
             return Ok(None);
         };
@@ -337,7 +337,9 @@ impl<'a> Arrays<'a> {
         }
         // Numbers of MATLAB are floats by default.
         let whole = || {
-            let numbers = array.whole_numbers().filter(|_| self.container == Container::Mat)?;
+            let numbers = array
+                .whole_numbers()
+                .filter(|_| self.container == Container::Mat)?;
             let numbers = numbers.into_iter().map(u32::try_from);
             numbers.collect::<Result<Vec<u32>, _>>().ok()
         };

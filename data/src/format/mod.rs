@@ -18,6 +18,7 @@
 //! |---|---|---|---|---|
 //! | [`tactmat`] (HDF5) | `.h5`, `.hdf5` | yes | yes | `[materials][sweeps][steps][rows][cols]` |
 //! | [`npz`] (numpy) | `.npz` | yes | yes | the same, or `[sweeps][steps][rows][cols]` with labels |
+//! | `mat` (MATLAB, version 5 and later) | `.mat` | yes | no | `[sweeps][steps][taxels]` or as npz, with labels |
 //! | [`ts`] (aeon, sktime, UEA archive) | `.ts` | no | yes | one line a sweep, one dimension a taxel |
 //! | `csv` (text tables) | `.csv` | yes | no | one row per frame |
 //! | `folder` (files of sweeps) | a folder of `.csv` or `.npy` | yes | no | one file per sweep; folders, or a table of labels, name materials |
@@ -37,10 +38,13 @@ mod file_kind;
 mod file_layout;
 mod folder;
 mod frame_table;
+mod hdf5_arrays;
+mod hdf5_values;
 mod intervals;
 mod lengths;
 #[cfg(feature = "parquet")]
 mod lerobot;
+mod mat;
 mod mismatch;
 mod named_sweeps;
 mod narrow;
@@ -263,7 +267,7 @@ fn table_with_gaps(
 const TABLES: [&str; 5] = ["csv", "tsv", "txt", "dat", "asc"];
 /// Files that are read, for messages.
 const READABLE: &str =
-    "HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv or .npy";
+    "HDF5 (.h5), numpy (.npz), MATLAB (.mat), tables (.csv, .parquet) or a folder of .csv or .npy";
 
 /// First bytes of MCAP files.
 const MCAP: &[u8] = b"\x89MCAP";
@@ -280,12 +284,12 @@ fn read_arrays(
         FileKind::Npy if labels == Labels::Optional => {
             return npz::read_arrays(path, labels, options);
         }
-        FileKind::Hdf5 => return Ok((tactmat::read_with_gaps(path)?, true)),
+        FileKind::Hdf5 => return hdf5_arrays::read_arrays(path, labels, options),
         FileKind::Npy => {
             "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"
         }
         FileKind::Mcap => "a recording",
-        FileKind::Matlab => "a MATLAB file before version 7.3; save it with -v7.3",
+        FileKind::Matlab => return mat::read_arrays(path, labels, options),
         FileKind::Parquet => "Parquet",
         FileKind::Pretended(found) => found,
         FileKind::Other => "a file of another kind",

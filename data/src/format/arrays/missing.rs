@@ -56,8 +56,12 @@ impl Arrays<'_> {
             false => some_of(there),
         };
         let names = self.roles.names(role);
-        // The documentation uses the last of the names.
-        let name = names.last().copied().unwrap_or_default();
+        // The documentation uses the first name for HDF5 and the last one for the others.
+        let name = match self.container {
+            Container::Hdf5 => names.first(),
+            Container::Npz | Container::Mat => names.last(),
+        };
+        let name = name.copied().unwrap_or_default();
         let error = self.error(
             name,
             self.expected(role, &names),
@@ -88,8 +92,7 @@ impl Arrays<'_> {
             shown(name, array.map(|array| &array.shape), of_type.as_deref())
         });
         let others = self.others.iter();
-        let others =
-            others.map(|of| shown(&of.name, of.shape.as_ref(), of.type_name.as_deref()));
+        let others = others.map(|of| shown(&of.name, of.shape.as_ref(), of.type_name.as_deref()));
         taken.chain(known).chain(others).collect()
     }
 
@@ -103,7 +106,9 @@ impl Arrays<'_> {
             }
             (Container::Npz, _, [other, _]) => format!("to be in the archive (or `{other}`)"),
             (Container::Npz, _, _) => "to be in the archive".to_owned(),
-            (_, _, [other, _]) => format!("to be in the file (or `{other}`)"),
+            (Container::Mat, _, [other, _]) | (Container::Hdf5, _, [_, other]) => {
+                format!("to be in the file (or `{other}`)")
+            }
             _ => "to be in the file".to_owned(),
         }
     }

@@ -1,6 +1,7 @@
 //! Names of the arrays that hold samples, labels and sample rate.
 
 use super::super::read_options::ReadOptions;
+use super::Container;
 
 /// Array that a data set needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,6 +91,40 @@ impl Roles {
         }
     }
 
+    /// Returns the paths of samples, labels and rate among those of a file. Labels and rate are looked for in the group of
+    /// the samples, then at the top.
+    pub(in crate::format) fn of_paths(
+        container: Container,
+        paths: &[&str],
+        options: &ReadOptions,
+    ) -> Self {
+        let named = ReadOptions {
+            samples: options.samples.as_ref().map(|name| path_of(paths, name)),
+            labels: options.labels.as_ref().map(|name| path_of(paths, name)),
+            ..ReadOptions::default()
+        };
+        let group = group_of(named.samples.as_deref().unwrap_or_default());
+        let in_group = |group: &str| match container {
+            Container::Mat => Self::of_matlab(&named, names_in(paths, group)),
+            Container::Npz | Container::Hdf5 => Self::own(&named),
+        };
+        let mut roles = in_group("");
+        if !group.is_empty() && named.labels.is_none() {
+            let inside = in_group(group).labels.into_iter();
+            let mut labels: Vec<String> = inside.map(|name| format!("{group}{name}")).collect();
+            labels.append(&mut roles.labels);
+            roles.labels = labels;
+        }
+        let is_rate = |name: &&str| RATES.contains(&name.to_ascii_lowercase().as_str());
+        let rates = |group| {
+            names_in(paths, group)
+                .filter(is_rate)
+                .map(move |name| format!("{group}{name}"))
+        };
+        roles.rate = rates(group).chain(rates("")).collect();
+        roles
+    }
+
     /// Returns the names of a role.
     pub(in crate::format) fn names<'r>(&'r self, role: Role<'r>) -> Vec<&'r str> {
         match role {
@@ -103,5 +138,46 @@ impl Roles {
     pub(in crate::format) fn contain(&self, name: &str) -> bool {
         let all = self.samples.iter().chain(&self.labels).chain(&self.rate);
         all.into_iter().any(|known| known == name)
+    }
+}
+
+/// Returns a path as the file has it: without slashes at the ends. The dots of MATLAB are slashes.
+fn path_of(paths: &[&str], name: &str) -> String {
+    let path = name.trim_matches('/').to_owned();
+    let dotted = path.replace('.', "/");
+    match !paths.contains(&path.as_str()) && paths.contains(&dotted.as_str()) {
+        true => dotted,
+        false => path,
+    }
+}
+
+/// Returns the group in a path, with a slash at the end; empty at the top.
+fn group_of(path: &str) -> &str {
+    path.rfind('/').map_or("", |slash| &path[..=slash])
+}
+
+/// Returns the names in a group, without its path.
+fn names_in<'p>(paths: &'p [&str], group: &'p str) -> impl Iterator<Item = &'p str> + Clone {
+    let names = paths
+        .iter()
+        .filter_map(move |path| path.strip_prefix(group));
+    names.filter(|name| !name.contains('/'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_and_rate_are_looked_for_beside_the_samples() {
+        let paths = ["a/skin", "a/label", "a/fs", "y", "Rate", "b/y"];
+        let options = ReadOptions {
+            samples: Some("/a.skin".into()),
+            ..ReadOptions::default()
+        };
+        let roles = Roles::of_paths(Container::Mat, &paths, &options);
+        assert_eq!(roles.samples, ["a/skin"]);
+        assert_eq!(roles.labels, ["a/label", "y"]);
+        assert_eq!(roles.rate, ["a/fs", "Rate"]);
     }
 }

@@ -3,7 +3,7 @@
 use super::super::named_sweeps::{Labels, UNLABELLED, records};
 use super::super::narrow::HELD;
 use super::super::npy::Array;
-use super::{Arrays, Container, Role};
+use super::{Arrays, Container};
 use crate::format::tactmat::SYNTHETIC_ATTRIBUTE;
 use crate::twin::TwinVersion;
 use crate::{DataError, Dataset, Finding, FindingKind, LabelSet, Severity, SweepShape};
@@ -55,9 +55,8 @@ impl Arrays<'_> {
         };
         let records = records(&of_sweep, labels.len(), blocks, flags);
         let name = crate::format::stem(self.path);
-        let dataset =
-            Dataset::at_rate(name, self.rate()?, layout.shape, labels, records, values)
-                .map_err(|error| crate::format::in_file(self.path, error))?;
+        let dataset = Dataset::at_rate(name, self.rate()?, layout.shape, labels, records, values)
+            .map_err(|error| crate::format::in_file(self.path, error))?;
         let dataset = match self.twin_version()? {
             Some(version) => dataset.into_twin(version),
             None => dataset,
@@ -95,7 +94,10 @@ impl Arrays<'_> {
             _ => "materials x sweeps x steps x rows x cols",
         };
         let size: Vec<String> = shape.iter().map(usize::to_string).collect();
-        let message = format!("`{name}`: the size {} in MATLAB is read as {axes}", size.join("x"));
+        let message = format!(
+            "`{name}`: the size {} in MATLAB is read as {axes}",
+            size.join("x")
+        );
         Some(Finding::new(Severity::Note, FindingKind::AxesRead, message))
     }
 }
