@@ -90,6 +90,8 @@ pub enum FindingKind {
     Unreadable,
     /// Taxels are in one row, because the file does not name their arrangement.
     AssumedPatch,
+    /// Meaning of the axes of an array, which the file does not name.
+    AxesRead,
     /// A part of the file is not read.
     NotRead,
 }
@@ -194,6 +196,7 @@ impl fmt::Display for FindingKind {
             Self::LeakingColumn => "columns that leak the material",
             Self::Unreadable => "unreadable parts",
             Self::AssumedPatch => "assumed arrangement of the taxels",
+            Self::AxesRead => "axes as they are read",
             Self::NotRead => "not read",
         })
     }
