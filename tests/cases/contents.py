@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from expectations import Case, Either, Find, Import, Made, NoOther, Refused, Says
 from signals import Array, Sweeps, digits, seed_of, sweeps
 from writers import FORMATS, cell, write
@@ -142,7 +143,9 @@ def leaks() -> Iterator[Case]:
 
 def renamed(of: Sweeps, names: list[str]) -> Sweeps:
     """Returns the sweeps of each material with these names in turn."""
-    return replace(of, materials=[names[sweep % len(names)] if of.materials[sweep] == "felt" else of.materials[sweep] for sweep in range(len(of.values))])
+    return replace(
+        of, materials=[names[sweep % len(names)] if of.materials[sweep] == "felt" else of.materials[sweep] for sweep in range(len(of.values))]
+    )
 
 
 def composed(name: str, format: str, folder: Path) -> Made:
@@ -215,7 +218,9 @@ def folders() -> Iterator[Case]:
     for order in (("split", "material"), ("material", "split")):
         for words in (("train", "test"), ("training", "validation"), ("Train", "Test")):
             for format in ("folder", "npy"):
-                yield Case(f"11 split folders/{'/'.join(order)}, {words[0]} and {words[1]}/{format}", 11, format, partial(split, order, words, format))
+                yield Case(
+                    f"11 split folders/{'/'.join(order)}, {words[0]} and {words[1]}/{format}", 11, format, partial(split, order, words, format)
+                )
     for sessions in (("monday", "tuesday"), ("finger1", "finger2")):
         for format in ("folder", "npy"):
             yield Case(f"11 levels/{sessions[0]}/{format}", 11, format, partial(levels, sessions, format))

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+
 from expectations import Case, Import, Made, NoOther
 from signals import Array, Sweeps, digits, even_times, seed_of, sweeps
 from writers import FORMATS, lerobot, write

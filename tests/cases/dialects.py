@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from expectations import Case, Find, Import, Made, NoOther, Refused
 from signals import Sweeps, even_times, sweeps
 from writers import write
@@ -47,7 +48,9 @@ def padded(lines: list[str]) -> bytes:
 
 def quoted(decimal: str) -> Dialect:
     def dialect(lines: list[str]) -> bytes:
-        return text([",".join('"' + cell.replace(".", decimal) + '"' if index else cell for cell in line.split(",")) for index, line in enumerate(lines)])
+        return text(
+            [",".join('"' + cell.replace(".", decimal) + '"' if index else cell for cell in line.split(",")) for index, line in enumerate(lines)]
+        )
 
     return dialect
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+
 from signals import Array, Sweeps
 
 #: Longest run of one command, in seconds.

@@ -14,6 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 import scipy.io
+
 from expectations import Case, Either, Find, Import, Made, NoOther, Refused
 from signals import Array, Sweeps, digits, sweeps
 from writers import by_material, h5, npy, npz, write
@@ -183,7 +184,10 @@ def workbook() -> bytes:
 
 #: Files that only pretend to be data, and the cure that the message names.
 PRETENDED: dict[str, tuple[bytes, str]] = {
-    "LFS pointer": (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a214614ab2935c943f9e0ff69d22eadbb8f32b1258daaa5e2ca24d17e2393\nsize 12345\n", r"git lfs pull"),
+    "LFS pointer": (
+        b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a214614ab2935c943f9e0ff69d22eadbb8f32b1258daaa5e2ca24d17e2393\nsize 12345\n",
+        r"git lfs pull",
+    ),
     "HTML page": (b"<!DOCTYPE html>\n<html><head><title>Sign in</title></head><body>404</body></html>\n", r"HTML.*download"),
     "HTML after blanks": (b"\n\n  <html lang='de'><head></head></html>", r"HTML.*download"),
     "empty": (b"", r"empty file"),

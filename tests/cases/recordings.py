@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from expectations import Case, Import, Made, Says
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from expectations import Case, Import, Made, Says
 from signals import Array, Sweeps, seed_of, smooth
 
 RATE = 100.0
@@ -194,7 +195,21 @@ def cut(name: str, share: float, folder: Path) -> Made:
     record(path, encoding, values, CompressionType.NONE, chunk=2048)
     whole = path.read_bytes()
     path.write_bytes(whole[: round(share * len(whole))])
-    arguments = ("data", "import", "FILE", "--out", "FOLDER/imported.npz", "--topic", "/skin", "--field", encoding.field, "--material", "felt", "--window", "20")
+    arguments = (
+        "data",
+        "import",
+        "FILE",
+        "--out",
+        "FOLDER/imported.npz",
+        "--topic",
+        "/skin",
+        "--field",
+        encoding.field,
+        "--material",
+        "felt",
+        "--window",
+        "20",
+    )
     return Made(path, (Says(arguments, r"(missing|lost|cut).*\d|\d.*(missing|lost|cut)", 0),))
 
 

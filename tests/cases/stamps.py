@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from expectations import Case, Find, Import, Made, NoOther, Rate, Refused
 from signals import Array, Sweeps, seed_of, sweeps
 from writers import TABLES, file_of, write
@@ -62,71 +64,70 @@ def received(mean: float, share: float) -> Stamping:
     return stamping
 
 
+#: Rate in Hz, stamps, and true if mean and median interval differ by over 5 %.
+KINDS: dict[str, tuple[float, Stamping, bool]] = {
+    "750 Hz in ms": (750.0, rounded(1e-3), True),
+    "400 Hz in ms": (400.0, rounded(1e-3), True),
+    "60 Hz in ms": (60.0, rounded(1e-3), False),
+    "300 Hz in ms": (300.0, rounded(1e-3), True),
+    "2000 Hz in ms": (2000.0, rounded(1e-3), True),
+    "30 Hz in hundredths": (30.0, rounded(1e-2), True),
+    "200 Hz in bursts of 10": (200.0, bursts(10, 1e-4), True),
+    "1000 Hz in bursts of 32": (1000.0, bursts(32, 2e-5), True),
+    "138.8 Hz at reception": (138.8, received(0.02, 0.5), True),
+    "90 Hz at reception": (90.0, received(0.03, 0.6), True),
+}
+
+
+def rate(name: str, format: str, folder: Path) -> Made:
+    hz, stamping, irregular = KINDS[name]
+    of = timed(f"1 {name}", hz, stamping)
+    warned = (Find("irregular_rate", "warning"),) if irregular else ()
+    return Made(write(format, of, folder), (Rate(hz, 0.01), *warned, NoOther(("irregular_rate",))))
+
+
+def named_rate(own: float, named: float, format: str, folder: Path) -> Made:
+    expect = (Find("named_rate", "warning"), Rate(named), NoOther(("named_rate",)))
+    return Made(write(format, timed("1 named", own, exact), folder), expect, ("--rate", f"{named:g}"))
+
+
 def rates() -> Iterator[Case]:
     """Item 1: the rate of stamps that are rounded, buffered or delayed."""
-    kinds: list[tuple[str, float, Stamping, bool]] = [
-        ("750 Hz in ms", 750.0, rounded(1e-3), True),
-        ("400 Hz in ms", 400.0, rounded(1e-3), True),
-        ("60 Hz in ms", 60.0, rounded(1e-3), False),
-        ("300 Hz in ms", 300.0, rounded(1e-3), True),
-        ("2000 Hz in ms", 2000.0, rounded(1e-3), True),
-        ("30 Hz in hundredths", 30.0, rounded(1e-2), True),
-        ("200 Hz in bursts of 10", 200.0, bursts(10, 1e-4), True),
-        ("1000 Hz in bursts of 32", 1000.0, bursts(32, 2e-5), True),
-        ("138.8 Hz at reception", 138.8, received(0.02, 0.5), True),
-        ("90 Hz at reception", 90.0, received(0.03, 0.6), True),
-    ]
-    for name, rate, stamping, irregular in kinds:
+    for name in KINDS:
         for format in TABLES:
-
-            def make(folder: Path, name: str = name, rate: float = rate, stamping: Stamping = stamping, irregular: bool = irregular, format: str = format) -> Made:
-                of = timed(f"1 {name}", rate, stamping)
-                expect: list[Any] = [Rate(rate, 0.01)]
-                if irregular:
-                    expect.append(Find("irregular_rate", "warning"))
-                expect.append(NoOther(("irregular_rate",)))
-                return Made(write(format, of, folder), tuple(expect))
-
-            yield Case(f"1 rate/{name}/{format}", 1, format, make)
-    for rate, named in [(100.0, 120.0), (750.0, 1000.0)]:
+            yield Case(f"1 rate/{name}/{format}", 1, format, partial(rate, name, format))
+    for own, named in [(100.0, 120.0), (750.0, 1000.0)]:
         for format in ("table", "npz", "parquet", "h5"):
+            yield Case(f"1 named rate/{own:g} as {named:g} Hz/{format}", 1, format, partial(named_rate, own, named, format))
 
-            def make(folder: Path, rate: float = rate, named: float = named, format: str = format) -> Made:
-                of = timed("1 named", rate, exact)
-                options = ("--rate", f"{named:g}")
-                expect = (Find("named_rate", "warning"), Rate(named), NoOther(("named_rate",)))
-                return Made(write(format, of, folder), expect, options)
 
-            yield Case(f"1 named rate/{rate:g} as {named:g} Hz/{format}", 1, format, make)
+def mixed_rates(usual: float, odd: float, many: int, format: str, folder: Path) -> Made:
+    of = timed(f"1 mixed {usual} {odd}", usual, exact)
+    others = [2, 5, 9][:many]
+    for sweep in others:
+        of.seconds[sweep] = of.seconds[sweep][0] + np.arange(of.steps) / odd
+    places: list[dict[str, Any]] = [{"sweep": sweep, "material": of.materials[sweep]} for sweep in others]
+    if format == "folder":
+        places = [place | {"file": file_of(of, place["sweep"])} for place in places]
+    found = [Find("mixed_rates", "error", place, rf"{odd:g} Hz") for place in places]
+    expect = (*found, Find("mixed_rates", "error", count=many), NoOther(("mixed_rates",)), Rate(usual))
+    return Made(write(format, of, folder), expect)
+
+
+def nearly_equal(format: str, folder: Path) -> Made:
+    of = timed("1 nearly equal", 100.0, exact)
+    for sweep in range(0, len(of.values), 2):
+        of.seconds[sweep] = of.seconds[sweep][0] + np.arange(of.steps) / 100.8
+    return Made(write(format, of, folder), (NoOther(), Rate(100.4, 0.01)))
 
 
 def mixed() -> Iterator[Case]:
     """Item 1: files of different rates."""
     for usual, odd, many in [(100.0, 104.0, 1), (100.0, 50.0, 2), (20.0, 21.0, 3), (750.0, 1000.0, 1)]:
         for format in TABLES:
-
-            def make(folder: Path, usual: float = usual, odd: float = odd, many: int = many, format: str = format) -> Made:
-                of = timed(f"1 mixed {usual} {odd}", usual, exact)
-                others = [2, 5, 9][:many]
-                for sweep in others:
-                    of.seconds[sweep] = of.seconds[sweep][0] + np.arange(of.steps) / odd
-                places = [{"sweep": sweep, "material": of.materials[sweep]} for sweep in others]
-                if format == "folder":
-                    places = [place | {"file": file_of(of, place["sweep"])} for place in places]
-                found = [Find("mixed_rates", "error", place, rf"{odd:g} Hz") for place in places]
-                expect = (*found, Find("mixed_rates", "error", count=many), NoOther(("mixed_rates",)), Rate(usual))
-                return Made(write(format, of, folder), expect)
-
-            yield Case(f"1 mixed rates/{many} of {odd:g} in {usual:g} Hz/{format}", 1, format, make)
+            yield Case(f"1 mixed rates/{many} of {odd:g} in {usual:g} Hz/{format}", 1, format, partial(mixed_rates, usual, odd, many, format))
     for format in TABLES:
-
-        def make(folder: Path, format: str = format) -> Made:
-            of = timed("1 nearly equal", 100.0, exact)
-            for sweep in range(0, len(of.values), 2):
-                of.seconds[sweep] = of.seconds[sweep][0] + np.arange(of.steps) / 100.8
-            return Made(write(format, of, folder), (NoOther(), Rate(100.4, 0.01)))
-
-        yield Case(f"0 sound/rates within 1 %/{format}", 0, format, make)
+        yield Case(f"0 sound/rates within 1 %/{format}", 0, format, partial(nearly_equal, format))
 
 
 def at_frame(of: Sweeps, sweep: int, frame: int, format: str) -> dict[str, Any]:
@@ -139,69 +140,60 @@ def at_frame(of: Sweeps, sweep: int, frame: int, format: str) -> dict[str, Any]:
     return at
 
 
+def gap(length: float, steps: int, severity: str, format: str, folder: Path) -> Made:
+    of = timed(f"2 gap {length} {steps}", 50.0, exact, steps=steps, taxels=2)
+    sweep, frame = 3, steps // 3
+    of.seconds[sweep][frame:] += length
+    found = Find("time_gap", severity, at_frame(of, sweep, frame, format), r"no frame for")
+    expect = (found, Find("time_gap", severity, count=1), NoOther(("time_gap",)), Rate(50.0))
+    return Made(write(format, of, folder), expect)
+
+
+def from_1970(start: float, set_to: float, format: str, folder: Path) -> Made:
+    """A clock that is set during the recording."""
+    of = timed("2 from 1970", 100.0, exact, start=set_to)
+    of.seconds[0][:60] = start + np.arange(60) / 100.0
+    expect = (Find("time_gap", "error", at_frame(of, 0, 60, format), "clock"), NoOther(("time_gap",)), Rate(100.0))
+    return Made(write(format, of, folder), expect)
+
+
+def backwards(back: float, named: float | None, format: str, folder: Path) -> Made:
+    """A step back; with a named rate it is only a warning."""
+    of = timed("2 backwards", named or 100.0, exact, start=7200.0)
+    of.seconds[4][150:] -= back
+    at = at_frame(of, 4, 150, format)
+    if named is None:
+        return Made(write(format, of, folder), (Find("clock_backwards", "error", at), NoOther(("clock_backwards",))))
+    expect = (Find("clock_backwards", "warning", at), NoOther(("clock_backwards",)), Rate(named))
+    return Made(write(format, of, folder), expect, ("--rate", f"{named:g}"))
+
+
 def gaps() -> Iterator[Case]:
     """Item 2: gaps, lost frames, clocks that start in 1970 or go backwards."""
-    for name, gap, steps, severity in [
+    lengths = [
         ("1 h", 3600.0, 200, "error"),
         ("3 s", 3.0, 200, "error"),
         ("3 s in a minute", 3.0, 3000, "warning"),
         ("1 s", 1.0, 400, "error"),
         ("a week", 604_800.0, 400, "error"),
-    ]:
-        for format in TABLES:
-
-            def make(folder: Path, gap: float = gap, steps: int = steps, severity: str = severity, format: str = format) -> Made:
-                of = timed(f"2 gap {gap} {steps}", 50.0, exact, steps=steps, taxels=2)
-                sweep, frame = 3, steps // 3
-                of.seconds[sweep][frame:] += gap
-                expect = (Find("time_gap", severity, at_frame(of, sweep, frame, format), r"no frame for"), Find("time_gap", severity, count=1), NoOther(("time_gap",)), Rate(50.0))
-                return Made(write(format, of, folder), expect)
-
-            yield Case(f"2 gap/{name}/{format}", 2, format, make)
-    for share, severity, rate in [(0.25, "error", 100.0), (0.05, "error", 100.0), (0.01, "warning", 200.0), (0.25, "error", 750.0)]:
-        for format in TABLES:
-
-            def make(folder: Path, share: float = share, severity: str = severity, rate: float = rate, format: str = format) -> Made:
-                return lost_frames(folder, share, severity, rate, format)
-
-            yield Case(f"2 lost frames/{100 * share:g} % at {rate:g} Hz/{format}", 2, format, make)
-    for start, set_to in [(0.0, 1.7e9), (1000.0, 1.717e9)]:
-        for format in TABLES:
-
-            def make(folder: Path, start: float = start, set_to: float = set_to, format: str = format) -> Made:
-                of = timed("2 from 1970", 100.0, exact, start=set_to)
-                of.seconds[0][:60] = start + np.arange(60) / 100.0
-                at = at_frame(of, 0, 60, format)
-                expect = (Find("time_gap", "error", at, "clock"), NoOther(("time_gap",)), Rate(100.0))
-                return Made(write(format, of, folder), expect)
-
-            yield Case(f"2 clock from 1970/{start:g} s/{format}", 2, format, make)
-    for back in (0.5, 3600.0):
-        for format in TABLES:
-
-            def make(folder: Path, back: float = back, format: str = format) -> Made:
-                of = timed("2 backwards", 100.0, exact, start=7200.0)
-                of.seconds[4][150:] -= back
-                expect = (Find("clock_backwards", "error", at_frame(of, 4, 150, format)), NoOther(("clock_backwards",)))
-                return Made(write(format, of, folder), expect)
-
-            yield Case(f"2 clock backwards/{back:g} s/{format}", 2, format, make)
-    for rate in (100.0, 750.0):
-
-        def make(folder: Path, rate: float = rate) -> Made:
-            of = timed("2 backwards named", rate, exact, start=7200.0)
-            of.seconds[4][150:] -= 10.0
-            at = at_frame(of, 4, 150, "table")
-            expect = (Find("clock_backwards", "warning", at), NoOther(("clock_backwards", "named_rate")), Rate(rate))
-            return Made(write("table", of, folder), expect, ("--rate", f"{rate:g}"))
-
-        yield Case(f"2 clock backwards/named {rate:g} Hz/table", 2, "table", make)
+    ]
+    for format in TABLES:
+        for name, length, steps, severity in lengths:
+            yield Case(f"2 gap/{name}/{format}", 2, format, partial(gap, length, steps, severity, format))
+        for share, severity, hz in [(0.25, "error", 100.0), (0.05, "error", 100.0), (0.01, "warning", 200.0), (0.25, "error", 750.0)]:
+            yield Case(f"2 lost frames/{100 * share:g} % at {hz:g} Hz/{format}", 2, format, partial(lost_frames, share, severity, hz, format))
+        for start, set_to in [(0.0, 1.7e9), (1000.0, 1.717e9)]:
+            yield Case(f"2 clock from 1970/{start:g} s/{format}", 2, format, partial(from_1970, start, set_to, format))
+        for back in (0.5, 3600.0):
+            yield Case(f"2 clock backwards/{back:g} s/{format}", 2, format, partial(backwards, back, None, format))
+    for hz in (100.0, 750.0):
+        yield Case(f"2 clock backwards/named {hz:g} Hz/table", 2, "table", partial(backwards, 10.0, hz, "table"))
 
 
-def lost_frames(folder: Path, share: float, severity: str, rate: float, format: str) -> Made:
+def lost_frames(share: float, severity: str, hz: float, format: str, folder: Path) -> Made:
     """Frames of two sweeps are missing at random, at most four at once."""
-    name = f"2 lost {share} {rate}"
-    of = timed(name, rate, exact, steps=400)
+    name = f"2 lost {share} {hz}"
+    of = timed(name, hz, exact, steps=400)
     random = np.random.default_rng(seed_of(name))
     expect: list[Any] = []
     # All recordings lose frames, so that they stay equally long.
@@ -217,13 +209,13 @@ def lost_frames(folder: Path, share: float, severity: str, rate: float, format: 
         if sweep in (0, 7):
             at = {"sweep": sweep, "step": first} | ({"line": 2 + sweep * len(kept) + first} if format == "table" else {})
             expect.append(Find("lost_frames", severity, at, rf"\b{lost} of 400 frames"))
-    expect += [NoOther(("lost_frames", "irregular_rate")), Rate(rate)]
+    expect += [NoOther(("lost_frames", "irregular_rate")), Rate(hz)]
     return Made(write(format, of, folder), tuple(expect))
 
 
 def iso(separator: str, ending: str, offset_hours: float = 0.0, digits: int = 6) -> Callable[[float], str]:
     def text(seconds: float) -> str:
-        at = datetime.fromtimestamp(0, timezone.utc) + timedelta(microseconds=round((seconds + 3600 * offset_hours) * 1e6))
+        at = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=round((seconds + 3600 * offset_hours) * 1e6))
         fraction = f".{at.microsecond:06}"[: digits + 1] if digits else ""
         return at.strftime(f"%Y-%m-%d{separator}%H:%M:%S") + fraction + ending
 
@@ -231,12 +223,12 @@ def iso(separator: str, ending: str, offset_hours: float = 0.0, digits: int = 6)
 
 
 def german(seconds: float) -> str:
-    at = datetime.fromtimestamp(0, timezone.utc) + timedelta(microseconds=round(seconds * 1e6))
+    at = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=round(seconds * 1e6))
     return at.strftime("%d.%m.%Y %H:%M:%S") + f".{at.microsecond // 1000:03}"
 
 
 def time_of_day(seconds: float) -> str:
-    at = datetime.fromtimestamp(0, timezone.utc) + timedelta(microseconds=round(seconds * 1e6))
+    at = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=round(seconds * 1e6))
     return at.strftime("%H:%M:%S") + f".{at.microsecond:06}"
 
 
@@ -261,57 +253,59 @@ WRITTEN: dict[str, tuple[str, Callable[[float], str]]] = {
 }
 
 
+def one_column(name: str, hz: float, format: str, folder: Path) -> Made:
+    column, text = WRITTEN[name]
+    of = timed(f"3 {column}", hz, exact, steps=120, start=NOON)
+    cells: list[Any] = [[text(float(second)) for second in seconds] for seconds in of.seconds]
+    if format == "parquet" and cells[0][0].isdigit():
+        cells = [[int(of_frame) for of_frame in of_sweep] for of_sweep in cells]
+    of = replace(of, columns={column: cells})
+    return Made(write(format, of, folder), (NoOther(), Import(of, rate=hz)))
+
+
+def two_columns(names: tuple[str, str], format: str, folder: Path) -> Made:
+    of = timed(f"3 {names[0]}", 125.0, exact, steps=120, start=NOON)
+    per_second = 1e6 if names[1].endswith("usec") else 1e9
+    whole = [np.floor(seconds).astype(int) for seconds in of.seconds]
+    rest = [np.round((seconds - np.floor(seconds)) * per_second).astype(int) for seconds in of.seconds]
+    of = replace(of, columns={names[0]: whole, names[1]: rest})
+    return Made(write(format, of, folder), (NoOther(), Import(of, rate=125.0)))
+
+
+def one(text: str) -> list[str]:
+    """Returns stamps of which that of frame 17 is `text`."""
+    return [text if frame == 17 else f"{frame / 100:.2f}" for frame in range(50)]
+
+
+#: Stamps that cannot be read: name of the column, cells, line of the first bad one, and the message.
+BAD: dict[str, tuple[str, list[str], int | None, str]] = {
+    "words": ("time", one("noon"), 19, r"column `time`.*expected a time.*`noon`.*rename"),
+    "one empty": ("time", one(""), 19, r"column `time`.*found nothing"),
+    "versions": ("Zeit", [f"1.2.3.{frame}" for frame in range(50)], 2, r"column `Zeit`.*expected a time.*1\.2\.3"),
+    "no unit": ("timestamp", [str(120_000_000_000_000 + frame * 10_000_000) for frame in range(50)], None, r"column `timestamp`.*timestamp_(us|ns)"),
+}
+
+
+def unreadable(name: str, format: str, folder: Path) -> Made:
+    """The message names the column, the text and the cure."""
+    column, cells, line, pattern = BAD[name]
+    of = timed(f"3 bad {column}", 100.0, exact, steps=50)
+    of = replace(of, columns={column: [cells] * len(of.values)})
+    at: dict[str, Any] = {} if line is None else {"column": column, "line": line}
+    return Made(write(format, of, folder), (Refused(pattern, at),))
+
+
 def written() -> Iterator[Case]:
     """Item 3: all usual ways to write a time."""
-    for name, (column, text) in WRITTEN.items():
-        for format, rate in (("table", 125.0), ("folder", 40.0), ("parquet", 250.0)):
-
-            def make(folder: Path, column: str = column, text: Callable[[float], str] = text, format: str = format, rate: float = rate) -> Made:
-                of = timed(f"3 {column}", rate, exact, steps=120, start=NOON)
-                cells: list[Any] = [[text(float(second)) for second in seconds] for seconds in of.seconds]
-                if format == "parquet" and cells[0][0].isdigit():
-                    cells = [[int(of_frame) for of_frame in of_sweep] for of_sweep in cells]
-                of = replace(of, columns={column: cells})
-                return Made(write(format, of, folder), (NoOther(), Import(of, rate=rate)))
-
-            yield Case(f"3 stamp/{name}/{format}", 3, format, make)
+    for name in WRITTEN:
+        for format, hz in (("table", 125.0), ("folder", 40.0), ("parquet", 250.0)):
+            yield Case(f"3 stamp/{name}/{format}", 3, format, partial(one_column, name, hz, format))
     for names in (("sec", "nanosec"), ("header.stamp.secs", "header.stamp.nsecs"), ("tv_sec", "tv_usec")):
         for format in TABLES:
-
-            def make(folder: Path, names: tuple[str, str] = names, format: str = format) -> Made:
-                of = timed(f"3 {names[0]}", 125.0, exact, steps=120, start=NOON)
-                per_second = 1e6 if names[1].endswith("usec") else 1e9
-                whole = [np.floor(seconds).astype(int) for seconds in of.seconds]
-                rest = [np.round((seconds - np.floor(seconds)) * per_second).astype(int) for seconds in of.seconds]
-                of = replace(of, columns={names[0]: whole, names[1]: rest})
-                return Made(write(format, of, folder), (NoOther(), Import(of, rate=125.0)))
-
-            yield Case(f"3 stamp/{names[0]} and {names[1]}/{format}", 3, format, make)
-    yield from unreadable()
-
-
-def unreadable() -> Iterator[Case]:
-    """Item 3: stamps that cannot be read; the message names the column, the text and the cure."""
-
-    def one(text: str) -> list[str]:
-        return [text if frame == 17 else f"{frame / 100:.2f}" for frame in range(50)]
-
-    bad: list[tuple[str, str, list[str], int | None, str]] = [
-        ("words", "time", one("noon"), 19, r"column `time`.*expected a time.*`noon`.*rename"),
-        ("one empty", "time", one(""), 19, r"column `time`.*found nothing"),
-        ("versions", "Zeit", [f"1.2.3.{frame}" for frame in range(50)], 2, r"column `Zeit`.*expected a time.*1\.2\.3"),
-        ("no unit", "timestamp", [str(120_000_000_000_000 + frame * 10_000_000) for frame in range(50)], None, r"column `timestamp`.*timestamp_(us|ns)"),
-    ]
-    for name, column, cells, line, pattern in bad:
+            yield Case(f"3 stamp/{names[0]} and {names[1]}/{format}", 3, format, partial(two_columns, names, format))
+    for name in BAD:
         for format in ("table", "folder"):
-
-            def make(folder: Path, column: str = column, cells: list[str] = cells, line: int | None = line, pattern: str = pattern, format: str = format) -> Made:
-                of = timed(f"3 bad {column}", 100.0, exact, steps=50)
-                of = replace(of, columns={column: [cells] * len(of.values)})
-                at: dict[str, Any] = {} if line is None else {"column": column, "line": line}
-                return Made(write(format, of, folder), (Refused(pattern, at),))
-
-            yield Case(f"3 unreadable stamp/{name}/{format}", 3, format, make)
+            yield Case(f"3 unreadable stamp/{name}/{format}", 3, format, partial(unreadable, name, format))
 
 
 def cases() -> Iterator[Case]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+
 from expectations import Case, Either, Find, Import, Made, NoOther, Refused
 from signals import Sweeps, even_times, sweeps
 from writers import frame_table, lerobot, parquet
@@ -143,7 +144,12 @@ def without_tasks(version: int, folder: Path) -> Made:
 
 
 def cases() -> Iterator[Case]:
-    robots = [(2, False, 6, "observation.tactile"), (2, True, 16, "observation.touch"), (3, False, 6, "observation.tactile"), (3, True, 16, "observation.tactile_left")]
+    robots = [
+        (2, False, 6, "observation.tactile"),
+        (2, True, 16, "observation.touch"),
+        (3, False, 6, "observation.tactile"),
+        (3, True, 16, "observation.tactile_left"),
+    ]
     for version, fixed, taxels, feature in robots:
         yield Case(f"16 LeRobot/version {version}, {taxels} taxels/parquet", 16, "parquet", partial(robot, version, fixed, taxels, feature))
     for tactile in (("observation.tactile",), ("observation.tactile_left", "observation.tactile_right")):

@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+
 from signals import Array, Sweeps
 
 #: Formats of arrays, and formats that hold a row per frame.
@@ -21,7 +22,9 @@ FORMATS = ARRAYS + TABLES
 
 def write(kind: str, of: Sweeps, folder: Path, **options: Any) -> Path:
     """Writes sweeps in a format and returns the path to read."""
-    return {"npz": npz, "h5": h5, "npy": npy, "table": table, "folder": csv_folder, "parquet": parquet, "lerobot": lerobot}[kind](of, folder, **options)
+    return {"npz": npz, "h5": h5, "npy": npy, "table": table, "folder": csv_folder, "parquet": parquet, "lerobot": lerobot}[kind](
+        of, folder, **options
+    )
 
 
 def npz(of: Sweeps, folder: Path, **more: Any) -> Path:
@@ -160,7 +163,12 @@ def lerobot(of: Sweeps, folder: Path, version: int = 2, feature: str = "observat
     path = folder / "dataset"
     tasks = list(dict.fromkeys(of.materials))
     (path / "meta").mkdir(parents=True)
-    info = {"codebase_version": f"v{version}.0", "fps": of.rate, "total_episodes": len(of.values), "features": {feature: {"dtype": "float32", "shape": [of.taxels]}}}
+    info = {
+        "codebase_version": f"v{version}.0",
+        "fps": of.rate,
+        "total_episodes": len(of.values),
+        "features": {feature: {"dtype": "float32", "shape": [of.taxels]}},
+    }
     (path / "meta/info.json").write_text(json.dumps(info))
     if version == 2:
         lines = [json.dumps({"task_index": index, "task": task}) for index, task in enumerate(tasks)]
