@@ -143,9 +143,11 @@ def cases() -> Iterator[Case]:
     for seed in range(12):
         format = (*FORMATS, "lerobot")[seed % 7]
         yield Case(f"0 sound/seed {seed}/{format}", 0, format, partial(by_seed, seed, format))
-    for bits in (None, 12):
+    for of_contacts in (None, 12):
         for format in FORMATS:
-            yield Case(f"0 sound/contacts{f' of {bits} bit' if bits else ''}/{format}", 0, format, partial(contacts, bits, format))
+            yield Case(
+                f"0 sound/contacts{f' of {of_contacts} bit' if of_contacts else ''}/{format}", 0, format, partial(contacts, of_contacts, format)
+            )
     for format in ("npz", "h5", "table"):
         for blocks in (True, False):
             yield Case(f"0 sound/repeated motion{' in blocks' if blocks else ''}/{format}", 0, format, partial(twice, format, blocks))

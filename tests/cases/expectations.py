@@ -176,16 +176,21 @@ class Either:
 
 @dataclass(frozen=True)
 class Says:
-    """Another command whose output contains a text."""
+    """Another command whose output, and the file that it writes, contain a text."""
 
     arguments: tuple[str, ...]
     pattern: str
     status: int | None = None
+    #: File in the case's folder that the command writes.
+    file: str = ""
 
     def fault(self, trial: Trial) -> str | None:
         arguments = [str(trial.path) if argument == "FILE" else argument.replace("FOLDER", str(trial.folder)) for argument in self.arguments]
         ended = trial.run(*arguments)
         text = ended.out + ended.err
+        written = trial.folder / self.file
+        if self.file and written.is_file():
+            text += written.read_text()
         if (self.status is None or ended.status == self.status) and re.search(self.pattern, text, re.IGNORECASE | re.DOTALL):
             return None
         return f"expected `{' '.join(self.arguments)}` to say /{self.pattern}/; found exit {ended.status}: {text.strip()[:400]}"

@@ -262,7 +262,8 @@ def nan_labels(places: tuple[int, ...], name: str, folder: Path) -> Made:
     labels = np.array([list(of.counts).index(material) for material in of.materials], float)
     labels[list(places)] = np.nan
     path = folder / "sweeps.npz"
-    np.savez(path, **{"X": of.stack(), name: labels, "sample_rate_hz": 100.0})
+    arrays: dict[str, Any] = {"X": of.stack(), name: labels, "sample_rate_hz": 100.0}
+    np.savez(path, **arrays)
     return Made(path, (Refused(rf"NaN.*\b{places[0]}\b|\b{places[0]}\b.*NaN"),))
 
 

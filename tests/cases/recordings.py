@@ -153,7 +153,7 @@ def record(path: Path, encoding: Encoding, values: Array, compression: Compressi
             writer.add_message(skin, at, encoding.encode(frame, at), at, step)
             if step % 50 == 0:
                 writer.add_message(status, at, b'{"ok": true}', at, step)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def windows(values: Array, length: int) -> Sweeps:

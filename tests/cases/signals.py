@@ -63,7 +63,7 @@ def smooth(random: np.random.Generator, steps: int, columns: int, corner: float)
     frequency = np.linspace(0.0, 1.0, len(spectrum))
     spectrum /= (1.0 + (frequency / corner) ** 4)[:, None]
     signal = np.fft.irfft(spectrum, length, axis=0)[32 : 32 + steps]
-    return signal / (signal.std(axis=0) + 1e-12)
+    return np.asarray(signal / (signal.std(axis=0) + 1e-12))
 
 
 def sweeps(
@@ -110,7 +110,7 @@ def digits(of: Sweeps, bits: int, share: float = 0.5) -> Sweeps:
 
     def convert(values: Array) -> Array:
         unit = (values - low) / (high - low)
-        return np.round(full * (0.5 + share * (unit - 0.5))).astype(kind)
+        return np.asarray(np.round(full * (0.5 + share * (unit - 0.5))).astype(kind))
 
     return of.mapped(convert)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from expectations import Case, Find, Import, Made, NoOther, Rate, Refused
+from expectations import Case, Expectation, Find, Import, Made, NoOther, Rate, Refused
 from signals import Array, Sweeps, seed_of, sweeps
 from writers import TABLES, file_of, write
 
@@ -48,7 +48,7 @@ def bursts(frames: int, inside: float) -> Stamping:
         place = np.arange(len(seconds)) + int(random.integers(frames))
         arrival = np.minimum(place // frames * frames + frames - 1, place[-1])
         period = seconds[1] - seconds[0]
-        return seconds[0] + (arrival - place[0]) * period - (frames - 1 - place % frames) * inside
+        return np.asarray(seconds[0] + (arrival - place[0]) * period - (frames - 1 - place % frames) * inside)
 
     return stamping
 
@@ -82,7 +82,7 @@ KINDS: dict[str, tuple[float, Stamping, bool]] = {
 def rate(name: str, format: str, folder: Path) -> Made:
     hz, stamping, irregular = KINDS[name]
     of = timed(f"1 {name}", hz, stamping)
-    warned = (Find("irregular_rate", "warning"),) if irregular else ()
+    warned: tuple[Any, ...] = (Find("irregular_rate", "warning"),) if irregular else ()
     return Made(write(format, of, folder), (Rate(hz, 0.01), *warned, NoOther(("irregular_rate",))))
 
 
@@ -110,7 +110,7 @@ def mixed_rates(usual: float, odd: float, many: int, format: str, folder: Path) 
     if format == "folder":
         places = [place | {"file": file_of(of, place["sweep"])} for place in places]
     found = [Find("mixed_rates", "error", place, rf"{odd:g} Hz") for place in places]
-    expect = (*found, Find("mixed_rates", "error", count=many), NoOther(("mixed_rates",)), Rate(usual))
+    expect: tuple[Expectation, ...] = (*found, Find("mixed_rates", "error", count=many), NoOther(("mixed_rates",)), Rate(usual))
     return Made(write(format, of, folder), expect)
 
 
