@@ -6,8 +6,11 @@
 //! | [`UnequalLengths`](FindingKind::UnequalLengths) | error | sweeps that are longer or shorter than most, see [`check_lengths`] |
 //! | [`ConstantSweep`](FindingKind::ConstantSweep) | error | all taxels of a sweep are constant |
 //! | [`IdenticalSweeps`](FindingKind::IdenticalSweeps) | error | equal values in two sweeps, which would leak test data into training |
+//! | [`Overlap`](FindingKind::Overlap) | error; warning within a block | two sweeps share a run of frames that is too long and too lively for chance, as windows of one recording do |
+//! | [`NearDuplicate`](FindingKind::NearDuplicate) | error; warning within a block | a sweep is another one except for rounding, an offset or a gain |
 //! | [`FewSweeps`](FindingKind::FewSweeps) | error; warning below 5 | fewer than two sweeps of a material; fewer than the usual 5 folds |
 //! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | a taxel has the same value in all sweeps, except for a few single frames |
+//! | [`LeakingColumn`](FindingKind::LeakingColumn) | error | a taxel is constant in every sweep and its value follows the material |
 //! | [`ConstantTaxel`](FindingKind::ConstantTaxel) | warning; note at 0 | a taxel is constant during a sweep; 0 means no contact |
 //! | [`Saturation`](FindingKind::Saturation) | warning | at least 1 % of a sweep is at the sensor's maximum |
 //! | [`OutOfRange`](FindingKind::OutOfRange) | warning | values far larger than in other sweeps, or negative in few sweeps |
@@ -30,7 +33,7 @@
 //! | [`LongSweeps`](FindingKind::LongSweeps) | warning | sweeps longer than ten minutes, or fewer than 5 frames per second |
 //! | [`ClockTaxel`](FindingKind::ClockTaxel) | warning | a taxel rises identically in all sweeps, or counts up |
 //! | [`SingleMaterial`](FindingKind::SingleMaterial) | warning | only one material |
-//! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that differ only in case or white space |
+//! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that look alike: they differ only in case, white space, invisible characters or letters of another script |
 //! | [`ConfoundedBlocks`](FindingKind::ConfoundedBlocks) | warning | materials whose sweeps are all in one block, with at most half of the materials |
 //! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row, because the data does not name their arrangement |
 //! | [`NotRead`](FindingKind::NotRead) | note | a part of the file that is not read |
@@ -43,13 +46,17 @@ mod dead_taxels;
 mod dropouts;
 mod fill_values;
 mod identical;
+mod leaking_columns;
 mod lengths;
 mod names;
+mod near_duplicates;
 mod not_finite;
 mod out_of_range;
+mod overlap;
 mod padding;
 mod rest;
 mod saturation;
+mod shared_frames;
 mod spikes;
 mod sweep_statistics;
 mod sweeps_per_material;
@@ -108,9 +115,13 @@ fn of_values(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Finding> {
     let spikes = spikes::spikes(dataset, sweeps, &limits, &fills, is_dead);
     let mut findings = not_finite::not_finite(dataset, sweeps);
     findings.extend(fills.findings(dataset, sweeps));
-    findings.extend(constant::constant(dataset, sweeps, is_dead));
+    let leaking = leaking_columns::leaking_columns(dataset, sweeps);
+    let is_explained =
+        |taxel: usize| is_dead(taxel) || leaking.iter().any(|of| of.taxel() == taxel);
+    findings.extend(constant::constant(dataset, sweeps, is_explained));
+    findings.extend(leaking.iter().map(|of| of.finding(dataset)));
     findings.extend(dead_taxels::findings(dataset, &dead));
-    findings.extend(identical::identical(dataset, sweeps));
+    findings.extend(copies(dataset, sweeps));
     findings.extend(saturation::saturated(dataset, sweeps, &fills));
     // Sweeps with fill values or spikes are out of range because of them.
     let is_explained = |sweep: usize| {
@@ -121,6 +132,27 @@ fn of_values(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Finding> {
     findings.extend(dropouts::dropouts(dataset, sweeps, &rest, &fills));
     findings.extend(padding::padding(dataset, sweeps, &rest, &fills));
     findings
+}
+
+/// Returns the findings about sweeps that are equal or share frames.
+fn copies(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Finding> {
+    let mut findings = identical::identical(dataset, sweeps);
+    let overlaps = overlap::overlaps(dataset, sweeps);
+    findings.extend(overlap::findings(dataset, &overlaps));
+    let mut copies = near_duplicates::near_duplicates(dataset, sweeps);
+    // Sweeps with most of their frames in common are reported once.
+    copies.retain(|copy| {
+        let is_same = |of: &overlap::Overlap| (of.later, of.earlier) == (copy.later, copy.earlier);
+        !overlaps.iter().any(is_same)
+    });
+    findings.extend(near_duplicates::findings(dataset, &copies));
+    findings
+}
+
+/// Returns true if two sweeps are of one material and one recording block, so that a split by blocks keeps them together.
+fn are_together(dataset: &Dataset, one: usize, other: usize) -> bool {
+    let [one, other] = [one, other].map(|sweep| &dataset.records()[sweep]);
+    one.block.is_some() && (one.block, one.label) == (other.block, other.label)
 }
 
 /// Returns the findings of [`check`] that do not concern materials, for unlabelled sweeps.
@@ -174,3 +206,6 @@ mod tests;
 
 #[cfg(test)]
 mod foreign_values_tests;
+
+#[cfg(test)]
+mod copies_tests;

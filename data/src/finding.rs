@@ -92,6 +92,8 @@ pub enum FindingKind {
     Unreadable,
     /// Taxels are in one row, because the file does not name their arrangement.
     AssumedPatch,
+    /// Meaning of the axes of an array, which the file does not name.
+    AxesRead,
     /// A part of the file is not read.
     NotRead,
 }
@@ -198,6 +200,7 @@ impl fmt::Display for FindingKind {
             Self::ConfoundedBlocks => "materials in one block each",
             Self::Unreadable => "unreadable parts",
             Self::AssumedPatch => "assumed arrangement of the taxels",
+            Self::AxesRead => "axes as they are read",
             Self::NotRead => "not read",
         })
     }

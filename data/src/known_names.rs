@@ -1,5 +1,7 @@
 //! Suggestions for mistyped names.
 
+use crate::plain_name;
+
 /// Minimum Jaro similarity, 0 to 1, of a suggested name.
 const ALIKE: f64 = 0.7;
 /// Maximum length of a list that is shown whole.
@@ -51,18 +53,13 @@ pub fn near_name<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Op
     nearest.1
 }
 
-/// Returns true if two names differ only in case and white space.
+/// Returns true if two names differ only in case, white space and invisible characters.
 ///
 /// ```
 /// assert!(tactnet_data::is_same_name("Linen Fabric", "linenfabric"));
 /// ```
 pub fn is_same_name(one: &str, other: &str) -> bool {
     plain_name(one) == plain_name(other)
-}
-
-/// Returns a name in lower case, without white space.
-pub(crate) fn plain_name(name: &str) -> String {
-    name.to_lowercase().split_whitespace().collect()
 }
 
 /// Returns the similarity of two names: 1 for the same letters, 0 for no common letter. A part of a name scores 1.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::DataError;
+use crate::{DataError, normal_name};
 use serde::{Deserialize, Serialize};
 
 /// Name of a surface ("cork", "linen fabric rough").
@@ -42,7 +42,7 @@ impl From<LabelSet> for Vec<String> {
 }
 
 impl LabelSet {
-    /// Returns the label set of `names` in this order.
+    /// Returns the label set of `names` in this order, in Unicode's composed form, see [`normal_name`].
     ///
     /// # Errors
     /// No names, an empty or duplicate name, a name of more than 256 bytes or with control characters.
@@ -51,7 +51,10 @@ impl LabelSet {
         I: IntoIterator<Item = S>,
         S: Into<String>,
     {
-        let materials: Vec<Material> = names.into_iter().map(|n| Material(n.into())).collect();
+        let materials: Vec<Material> = names
+            .into_iter()
+            .map(|name| Material(normal_name(&name.into())))
+            .collect();
         if materials.is_empty() {
             return Err(DataError::inconsistent(
                 "materials",
@@ -141,6 +144,14 @@ mod tests {
         let refused = LabelSet::new([long.as_str()]).unwrap_err().to_string();
         assert!(refused.len() < 200, "{refused}");
         LabelSet::new(["Kork, grün", "コルク", &"x".repeat(256)]).unwrap();
+    }
+
+    #[test]
+    fn names_in_both_forms_of_unicode_are_one_material() {
+        let composed = LabelSet::new(["gr\u{fc}n"]).unwrap();
+        assert_eq!(LabelSet::new(["gru\u{308}n"]).unwrap(), composed);
+        let error = LabelSet::new(["gr\u{fc}n", "gru\u{308}n"]).unwrap_err();
+        assert!(error.to_string().contains("at labels 0 and 1"), "{error}");
     }
 
     #[test]

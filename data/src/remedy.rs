@@ -42,6 +42,8 @@ pub enum Remedy {
     SubtractOffset,
     /// Choose another number of folds, or hold out a part of the sweeps.
     ChooseFolds,
+    /// Split so that sweeps of one recording block stay together.
+    LeaveBlocksOut,
     /// Check the data set, which lists all findings.
     ListFindings {
         /// Name or file of the data set.

@@ -71,6 +71,7 @@ fn words_of(remedy: &Remedy) -> String {
                 .into()
         }
         Remedy::ChooseFolds => "pass `folds=`".into(),
+        Remedy::LeaveBlocksOut => "pass `scheme=\"leave-block-out\"`".into(),
         Remedy::ListFindings { data } => format!("`Dataset.read({data:?}).check()` lists all"),
         Remedy::ConvertRecording => "open it with `tactnet.Recording`".into(),
         Remedy::PassDownloadedFile => "pass its path".into(),

@@ -124,6 +124,37 @@ fn a_stuck_taxel_is_a_warning_and_one_without_contact_a_note() {
 }
 
 #[test]
+fn a_column_of_the_class_is_an_error_and_a_setting_of_the_sweep_is_none() {
+    type OfSweep = fn(usize) -> f32;
+    let with_column = |value: OfSweep| {
+        let mut values = values();
+        for sweep in 0..6 {
+            for step in 0..SHAPE.steps {
+                values[at(sweep, step, 2)] = value(sweep);
+            }
+        }
+        check_values(values)
+    };
+    let classes: [OfSweep; 2] = [|sweep| (sweep / 2) as f32, |sweep| (sweep / 4) as f32];
+    for class in classes {
+        let findings = with_column(class);
+        let found = only(&findings);
+        let kind = (Severity::Error, FindingKind::LeakingColumn);
+        assert_eq!((found.severity, found.kind), kind);
+        assert_eq!(found.at.taxel, Some(2));
+    }
+    let message = &with_column(classes[0])[0].message;
+    let expected = "taxel (1, 0) is constant in every sweep and follows the material (0 for `cork`, 1 for `denim`) in 6 of 6 sweeps: ";
+    assert!(message.starts_with(expected), "{message}");
+    let is_leak = |finding: &Finding| finding.kind == FindingKind::LeakingColumn;
+    // A speed that differs between the sweeps of a material, a number of the sweep, a dead taxel.
+    let others: [OfSweep; 3] = [|sweep| (sweep % 2) as f32, |sweep| sweep as f32, |_| 7.0];
+    for value in others {
+        assert!(!with_column(value).iter().any(is_leak));
+    }
+}
+
+#[test]
 fn a_constant_sweep_is_an_error() {
     let mut values = values();
     values[at(4, 0, 0)..at(5, 0, 0)].fill(5.0);
@@ -260,6 +291,13 @@ fn names_that_tell_nothing_apart_are_found() {
         "{}",
         found[0].1
     );
+    let found = named(["cork", "C\u{41e}RK", "wo\u{200b}od"], pairs);
+    assert_eq!(found.len(), 1, "{found:?}");
+    let hidden = "look alike and are different materials: character 2 is U+006F and U+041E; ";
+    assert!(found[0].1.contains(hidden), "{}", found[0].1);
+    let found = named(["wood", "denim", "wo\u{200b}od"], pairs);
+    let hidden = "character 3 of one of them is U+200B, which is invisible";
+    assert!(found[0].1.contains(hidden), "{}", found[0].1);
     let cork = dataset_of(values(), pairs).of_materials(&[0]).unwrap();
     let kinds: Vec<_> = check(&cork).iter().map(|found| found.kind).collect();
     assert!(kinds.contains(&FindingKind::SingleMaterial), "{kinds:?}");

@@ -15,7 +15,7 @@ use super::named_sweeps::{Labels, some_of};
 use super::read_options::ReadOptions;
 use super::recording::{LabelRun, Recording, Recordings};
 use super::sweep_file::Patch;
-use super::taxel_names::{chosen, left_out, unlike_the_others};
+use super::taxel_names::{chosen, doubtful, left_out, unlike_the_others};
 use super::time_names::{are_times, is_time, unused_times};
 use super::time_stamps::{TimeStamps, time_stamps};
 use crate::{DataError, Finding, Remedy};
@@ -74,7 +74,7 @@ const SWEEP: &[&str] = &["sweep", "sweep_id", "episode_index"];
 /// Names of the column of materials.
 pub(super) const MATERIAL: &[&str] = &["material", "y", "label", "class", "task"];
 /// Names of columns that probably hold the sweeps under a wrong name.
-const MEANT_AS_SWEEP: &[&str] = &[
+pub(super) const MEANT_AS_SWEEP: &[&str] = &[
     "episode",
     "id",
     "recording",
@@ -85,7 +85,7 @@ const MEANT_AS_SWEEP: &[&str] = &[
     "trial",
 ];
 /// Names of columns that probably hold the materials under a wrong name.
-const MEANT_AS_MATERIAL: &[&str] = &[
+pub(super) const MEANT_AS_MATERIAL: &[&str] = &[
     "classes",
     "labels",
     "materials",
@@ -287,7 +287,7 @@ impl<'a> FrameTable<'a> {
         let known = [SWEEP, MATERIAL, STEP, BLOCK, TEST].concat();
         let all: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();
         let times = are_times(&all);
-        let mut columns = Vec::new();
+        let (mut columns, mut place_of) = (Vec::new(), Vec::new());
         for (place, (name, column)) in self.columns.iter().enumerate() {
             // pandas stores its index in Parquet files.
             let is_index = name.starts_with("__index_level_");
@@ -295,6 +295,7 @@ impl<'a> FrameTable<'a> {
                 continue;
             }
             columns.push((name.as_str(), column));
+            place_of.push(place);
         }
         if columns.is_empty() {
             return Err(self.error("columns", "one per taxel", "none"));
@@ -304,7 +305,12 @@ impl<'a> FrameTable<'a> {
             [] => {
                 let unlike = unlike_the_others(&names);
                 let places = (0..names.len()).filter(|place| !unlike.contains(place));
-                (places.collect(), left_out(&names, &unlike))
+                let places: Vec<usize> = places.collect();
+                let mut findings = left_out(&names, &unlike);
+                let is_taxel = |place: usize| places.iter().any(|&taxel| place_of[taxel] == place);
+                findings.extend(doubtful(&all, is_taxel));
+                findings.extend(second_of_a_kind(&all));
+                (places, findings)
             }
             wanted => (chosen(self.path, &names, wanted)?, Vec::new()),
         };
@@ -342,6 +348,22 @@ impl<'a> FrameTable<'a> {
             }
         }
     }
+}
+
+/// Returns notes on columns with a meaning that an earlier column already has, such as `class` after `material`.
+fn second_of_a_kind(names: &[&str]) -> Vec<Finding> {
+    let mut notes = Vec::new();
+    for kind in [SWEEP, MATERIAL, BLOCK, TEST] {
+        let mut of_kind = names.iter().filter(|name| is_one_of(name, kind));
+        if let Some(first) = of_kind.next() {
+            notes.extend(of_kind.map(|second| {
+                Finding::not_read(format!(
+                    "`{second}`: not read, since `{first}` has its meaning"
+                ))
+            }));
+        }
+    }
+    notes
 }
 
 /// Returns the sweeps in the order of their first frames, and the frames of each.

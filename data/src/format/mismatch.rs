@@ -2,6 +2,10 @@
 
 use hdf5_reader::Datatype;
 use hdf5_reader::error::Error;
+use hdf5_reader::messages::datatype::VarLenKind;
+
+/// Command that copies a file without filters, links and virtual data sets.
+pub(super) const COPY: &str = "h5py copies all values into one file: `with h5py.File(FILE) as f, h5py.File(\"copy.h5\", \"w\") as g: [g.create_dataset(n, data=f[n][()]) for n in f]; g.attrs.update(f.attrs)`";
 
 /// Expected and actual content of an HDF5 data set.
 #[derive(Debug)]
@@ -24,12 +28,19 @@ impl Mismatch {
             Error::Context { source, .. } => Self::from_hdf5(source),
             Error::UnsupportedFilter(filter) => Self::new(
                 "no filter, or gzip, shuffle, fletcher32, szip, nbit or scale-offset",
-                format!(
-                    "the filter {}; rewrite the file with gzip",
-                    filter_name(filter)
-                ),
+                format!("the filter {}; {COPY}", filter_name(filter)),
             ),
-            other => Self::new("readable HDF5", other.to_string()),
+            Error::UnsupportedLayoutClass(3) => Self::new(
+                "values in this file",
+                format!("a virtual data set, whose values are in other files; {COPY}"),
+            ),
+            other => {
+                let words = other.to_string();
+                match words.contains("external raw data file") {
+                    true => Self::new("values in this file", format!("{words}; {COPY}")),
+                    false => Self::new("readable HDF5", words),
+                }
+            }
         }
     }
 }
@@ -62,6 +73,10 @@ pub(super) fn type_name(datatype: &Datatype) -> String {
         Datatype::FixedPoint { size, .. } => format!("u{}", 8 * u32::from(*size)),
         Datatype::FloatingPoint { size, .. } => format!("f{}", 8 * u32::from(*size)),
         Datatype::String { .. } => "strings".into(),
+        Datatype::VarLen {
+            kind: VarLenKind::String,
+            ..
+        } => "strings".into(),
         Datatype::VarLen { .. } => "variable-length values".into(),
         Datatype::Compound { .. } => "compound values".into(),
         Datatype::Enum { .. } => "enumerated values".into(),

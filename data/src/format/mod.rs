@@ -18,6 +18,7 @@
 //! |---|---|---|---|---|
 //! | [`tactmat`] (HDF5) | `.h5`, `.hdf5` | yes | yes | `[materials][sweeps][steps][rows][cols]` |
 //! | [`npz`] (numpy) | `.npz` | yes | yes | the same, or `[sweeps][steps][rows][cols]` with labels |
+//! | `mat` (MATLAB, version 5 and later) | `.mat` | yes | no | `[sweeps][steps][taxels]` or as npz, with labels |
 //! | [`ts`] (aeon, sktime, UEA archive) | `.ts` | no | yes | one line a sweep, one dimension a taxel |
 //! | `csv` (text tables) | `.csv` | yes | no | one row per frame |
 //! | `folder` (files of sweeps) | a folder of `.csv` or `.npy` | yes | no | one file per sweep; folders, or a table of labels, name materials |
@@ -27,6 +28,7 @@
 //! The first bytes identify a file of arrays, the extension a table, and the content a folder. The extension of the
 //! output file decides the format that is written.
 
+mod arrays;
 mod chunk_grid;
 mod chunks;
 mod clock;
@@ -36,10 +38,13 @@ mod file_kind;
 mod file_layout;
 mod folder;
 mod frame_table;
+mod hdf5_arrays;
+mod hdf5_values;
 mod intervals;
 mod lengths;
 #[cfg(feature = "parquet")]
 mod lerobot;
+mod mat;
 mod mismatch;
 mod named_sweeps;
 mod narrow;
@@ -185,7 +190,7 @@ fn read_labelled(path: &Path, options: &ReadOptions) -> Result<Dataset, DataErro
         }
         return sweeps.into_dataset().map_err(|error| in_file(path, error));
     }
-    let (dataset, _) = read_arrays(path, Labels::Needed)?;
+    let (dataset, _) = read_arrays(path, Labels::Needed, options)?;
     options.apply_to(path, dataset)
 }
 
@@ -264,23 +269,29 @@ fn table_with_gaps(
 const TABLES: [&str; 5] = ["csv", "tsv", "txt", "dat", "asc"];
 /// Files that are read, for messages.
 const READABLE: &str =
-    "HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv or .npy";
+    "HDF5 (.h5), numpy (.npz), MATLAB (.mat), tables (.csv, .parquet) or a folder of .csv or .npy";
 
 /// First bytes of MCAP files.
 const MCAP: &[u8] = b"\x89MCAP";
 
 /// Reads HDF5 or npz, identified by the first bytes; also returns true if the file names the materials.
-fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError> {
+fn read_arrays(
+    path: &Path,
+    labels: Labels,
+    options: &ReadOptions,
+) -> Result<(Dataset, bool), DataError> {
     let kind = file_kind::of(path)?;
     let found = match kind {
-        FileKind::Npz => return npz::read_arrays(path, labels),
-        FileKind::Npy if labels == Labels::Optional => return npz::read_arrays(path, labels),
-        FileKind::Hdf5 => return Ok((tactmat::read_with_gaps(path)?, true)),
+        FileKind::Npz => return npz::read_arrays(path, labels, options),
+        FileKind::Npy if labels == Labels::Optional => {
+            return npz::read_arrays(path, labels, options);
+        }
+        FileKind::Hdf5 => return hdf5_arrays::read_arrays(path, labels, options),
         FileKind::Npy => {
             "a single numpy array; save it with its labels: np.savez_compressed(\"sweeps.npz\", X=X, y=y)"
         }
         FileKind::Mcap => "a recording",
-        FileKind::Matlab => "a MATLAB file before version 7.3; save it with -v7.3",
+        FileKind::Matlab => return mat::read_arrays(path, labels, options),
         FileKind::Parquet => "Parquet",
         FileKind::Pretended(found) => found,
         FileKind::Other => "a file of another kind",

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::lengths::OddLength;
-use crate::{DataError, Dataset, Finding, LabelSet, Samples, SweepRecord, SweepShape};
+use crate::{DataError, Dataset, Finding, LabelSet, Samples, SweepRecord, SweepShape, normal_name};
 
 /// Labels that a file must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +50,7 @@ impl NamedSweeps {
         let materials = self
             .materials
             .unwrap_or_else(|| vec![UNLABELLED.into(); self.sweeps.len()]);
+        let materials: Vec<String> = materials.iter().map(|name| normal_name(name)).collect();
         if let Some(nameless) = materials.iter().position(|name| name.trim().is_empty()) {
             return Err(DataError::inconsistent(
                 format!("material of sweep `{}`", self.sweeps[nameless]),

@@ -12,16 +12,16 @@
 //! Both byte orders and both index orders ("Fortran" too) are read. Pickled arrays are refused. `numpy.load` reads the
 //! files of [`write()`] without pickle.
 
-mod arrays;
-
-use super::named_sweeps::{Labels, UNLABELLED, records};
-use super::narrow::HELD;
-use super::npy::Array;
-use super::tactmat::SYNTHETIC_ATTRIBUTE;
-use crate::twin::TwinVersion;
-use crate::{DataError, Dataset, LabelSet, SweepShape};
-use arrays::Arrays;
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
+
+use super::DEFLATE_LIMIT;
+use super::arrays::{Arrays, Container, Other, Roles};
+use super::named_sweeps::{Labels, NAMED};
+use super::npy::{Array, Header};
+use super::read_options::ReadOptions;
+use crate::{DataError, Dataset};
 
 pub use super::npz_write::write;
 
@@ -41,130 +41,81 @@ pub fn read(path: &Path) -> Result<Dataset, DataError> {
 /// # Errors
 /// As [`read`], except for values that are not finite.
 pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
-    read_arrays(path, Labels::Needed).map(|(dataset, _)| dataset)
+    let (dataset, _) = read_arrays(path, Labels::Needed, &ReadOptions::default())?;
+    Ok(dataset)
 }
 
 /// Reads sweeps, and returns true if the file names their materials.
 ///
 /// # Errors
 /// As [`read_with_gaps`].
-pub(super) fn read_arrays(path: &Path, labels: Labels) -> Result<(Dataset, bool), DataError> {
-    let mut arrays = Arrays::open(path)?;
-    let labelled = labels == Labels::Needed || arrays.name_materials();
-    let (samples_name, mut samples) = arrays.take_samples()?;
-    if !labelled && samples.shape.len() == 2 {
-        // Two dimensions are a single sweep.
-        samples.shape.insert(0, 1);
-    }
-    // Three dimensions do not define the arrangement of the taxels.
-    let is_row = samples.shape.len() == 3;
-    let layout = Layout::of(&arrays, samples_name, &samples.shape)?;
-    let (labels, of_sweep) = match layout.sweeps {
-        Some(sweeps) => label_blocks(&arrays, samples_name, samples.shape[0], sweeps)?,
-        None if labelled => arrays.labels(&samples.shape, samples_name)?,
-        None => (
-            arrays.label_set(vec![UNLABELLED.into()])?,
-            vec![0; samples.shape[0]],
-        ),
-    };
-    let leading = match layout.sweeps {
-        Some(_) => &samples.shape[..2],
-        None => &samples.shape[..1],
-    };
-    let blocks = arrays.per_sweep("blocks", leading)?;
-    let flags = arrays.per_sweep("test_flag", leading)?;
-    if let Some(odd) = flags.iter().flatten().find(|&&flag| flag > 1) {
-        return Err(arrays.error("test_flag", "0 or 1", odd.to_string()));
-    }
-    if let Some(some) = samples.some_sweeps() {
-        some.check(path, layout.shape)?;
-    }
-    let type_name = samples.type_name();
-    let values = match samples.into_numbers() {
-        Some(Ok(values)) => values,
-        Some(Err(value)) => {
-            return Err(arrays.error(samples_name, HELD, value.0));
-        }
-        None => return Err(arrays.error(samples_name, "numbers", type_name)),
-    };
-    let flags = flags.map(|flags| flags.into_iter().map(|flag| flag == 1).collect());
-    let records = records(&of_sweep, labels.len(), blocks, flags);
-    let dataset = Dataset::at_rate(
-        super::stem(path),
-        arrays.rate()?,
-        layout.shape,
-        labels,
-        records,
-        values,
-    )
-    .map_err(|error| super::in_file(path, error))?;
-    let mark = arrays
-        .optional(SYNTHETIC_ATTRIBUTE)?
-        .and_then(Array::floats);
-    let version = mark
-        .and_then(|mark| mark.first().copied())
-        .and_then(TwinVersion::of_mark);
-    let dataset = match version {
-        Some(version) => dataset.into_twin(version),
-        None => dataset,
-    };
-    let mut dataset = dataset.with_reading_findings(arrays.left_out());
-    if is_row {
-        dataset = dataset.with_assumed_patch();
-    }
-    Ok((dataset, labelled))
+pub(super) fn read_arrays(
+    path: &Path,
+    labels: Labels,
+    options: &ReadOptions,
+) -> Result<(Dataset, bool), DataError> {
+    arrays(path, options)?.into_sweeps(labels)
 }
 
-/// Meaning of the dimensions of the array of sweeps.
-struct Layout {
-    /// Number of sweeps per material, if the array has a dimension of materials.
-    sweeps: Option<usize>,
-    /// Shape of every sweep.
-    shape: SweepShape,
-}
-
-impl Layout {
-    /// Returns the layout of the array `name` with these extents.
-    fn of(arrays: &Arrays<'_>, name: &str, extents: &[usize]) -> Result<Self, DataError> {
-        let of = |sweeps, steps, rows, cols| Self {
-            sweeps,
-            shape: SweepShape { steps, rows, cols },
+/// Reads an archive, or a single array, which then holds the sweeps.
+fn arrays<'a>(path: &'a Path, options: &ReadOptions) -> Result<Arrays<'a>, DataError> {
+    let io = |error| DataError::io(path, "read", error);
+    if super::first_bytes(path)?.starts_with(NPY) {
+        let mut arrays = Arrays::new(path, Container::Npz, Roles::own(&ReadOptions::default()));
+        let file = crate::open_file(path).map_err(io)?;
+        let room = file.metadata().map_err(io)?.len();
+        let array = Array::read_samples(BufReader::new(file), room);
+        arrays.insert("X".into(), array)?;
+        return Ok(arrays);
+    }
+    let mut arrays = Arrays::new(path, Container::Npz, Roles::own(options));
+    let file = crate::open_file(path).map_err(io)?;
+    let mut archive = zip::ZipArchive::new(BufReader::new(file)).map_err(|error| {
+        let item = "npz archive with array `X`";
+        DataError::format(path, item, "a zip archive", error.to_string())
+    })?;
+    for index in 0..archive.len() {
+        let name = match archive.name_for_index(index) {
+            Some(Ok(name)) => name.strip_suffix(".npy").unwrap_or(&name).to_owned(),
+            _ => format!("member {index}"),
         };
-        match *extents {
-            [.., 1] if extents.len() == 5 && !arrays.contains("materials") => Err(arrays.error(
-                name,
-                "4 dimensions [n][steps][rows][cols]",
-                format!("{extents:?}; an axis of channels at the end? `{name}[..., 0]` drops it"),
-            )),
-            [_, sweeps, steps, rows, cols] => Ok(of(Some(sweeps), steps, rows, cols)),
-            [_, steps, rows, cols] => Ok(of(None, steps, rows, cols)),
-            [_, steps, cols] => Ok(of(None, steps, 1, cols)),
-            _ => Err(arrays.error(
-                name,
-                "3 dimensions [n][steps][taxels], 4 [n][steps][rows][cols] or 5 [materials][sweeps][steps][rows][cols]",
-                format!("{} dimensions {extents:?}", extents.len()),
-            )),
+        if arrays.is_known(&name) {
+            let array = unpack(&mut archive, index, arrays.is_samples(&name));
+            arrays.insert(name, array)?;
+            continue;
         }
+        let mut shape = None;
+        if arrays.others() < NAMED
+            && let Ok(mut member) = archive.by_index(index)
+        {
+            shape = Header::read(&mut member).ok().map(|header| header.shape);
+        }
+        arrays.add_other(Other {
+            name,
+            shape,
+            type_name: None,
+        });
     }
+    Ok(arrays)
 }
 
-/// Returns the labels of sweeps that are ordered by material.
+/// Reads a member of an archive, or returns a sentence about its error.
 ///
-/// - `name`: array of the sweeps
-/// - `materials`, `sweeps`: its first two extents
-fn label_blocks(
-    arrays: &Arrays<'_>,
-    name: &str,
-    materials: usize,
-    sweeps: usize,
-) -> Result<(LabelSet, Vec<usize>), DataError> {
-    let names = arrays.names("materials")?;
-    if names.len() != materials {
-        let expected = format!("{materials} names, one per material of `{name}`");
-        return Err(arrays.error("materials", expected, format!("{} names", names.len())));
+/// - `samples`: true if only the narrowed values are needed
+fn unpack(
+    archive: &mut zip::ZipArchive<BufReader<File>>,
+    index: usize,
+    samples: bool,
+) -> Result<Array, String> {
+    let member = archive.by_index(index).map_err(|error| error.to_string())?;
+    let (size, packed) = (member.size(), member.compressed_size());
+    let room = packed.saturating_mul(DEFLATE_LIMIT);
+    if size > room {
+        return Err(format!("{packed} bytes that unpack to {size}"));
     }
-    let of_sweep = (0..materials)
-        .flat_map(|m| std::iter::repeat_n(m, sweeps))
-        .collect();
-    Ok((arrays.label_set(names)?, of_sweep))
+    if samples {
+        Array::read_samples(member, room)
+    } else {
+        Array::read(member, room)
+    }
 }

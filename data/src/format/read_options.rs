@@ -43,6 +43,8 @@ pub struct ReadOptions {
     pub windows: Option<Windows>,
     /// Name or path of the samples in a file that holds several arrays or features.
     pub samples: Option<String>,
+    /// Name or path of the materials of the sweeps, names or numbers, in a file that holds several arrays.
+    pub labels: Option<String>,
     /// Layout of the files in a folder.
     pub layout: FileLayout,
 }

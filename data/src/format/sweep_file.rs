@@ -17,7 +17,7 @@ use super::npy::Array;
 use super::read_options::ReadOptions;
 use super::recording::LabelRun;
 use super::resolution::check_resolution;
-use super::taxel_names::{chosen, is_line_of_names, left_out, unlike_the_others};
+use super::taxel_names::{chosen, doubtful, is_line_of_names, left_out, unlike_the_others};
 use super::time_names::{are_times, unused_times};
 use super::time_stamps::{Clockwork, time_stamps};
 use crate::{DataError, Finding, SweepShape};
@@ -295,6 +295,11 @@ impl Columns {
             columns.roles[others[place]] = Role::Taxel;
         }
         columns.findings.extend(unused_times(&names));
+        let roles = &columns.roles;
+        let is_taxel = |place: usize| roles[place] == Role::Taxel;
+        if options.columns.is_empty() {
+            columns.findings.extend(doubtful(&names, is_taxel));
+        }
         Ok(columns)
     }
 }

@@ -19,6 +19,7 @@ pub use super::tactmat_write::write;
 use super::DEFLATE_LIMIT;
 use super::chunk_grid::RANK;
 use super::chunks::{read_samples, some_sweeps};
+use super::hdf5_values::matlab_class;
 use super::mismatch::{Mismatch, type_name};
 use super::narrow::HELD;
 use crate::twin::TwinVersion;
@@ -46,15 +47,28 @@ pub fn read(path: &Path) -> Result<Dataset, DataError> {
 /// # Errors
 /// As [`read`], except for values that are not finite.
 pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
-    let file = open(path)?;
-    let samples = required(&file, path, &["samples"])?;
+    read_file(&open(path)?, path)
+}
+
+/// Returns true if the file has a data set `samples`, readable or not, that MATLAB did not write.
+pub(super) fn is_layout(file: &Hdf5File) -> bool {
+    match file.dataset("samples").map_err(root) {
+        Ok(samples) => matlab_class(&samples).is_none(),
+        Err(Error::DatasetNotFound(_)) => false,
+        Err(_) => true,
+    }
+}
+
+/// Reads an open file, see [`read_with_gaps`].
+pub(super) fn read_file(file: &Hdf5File, path: &Path) -> Result<Dataset, DataError> {
+    let samples = required(file, path, &["samples"])?;
     let item = "data set `samples`";
     let shape = shape_of(path, item, samples.shape())?;
     let [materials, sweeps, steps, rows, cols] = shape;
-    let labels = material_names(&file, path, materials)?;
-    let blocks = per_sweep(&file, path, "blocks", [materials, sweeps], u32::try_from)?;
+    let labels = material_names(file, path, materials)?;
+    let blocks = per_sweep(file, path, "blocks", [materials, sweeps], u32::try_from)?;
     let flags = per_sweep(
-        &file,
+        file,
         path,
         "test_flag",
         [materials, sweeps],
@@ -64,7 +78,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
             _ => Err(()),
         },
     )?;
-    let rate = sample_rate_hz(&file, &samples, path)?;
+    let rate = sample_rate_hz(file, &samples, path)?;
     let mismatch = |m: Mismatch| DataError::format(path, item, m.expected, m.found);
     let values = read_samples(&file, &samples, shape);
     let sweep_shape = SweepShape { steps, rows, cols };
@@ -87,7 +101,7 @@ pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
     let name = super::stem(path);
     let dataset = Dataset::at_rate(name, rate, sweep_shape, labels, records, values)
         .map_err(|error| super::in_file(path, error))?;
-    Ok(match twin_version(&file) {
+    Ok(match twin_version(file) {
         Some(version) => dataset.into_twin(version),
         None => dataset,
     })
@@ -125,7 +139,7 @@ fn twin_version(file: &Hdf5File) -> Option<TwinVersion> {
     TwinVersion::of_mark(mark)
 }
 
-fn open(path: &Path) -> Result<Hdf5File, DataError> {
+pub(super) fn open(path: &Path) -> Result<Hdf5File, DataError> {
     let item = "HDF5 file with data set `samples`";
     let length = std::fs::metadata(path)
         .map_err(|e| DataError::io(path, "open", e))?
@@ -147,8 +161,9 @@ fn open(path: &Path) -> Result<Hdf5File, DataError> {
         }
         other => DataError::format(path, item, "readable HDF5", other.to_string()),
     })?;
+    // The end of the file is an absolute address, but the storage begins behind a user block.
     let promised = file.superblock().eof_address;
-    let found = file.storage().len();
+    let found = length;
     if found < promised {
         return Err(DataError::format(
             path,

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::dialect::number;
-use super::named_sweeps::some_names;
+use super::frame_table::{MATERIAL, MEANT_AS_MATERIAL, MEANT_AS_SWEEP, is_one_of};
+use super::named_sweeps::{some_names, some_of};
 use crate::{DataError, Finding, near_name};
 
 /// Minimum number of taxels that are numbered alike for other columns to be ignored.
@@ -80,6 +81,66 @@ pub(super) fn left_out(names: &[&str], unlike: &[usize]) -> Vec<Finding> {
     ))]
 }
 
+/// Returns notes on columns without a name of their own: those that are ignored, as the index that pandas writes, and those
+/// that are read as taxels.
+///
+/// - `names`: names of all columns
+/// - `is_taxel`: returns true for the places of columns that are read
+fn nameless(names: &[&str], is_taxel: impl Fn(usize) -> bool) -> Vec<Finding> {
+    let is_nameless = |name: &str| {
+        let name = name.trim().to_ascii_lowercase();
+        name.is_empty() || name.starts_with("unnamed: ") || name.starts_with("__index_level_")
+    };
+    let shown = |place: usize| match names[place].trim() {
+        "" => (place + 1).to_string(),
+        name => format!("{} (`{name}`)", place + 1),
+    };
+    let (read, ignored): (Vec<usize>, Vec<usize>) = (0..names.len())
+        .filter(|&place| is_nameless(names[place]))
+        .partition(|&place| is_taxel(place));
+    let note = |places: &[usize], what: &str| {
+        let listed = some_of(places.iter().map(|&place| shown(place)).collect());
+        let columns = if places.len() == 1 {
+            "column"
+        } else {
+            "columns"
+        };
+        (!places.is_empty())
+            .then(|| Finding::not_read(format!("{columns} {listed} without a name: {what}")))
+    };
+    let ignored = note(
+        &ignored,
+        "not read, as a number of the row; give it a name if it is a taxel",
+    );
+    let read = note(&read, "read as a taxel; leave it out if it is none");
+    ignored.into_iter().chain(read).collect()
+}
+
+/// Returns a note on columns that are read as taxels although they have the name of a column of materials or sweeps.
+fn misnamed(names: &[&str], is_taxel: impl Fn(usize) -> bool) -> Option<Finding> {
+    // `y` is usually a direction.
+    let known = [MATERIAL, MEANT_AS_MATERIAL, MEANT_AS_SWEEP].concat();
+    let is_other = |name: &str| is_one_of(name, &known) && !is_one_of(name, &["y"]);
+    let places = (0..names.len()).filter(|&place| is_taxel(place) && is_other(names[place]));
+    let found: Vec<&str> = places.map(|place| names[place]).collect();
+    let listed = some_names(found.iter().copied());
+    (!found.is_empty()).then(|| {
+        Finding::not_read(format!(
+            "{listed}: read as a taxel, although columns of materials or sweeps have such names; leave it out if it is none"
+        ))
+    })
+}
+
+/// Returns notes on columns whose names leave their meaning open.
+///
+/// - `names`: names of all columns
+/// - `is_taxel`: returns true for the places of columns that are read as taxels
+pub(super) fn doubtful(names: &[&str], is_taxel: impl Fn(usize) -> bool) -> Vec<Finding> {
+    let mut notes = nameless(names, &is_taxel);
+    notes.extend(misnamed(names, is_taxel));
+    notes
+}
+
 /// Returns true if the first line of a table contains names: words, or the numbers 0, 1, 2 and so on.
 pub(super) fn is_line_of_names(cells: &[String]) -> bool {
     let counts = cells.len() > 2
@@ -114,6 +175,25 @@ mod tests {
             left_out(&["t0", "force"], &[1])[0]
                 .message
                 .starts_with("`force`: not read as a taxel")
+        );
+    }
+
+    #[test]
+    fn columns_without_a_name_are_noted() {
+        let notes = |names: &[&str], taxels: &[usize]| -> Vec<String> {
+            let notes = nameless(names, |place| taxels.contains(&place));
+            notes.into_iter().map(|note| note.message).collect()
+        };
+        assert!(notes(&["t0", "t1"], &[0, 1]).is_empty());
+        let end =
+            "without a name: not read, as a number of the row; give it a name if it is a taxel";
+        assert_eq!(notes(&["", "t0"], &[1]), [format!("column 1 {end}")]);
+        assert_eq!(
+            notes(&["t0", "Unnamed: 3", " "], &[0, 1]),
+            [
+                format!("column 3 {end}"),
+                "column 2 (`Unnamed: 3`) without a name: read as a taxel; leave it out if it is none".into()
+            ]
         );
     }
 

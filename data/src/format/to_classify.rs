@@ -123,7 +123,7 @@ pub fn read_to_classify_with_gaps(
     Ok(match table_with_gaps(path, options, Labels::Optional) {
         Some(sweeps) => SweepsToClassify::of_named(path, sweeps?)?,
         None => {
-            let (dataset, labelled) = read_arrays(path, Labels::Optional)?;
+            let (dataset, labelled) = read_arrays(path, Labels::Optional, options)?;
             let dataset = options.apply_to(path, dataset)?;
             SweepsToClassify {
                 labelled,

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test may panic; the lint spares only functions marked `#[test]`
 
+mod foreign;
 mod hostile;
 mod own_data;
 mod resolution;
@@ -182,11 +183,11 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "h5/bad_no_samples.h5",
-            "data set `samples`: expected to be in the file, found only `materials`",
+            "data set `samples`: expected to be in the file (or `X`), found only `materials` [3] text",
         ),
         (
             "h5/bad_not_hdf5.h5",
-            "file: expected HDF5 (.h5), numpy (.npz), tables (.csv, .parquet) or a folder of .csv or .npy, found a file that begins with `samples,`",
+            "file: expected HDF5 (.h5), numpy (.npz), MATLAB (.mat), tables (.csv, .parquet) or a folder of .csv or .npy, found a file that begins with `samples,`",
         ),
         (
             "h5/bad_rank3.h5",
@@ -198,7 +199,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "h5/f64_lzf_fixed.h5",
-            "data set `samples`: expected no filter, or gzip, shuffle, fletcher32, szip, nbit or scale-offset, found the filter LZF (filter 32000); rewrite the file with gzip",
+            "data set `samples`: expected no filter, or gzip, shuffle, fletcher32, szip, nbit or scale-offset, found the filter LZF (filter 32000); h5py copies all values into one file: `with h5py.File(FILE) as f, h5py.File(\"copy.h5\", \"w\") as g: [g.create_dataset(n, data=f[n][()]) for n in f]; g.attrs.update(f.attrs)`",
         ),
         (
             "read/bad_beyond_f32.h5",
@@ -238,7 +239,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         ),
         (
             "read/bad_samples_is_a_group.h5",
-            "data set `samples`: expected to be in the file, found only `materials`",
+            "data set `samples`: expected to be in the file (or `X`), found only `materials` [3] text",
         ),
         (
             "read/bad_complex.npz",

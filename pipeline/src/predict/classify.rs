@@ -142,11 +142,20 @@ impl ClassifiedSweeps {
         named.all(|name| name == Some(first)).then_some(first)
     }
 
-    /// Returns a CSV table with a line for each sweep and a column for the probability of each material.
+    /// Returns a CSV table with a line for each sweep and a column for the probability of each material. A name that begins
+    /// like a formula of a spreadsheet is preceded by an apostrophe.
     pub fn to_csv(&self) -> String {
-        let quoted = |text: &str| match text.contains(['"', ',', '\n', '\r']) {
-            true => format!("\"{}\"", text.replace('"', "\"\"")),
-            false => text.to_string(),
+        let quoted = |text: &str| {
+            // Spreadsheets would compute a name that begins like a formula.
+            let is_formula = text.starts_with(['=', '+', '-', '@']) && text.parse::<f64>().is_err();
+            let text = match is_formula {
+                true => format!("'{text}"),
+                false => text.to_string(),
+            };
+            match text.contains(['"', ',', '\n', '\r']) {
+                true => format!("\"{}\"", text.replace('"', "\"\"")),
+                false => text,
+            }
         };
         let mut csv = String::from("sweep,material,unknown,prediction_set,named");
         for material in self.materials.names() {
