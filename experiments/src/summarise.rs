@@ -16,8 +16,8 @@ use crate::published_confusion::TACTMAT_MATERIALS;
 use crate::questions::{Crossval, costs, sample_efficiency};
 use crate::tasks::{ExperimentDir, TaskState};
 use crate::{
-    DataRecord, ExperimentError, Job, Measure, Measurement, Part, Question, Row, Statistic,
-    Summary, Task, TaskRecord, grouping_of_counts,
+    DataRecord, ExperimentError, FailedTasks, Job, Measure, Measurement, Part, Question, Row,
+    Statistic, Summary, Task, TaskRecord, grouping_of_counts,
 };
 use audits::audits;
 use contenders::contenders;
@@ -61,6 +61,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     let beside_published = finished.iter().all(|task| {
         task.origin.is_comparable_to_published() && task.materials == TACTMAT_MATERIALS.len()
     });
+    let tasks = || dir.plan.tasks.iter();
     let mut summary = Summary {
         schema_version: Summary::SCHEMA_VERSION,
         name: recipe.name.clone(),
@@ -77,6 +78,10 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         seed: recipe.seed,
         tasks_done: finished.len(),
         tasks: dir.plan.tasks.len(),
+        tasks_running: tasks()
+            .filter(|task| dir.state(task) == TaskState::Running)
+            .count(),
+        failed: FailedTasks::of(tasks().filter_map(|task| Some((task, dir.failure(task)?)))),
         train_seconds: finished.iter().map(|task| task.record.seconds).sum(),
         processors: set(&|task| task.processors.clone()),
         data: finished

@@ -12,7 +12,7 @@ use crate::comparison::Comparison;
 use crate::contender::Contender;
 use crate::groups::Grouping;
 use crate::part::Part;
-use crate::plan::LeftOut;
+use crate::plan::{LeftOut, Task};
 use crate::questions::{Question, SampleEfficiency};
 use crate::row::Row;
 
@@ -43,6 +43,12 @@ pub struct Summary {
     pub tasks_done: usize,
     /// Number of all tasks.
     pub tasks: usize,
+    /// Number of tasks that a process runs at the moment.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub tasks_running: usize,
+    /// Tasks that failed, by model and cause.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub failed: Vec<FailedTasks>,
     /// Total time of all tasks, in seconds; only the training time for tasks that are single trainings.
     pub train_seconds: f64,
     /// Processor models.
@@ -96,6 +102,45 @@ impl Summary {
                 Some(AssumedRate { data, rate_hz })
             })
             .collect()
+    }
+}
+
+fn is_zero(number: &usize) -> bool {
+    *number == 0
+}
+
+/// Tasks of one model that failed for one reason.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FailedTasks {
+    /// Name of the model in the recipe.
+    pub model: String,
+    /// Number of tasks.
+    pub tasks: usize,
+    /// Name of the first one.
+    pub first: String,
+    /// Last message of the first one: cause and remedy.
+    pub reason: String,
+}
+
+impl FailedTasks {
+    /// Groups failed tasks, in their order.
+    ///
+    /// - `failures`: tasks with their last messages
+    pub(crate) fn of<'a>(failures: impl Iterator<Item = (&'a Task, String)>) -> Vec<Self> {
+        let mut groups: Vec<Self> = Vec::new();
+        for (task, reason) in failures {
+            let is_same = |group: &&mut Self| group.model == task.model && group.reason == reason;
+            match groups.iter_mut().find(is_same) {
+                Some(group) => group.tasks += 1,
+                None => groups.push(Self {
+                    model: task.model.clone(),
+                    tasks: 1,
+                    first: task.id.clone(),
+                    reason,
+                }),
+            }
+        }
+        groups
     }
 }
 

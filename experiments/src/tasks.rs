@@ -288,6 +288,17 @@ impl ExperimentDir {
         without_prefix(line.unwrap_or("its log is empty")).into()
     }
 
+    /// Returns the error with which a task ended; `None` if it runs, was interrupted, or did not fail.
+    pub(crate) fn failure(&self, task: &Task) -> Option<String> {
+        if self.state(task) != TaskState::Interrupted {
+            return None;
+        }
+        let log = fs::read_to_string(self.log_file(task)).unwrap_or_default();
+        let line = log.lines().rev().find(|line| !line.trim().is_empty())?;
+        let message = line.strip_prefix("error: ")?;
+        Some(message.into())
+    }
+
     /// Returns the last line of a task's log that is not about stopping; empty if there is none.
     pub(crate) fn last_progress(&self, task: &Task) -> String {
         let log = fs::read_to_string(self.log_file(task)).unwrap_or_default();

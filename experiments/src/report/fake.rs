@@ -30,6 +30,8 @@ pub(super) fn empty() -> Summary {
         seed: 1,
         tasks_done: 0,
         tasks: 4,
+        tasks_running: 0,
+        failed: Vec::new(),
         train_seconds: 0.0,
         processors: vec![],
         data: BTreeMap::new(),

@@ -58,8 +58,18 @@ fn drawn(summary: &Summary, headlines: &[Placed], none: &str) -> Markup {
         }
         @if summary.tasks_done < summary.tasks {
             p.warning {
-                strong { "Unfinished:" } " " (summary.tasks_done) " of " (summary.tasks) " tasks are done. All numbers come from "
-                "these tasks and will change."
+                strong { "Unfinished:" } " " (summary.tasks_done) " of " (summary.tasks) " tasks are done; all numbers come from "
+                "these tasks"
+                @match summary.tasks_running {
+                    0 => { ". No task is running; the same command continues." }
+                    running => { " and will change: " (running) " are running." }
+                }
+            }
+        }
+        @for failed in &summary.failed {
+            p.warning {
+                strong { "Failed:" } " " (failed.tasks) " of " (summary.tasks) " tasks, model " code { (failed.model) } ", first "
+                code { (failed.first) } ": " (failed.reason)
             }
         }
     }

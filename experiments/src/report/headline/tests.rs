@@ -1,7 +1,7 @@
 use super::super::data_set::data_sets;
 use super::super::fake;
 use super::*;
-use crate::{Comparison, Measure};
+use crate::{Comparison, FailedTasks, Measure};
 use tactnet_pipeline::TrainingSteps;
 
 fn page(summary: &Summary) -> String {
@@ -165,6 +165,19 @@ fn an_unfinished_run_says_so_beside_its_headline() {
     assert!(!page(&summary).contains("Unfinished"));
     summary.tasks_done = 3;
     assert!(page(&summary).contains("<strong>Unfinished:</strong> 3 of 4 tasks"));
+    assert!(!page(&summary).contains("will change"));
+    summary.tasks_running = 1;
+    assert!(page(&summary).contains("will change: 1 are running"));
+    summary.failed = vec![FailedTasks {
+        model: "lda".into(),
+        tasks: 1,
+        first: "twin-lda-fold0".into(),
+        reason: "expected two materials, found one".into(),
+    }];
+    assert!(
+        page(&summary)
+            .contains("<code>lda</code>, first <code>twin-lda-fold0</code>: expected two")
+    );
     assert!(
         of_study(&fake::empty())
             .0
