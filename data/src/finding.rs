@@ -90,6 +90,8 @@ pub enum FindingKind {
     Unreadable,
     /// Taxels are in one row, because the file does not name their arrangement.
     AssumedPatch,
+    /// Folders in folders: the finding says which level names the material.
+    FolderLayout,
     /// A part of the file is not read.
     NotRead,
 }
@@ -194,6 +196,7 @@ impl fmt::Display for FindingKind {
             Self::LeakingColumn => "columns that leak the material",
             Self::Unreadable => "unreadable parts",
             Self::AssumedPatch => "assumed arrangement of the taxels",
+            Self::FolderLayout => "layout of the folders",
             Self::NotRead => "not read",
         })
     }

@@ -314,10 +314,11 @@ fn solved(mut rows: [[f64; ORDER + 1]; ORDER]) -> [f64; ORDER] {
     let trace: f64 = (0..ORDER).map(|at| rows[at][at]).sum();
     (0..ORDER).for_each(|at| rows[at][at] += 1e-12 * trace + f64::MIN_POSITIVE);
     for pivot in 0..ORDER {
-        for row in pivot + 1..ORDER {
-            let factor = rows[row][pivot] / rows[pivot][pivot];
-            for column in pivot..=ORDER {
-                rows[row][column] -= factor * rows[pivot][column];
+        let of_pivot = rows[pivot];
+        for row in &mut rows[pivot + 1..] {
+            let factor = row[pivot] / of_pivot[pivot];
+            for (value, of_pivot) in row.iter_mut().zip(of_pivot) {
+                *value -= factor * of_pivot;
             }
         }
     }

@@ -55,6 +55,7 @@ mod read_options;
 mod recording;
 mod resample;
 mod resolution;
+mod split_folders;
 mod stamp;
 mod sweep_file;
 pub mod tactmat;
@@ -229,7 +230,7 @@ fn table_with_gaps(
                 (false, Some(file)) => {
                     format!("{}, which is a complete data set: pass that file", file.display())
                 }
-                (false, None) => "neither".to_owned(),
+                (false, None) => folder::nested_sweep(path).unwrap_or_else(|| "neither".to_owned()),
             },
         )));
     }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // a test may panic; the lint spares only functions marked `#[test]`
 
 mod hostile;
+mod layouts;
 mod own_data;
 mod resolution;
 mod tables;
