@@ -74,7 +74,11 @@ pub fn review(
     }
     let other = finding.kind != FindingKind::AssumedRate;
     // A trained network keeps its arrangement of taxels.
-    let shown = finding.severity == Severity::Warning || finding.kind == FindingKind::AssumedPatch;
+    let shown = finding.severity == Severity::Warning
+        || matches!(
+            finding.kind,
+            FindingKind::AssumedPatch | FindingKind::FolderLayout
+        );
     if shown && finding.is_general() && other {
         let message = failure::with_cure(&finding.message, finding.remedy.as_ref());
         match name {

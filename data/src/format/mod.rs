@@ -61,6 +61,7 @@ mod recording;
 mod resample;
 mod resolution;
 mod series;
+mod split_folders;
 mod stamp;
 mod sweep_file;
 pub mod tactmat;
@@ -236,7 +237,7 @@ fn table_with_gaps(
                 (false, Some(file)) => {
                     format!("{}, which is a complete data set: pass that file", file.display())
                 }
-                (false, None) => "neither".to_owned(),
+                (false, None) => folder::nested_sweep(path).unwrap_or_else(|| "neither".to_owned()),
             },
         )));
     }
