@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::arrays::{Arrays, Container, Other, RATES, Roles};
-use super::hdf5_values::{self, extents, matlab_class, scalar, shown_type};
+use super::arrays::{Arrays, Container, RATES, Roles};
+use super::hdf5_episodes::grouped;
+use super::hdf5_values::{self, matlab_class, scalar};
 use super::mismatch::{COPY, Mismatch};
 use super::named_sweeps::Labels;
 use super::read_options::ReadOptions;
@@ -39,6 +40,7 @@ pub(super) fn read_arrays(
 }
 
 /// Data set of a file, or a link to one in another file.
+#[derive(Clone)]
 pub(super) struct Entry {
     /// Path without a leading slash.
     pub(super) path: String,
@@ -143,16 +145,12 @@ fn arrays<'a>(
                 _ => array,
             });
             arrays.insert(entry.path.clone(), array)?;
-            continue;
         }
-        arrays.add_other(Other {
-            name: entry.path.clone(),
-            shape: entry.target.as_ref().ok().map(extents),
-            type_name: Some(match &entry.target {
-                Ok(dataset) => shown_type(dataset),
-                Err(other) => format!("in the file `{other}`"),
-            }),
-        });
+    }
+    let mut others = content.entries.clone();
+    others.retain(|entry| !arrays.is_known(&entry.path));
+    for other in grouped(&others) {
+        arrays.add_other(other);
     }
     let samples = content
         .entries

@@ -39,6 +39,7 @@ mod file_layout;
 mod folder;
 mod frame_table;
 mod hdf5_arrays;
+mod hdf5_episodes;
 mod hdf5_values;
 mod intervals;
 mod lengths;
@@ -246,6 +247,9 @@ fn table_with_gaps(
         Err(error) => Some(Err(error)),
         Ok(FileKind::Pretended(found)) => {
             Some(Err(DataError::format(path, "file", READABLE, found)))
+        }
+        Ok(FileKind::Hdf5) if hdf5_episodes::are_named(options) => {
+            Some(hdf5_episodes::read_with_gaps(path, options))
         }
         #[cfg(feature = "parquet")]
         Ok(FileKind::Parquet) => Some(parquet::read_with_gaps(path, options, labels)),

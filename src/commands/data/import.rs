@@ -12,6 +12,7 @@ use tactnet_data::format::{
 use tactnet_data::{DataError, DataSource, Dataset, Severity};
 
 use super::ConvertArgs;
+use crate::commands::array_names::ArrayNames;
 use crate::commands::choices::{rate, steps};
 use crate::{output, source};
 
@@ -71,9 +72,8 @@ struct CutArgs {
     /// Stretch every sweep to this number of steps, by linear interpolation
     #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u32).range(2..))]
     stretch: Option<u32>,
-    /// Array or feature that holds the samples, in a file that has several
-    #[arg(long, value_name = "NAME")]
-    samples: Option<String>,
+    #[command(flatten)]
+    arrays: ArrayNames,
 }
 
 impl CutArgs {
@@ -103,12 +103,11 @@ impl CutArgs {
             (self.resample.is_some(), "--resample"),
             (self.window.is_some(), "--window"),
             (!self.columns.is_empty(), "--columns"),
-            (self.samples.is_some(), "--samples"),
             (self.names.is_some(), "--names"),
         ];
-        options
-            .into_iter()
-            .find_map(|(set, name)| set.then_some(name))
+        let mut options = options.into_iter();
+        let set = options.find_map(|(set, name)| set.then_some(name));
+        set.or_else(|| self.arrays.first())
     }
 }
 
@@ -179,7 +178,8 @@ fn read(arguments: &ImportArgs) -> anyhow::Result<Dataset> {
         columns: arguments.cut.columns.clone(),
         resample_hz: arguments.cut.resample,
         windows: arguments.cut.windows(),
-        samples: arguments.cut.samples.clone(),
+        samples: arguments.cut.arrays.samples.clone(),
+        labels: arguments.cut.arrays.labels.clone(),
         layout: arguments.cut.layout(),
     };
     match &arguments.material {
