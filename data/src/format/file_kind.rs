@@ -162,7 +162,7 @@ fn is_pickle(head: &[u8]) -> bool {
         line.iter()
             .all(|byte| byte.is_ascii_alphanumeric() || *byte == b'_')
     };
-    of_python.iter().any(|name| is_known(name)) && lines.next().is_some_and(is_class)
+    of_python.iter().any(is_known) && lines.next().is_some_and(is_class)
 }
 
 /// Returns true if the signature of HDF5 follows at 512, 1024, 2048, ... bytes.

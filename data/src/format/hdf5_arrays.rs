@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::arrays::{Arrays, Container, RATES, Roles};
+use super::guarded::guarded;
 use super::hdf5_episodes::grouped;
 use super::hdf5_values::{self, matlab_class, scalar};
 use super::mismatch::{COPY, Mismatch};
@@ -11,13 +12,14 @@ use super::named_sweeps::Labels;
 use super::read_options::ReadOptions;
 use super::tactmat;
 use crate::{DataError, Dataset};
+use hdf5_reader::error::Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::messages::HdfMessage;
 use hdf5_reader::messages::link::LinkTarget;
 use hdf5_reader::{Attribute, Hdf5File};
 
-/// Maximum number of data sets of a file that are listed.
-const MOST: usize = 10_000;
+/// Maximum number of data sets of a file.
+const MOST: usize = 100_000;
 /// Maximum number of groups in each other.
 const DEEPEST: usize = 32;
 
@@ -26,6 +28,14 @@ const DEEPEST: usize = 32;
 /// # Errors
 /// As [`tactmat::read`].
 pub(super) fn read_arrays(
+    path: &Path,
+    labels: Labels,
+    options: &ReadOptions,
+) -> Result<(Dataset, bool), DataError> {
+    guarded(path, "HDF5", || read_unguarded(path, labels, options))
+}
+
+fn read_unguarded(
     path: &Path,
     labels: Labels,
     options: &ReadOptions,
@@ -90,8 +100,12 @@ impl Content {
         seen: &mut BTreeSet<u64>,
         depth: usize,
     ) -> hdf5_reader::error::Result<()> {
+        if depth > DEEPEST || self.entries.len() > MOST {
+            let found = format!("more than {MOST} data sets, or {DEEPEST} groups in each other");
+            return Err(Error::ResourceLimit(found));
+        }
         // Hard links may form a cycle.
-        if depth > DEEPEST || self.entries.len() > MOST || !seen.insert(group.address()) {
+        if !seen.insert(group.address()) {
             return Ok(());
         }
         let (groups, sets) = group.members()?;
@@ -141,7 +155,7 @@ fn arrays<'a>(
             let is_samples = arrays.is_samples(&entry.path);
             let array = array.map(|array| match content.container {
                 // MATLAB has no arrays of one dimension.
-                Container::Mat if !is_samples => array.as_list(),
+                Container::Mat if !is_samples => array.into_list(),
                 _ => array,
             });
             arrays.insert(entry.path.clone(), array)?;

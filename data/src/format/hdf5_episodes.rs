@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use super::arrays::Other;
+use super::guarded::guarded;
 use super::hdf5_arrays::{Content, Entry, rate_attribute};
 use super::hdf5_values::{self, extents, shown_type};
 use super::named_sweeps::{NAMED, NamedSweeps, some_names};
@@ -30,6 +31,10 @@ pub(super) fn are_named(options: &ReadOptions) -> bool {
 /// # Errors
 /// No data set of that path; data sets without frames or with different taxels; labels that are missing.
 pub(super) fn read_with_gaps(path: &Path, options: &ReadOptions) -> Result<NamedSweeps, DataError> {
+    guarded(path, "HDF5", || read_unguarded(path, options))
+}
+
+fn read_unguarded(path: &Path, options: &ReadOptions) -> Result<NamedSweeps, DataError> {
     let file = tactmat::open(path)?;
     let content = Content::of(&file, path)?;
     let pattern = options
@@ -46,12 +51,7 @@ pub(super) fn read_with_gaps(path: &Path, options: &ReadOptions) -> Result<Named
         }
     }
     let Some((_, first)) = episodes.first() else {
-        let listed = grouped(&content.entries).into_iter().map(|of| of.name);
-        let listed: Vec<String> = listed.collect();
-        let found = some_names(listed.iter().map(String::as_str));
-        let item = format!("data sets `{pattern}`");
-        let error = DataError::format(path, item, "to be in the file", format!("only {found}"));
-        return Err(error.with_remedy(Remedy::NameSamples));
+        return Err(no_episode(path, pattern, &content));
     };
     let rate = rate_attribute(&file, first).map(|(_, rate)| rate);
     episodes.sort_by_cached_key(|(name, _)| natural(name));
@@ -67,10 +67,9 @@ pub(super) fn read_with_gaps(path: &Path, options: &ReadOptions) -> Result<Named
         .collect::<Result<_, _>>()?;
     let patch = frames[0].patch;
     if let Some(odd) = frames.iter().position(|frames| frames.patch != patch) {
-        let item = format!("data set `{}`", episodes[odd].1.path);
         let expected = format!("{patch}, as `{}`", episodes[0].1.path);
         let found = frames[odd].patch.to_string();
-        return Err(DataError::format(path, item, expected, found));
+        return Err(source.error(&episodes[odd].1.path, &expected, found));
     }
     let recordings = episodes
         .into_iter()
@@ -89,6 +88,17 @@ pub(super) fn read_with_gaps(path: &Path, options: &ReadOptions) -> Result<Named
         ..options.clone()
     };
     recordings.into_sweeps(&options)
+}
+
+/// Returns the error of a path that no data set has.
+fn no_episode(path: &Path, pattern: &str, content: &Content) -> DataError {
+    let listed: Vec<String> = grouped(&content.entries)
+        .into_iter()
+        .map(|of| of.name)
+        .collect();
+    let found = format!("only {}", some_names(listed.iter().map(String::as_str)));
+    let item = format!("data sets `{pattern}`");
+    DataError::format(path, item, "to be in the file", found).with_remedy(Remedy::NameSamples)
 }
 
 /// Frames of one sweep.

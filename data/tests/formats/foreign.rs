@@ -403,13 +403,46 @@ proptest! {
         let dir = tempfile::tempdir().unwrap();
         let damaged = dir.path().join(name(path));
         std::fs::write(&damaged, bytes).unwrap();
-        for options in [named("", ""), named("recording.skin", "recording.material")] {
+        for options in [
+            named("", ""),
+            named("recording.skin", "recording.material"),
+            named("recorded/skin/pressure", "recorded/material"),
+            named("data/*/obs/tactile", "data/*@task"),
+        ] {
             match read_to_classify_with(&damaged, &options) {
                 Ok(sweeps) => { check(&sweeps.dataset); }
                 Err(error) => prop_assert!(error.to_string().contains(name(path)), "{}", error),
             }
         }
     }
+}
+
+#[test]
+fn tables_and_folders_have_no_named_arrays() {
+    let error = format::read_with(&fixture("read/frames.parquet"), &named("x", "")).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("samples: expected a file with named arrays"),
+        "{error}"
+    );
+    let error = format::read_with(&fixture("read"), &named("", "y")).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("labels: expected a file with named arrays"),
+        "{error}"
+    );
+    let npz = fixture("read/x_y_names.npz");
+    let read = format::read_with(&npz, &named("X", "y")).unwrap();
+    assert_eq!(read.sha256(), format::read(&npz).unwrap().sha256());
+    let error = format::read_with(&npz, &named("skin", "y"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("array `skin`: expected to be in the archive, found only"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -9,10 +9,11 @@ mod texts;
 use anyhow::bail;
 
 /// Names of all targets.
-pub const NAMES: [&str; 9] = [
+pub const NAMES: [&str; 10] = [
     "npz",
     "npz members",
     "hdf5",
+    "mat",
     "csv",
     "parquet",
     "mcap",
@@ -56,8 +57,9 @@ pub fn open(name: &str) -> anyhow::Result<Target> {
         "npz" => datasets::whole("npz"),
         "npz members" => datasets::npz_members(),
         "hdf5" => datasets::whole("h5"),
+        "mat" => datasets::others("mat"),
         "csv" => datasets::csv(),
-        "parquet" => datasets::parquet(),
+        "parquet" => datasets::others("parquet"),
         "mcap" => recording::mcap(),
         "messages" => Ok(messages::messages()),
         "run" => run_dir::run(),
