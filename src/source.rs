@@ -36,6 +36,8 @@ pub fn shortest(spec: &TrainSpec) -> Result<usize, DataError> {
     let options = ReadOptions {
         keep: Keep::Shortest,
         rate_hz: spec.rate_hz,
+        samples: spec.samples.clone(),
+        labels: spec.labels.clone(),
         ..ReadOptions::default()
     };
     let source = DataSource::named(&spec.data);
