@@ -228,9 +228,12 @@ def split(order: tuple[str, ...], words: tuple[str, ...], format: str, folder: P
             lines = [",".join(map(cell, frame)) for frame in values.tolist()]
             (into / f"{sweep}.csv").write_text("t0,t1,t2,t3,t4,t5,t6,t7\n" + "\n".join(lines) + "\n")
     no_rate = () if format == "npy" else ("assumed_rate",)
-    read = Import(of, test=test)
+    # Validation sweeps are no test sweeps.
+    read = Import(of, test=test if words[1].lower() == "test" else None)
+    if order[0] == "split":
+        return Made(folder / "sweeps", (read, NoOther(no_rate)))
     # With materials above the split, the message may name the pattern of the files instead.
-    return Made(folder / "sweeps", (read if order[0] == "split" else Either(read, Refused(r"--names")), NoOther(no_rate)))
+    return Made(folder / "sweeps", (Either(read, Refused(r"--names")),))
 
 
 def levels(levels: tuple[str, str], format: str, folder: Path) -> Made:
