@@ -36,6 +36,8 @@ pub fn shortest(spec: &TrainSpec) -> Result<usize, DataError> {
     let options = ReadOptions {
         keep: Keep::Shortest,
         rate_hz: spec.rate_hz,
+        samples: spec.samples.clone(),
+        labels: spec.labels.clone(),
         ..ReadOptions::default()
     };
     let source = DataSource::named(&spec.data);
@@ -74,7 +76,11 @@ pub fn review(
     }
     let other = finding.kind != FindingKind::AssumedRate;
     // A trained network keeps its arrangement of taxels.
-    let shown = finding.severity == Severity::Warning || finding.kind == FindingKind::AssumedPatch;
+    let shown = finding.severity == Severity::Warning
+        || matches!(
+            finding.kind,
+            FindingKind::AssumedPatch | FindingKind::FolderLayout
+        );
     if shown && finding.is_general() && other {
         let message = failure::with_cure(&finding.message, finding.remedy.as_ref());
         match name {

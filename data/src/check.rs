@@ -36,6 +36,7 @@
 //! | [`AlikeNames`](FindingKind::AlikeNames) | warning | names that look alike: they differ only in case, white space, invisible characters or letters of another script |
 //! | [`ConfoundedBlocks`](FindingKind::ConfoundedBlocks) | warning | materials whose sweeps are all in one block, with at most half of the materials |
 //! | [`AssumedPatch`](FindingKind::AssumedPatch) | note | taxels in one row, because the data does not name their arrangement |
+//! | [`FolderLayout`](FindingKind::FolderLayout) | note | folders `train`, `test` or `val` are a split, so the folders in them name the materials |
 //! | [`NotRead`](FindingKind::NotRead) | note | a part of the file that is not read |
 
 mod axes;
@@ -47,14 +48,17 @@ mod dropouts;
 mod fill_values;
 mod identical;
 mod leaking_columns;
+mod leaks;
 mod lengths;
 mod names;
 mod near_duplicates;
+mod noise;
 mod not_finite;
 mod out_of_range;
 mod overlap;
 mod padding;
 mod rest;
+mod run_evidence;
 mod saturation;
 mod shared_frames;
 mod spikes;
@@ -63,6 +67,7 @@ mod sweeps_per_material;
 mod taxel_limits;
 mod taxel_names;
 
+pub use leaks::{refuse_leaks, shared_within_blocks};
 pub use lengths::check_lengths;
 
 use crate::format::UNLABELLED;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::format::Format;
 use crate::twin::{self, TwinConfig};
-use crate::{DataError, Dataset, Fold, Scheme, Seed, format, refuse_errors};
+use crate::{DataError, Dataset, Fold, Scheme, Seed, format, refuse_errors, refuse_leaks};
 
 /// Data set without errors that can be split into folds.
 ///
@@ -86,8 +86,9 @@ impl TryFrom<Dataset> for CheckedDataset {
     type Error = DataError;
 
     fn try_from(sweeps: Dataset) -> Result<Self, DataError> {
-        refuse_errors(&sweeps, sweeps.name())?;
+        let findings = refuse_errors(&sweeps, sweeps.name())?;
         let scheme = Scheme::default_for(&sweeps);
+        refuse_leaks(&sweeps, &findings, scheme, sweeps.name())?;
         // The number of sweeps decides whether a data set can be split, so any seed shows it.
         Fold::new(&sweeps, scheme, Seed(0), 0, 0)?;
         Ok(Self { sweeps, scheme })

@@ -90,7 +90,7 @@ impl DataSource {
             Self::File(path) => Err(DataError::format(
                 path,
                 "file",
-                "a data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy) or the word `twin`",
+                "a data set (.h5, .npz, .mat, .csv, .parquet, a folder of .csv or .npy) or the word `twin`",
                 missing(path),
             )),
         }

@@ -63,6 +63,18 @@ pub enum DataError {
         /// Message of the first error.
         first: String,
     },
+    /// A split would put sweeps that share frames on both sides, see [`crate::refuse_leaks`].
+    #[error(
+        "{name}: the split could train on frames that it tests on, since {sweeps} sweep{} with an earlier one, the first: {first}", if *sweeps == 1 { " shares frames" } else { "s share frames" }
+    )]
+    Leak {
+        /// Name or file of the data set, as the caller gave it.
+        name: String,
+        /// Number of sweeps that share frames with an earlier one.
+        sweeps: usize,
+        /// Message of the first finding.
+        first: String,
+    },
 }
 
 impl DataError {
@@ -72,7 +84,8 @@ impl DataError {
             Self::Format { .. }
             | Self::Unreadable { .. }
             | Self::Inconsistent { .. }
-            | Self::Unsound { .. } => true,
+            | Self::Unsound { .. }
+            | Self::Leak { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
         }
     }
@@ -82,6 +95,7 @@ impl DataError {
         match self {
             Self::Format { remedy, .. } | Self::Inconsistent { remedy, .. } => remedy.clone(),
             Self::Unsound { name, .. } => Some(Remedy::ListFindings { data: name.clone() }),
+            Self::Leak { .. } => Some(Remedy::LeaveBlocksOut),
             Self::Unreadable { findings, .. } => findings.iter().find_map(|of| of.remedy.clone()),
             Self::Io { .. } => None,
         }
@@ -92,7 +106,7 @@ impl DataError {
         let file = match self {
             Self::Unreadable { findings, .. } => return findings.clone(),
             Self::Format { path, .. } | Self::Io { path, .. } => Some(path.clone()),
-            Self::Inconsistent { .. } | Self::Unsound { .. } => None,
+            Self::Inconsistent { .. } | Self::Unsound { .. } | Self::Leak { .. } => None,
         };
         vec![
             Finding {

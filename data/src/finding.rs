@@ -94,6 +94,8 @@ pub enum FindingKind {
     AssumedPatch,
     /// Meaning of the axes of an array, which the file does not name.
     AxesRead,
+    /// Folders in folders: the finding says which level names the material.
+    FolderLayout,
     /// A part of the file is not read.
     NotRead,
 }
@@ -201,6 +203,7 @@ impl fmt::Display for FindingKind {
             Self::Unreadable => "unreadable parts",
             Self::AssumedPatch => "assumed arrangement of the taxels",
             Self::AxesRead => "axes as they are read",
+            Self::FolderLayout => "layout of the folders",
             Self::NotRead => "not read",
         })
     }

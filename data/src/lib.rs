@@ -44,7 +44,9 @@ pub mod twin;
 mod value_range;
 mod write_whole;
 
-pub use check::{check, check_lengths, check_unlabelled, refuse_errors};
+pub use check::{
+    check, check_lengths, check_unlabelled, refuse_errors, refuse_leaks, shared_within_blocks,
+};
 pub use checked_dataset::{CheckedDataset, Folds};
 pub use data_origin::DataOrigin;
 pub use data_source::DataSource;

@@ -70,7 +70,7 @@ mod tests {
         for (from, to) in LOOK_ALIKES {
             assert_eq!(from.chars().count(), to.chars().count(), "{from}");
             assert!(from.chars().all(|letter| !letter.is_ascii()), "{from}");
-            assert!(to.chars().all(|letter| letter.is_ascii()), "{to}");
+            assert!(to.is_ascii(), "{to}");
         }
     }
 

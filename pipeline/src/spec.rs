@@ -28,6 +28,12 @@ pub struct TrainSpec {
     /// Number of time steps kept from the beginning of every sweep; absent: all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<usize>,
+    /// Name or path of the samples in a file that holds several arrays; absent: the usual names.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub samples: Option<String>,
+    /// Name or path of the materials of the sweeps in a file that holds several arrays; absent: the usual names.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub labels: Option<String>,
     /// Order of the labels: as in the data set, or permuted at random.
     #[serde(skip_serializing_if = "is_default")]
     pub label_order: LabelOrder,
@@ -71,6 +77,8 @@ impl Default for TrainSpec {
             mean_removal: None,
             rate_hz: None,
             steps: None,
+            samples: None,
+            labels: None,
             label_order: LabelOrder::default(),
             split: None,
             folds: None,
@@ -305,6 +313,8 @@ mod tests {
             mean_removal: Some(MeanRemoval::PerSweep),
             rate_hz: Some(100.0),
             steps: Some(250),
+            samples: Some("recorded/skin".into()),
+            labels: Some("recorded/material".into()),
             label_order: LabelOrder::Permuted,
             split: Some(SplitKind::LeaveBlockOut),
             folds: Some(4),

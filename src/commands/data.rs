@@ -21,6 +21,7 @@ use tactnet_skin::packets::unfit;
 
 use info_table::InfoTable;
 
+use super::array_names::ArrayNames;
 use super::choices::{rate, steps};
 use crate::{failure, output, source, view};
 
@@ -72,7 +73,7 @@ pub enum DataCommand {
 
 #[derive(Args)]
 pub struct FileArgs {
-    /// Data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy), or `twin`
+    /// Data set (.h5, .npz, .mat, .csv, .parquet, a folder of .csv or .npy), or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// Sample rate, in Hz; it takes precedence over that of the data
@@ -81,6 +82,8 @@ pub struct FileArgs {
     /// Number of time steps of each sweep to use, from its start, or `shortest` [default: all]
     #[arg(long, value_name = "N|shortest", value_parser = steps)]
     steps: Option<Keep>,
+    #[command(flatten)]
+    arrays: ArrayNames,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -100,7 +103,7 @@ pub struct CheckArgs {
 
 #[derive(Args)]
 pub struct ConvertArgs {
-    /// Data set to read: .h5, .npz, .csv, .parquet, a folder of .csv or .npy, or `twin`
+    /// Data set to read: .h5, .npz, .mat, .csv, .parquet, a folder of .csv or .npy, or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// Output file; its extension selects the format
@@ -130,6 +133,9 @@ pub fn run(command: DataCommand) -> anyhow::Result<ExitCode> {
 fn load_with_gaps(arguments: &FileArgs, otherwise: Keep) -> anyhow::Result<SweepsToClassify> {
     let data = arguments.data.as_str();
     Ok(if DataSource::is_twin(data) || !Path::new(data).exists() {
+        if let Some(option) = arguments.arrays.first() {
+            anyhow::bail!("{option}: expected a file, found `{data}`");
+        }
         let dataset = source::load(data)?;
         let dataset = match arguments.steps {
             Some(Keep::First(steps)) => dataset.first_steps(steps)?,
@@ -140,6 +146,8 @@ fn load_with_gaps(arguments: &FileArgs, otherwise: Keep) -> anyhow::Result<Sweep
         let options = ReadOptions {
             keep: arguments.steps.unwrap_or(otherwise),
             rate_hz: arguments.rate,
+            samples: arguments.arrays.samples.clone(),
+            labels: arguments.arrays.labels.clone(),
             ..ReadOptions::default()
         };
         format::read_to_classify_with_gaps(Path::new(data), &options)?

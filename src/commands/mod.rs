@@ -1,5 +1,6 @@
 //! Subcommands, one per file: arguments, progress, exit code.
 
+mod array_names;
 pub mod bench;
 #[cfg_attr(not(feature = "catching"), path = "without_catching.rs")]
 pub mod catch;

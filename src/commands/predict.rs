@@ -24,7 +24,7 @@ use crate::output::OutputFormat;
 pub struct PredictArgs {
     #[command(flatten)]
     run: RunChoice,
-    /// Sweeps: .npz, .npy, .csv, .parquet, a folder of .csv or .npy, or any data set; labels are optional. Files
+    /// Sweeps: .npz, .npy, .mat, .csv, .parquet, a folder of .csv or .npy, or any data set; labels are optional. Files
     /// without rows and columns (tables, `X` [n][steps][taxels]) take the run's arrangement of taxels
     #[arg(long, value_name = "FILE")]
     data: String,

@@ -26,7 +26,7 @@ pub struct SameArgs {
     /// Run directory
     #[arg(value_name = "RUN")]
     run: String,
-    /// Sweeps of one object: .npz, .npy, .csv, .parquet, a folder of .csv or .npy, or any data set
+    /// Sweeps of one object: .npz, .npy, .mat, .csv, .parquet, a folder of .csv or .npy, or any data set
     #[arg(value_name = "FIRST")]
     first: String,
     /// Sweeps of the other object

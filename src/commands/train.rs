@@ -31,6 +31,9 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen()?;
     let session = match &arguments.resume {
         Some(folder) => {
+            if let Some(option) = arguments.named_array() {
+                bail!("{option}: expected only for a new run, found --resume");
+            }
             let data = arguments.data.as_deref();
             let begun_with = RunDir::open(folder)?.config()?.spec.data;
             source::announce(data.unwrap_or(&begun_with));

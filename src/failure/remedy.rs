@@ -45,6 +45,7 @@ pub(super) fn words_of(remedy: &Remedy) -> String {
                 .into()
         }
         Remedy::ChooseFolds => "choose another split with `--folds N` or `--split hold-out`".into(),
+        Remedy::LeaveBlocksOut => "split by blocks with `--split leave-block-out`".into(),
         Remedy::ListFindings { data } => format!("list all with `tactnet data check {data}`"),
         Remedy::ConvertRecording => {
             "convert it to a data set with `tactnet data import FILE --out NEW.npz`".into()
@@ -136,6 +137,7 @@ mod tests {
             (Remedy::DropUnlabelled, "--drop-label ''`"),
             (Remedy::SubtractOffset, "`X - X.mean((0, 1))`"),
             (Remedy::ChooseFolds, "--split hold-out"),
+            (Remedy::LeaveBlocksOut, "--split leave-block-out"),
             (
                 Remedy::ListFindings {
                     data: "a.h5".into(),

@@ -227,7 +227,13 @@ def split(order: tuple[str, ...], words: tuple[str, ...], format: str, folder: P
         else:
             lines = [",".join(map(cell, frame)) for frame in values.tolist()]
             (into / f"{sweep}.csv").write_text("t0,t1,t2,t3,t4,t5,t6,t7\n" + "\n".join(lines) + "\n")
-    return Made(folder / "sweeps", (Import(of, test=test), NoOther(("assumed_rate",))))
+    no_rate = () if format == "npy" else ("assumed_rate",)
+    # Validation sweeps are no test sweeps.
+    read = Import(of, test=test if words[1].lower() == "test" else None)
+    if order[0] == "split":
+        return Made(folder / "sweeps", (read, NoOther(no_rate)))
+    # With materials above the split, the message may name the pattern of the files instead.
+    return Made(folder / "sweeps", (Either(read, Refused(r"--names")),))
 
 
 def levels(levels: tuple[str, str], format: str, folder: Path) -> Made:
@@ -274,7 +280,7 @@ def unequal(kind: str, format: str, folder: Path) -> Made:
     arguments = ("data", "import", "FILE", "--out", "FOLDER/imported.npz")
     expect: tuple[Any, ...] = (
         Find("unequal_lengths", "error"),
-        NoOther(("unequal_lengths", "assumed_rate", "few_sweeps", "unbalanced_materials")),
+        NoOther(("unequal_lengths", "few_sweeps", "unbalanced_materials")),
         Says(arguments, rf"shortest has {shortest}.*longest {longest}.*most|--steps", 2),
         Import(kept, ("--steps", "shortest")),
         Import(fewer, ("--steps", "100")),

@@ -47,11 +47,11 @@ def changed(of: Sweeps, kind: str) -> Sweeps:
 
     def pressure(values: Array) -> Array:
         """A pressure in Pa on that of the atmosphere."""
-        return 101_325.0 + 40.0 * values
+        return 101_325.0 + 40.0 * (values - 30.0)
 
     def clipped(values: Array) -> Array:
         """A skin that is not touched all the time: zero, or the force above a threshold."""
-        return np.maximum(values - 18.0, 0.0)
+        return np.maximum(values - 28.0, 0.0)
 
     def drifting(values: Array) -> Array:
         return values + np.linspace(0.0, random.uniform(0.5, 3.0), len(values))[:, None]
@@ -60,12 +60,12 @@ def changed(of: Sweeps, kind: str) -> Sweeps:
         "pressure": pressure,
         "clipped": clipped,
         "drifting": drifting,
-        "volts": lambda values: 0.01 * (values - 20.0),
-        "large": lambda values: 1e6 * (values - 20.0),
-        "tiny": lambda values: 1e-9 * (values - 20.0),
+        "volts": lambda values: 0.01 * (values - 30.0),
+        "large": lambda values: 1e6 * (values - 30.0),
+        "tiny": lambda values: 1e-9 * (values - 30.0),
         "float32": lambda values: values.astype(np.float32),
-        "signed": lambda values: np.round(500 * (values - 20.0)).astype(np.int16),
-        "counts": lambda values: np.round(3 * np.maximum(values, 0)).astype(np.uint8),
+        "signed": lambda values: np.round(500 * (values - 30.0)).astype(np.int16),
+        "counts": lambda values: np.round(2 * np.maximum(values, 0)).astype(np.uint8),
         "two decimals": lambda values: np.round(values, 2),
     }
     return of.mapped(kinds[kind])
@@ -75,7 +75,7 @@ def sound(of: Sweeps, format: str, folder: Path) -> Made:
     stamped = even_times(of) if format in ("table", "folder", "parquet") else of
     path = lerobot(of, folder) if format == "lerobot" else write(format, stamped, folder)
     read = of.mapped(lambda values: values.astype(np.float32)) if format == "lerobot" else of
-    return Made(path, (NoOther(("assumed_rate",) if format == "npy" else ()), Import(read, rate=None if format == "npy" else of.rate)))
+    return Made(path, (NoOther(), Import(read, rate=None if format == "npy" else of.rate)))
 
 
 def by_language(language: str, format: str, folder: Path) -> Made:

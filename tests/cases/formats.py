@@ -280,7 +280,7 @@ def read_type(kind: str, format: str, folder: Path) -> Made:
     path = npz(of, folder) if format == "npz" else npy(of, folder)
     if format == "npz" and kind == "Fortran order":
         np.savez(path, X=np.asfortranarray(of.stack()), y=np.array(of.materials), sample_rate_hz=100.0)
-    return Made(path, (NoOther(("assumed_rate",) if format == "npy" else ()), Import(of)))
+    return Made(path, (NoOther(), Import(of)))
 
 
 def labelled_nan(folder: Path, format: str) -> Made:
@@ -290,7 +290,7 @@ def labelled_nan(folder: Path, format: str) -> Made:
     of.values[9][0, 0] = np.inf
     at = [{"sweep": 5, "step": 33, "taxel": 4}, {"sweep": 9, "step": 0, "taxel": 0}]
     found = tuple(Find("not_finite", "error", place) for place in at)
-    return Made(write(format, of, folder), (*found, NoOther(("not_finite", "assumed_rate"))))
+    return Made(write(format, of, folder), (*found, NoOther(("not_finite",))))
 
 
 def types() -> Iterator[Case]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -170,6 +170,24 @@ def imported(name: str, compression: CompressionType, folder: Path) -> Made:
     return Made(path, (Import(windows(values, 50), arguments, RATE),))
 
 
+def labelled(name: str, folder: Path) -> Made:
+    """A text of the message names the material of its frame."""
+    encoding = ENCODINGS[name]()
+    values = frames_of(name, encoding)
+    plain, count = encoding.encode, iter(range(FRAMES))
+
+    def encode(frame: Array, nanoseconds: int) -> bytes:
+        body = json.loads(plain(frame, nanoseconds))
+        return json.dumps(body | {"surface": "cork" if next(count) < 150 else "felt"}).encode()
+
+    path = folder / "recording.mcap"
+    record(path, replace(encoding, encode=encode), values, CompressionType.LZ4)
+    expected = windows(values, 50)
+    expected.materials = ["cork"] * 3 + ["felt"] * 5
+    arguments = ("--topic", "/skin", "--field", encoding.field, "--label-field", "surface", "--window", "50")
+    return Made(path, (Import(expected, arguments, RATE),))
+
+
 def listed(name: str, folder: Path) -> Made:
     """Without `--topic` the topics are listed."""
     encoding = ENCODINGS[name]()
@@ -217,6 +235,8 @@ def cases() -> Iterator[Case]:
     for name in ENCODINGS:
         for compression in (CompressionType.ZSTD, CompressionType.NONE):
             yield Case(f"17 import/{name}, {compression.name.lower()}/mcap", 17, "mcap", partial(imported, name, compression))
+    for name in ("JSON", "JSON nested"):
+        yield Case(f"17 label field/{name}/mcap", 17, "mcap", partial(labelled, name))
     for name in ("JSON", "Float32MultiArray", "Protocol Buffers"):
         yield Case(f"17 topics listed/{name}/mcap", 17, "mcap", partial(listed, name))
     for name in ("JSON", "own message"):

@@ -62,8 +62,9 @@ def smooth(random: np.random.Generator, steps: int, columns: int, corner: float)
     spectrum = np.fft.rfft(random.standard_normal((length, columns)), axis=0)
     frequency = np.linspace(0.0, 1.0, len(spectrum))
     spectrum /= (1.0 + (frequency / corner) ** 4)[:, None]
-    signal = np.fft.irfft(spectrum, length, axis=0)[32 : 32 + steps]
-    return np.asarray(signal / (signal.std(axis=0) + 1e-12))
+    spectrum[0] = 0.0
+    signal = np.fft.irfft(spectrum, length, axis=0)
+    return np.asarray(signal / signal.std(axis=0))[32 : 32 + steps]
 
 
 def sweeps(
@@ -73,7 +74,7 @@ def sweeps(
     steps: int = 200,
     taxels: int = 8,
     rate: float = 100.0,
-    offset: float = 20.0,
+    offset: float = 30.0,
     amplitude: float = 4.0,
     noise: float = 0.05,
     lengths: list[int] | None = None,

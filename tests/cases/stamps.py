@@ -59,7 +59,7 @@ def received(mean: float, share: float) -> Stamping:
     def stamping(seconds: Array, random: np.random.Generator) -> Array:
         delay = np.where(random.random(len(seconds)) < share, random.exponential(mean, len(seconds)), 0.0)
         jitter = 2e-4 * random.random(len(seconds))
-        return np.maximum.accumulate(seconds + delay) + np.cumsum(jitter * 1e-3) + jitter
+        return np.asarray(np.maximum.accumulate(seconds + delay + jitter) + 1e-6 * np.arange(len(seconds)))
 
     return stamping
 

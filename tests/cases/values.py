@@ -33,18 +33,13 @@ FILLS: dict[str, tuple[float, str, tuple[str, ...]]] = {
 }
 
 
-def quiet(format: str, *kinds: str) -> NoOther:
-    """Returns no other findings; single arrays do not name their rate."""
-    return NoOther((*kinds, "assumed_rate") if format == "npy" else kinds)
-
-
 def fill_value(name: str, format: str, folder: Path) -> Made:
     value, kind, _ = FILLS[name]
     of = sensor(f"5 fill {name}", kind)
     of.values[7][31, 5] = value
     of.values[7][90, 5] = value
     at = {"sweep": 7, "step": 31, "taxel": 5}
-    return Made(write(format, of, folder), (Find("fill_value", "error", at), quiet(format, "fill_value")))
+    return Made(write(format, of, folder), (Find("fill_value", "error", at), NoOther(("fill_value",))))
 
 
 def spike(bits: int | None, frames: int, format: str, folder: Path) -> Made:
@@ -55,11 +50,11 @@ def spike(bits: int | None, frames: int, format: str, folder: Path) -> Made:
         of = of.mapped(lambda values: values.astype(np.uint16))
         far = 60_000.0
     else:
-        far = 20.0 + 60.0 * np.abs(np.concatenate(of.values)[:, taxel] - 20.0).max()
+        far = 30.0 + 60.0 * np.abs(np.concatenate(of.values)[:, taxel] - 30.0).max()
     for more in range(frames):
         of.values[sweep][step + more, taxel] = far - more * 7
     at = {"sweep": sweep, "step": step, "taxel": taxel}
-    return Made(write(format, of, folder), (Find("spike", "warning", at), quiet(format, "spike")))
+    return Made(write(format, of, folder), (Find("spike", "warning", at), NoOther(("spike",))))
 
 
 def many_spikes(format: str, folder: Path) -> Made:
@@ -68,7 +63,7 @@ def many_spikes(format: str, folder: Path) -> Made:
     for values in of.values:
         for step in random.choice(np.arange(2, 190, 4), 8, replace=False):
             values[step, random.integers(8)] += 600.0
-    return Made(write(format, of, folder), (Find("spike", "error"), quiet(format, "spike")))
+    return Made(write(format, of, folder), (Find("spike", "error"), NoOther(("spike",))))
 
 
 #: Zero or frozen frames, sensor, number of frames, severity.
@@ -86,7 +81,7 @@ def dropout(name: str, format: str, folder: Path) -> Made:
     of.values[4][100 : 100 + frames] = 0 if zero else of.values[4][99]
     at = {"sweep": 4, "step": 100 if zero else 99}
     found = Find("dropout", severity, at, rf"{frames if zero else frames + 1} of 200")
-    return Made(write(format, of, folder), (found, quiet(format, "dropout")))
+    return Made(write(format, of, folder), (found, NoOther(("dropout",))))
 
 
 def dead(kind: str, odd: int, format: str, folder: Path) -> Made:
@@ -98,7 +93,7 @@ def dead(kind: str, odd: int, format: str, folder: Path) -> Made:
     for place in range(odd):
         of.values[3 * place][50 + place, 6] = of.values[3 * place][50, 2] + 1
     found = Find("dead_taxel", "warning", {"taxel": 6})
-    return Made(write(format, of, folder), (found, quiet(format, "dead_taxel", "spike")))
+    return Made(write(format, of, folder), (found, NoOther(("dead_taxel", "spike"))))
 
 
 #: Content of the padding, and the sensor.
@@ -136,7 +131,7 @@ def padding(name: str, kind: str, follows: bool, format: str, folder: Path) -> M
         at = {"sweep": sweep} if name == "noise" else {"sweep": sweep, "step": starts[sweep]}
         expect.append(Find("padding", "warning|error", at))
     separates = Find("padding", "error", message="separates? the materials", count=None if follows else 0)
-    return Made(write(format, of, folder), (*expect, separates, quiet(format, "padding")))
+    return Made(write(format, of, folder), (*expect, separates, NoOther(("padding",))))
 
 
 #: Offset, amplitude, true for whole numbers, steps of a 32-bit float at the offset.

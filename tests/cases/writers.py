@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from signals import Array, Sweeps
+from signals import Array, Sweeps, even_times
 
 #: Formats of arrays, and formats that hold a row per frame.
 ARRAYS = ("npz", "h5", "npy")
@@ -21,7 +21,9 @@ FORMATS = ARRAYS + TABLES
 
 
 def write(kind: str, of: Sweeps, folder: Path, **options: Any) -> Path:
-    """Writes sweeps in a format and returns the path to read."""
+    """Writes sweeps in a format and returns the path to read; tables get times."""
+    if kind in TABLES and not of.seconds and not of.columns:
+        of = even_times(of)
     return {"npz": npz, "h5": h5, "npy": npy, "table": table, "folder": csv_folder, "parquet": parquet, "lerobot": lerobot}[kind](
         of, folder, **options
     )

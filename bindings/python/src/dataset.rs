@@ -163,9 +163,9 @@ impl Dataset {
             .map_err(raised)
     }
 
-    /// Reads HDF5, npz, CSV, Parquet or a folder of CSV.
+    /// Reads HDF5, npz, MATLAB, CSV, Parquet or a folder of CSV.
     #[staticmethod]
-    #[pyo3(signature = (path, rate_hz=None, steps=None, columns=Vec::new(), resample_hz=None, window=None, hop=None, intervals=None, drop_labels=Vec::new()))]
+    #[pyo3(signature = (path, rate_hz=None, steps=None, columns=Vec::new(), resample_hz=None, window=None, hop=None, intervals=None, drop_labels=Vec::new(), samples=None, labels=None))]
     #[allow(clippy::too_many_arguments)] // keyword arguments of Python
     fn read(
         py: Python<'_>,
@@ -178,6 +178,8 @@ impl Dataset {
         hop: Option<Length>,
         intervals: Option<PathBuf>,
         drop_labels: Vec<String>,
+        samples: Option<String>,
+        labels: Option<String>,
     ) -> PyResult<Self> {
         let span = |length: Option<Length>| length.map(Span::try_from).transpose().map_err(raised);
         let (length, hop) = (span(window)?, span(hop)?);
@@ -192,6 +194,8 @@ impl Dataset {
                 .map_err(raised)?,
             rate_hz,
             columns,
+            samples,
+            labels,
             resample_hz,
             windows: length.map(|length| Windows {
                 hop,

@@ -1,7 +1,7 @@
 //! Tests of the checks for sweeps that share frames or are copies of another.
 
 use super::*;
-use crate::{LabelSet, Remedy, Samples, SweepRecord, SweepShape};
+use crate::{LabelSet, Remedy, Samples, Scheme, SweepRecord, SweepShape};
 
 const TAXELS: usize = 6;
 const STEPS: usize = 200;
@@ -27,6 +27,10 @@ enum Blocks {
     Unknown,
     /// All sweeps of a material are one block.
     OfMaterial,
+    /// As `OfMaterial`; the sweeps from `from` on are test sweeps.
+    Tested {
+        from: usize,
+    },
 }
 
 /// Returns the findings about shared frames and copies.
@@ -35,6 +39,13 @@ fn check_sweeps(values: Vec<f32>, taxels: usize, blocks: Blocks) -> Vec<Finding>
 }
 
 fn check_samples(samples: Samples, taxels: usize, blocks: Blocks) -> Vec<Finding> {
+    let mut findings = check(&dataset_of(samples, taxels, blocks));
+    let kinds = [FindingKind::Overlap, FindingKind::NearDuplicate];
+    findings.retain(|finding| kinds.contains(&finding.kind));
+    findings
+}
+
+fn dataset_of(samples: Samples, taxels: usize, blocks: Blocks) -> Dataset {
     let shape = SweepShape {
         steps: samples.len() / SWEEPS / taxels,
         rows: 1,
@@ -45,17 +56,16 @@ fn check_samples(samples: Samples, taxels: usize, blocks: Blocks) -> Vec<Finding
         sweep: sweep % (SWEEPS / 2),
         block: match blocks {
             Blocks::Unknown => None,
-            Blocks::OfMaterial => Some((2 * sweep / SWEEPS) as u32),
+            Blocks::OfMaterial | Blocks::Tested { .. } => Some((2 * sweep / SWEEPS) as u32),
         },
-        test: None,
+        test: match blocks {
+            Blocks::Tested { from } => Some(sweep >= from),
+            _ => None,
+        },
     };
     let records = (0..SWEEPS).map(record).collect();
     let labels = LabelSet::new(["cork", "denim"]).unwrap();
-    let dataset = Dataset::new("t", 100.0, shape, labels, records, samples).unwrap();
-    let mut findings = check(&dataset);
-    let kinds = [FindingKind::Overlap, FindingKind::NearDuplicate];
-    findings.retain(|finding| kinds.contains(&finding.kind));
-    findings
+    Dataset::new("t", 100.0, shape, labels, records, samples).unwrap()
 }
 
 /// Returns windows that begin `hop` frames after the one before; each material has a recording.
@@ -244,4 +254,37 @@ fn integers_that_share_frames_are_found() {
     few.iter_mut().for_each(|value| *value = value.round());
     let few: Vec<f32> = few.into_iter().step_by(TAXELS).collect();
     assert_eq!(check_sweeps(few, 1, Blocks::Unknown).len(), 18, "one taxel");
+}
+
+#[test]
+fn splits_that_divide_blocks_of_shared_frames_are_refused() {
+    let dataset =
+        |hop: usize, blocks: Blocks| dataset_of(Samples::F32(windows(hop, 10.0)), TAXELS, blocks);
+    let refused = |dataset: &Dataset, scheme: Scheme| {
+        let shared = shared_within_blocks(dataset);
+        let findings = check(dataset);
+        let both = [&shared, &findings].map(|of| refuse_leaks(dataset, of, scheme, "own.npz"));
+        let both = both.map(|result| result.map_err(|error| error.to_string()));
+        assert_eq!(both[0], both[1]);
+        both[0].clone().err()
+    };
+    let random = [Scheme::default(), Scheme::hold_out()];
+    let overlapping = dataset(20, Blocks::OfMaterial);
+    for scheme in random {
+        let message = refused(&overlapping, scheme).unwrap();
+        let begin = "own.npz: the split could train on frames that it tests on, since 18 sweeps share frames with an earlier one, the first: `cork` sweep 0";
+        assert!(message.starts_with(begin), "{message}");
+    }
+    let error = refuse_leaks(&overlapping, &check(&overlapping), random[0], "own.npz").unwrap_err();
+    assert_eq!(error.remedy(), Some(Remedy::LeaveBlocksOut));
+    assert_eq!(refused(&overlapping, Scheme::LeaveBlockOut), None);
+    assert_eq!(refused(&overlapping, Scheme::TrainOnAll), None);
+    // The author's split divides a block, or keeps both whole.
+    for (from, is_refused) in [(7, true), (10, false)] {
+        let tested = dataset(20, Blocks::Tested { from });
+        let found = refused(&tested, Scheme::TestFlag);
+        assert_eq!(found.is_some(), is_refused, "{from}: {found:?}");
+    }
+    let separate = dataset(STEPS, Blocks::OfMaterial);
+    assert_eq!(refused(&separate, random[0]), None);
 }

@@ -1,10 +1,11 @@
 //! Sweeps that are copies of another except for rounding, an offset or a gain.
 //!
 //! Two recordings of a material have different noise. A copy has the same noise: the difference of two copies is smaller
-//! than the part of the signal that its own past does not predict. Candidates are found by random projections.
+//! than the noise. Candidates are found by random projections.
 
 use rayon::prelude::*;
 
+use super::noise::{dot, median, noise, without_mean};
 use super::sweep_statistics::SweepStatistics;
 use super::taxel_names::in_sweep;
 use super::{are_together, finding};
@@ -20,10 +21,10 @@ const DISTANCE: f32 = 0.1;
 const COMPARED: usize = 4;
 /// Maximum number of taxels that are compared.
 const TAXELS: usize = 16;
-/// Number of frames from which the next is predicted.
-const ORDER: usize = 4;
-/// Maximum difference of copies, as a share of the unpredictable part of the signal; it is above 1 for independent sweeps.
-const DIFFERENCE: f64 = 0.3;
+/// Minimum number of values that are compared: fewer may agree by chance.
+const VALUES: usize = 64;
+/// Maximum difference of copies, as a share of the noise; it is above 1 for independent sweeps.
+const DIFFERENCE: f64 = 0.25;
 /// Maximum difference of copies, as a share of the lower quartile of the differences to other sweeps.
 const UNUSUAL: f64 = 0.3;
 /// Maximum number of other sweeps that copies are compared with.
@@ -197,7 +198,8 @@ fn are_copies(dataset: &Dataset, earlier: usize, later: usize) -> bool {
             _ => return false,
         }
     }
-    !compared.is_empty() && is_unlike_others(dataset, &compared, earlier, later)
+    compared.len() * dataset.shape().steps >= VALUES
+        && is_unlike_others(dataset, &compared, earlier, later)
 }
 
 /// Returns true if two sweeps differ far less than other sweeps, in at least half of these taxels. Otherwise all sweeps
@@ -244,21 +246,17 @@ fn is_changing(values: &[f64]) -> bool {
 enum Likeness {
     /// The second signal is predictable: it has no noise to compare.
     Noiseless,
-    /// Apart from offset and gain they differ less than the unpredictable part of the second.
+    /// Apart from offset and gain they differ less than the noise of the second.
     Copy,
     Different,
 }
 
 fn likeness(a: &[f64], b: &[f64]) -> Likeness {
-    let plain = without_mean(b);
-    let surprise = median(unpredictable(&plain));
-    // The unpredictable part of a signal without noise is the rounding of its values.
-    let smallest = 1e-5 * (dot(&plain, &plain) / plain.len() as f64).sqrt();
-    if surprise <= smallest {
+    let Some(noise) = noise(b) else {
         return Likeness::Noiseless;
-    }
+    };
     match difference(a, b) {
-        Some(difference) if difference <= DIFFERENCE * surprise => Likeness::Copy,
+        Some(difference) if difference <= DIFFERENCE * noise => Likeness::Copy,
         _ => Likeness::Different,
     }
 }
@@ -272,98 +270,22 @@ fn difference(a: &[f64], b: &[f64]) -> Option<f64> {
     (gain > 0.0 && gain.is_finite()).then(|| median(differences.collect()))
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn without_mean(values: &[f64]) -> Vec<f64> {
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    values.iter().map(|value| value - mean).collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// Returns the absolute errors of the best linear prediction of each value from the [`ORDER`] values before it.
-fn unpredictable(values: &[f64]) -> Vec<f64> {
-    let mut normal = [[0.0; ORDER + 1]; ORDER];
-    for window in values.array_windows::<{ ORDER + 1 }>() {
-        for (row, of_row) in normal.iter_mut().enumerate() {
-            for (sum, value) in of_row.iter_mut().zip(window) {
-                *sum += window[row] * value;
-            }
-        }
-    }
-    let weights = solved(normal);
-    let error = |window: &[f64; ORDER + 1]| {
-        let predicted: f64 = window
-            .iter()
-            .zip(&weights)
-            .map(|(value, weight)| value * weight)
-            .sum();
-        (window[ORDER] - predicted).abs()
-    };
-    values.array_windows().map(error).collect()
-}
-
-/// Solves the equations whose last column is the right-hand side, by elimination. The matrix is symmetric and positive;
-/// a small number on its diagonal keeps it regular.
-fn solved(mut rows: [[f64; ORDER + 1]; ORDER]) -> [f64; ORDER] {
-    let trace: f64 = (0..ORDER).map(|at| rows[at][at]).sum();
-    (0..ORDER).for_each(|at| rows[at][at] += 1e-12 * trace + f64::MIN_POSITIVE);
-    for pivot in 0..ORDER {
-        for row in pivot + 1..ORDER {
-            let factor = rows[row][pivot] / rows[pivot][pivot];
-            for column in pivot..=ORDER {
-                rows[row][column] -= factor * rows[pivot][column];
-            }
-        }
-    }
-    let mut solution = [0.0; ORDER];
-    for row in (0..ORDER).rev() {
-        let known: f64 = (row + 1..ORDER)
-            .map(|at| rows[row][at] * solution[at])
-            .sum();
-        solution[row] = (rows[row][ORDER] - known) / rows[row][row];
-    }
-    solution
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_sine_is_predictable_and_noise_is_not() {
-        let sine: Vec<f64> = (0..200).map(|at| (f64::from(at) * 0.7).sin()).collect();
-        assert!(median(unpredictable(&sine)) < 1e-6);
+    fn a_copy_has_the_same_noise() {
         let noise = |factor: u32| -> Vec<f64> {
             let noise = (0..200_u32).map(|at| at.wrapping_mul(factor) ^ (at << 7));
             noise
                 .map(|at| f64::from(at.wrapping_mul(2_654_435_761) >> 20))
                 .collect()
         };
-        let surprise = median(unpredictable(&without_mean(&noise(77))));
-        assert!(surprise > 500.0, "{surprise}");
+        let sine: Vec<f64> = (0..200).map(|at| (f64::from(at) * 0.7).sin()).collect();
         assert_eq!(likeness(&noise(77), &noise(91)), Likeness::Different);
         assert_eq!(likeness(&noise(77), &sine), Likeness::Noiseless);
         let copy: Vec<f64> = noise(77).iter().map(|x| (x * 0.1).round() + 5.0).collect();
         assert_eq!(likeness(&noise(77), &copy), Likeness::Copy);
-    }
-
-    #[test]
-    fn equations_are_solved() {
-        let rows = [
-            [4.0, 1.0, 0.0, 0.0, 6.0],
-            [1.0, 3.0, 0.0, 0.0, 7.0],
-            [0.0, 0.0, 2.0, 0.0, 6.0],
-            [0.0, 0.0, 0.0, 1.0, 4.0],
-        ];
-        let solution = solved(rows);
-        for (found, expected) in solution.iter().zip([1.0, 2.0, 3.0, 4.0]) {
-            assert!((found - expected).abs() < 1e-9, "{solution:?}");
-        }
     }
 }

@@ -24,7 +24,7 @@ pub(super) fn overlaps(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Ove
         return Vec::new();
     };
     let taxels = dataset.shape().taxels();
-    let frames_of = |sweep: usize| Frames::of(&dataset.sweep(sweep), taxels);
+    let frames_of = |sweep: usize| Frames::of(dataset.sweep(sweep), taxels);
     let mut anchors: Vec<Anchor> = (0..dataset.len())
         .into_par_iter()
         .flat_map_iter(|sweep| {

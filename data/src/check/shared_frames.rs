@@ -1,6 +1,8 @@
 //! Search for runs of frames that two sweeps share, by anchors: frames whose hashes mark the same places in both sweeps.
 
-use std::collections::HashMap;
+use std::collections::HashSet;
+
+use super::run_evidence::{Evidence, bits};
 
 /// Minimum length of a shared run, in frames.
 const SHORTEST: usize = 8;
@@ -44,12 +46,13 @@ pub(super) struct SharedRun {
     pub(super) frames: usize,
 }
 
-/// Hashes of the frames of a sweep.
+/// Frames of a sweep with their hashes.
 pub(super) struct Frames {
+    evidence: Evidence,
     /// Hash of each frame: `[steps]`.
     hashes: Vec<u64>,
-    /// Hash of the change from the frame before: `[steps]`; 0 for the first frame and for a frame equal to the one before.
-    changes: Vec<u64>,
+    /// True for a frame that equals the one before: `[steps]`.
+    repeated: Vec<bool>,
 }
 
 /// Returns the minimum length of a shared run in sweeps of this length, in frames; `None` if they are too short.
@@ -58,22 +61,19 @@ pub(super) fn shortest_run(steps: usize) -> Option<usize> {
 }
 
 impl Frames {
-    /// Returns the hashes of a sweep, `[steps][taxels]`.
-    pub(super) fn of(values: &[f32], taxels: usize) -> Self {
-        let hashes: Vec<u64> = values
-            .chunks_exact(taxels)
-            // Adding zero makes a negative zero positive.
-            .map(|frame| hash_of(frame.iter().map(|value| (value + 0.0).to_bits())))
-            .collect();
-        let pairs = values
-            .chunks_exact(taxels)
-            .zip(values.chunks_exact(taxels).skip(1));
-        let change = |(before, after): (&[f32], &[f32])| match before == after {
-            true => 0,
-            false => hash_of(before.iter().zip(after).map(|(a, b)| (b - a).to_bits())),
-        };
-        let changes = std::iter::once(0).chain(pairs.map(change)).collect();
-        Self { hashes, changes }
+    /// Returns the frames of a sweep, `[steps][taxels]`.
+    pub(super) fn of(values: Vec<f32>, taxels: usize) -> Self {
+        let frames = || values.chunks_exact(taxels);
+        // Adding zero makes a negative zero positive.
+        let hash = |frame: &[f32]| hash_of(frame.iter().map(|value| (value + 0.0).to_bits()));
+        let pairs = frames().zip(frames().skip(1));
+        Self {
+            hashes: frames().map(hash).collect(),
+            repeated: std::iter::once(false)
+                .chain(pairs.map(|(before, after)| before == after))
+                .collect(),
+            evidence: Evidence::of(values, taxels),
+        }
     }
 
     fn steps(&self) -> usize {
@@ -129,7 +129,7 @@ impl Frames {
                 rolling = rolling.wrapping_sub(left);
             }
             rolling = rolling.wrapping_mul(FACTOR).wrapping_add(hash);
-            still = match step > 0 && self.changes[step] == 0 {
+            still = match self.repeated[step] {
                 true => still + 1,
                 false => 0,
             };
@@ -150,7 +150,7 @@ impl Frames {
         let possible = bits(self.steps() as f64 * self.steps() as f64) + MARGIN_BITS;
         twice.any(|[first, second]| {
             let run = self.longest_run(self, first.1 as i32 - second.1 as i32);
-            self.evidence(run) > possible
+            self.evidence.exceeds(run, possible)
         })
     }
 
@@ -184,22 +184,6 @@ impl Frames {
         longest
     }
 
-    /// Returns the information in a run, in bits: minus the logarithm of the probability that an independent sweep has
-    /// the same run. It is estimated from the changes between frames; equal frames carry no information.
-    fn evidence(&self, run: SharedRun) -> f64 {
-        let end = run.start + run.frames;
-        let changes = &self.changes[(run.start + 1).min(end)..end];
-        let mut counts: HashMap<u64, usize> = HashMap::new();
-        for &change in changes.iter().filter(|&&change| change != 0) {
-            *counts.entry(change).or_default() += 1;
-        }
-        let moving: usize = counts.values().sum();
-        let equal: usize = counts.values().map(|count| count * (count - 1)).sum();
-        let pairs = moving * moving.saturating_sub(1);
-        let collision = (1 + equal) as f64 / (1 + pairs) as f64;
-        -bits(collision) * moving as f64
-    }
-
     /// Returns the run that two sweeps share at this lag, if it is too long to occur by chance.
     ///
     /// - `lag`: step of `earlier` minus step of this sweep
@@ -213,14 +197,14 @@ impl Frames {
         let run = self.longest_run(earlier, lag);
         let is_long = shortest_run(self.steps()).is_some_and(|shortest| run.frames >= shortest);
         let possible = 2.0 * bits(all_frames as f64) + MARGIN_BITS;
-        (is_long && self.evidence(run) > possible).then_some(run)
+        (is_long && self.evidence.exceeds(run, possible)).then_some(run)
     }
 }
 
 /// Returns the pairs of sweeps that share an anchor, in order; a sweep is paired with at most [`PARTNERS`] others per
 /// anchor.
 pub(super) fn candidates(anchors: &[Anchor]) -> Vec<Candidate> {
-    let mut candidates = std::collections::HashSet::new();
+    let mut candidates = HashSet::new();
     for group in anchors.chunk_by(|a, b| a.hash == b.hash) {
         for (place, earlier) in group.iter().enumerate() {
             for later in group[place + 1..].iter().take(PARTNERS) {
@@ -240,16 +224,11 @@ pub(super) fn candidates(anchors: &[Anchor]) -> Vec<Candidate> {
     candidates
 }
 
-fn bits(number: f64) -> f64 {
-    number.max(f64::MIN_POSITIVE).log2()
-}
-
 fn hash_of(words: impl Iterator<Item = u32>) -> u64 {
     let hash = words.fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| {
         (hash.rotate_left(5) ^ u64::from(word)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
     });
-    // 0 marks a frame without change.
-    mixed(hash).max(1)
+    mixed(hash)
 }
 
 /// Returns the number with its bits mixed, below [`CONSTANT`].
@@ -280,7 +259,7 @@ mod tests {
         let run = 20;
         for shift in 1..60 {
             let (a, b) = (&long[..2 * 100], &long[2 * shift..2 * (100 + shift)]);
-            let [a, b] = [a, b].map(|values| Frames::of(values, 2).anchors(run).unwrap());
+            let [a, b] = [a, b].map(|values| Frames::of(values.to_vec(), 2).anchors(run).unwrap());
             let in_both = a.iter().filter(|of_a| {
                 b.iter()
                     .any(|of_b| (of_a.0, of_a.1) == (of_b.0, of_b.1 + shift))
@@ -294,7 +273,7 @@ mod tests {
     fn the_longest_run_is_found_at_its_lag() {
         let a = noise(1, 100, 1000);
         let b = [&noise(2, 30, 1000)[..], &a[..2 * 70]].concat();
-        let [a, b] = [a, b].map(|values| Frames::of(&values, 2));
+        let [a, b] = [a, b].map(|values| Frames::of(values, 2));
         let run = b.longest_run(&a, -30);
         let expected = SharedRun {
             start: 30,
@@ -314,26 +293,10 @@ mod tests {
     }
 
     #[test]
-    fn ramps_and_frames_at_rest_carry_no_information() {
-        let bits_of = |values: Vec<f32>| {
-            let frames = Frames::of(&values, 2);
-            let all = SharedRun {
-                start: 0,
-                frames: frames.steps(),
-            };
-            frames.evidence(all)
-        };
-        assert_eq!(bits_of(vec![7.0; 400]), 0.0);
-        assert_eq!(bits_of((0..400).map(|at| (at / 2) as f32).collect()), 0.0);
-        assert!(bits_of(noise(1, 20, 2)) < 60.0);
-        assert!(bits_of(noise(1, 20, 1000)) > 150.0);
-    }
-
-    #[test]
     fn periodic_sweeps_have_no_anchors() {
         let once = noise(1, 30, 50);
         let periodic = once.repeat(5);
-        assert_eq!(Frames::of(&periodic, 2).anchors(20), None);
-        assert!(Frames::of(&noise(2, 150, 50), 2).anchors(20).is_some());
+        assert_eq!(Frames::of(periodic, 2).anchors(20), None);
+        assert!(Frames::of(noise(2, 150, 50), 2).anchors(20).is_some());
     }
 }

@@ -269,13 +269,7 @@ impl<'a> Arrays<'a> {
         let texts = normal_texts(labels)
             .or_else(|| Some(numbers?.iter().map(i64::to_string).collect()))
             .ok_or_else(|| self.error(name, "names or whole numbers", labels.type_name()))?;
-        if let Some(nameless) = texts.iter().position(|text| text.trim().is_empty()) {
-            return Err(self.error(
-                name,
-                "a name for every sweep",
-                format!("an empty one, `{name}[{nameless}]`"),
-            ));
-        }
+        self.refuse_nameless(name, &texts)?;
         let names = materials.unwrap_or_else(|| sorted_names(&texts));
         let of_sweep: Result<Vec<usize>, DataError> = texts
             .iter()
@@ -287,6 +281,17 @@ impl<'a> Arrays<'a> {
             })
             .collect();
         Ok((self.label_set(names)?, of_sweep?))
+    }
+
+    /// Succeeds if all labels have a name.
+    fn refuse_nameless(&self, name: &str, texts: &[String]) -> Result<(), DataError> {
+        match texts.iter().position(|text| text.trim().is_empty()) {
+            None => Ok(()),
+            Some(nameless) => {
+                let found = format!("an empty one, `{name}[{nameless}]`");
+                Err(self.error(name, "a name for every sweep", found))
+            }
+        }
     }
 
     /// Returns the error of labels whose shape does not match that of `samples`.

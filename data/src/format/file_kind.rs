@@ -22,7 +22,7 @@ pub(super) enum FileKind {
     Parquet,
     /// A recording.
     Mcap,
-    /// A file of MATLAB before version 7.3.
+    /// A file of MATLAB of version 5 to 7.2.
     Matlab,
     /// Text, or bytes of no known kind.
     Other,
@@ -54,6 +54,8 @@ const PRETENDED: [(&[u8], &str); 10] = [
 ];
 /// Reason why pickles are refused, with the cure.
 const PICKLE: &str = "a Python pickle, which can run code when it is loaded; save arrays with np.savez_compressed(\"sweeps.npz\", X=X, y=y)";
+/// Mark that some programs write in front of UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// Beginnings of web pages, in lower case.
 const PAGES: [&[u8]; 4] = [b"<!doctype html", b"<html", b"<head", b"<?xml"];
 
@@ -116,17 +118,51 @@ fn of_bytes(head: &[u8]) -> FileKind {
     if let Some((_, found)) = PRETENDED.iter().find(|(magic, _)| head.starts_with(magic)) {
         return FileKind::Pretended(found);
     }
-    // Protocols 2 to 5 of pickle begin with their number.
-    if let [0x80, 2..=5, ..] = head {
+    if is_pickle(head) {
         return FileKind::Pretended(PICKLE);
     }
-    let text = head.trim_ascii_start().to_ascii_lowercase();
+    let text = head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head);
+    let text = text.trim_ascii_start().to_ascii_lowercase();
     if PAGES.iter().any(|page| text.starts_with(page)) {
         return FileKind::Pretended(
             "an HTML page or XML: a download of a web page in place of the file?",
         );
     }
     FileKind::Other
+}
+
+/// Returns true for the first bytes of a Python pickle.
+fn is_pickle(head: &[u8]) -> bool {
+    // Protocols 2 to 5 begin with their number, a dict or list of protocol 0 or 1 with its mark.
+    let marks: [&[u8]; 4] = [b"(dp0\n", b"(lp0\n", b"}q\0", b"]q\0"];
+    if matches!(head, [0x80, 2..=5, ..]) || marks.iter().any(|mark| head.starts_with(mark)) {
+        return true;
+    }
+    // Objects of protocol 0 and 1 begin with `c`, a module, a line feed, a class and a line feed.
+    let tuple = head.strip_prefix(b"(").unwrap_or(head);
+    let Some(module) = tuple.strip_prefix(b"c") else {
+        return false;
+    };
+    let mut lines = module.split(|byte| *byte == b'\n');
+    let module = lines.next().unwrap_or_default();
+    let of_python = [
+        &b"numpy"[..],
+        b"copy_reg",
+        b"builtins",
+        b"__builtin__",
+        b"pandas",
+        b"collections",
+    ];
+    let is_known = |name: &&[u8]| {
+        module
+            .strip_prefix(*name)
+            .is_some_and(|rest| matches!(rest, [] | [b'.', ..]))
+    };
+    let is_class = |line: &[u8]| {
+        line.iter()
+            .all(|byte| byte.is_ascii_alphanumeric() || *byte == b'_')
+    };
+    of_python.iter().any(is_known) && lines.next().is_some_and(is_class)
 }
 
 /// Returns true if the signature of HDF5 follows at 512, 1024, 2048, ... bytes.
@@ -161,7 +197,15 @@ mod tests {
                 "git lfs pull",
             ),
             (b"\n <!DOCTYPE HTML><html>", "HTML"),
+            (b"\xef\xbb\xbf<!DOCTYPE html>", "HTML"),
             (b"\x80\x04\x95\x1c", "pickle"),
+            // pickle.dumps({"X": array}, protocol) and pickle.dumps(array, protocol) of Python 3.11 and numpy 2.
+            (b"(dp0\nVX\np1\n", "pickle"),
+            (b"}q\x00X\x01\x00\x00\x00Xq\x01", "pickle"),
+            (b"cnumpy._core.multiarray\n_reconstruct\np0\n", "pickle"),
+            (b"(cnumpy._core.multiarray\n_reconstruct\nq\0", "pickle"),
+            (b"(lp0\nI1\naI2\na.", "pickle"),
+            (b"]q\x00(K\x01K\x02e.", "pickle"),
             (b"\x1f\x8b\x08", "gunzip"),
             (b"PK\x03\x04..........[Content_Types].xml", "Excel"),
             (b"%PDF-1.7", "PDF"),
@@ -174,5 +218,8 @@ mod tests {
         assert_eq!(of_bytes(b"PK\x03\x04\x14\0"), FileKind::Npz);
         assert_eq!(of_bytes(b"% recorded on Monday\n1,2"), FileKind::Other);
         assert_eq!(of_bytes(b"1.5,2.5\n"), FileKind::Other);
+        assert_eq!(of_bytes(b"cork\nfelt\np0\n"), FileKind::Other);
+        assert_eq!(of_bytes(b"cnumpy,a\n1,2\n"), FileKind::Other);
+        assert_eq!(of_bytes(b"\xef\xbb\xbfa,b\n1,2\n"), FileKind::Other);
     }
 }

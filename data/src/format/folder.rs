@@ -4,9 +4,11 @@
 //! |---|---|
 //! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block`, `test`) | given in the table |
 //! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.npy` | the name of its folder |
+//! | `FOLDER/train/felt/*.csv`, `FOLDER/test/felt/*.csv`, see `split_folders.rs` | the name of its folder |
 //!
 //! `sweep_file.rs` describes the files.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -17,6 +19,7 @@ use super::frame_table::{MATERIAL, is_one_of};
 use super::named_sweeps::{NamedSweeps, some_names};
 use super::read_options::ReadOptions;
 use super::recording::{Recording, Recordings};
+use super::split_folders::SplitFolders;
 use super::sweep_file::{Patch, SweepFile, is_sweep_file};
 use crate::{DataError, Finding};
 
@@ -40,13 +43,9 @@ pub(super) fn read_with_gaps(path: &Path, options: &ReadOptions) -> Result<Named
         sweeps.findings.extend(unlisted.map(Finding::not_read));
         return Ok(sweeps);
     }
-    let (entries, empty) = files_by_folder(path)?;
+    let FilesByFolder { entries, findings } = files_by_folder(path)?;
     let mut sweeps = read_files(path, entries, options)?;
-    if !empty.is_empty() {
-        let names = some_names(empty.iter().map(String::as_str));
-        let message = format!("folders without a .csv or .npy file: {names}");
-        sweeps.findings.push(Finding::not_read(message));
-    }
+    sweeps.findings.extend(findings);
     Ok(sweeps)
 }
 
@@ -121,7 +120,8 @@ pub(super) fn read_flat_folder(
 /// assert!(!is_folder_of_sweeps("missing".as_ref()));
 /// ```
 pub fn is_folder_of_sweeps(path: &Path) -> bool {
-    path.join(LABELS).is_file() || files_by_folder(path).is_ok_and(|(files, _)| !files.is_empty())
+    path.join(LABELS).is_file()
+        || files_by_folder(path).is_ok_and(|files| !files.entries.is_empty())
 }
 
 /// File of a sweep with its metadata.
@@ -236,15 +236,24 @@ fn common_patch(entries: &[Entry], sweeps: &[SweepFile]) -> Result<Patch, DataEr
 /// Returns the files' names, preceded by their folders' names if some would be equal.
 fn sweep_names(entries: &[Entry]) -> Vec<String> {
     let names = || entries.iter().map(|entry| super::stem(&entry.file));
-    let different: std::collections::HashSet<String> = names().collect();
+    let different: HashSet<String> = names().collect();
     if different.len() == entries.len() {
         return names().collect();
     }
-    let folder = |entry: &Entry| entry.file.parent().map(super::stem);
-    names()
-        .zip(entries)
-        .map(|(name, entry)| format!("{}/{name}", folder(entry).unwrap_or_default()))
-        .collect()
+    let with_folders = |levels: usize| -> Vec<String> {
+        let named = names().zip(entries).map(|(name, entry)| {
+            let folders = entry.file.ancestors().skip(1).take(levels);
+            folders.fold(name, |name, folder| format!("{}/{name}", name_of(folder)))
+        });
+        named.collect()
+    };
+    let different: HashSet<String> = with_folders(1).into_iter().collect();
+    // Both parts of a split may have a file of this name and material.
+    with_folders(if different.len() == entries.len() {
+        1
+    } else {
+        2
+    })
 }
 
 /// Returns the files that a table of labels lists, in its order.
@@ -292,22 +301,108 @@ fn unlisted(folder: &Path, listed: &[Entry]) -> Result<Option<String>, DataError
     Ok(Some(format!("files that {LABELS} does not list: {names}")))
 }
 
-/// Returns the sweep files in the folders of `path`, sorted by folder, and the names of folders without any.
-fn files_by_folder(path: &Path) -> Result<(Vec<Entry>, Vec<String>), DataError> {
-    let (mut entries, mut empty) = (Vec::new(), Vec::new());
-    for folder in list(path)?.into_iter().filter(|path| path.is_dir()) {
+/// Sweep files of folders.
+struct FilesByFolder {
+    /// Files, sorted by folder.
+    entries: Vec<Entry>,
+    /// Notes on the layout and on what is not read.
+    findings: Vec<Finding>,
+}
+
+/// Returns the sweep files in the folders of `path`.
+fn files_by_folder(path: &Path) -> Result<FilesByFolder, DataError> {
+    let folders = folders_in(path)?;
+    let has_sweeps =
+        |folder: &Path| sweeps_in(folder).is_ok_and(|mut files| files.next().is_some());
+    let has_materials = |folder: &Path| {
+        folders_in(folder).is_ok_and(|materials| materials.iter().any(|of| has_sweeps(of)))
+    };
+    let Some(split) = SplitFolders::among(&folders, has_sweeps, has_materials) else {
+        return files_of_materials(&folders, None);
+    };
+    let mut all = FilesByFolder {
+        entries: Vec::new(),
+        findings: vec![split.note()],
+    };
+    for (folder, part) in split.parts() {
+        let test = split.test_flag(*part);
+        let of_part = files_of_materials(&folders_in(folder)?, test)?;
+        let without_material = sweeps_in(folder)?.map(|file| Entry {
+            test,
+            ..Entry::unlabelled(file)
+        });
+        all.entries.extend(of_part.entries);
+        all.entries.extend(without_material);
+        all.findings.extend(of_part.findings);
+    }
+    Ok(all)
+}
+
+/// Returns the sweep files in the folders of materials.
+///
+/// - `test`: test flag of all sweeps
+fn files_of_materials(folders: &[PathBuf], test: Option<bool>) -> Result<FilesByFolder, DataError> {
+    let (mut entries, mut empty, mut deeper) = (Vec::new(), Vec::new(), Vec::new());
+    for folder in folders {
         let material = folder.file_name().unwrap_or_default().to_string_lossy();
         let before = entries.len();
-        entries.extend(sweeps_in(&folder)?.map(|file| Entry {
+        entries.extend(sweeps_in(folder)?.map(|file| Entry {
             material: Some(material.to_string()),
+            test,
             ..Entry::unlabelled(file)
         }));
         // Files and folders whose name begins with a dot belong to other programs.
         if entries.len() == before && !material.starts_with('.') {
-            empty.push(material.into_owned());
+            empty.push(material.to_string());
         }
+        let with_sweeps = folders_in(folder)?
+            .into_iter()
+            .filter(|below| sweeps_in(below).is_ok_and(|mut files| files.next().is_some()));
+        deeper.extend(with_sweeps.map(|below| format!("{material}/{}", name_of(&below))));
     }
-    Ok((entries, empty))
+    let note = |names: &[String], what: &str| {
+        let listed = some_names(names.iter().map(String::as_str));
+        (!names.is_empty()).then(|| Finding::not_read(format!("{what}: {listed}")))
+    };
+    let findings = [
+        note(&empty, "folders without a .csv or .npy file"),
+        note(
+            &deeper,
+            "folders in the folders that name the materials, which are not read",
+        ),
+    ];
+    Ok(FilesByFolder {
+        entries,
+        findings: findings.into_iter().flatten().collect(),
+    })
+}
+
+/// Returns a description of the first sweep two levels below a folder, for messages.
+pub(super) fn nested_sweep(path: &Path) -> Option<String> {
+    let folders = folders_in(path).ok()?;
+    folders.iter().find_map(|folder| {
+        let below = folders_in(folder).ok()?;
+        let inner = below.iter().find_map(|below| Some((below, sweeps_in(below).ok()?.next()?)));
+        let (below, file) = inner?;
+        Some(format!(
+            "sweeps two levels below, such as `{}/{}/{}`; the folders directly in this one have to name the materials, or a pattern for the names of the files has to",
+            name_of(folder),
+            name_of(below),
+            name_of(&file)
+        ))
+    })
+}
+
+fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+/// Returns the folders in a folder, sorted by name.
+fn folders_in(path: &Path) -> Result<Vec<PathBuf>, DataError> {
+    let mut paths = list(path)?;
+    paths.retain(|path| path.is_dir());
+    Ok(paths)
 }
 
 /// Returns true if a folder contains single NumPy arrays.

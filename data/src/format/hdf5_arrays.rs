@@ -3,20 +3,23 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::arrays::{Arrays, Container, Other, RATES, Roles};
-use super::hdf5_values::{self, extents, matlab_class, scalar, shown_type};
+use super::arrays::{Arrays, Container, RATES, Roles};
+use super::guarded::guarded;
+use super::hdf5_episodes::grouped;
+use super::hdf5_values::{self, matlab_class, scalar};
 use super::mismatch::{COPY, Mismatch};
 use super::named_sweeps::Labels;
 use super::read_options::ReadOptions;
 use super::tactmat;
 use crate::{DataError, Dataset};
+use hdf5_reader::error::Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::messages::HdfMessage;
 use hdf5_reader::messages::link::LinkTarget;
 use hdf5_reader::{Attribute, Hdf5File};
 
-/// Maximum number of data sets of a file that are listed.
-const MOST: usize = 10_000;
+/// Maximum number of data sets of a file.
+const MOST: usize = 100_000;
 /// Maximum number of groups in each other.
 const DEEPEST: usize = 32;
 
@@ -25,6 +28,14 @@ const DEEPEST: usize = 32;
 /// # Errors
 /// As [`tactmat::read`].
 pub(super) fn read_arrays(
+    path: &Path,
+    labels: Labels,
+    options: &ReadOptions,
+) -> Result<(Dataset, bool), DataError> {
+    guarded(path, "HDF5", || read_unguarded(path, labels, options))
+}
+
+fn read_unguarded(
     path: &Path,
     labels: Labels,
     options: &ReadOptions,
@@ -39,6 +50,7 @@ pub(super) fn read_arrays(
 }
 
 /// Data set of a file, or a link to one in another file.
+#[derive(Clone)]
 pub(super) struct Entry {
     /// Path without a leading slash.
     pub(super) path: String,
@@ -88,8 +100,12 @@ impl Content {
         seen: &mut BTreeSet<u64>,
         depth: usize,
     ) -> hdf5_reader::error::Result<()> {
+        if depth > DEEPEST || self.entries.len() > MOST {
+            let found = format!("more than {MOST} data sets, or {DEEPEST} groups in each other");
+            return Err(Error::ResourceLimit(found));
+        }
         // Hard links may form a cycle.
-        if depth > DEEPEST || self.entries.len() > MOST || !seen.insert(group.address()) {
+        if !seen.insert(group.address()) {
             return Ok(());
         }
         let (groups, sets) = group.members()?;
@@ -139,20 +155,16 @@ fn arrays<'a>(
             let is_samples = arrays.is_samples(&entry.path);
             let array = array.map(|array| match content.container {
                 // MATLAB has no arrays of one dimension.
-                Container::Mat if !is_samples => array.as_list(),
+                Container::Mat if !is_samples => array.into_list(),
                 _ => array,
             });
             arrays.insert(entry.path.clone(), array)?;
-            continue;
         }
-        arrays.add_other(Other {
-            name: entry.path.clone(),
-            shape: entry.target.as_ref().ok().map(extents),
-            type_name: Some(match &entry.target {
-                Ok(dataset) => shown_type(dataset),
-                Err(other) => format!("in the file `{other}`"),
-            }),
-        });
+    }
+    let mut others = content.entries.clone();
+    others.retain(|entry| !arrays.is_known(&entry.path));
+    for other in grouped(&others) {
+        arrays.add_other(other);
     }
     let samples = content
         .entries

@@ -51,7 +51,7 @@ pub(super) fn read(file: &Hdf5File, dataset: &Dataset) -> Result<Array, String> 
             Ok(Array::of_texts(vec![texts.len()], texts))
         }
         Some("cell") => Ok(Array::of_texts(shape, cells(file, dataset)?)),
-        Some(class) if is_number(class) => numbers(dataset, shape).map(Array::from_column_major),
+        Some(class) if is_number(class) => numbers(dataset, shape).map(Array::with_columns_first),
         Some(class @ ("string" | "categorical")) => Err(format!(
             "a {class} array, which only MATLAB can read; `y = cellstr(y)` makes text of it"
         )),

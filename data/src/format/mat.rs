@@ -32,8 +32,8 @@ const HEADER: usize = 128;
 const PEEKED: u64 = 4096;
 /// Maximum number of structs in each other.
 const DEEPEST: usize = 16;
-/// Maximum number of fields that are listed.
-const MOST: usize = 10_000;
+/// Maximum number of variables and fields.
+const MOST: usize = 100_000;
 
 /// Reads sweeps, and returns true if the file names their materials.
 ///
@@ -97,7 +97,7 @@ fn arrays_of<'a>(
             let is_samples = arrays.is_samples(path);
             let array = matrix.array();
             // MATLAB has no arrays of one dimension.
-            let array = array.map(|array| if is_samples { array } else { array.as_list() });
+            let array = array.map(|array| if is_samples { array } else { array.into_list() });
             arrays.insert(path.clone(), array)?;
         } else {
             arrays.add_other(Other {
@@ -123,7 +123,10 @@ impl<'a> Entry<'a> {
     /// Appends the variable, or the fields of a struct.
     fn list(self, entries: &mut Vec<Entry<'a>>, depth: usize) -> Result<(), String> {
         let is_open = self.is_whole && self.matrix.is_struct() && depth < DEEPEST;
-        if !is_open || entries.len() > MOST {
+        if entries.len() > MOST {
+            return Err(format!("more than {MOST} variables and fields"));
+        }
+        if !is_open {
             entries.push(self);
             return Ok(());
         }

@@ -38,7 +38,9 @@ mod file_kind;
 mod file_layout;
 mod folder;
 mod frame_table;
+mod guarded;
 mod hdf5_arrays;
+mod hdf5_episodes;
 mod hdf5_values;
 mod intervals;
 mod lengths;
@@ -61,6 +63,7 @@ mod recording;
 mod resample;
 mod resolution;
 mod series;
+mod split_folders;
 mod stamp;
 mod sweep_file;
 pub mod tactmat;
@@ -213,32 +216,8 @@ fn table_with_gaps(
     if lerobot::is_data_set(path) {
         return Some(lerobot::read_with_gaps(path, options));
     }
-    if let (true, Some(names)) = (path.is_dir(), &options.layout.names) {
-        return Some(folder::read_named(path, names, options));
-    }
-    if path.is_dir() && folder::is_folder_of_sweeps(path) {
-        return Some(folder::read_with_gaps(path, options));
-    }
     if path.is_dir() {
-        if (labels == Labels::Optional || options.windows.is_some())
-            && let Some(sweeps) = folder::read_flat_folder(path, options).transpose()
-        {
-            return Some(sweeps);
-        }
-        return Some(Err(DataError::format(
-            path,
-            "folder",
-            folder::LAYOUT,
-            match (folder::holds_arrays(path), folder::data_set_in(path)) {
-                (true, _) => {
-                    "arrays (.npy) without materials; sort them into one folder per material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]".to_owned()
-                }
-                (false, Some(file)) => {
-                    format!("{}, which is a complete data set: pass that file", file.display())
-                }
-                (false, None) => "neither".to_owned(),
-            },
-        )));
+        return Some(folder_with_gaps(path, options, labels));
     }
     if !path.exists() {
         return None;
@@ -249,8 +228,14 @@ fn table_with_gaps(
         Ok(FileKind::Pretended(found)) => {
             Some(Err(DataError::format(path, "file", READABLE, found)))
         }
+        Ok(FileKind::Hdf5) if hdf5_episodes::are_named(options) => {
+            Some(hdf5_episodes::read_with_gaps(path, options))
+        }
         #[cfg(feature = "parquet")]
-        Ok(FileKind::Parquet) => Some(parquet::read_with_gaps(path, options, labels)),
+        Ok(FileKind::Parquet) => {
+            let table = options.refuse_arrays(path, "a table");
+            Some(table.and_then(|()| parquet::read_with_gaps(path, options, labels)))
+        }
         #[cfg(not(feature = "parquet"))]
         Ok(FileKind::Parquet) => Some(Err(DataError::format(
             path,
@@ -259,10 +244,41 @@ fn table_with_gaps(
             "Parquet",
         ))),
         Ok(FileKind::Other) if TABLES.iter().any(|table| extension == *table) => {
-            Some(csv::read_with_gaps(path, options, labels))
+            let table = options.refuse_arrays(path, "a table");
+            Some(table.and_then(|()| csv::read_with_gaps(path, options, labels)))
         }
         Ok(_) => None,
     }
+}
+
+/// Reads a folder of sweeps.
+fn folder_with_gaps(
+    path: &Path,
+    options: &ReadOptions,
+    labels: Labels,
+) -> Result<NamedSweeps, DataError> {
+    options.refuse_arrays(path, "a folder")?;
+    if let Some(names) = &options.layout.names {
+        return folder::read_named(path, names, options);
+    }
+    if folder::is_folder_of_sweeps(path) {
+        return folder::read_with_gaps(path, options);
+    }
+    if (labels == Labels::Optional || options.windows.is_some())
+        && let Some(sweeps) = folder::read_flat_folder(path, options)?
+    {
+        return Ok(sweeps);
+    }
+    let found = match (folder::holds_arrays(path), folder::data_set_in(path)) {
+        (true, _) => {
+            "arrays (.npy) without materials; sort them into one folder per material, or stack them into one file: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n]".to_owned()
+        }
+        (false, Some(file)) => {
+            format!("{}, which is a complete data set: pass that file", file.display())
+        }
+        (false, None) => folder::nested_sweep(path).unwrap_or_else(|| "neither".to_owned()),
+    };
+    Err(DataError::format(path, "folder", folder::LAYOUT, found))
 }
 
 /// Extensions of text tables.

@@ -164,13 +164,13 @@ impl Array {
     }
 
     /// Returns the numbers of an array whose values are stored with the first index fastest.
-    pub(super) fn from_column_major(mut self) -> Self {
+    pub(super) fn with_columns_first(mut self) -> Self {
         self.values = last_index_fastest(&self.values, &self.shape, self.size);
         self
     }
 
     /// Returns a row or column as an array of one dimension; other shapes do not change.
-    pub(super) fn as_list(mut self) -> Self {
+    pub(super) fn into_list(mut self) -> Self {
         if let [1, length] | [length, 1] = self.shape[..] {
             self.shape = vec![length];
         }

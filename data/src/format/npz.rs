@@ -12,13 +12,14 @@
 //! Both byte orders and both index orders ("Fortran" too) are read. Pickled arrays are refused. `numpy.load` reads the
 //! files of [`write()`] without pickle.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
 use super::DEFLATE_LIMIT;
 use super::arrays::{Arrays, Container, Other, Roles};
-use super::named_sweeps::{Labels, NAMED};
+use super::named_sweeps::{Labels, NAMED, some_names};
 use super::npy::{Array, Header};
 use super::read_options::ReadOptions;
 use crate::{DataError, Dataset};
@@ -74,6 +75,9 @@ fn arrays<'a>(path: &'a Path, options: &ReadOptions) -> Result<Arrays<'a>, DataE
         let item = "npz archive with array `X`";
         DataError::format(path, item, "a zip archive", error.to_string())
     })?;
+    if let Some(found) = other_archive(&archive) {
+        return Err(DataError::format(path, "file", super::READABLE, found));
+    }
     for index in 0..archive.len() {
         let name = match archive.name_for_index(index) {
             Some(Ok(name)) => name.strip_suffix(".npy").unwrap_or(&name).to_owned(),
@@ -97,6 +101,22 @@ fn arrays<'a>(path: &'a Path, options: &ReadOptions) -> Result<Arrays<'a>, DataE
         });
     }
     Ok(arrays)
+}
+
+/// Returns what a zip archive without a numpy array is, with the cure.
+fn other_archive(archive: &zip::ZipArchive<BufReader<File>>) -> Option<String> {
+    let names: Vec<Cow<'_, str>> = archive.file_names().filter_map(Result::ok).collect();
+    let names: Vec<&str> = names.iter().map(Cow::as_ref).collect();
+    if names.is_empty() || names.iter().any(|name| name.ends_with(".npy")) {
+        return None;
+    }
+    if names.iter().any(|name| name.ends_with("data.pkl")) {
+        return Some("a file of PyTorch; save its arrays with np.savez_compressed(\"sweeps.npz\", X=X.numpy(), y=y)".into());
+    }
+    Some(format!(
+        "a zip archive with {}; unpack it with `unzip` and pass what is in it",
+        some_names(names)
+    ))
 }
 
 /// Reads a member of an archive, or returns a sentence about its error.

@@ -11,6 +11,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::frame_table::{Column, FrameTable, may_hold_words};
+use super::guarded::guarded;
 use super::named_sweeps::{Labels, NamedSweeps};
 use super::parquet_footer;
 use super::read_options::ReadOptions;
@@ -38,18 +39,7 @@ pub(super) fn read_with_gaps(
 /// # Errors
 /// As [`read_with_gaps`], for a single column.
 pub(super) fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
-    // The crate panics on some damaged files; the panic then ends only this thread.
-    let read = || {
-        std::thread::scope(|scope| {
-            let thread = std::thread::Builder::new().name(super::READING.into());
-            let thread = thread.spawn_scoped(scope, || read_table(path))?;
-            Ok(thread.join())
-        })
-    };
-    let damaged = || DataError::format(path, "file", "a Parquet table", "one that is damaged");
-    read()
-        .map_err(|error| DataError::io(path, "read", error))?
-        .unwrap_or_else(|_| Err(damaged()))
+    guarded(path, "a Parquet table", || read_table(path))
 }
 
 fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {

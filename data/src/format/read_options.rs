@@ -58,6 +58,22 @@ impl ReadOptions {
         }
     }
 
+    /// Succeeds if no array is named.
+    ///
+    /// - `found`: data that has no named arrays
+    ///
+    /// # Errors
+    /// A named array of samples or labels.
+    pub(super) fn refuse_arrays(&self, path: &Path, found: &str) -> Result<(), DataError> {
+        let item = match (&self.samples, &self.labels) {
+            (Some(_), _) => "samples",
+            (None, Some(_)) => "labels",
+            (None, None) => return Ok(()),
+        };
+        let expected = "a file with named arrays (.npz, .h5, .mat)";
+        Err(DataError::format(path, item, expected, found))
+    }
+
     /// Returns true if recordings are cut or resampled.
     pub(super) fn cuts(&self) -> bool {
         self.windows.is_some() || self.resample_hz.is_some()

@@ -19,6 +19,7 @@ pub use super::tactmat_write::write;
 use super::DEFLATE_LIMIT;
 use super::chunk_grid::RANK;
 use super::chunks::{read_samples, some_sweeps};
+use super::guarded::guarded;
 use super::hdf5_values::matlab_class;
 use super::mismatch::{Mismatch, type_name};
 use super::narrow::HELD;
@@ -47,7 +48,7 @@ pub fn read(path: &Path) -> Result<Dataset, DataError> {
 /// # Errors
 /// As [`read`], except for values that are not finite.
 pub fn read_with_gaps(path: &Path) -> Result<Dataset, DataError> {
-    read_file(&open(path)?, path)
+    guarded(path, "HDF5", || read_file(&open(path)?, path))
 }
 
 /// Returns true if the file has a data set `samples`, readable or not, that MATLAB did not write.
@@ -80,7 +81,7 @@ pub(super) fn read_file(file: &Hdf5File, path: &Path) -> Result<Dataset, DataErr
     )?;
     let rate = sample_rate_hz(file, &samples, path)?;
     let mismatch = |m: Mismatch| DataError::format(path, item, m.expected, m.found);
-    let values = read_samples(&file, &samples, shape);
+    let values = read_samples(file, &samples, shape);
     let sweep_shape = SweepShape { steps, rows, cols };
     let may_lose = match &values {
         Ok(values) => matches!(values, Samples::F32(_)),

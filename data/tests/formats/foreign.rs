@@ -131,6 +131,36 @@ fn a_file_without_known_names_lists_paths_shapes_and_types() {
 }
 
 #[test]
+fn a_group_for_each_sweep_is_read_by_a_path_with_a_star() {
+    let shortest = |labels: &str| ReadOptions {
+        keep: format::Keep::Shortest,
+        ..named("data/demo_*/obs/tactile", labels)
+    };
+    for labels in ["data/demo_*/material", "data/demo_*@task"] {
+        let dataset = format::read_with(&foreign("episodes.h5"), &shortest(labels)).unwrap();
+        // The first sweep has 11 frames.
+        assert_eq!(shape(&dataset), [6, 11, 1, 4]);
+        let cut = |sweep: &[u8]| sweep[..44].to_vec();
+        let expected: Vec<u8> = values().chunks(48).flat_map(cut).collect();
+        assert_eq!(dataset.samples(), &Samples::U8(expected));
+        assert_eq!(materials(&dataset), twice(WORDS));
+        assert_eq!(dataset.sample_rate_hz(), 20.0);
+    }
+    let error = read("episodes.h5", "data/*/obs/tactile", "data/*/material").unwrap_err();
+    assert_eq!(error.remedy(), Some(Remedy::KeepSteps { steps: 11 }));
+    let error = format::read_with(&foreign("episodes.h5"), &shortest("")).unwrap_err();
+    assert_eq!(error.remedy(), Some(Remedy::NameLabels));
+    let error = read("episodes.h5", "", "").unwrap_err().to_string();
+    let listed = "`data/demo_*/obs/joints` [12, 7] f32, the first of 6, `data/demo_*/obs/tactile` [11, 4] f32, the first of 6";
+    assert!(error.contains(listed), "{error}");
+    let error = read("episodes.h5", "data/*/skin", "")
+        .unwrap_err()
+        .to_string();
+    let expected = "data sets `data/*/skin`: expected to be in the file, found only";
+    assert!(error.contains(expected), "{error}");
+}
+
+#[test]
 fn values_in_other_files_and_unknown_filters_are_named_with_the_cure() {
     for (file, found) in [
         (
@@ -373,11 +403,66 @@ proptest! {
         let dir = tempfile::tempdir().unwrap();
         let damaged = dir.path().join(name(path));
         std::fs::write(&damaged, bytes).unwrap();
-        for options in [named("", ""), named("recording.skin", "recording.material")] {
+        for options in [
+            named("", ""),
+            named("recording.skin", "recording.material"),
+            named("recorded/skin/pressure", "recorded/material"),
+            named("data/*/obs/tactile", "data/*@task"),
+        ] {
             match read_to_classify_with(&damaged, &options) {
                 Ok(sweeps) => { check(&sweeps.dataset); }
                 Err(error) => prop_assert!(error.to_string().contains(name(path)), "{}", error),
             }
         }
     }
+}
+
+#[test]
+fn tables_and_folders_have_no_named_arrays() {
+    let error = format::read_with(&fixture("read/frames.parquet"), &named("x", "")).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("samples: expected a file with named arrays"),
+        "{error}"
+    );
+    let error = format::read_with(&fixture("read"), &named("", "y")).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("labels: expected a file with named arrays"),
+        "{error}"
+    );
+    let npz = fixture("read/x_y_names.npz");
+    let read = format::read_with(&npz, &named("X", "y")).unwrap();
+    assert_eq!(read.sha256(), format::read(&npz).unwrap().sha256());
+    let error = format::read_with(&npz, &named("skin", "y"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("array `skin`: expected to be in the archive, found only"),
+        "{error}"
+    );
+}
+
+#[test]
+fn zip_archives_without_arrays_name_their_members_and_the_cure() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("sweeps.zip");
+    let refusal = |members: &[&str]| {
+        let mut zip = zip::ZipWriter::new(std::fs::File::create(&path).unwrap());
+        for member in members {
+            let options = zip::write::SimpleFileOptions::default();
+            zip.start_file(*member, options).unwrap();
+        }
+        zip.finish().unwrap();
+        format::read(&path).unwrap_err().to_string()
+    };
+    let error = refusal(&["felt/1.csv", "felt/2.csv"]);
+    assert!(
+        error.contains("a zip archive with `felt/1.csv`, `felt/2.csv`; unpack it"),
+        "{error}"
+    );
+    let error = refusal(&["model/data.pkl", "model/version"]);
+    assert!(error.contains("a file of PyTorch"), "{error}");
 }

@@ -4,6 +4,7 @@
 
 mod foreign;
 mod hostile;
+mod layouts;
 mod own_data;
 mod resolution;
 mod tables;

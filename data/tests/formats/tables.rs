@@ -3,8 +3,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use tactnet_data::Remedy;
 use tactnet_data::format::{self, Keep, ReadOptions};
-use tactnet_data::{FindingKind, Remedy};
 
 #[cfg(feature = "parquet")]
 use crate::fixture;
@@ -13,7 +13,7 @@ use crate::own_data::assert_line;
 use crate::{expected_materials, expected_samples, names};
 
 /// Returns the frames of the fixtures' sweeps as lines of a table.
-fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String> {
+pub(crate) fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String> {
     let samples = expected_samples();
     let sweeps = samples.chunks_exact(60 * 16).enumerate();
     sweeps
@@ -30,7 +30,7 @@ fn frames(separator: char, first: impl Fn(usize, usize) -> String) -> Vec<String
 }
 
 /// Returns the names of sixteen taxels, each after a separator.
-fn columns(separator: char) -> String {
+pub(crate) fn columns(separator: char) -> String {
     (0..16)
         .map(|taxel| format!("{separator}taxel{taxel}"))
         .collect()
@@ -370,98 +370,4 @@ fn tables_are_read_as_the_world_writes_them() {
         let dataset = format::read(&folder).unwrap_or_else(|error| panic!("{dialect}: {error}"));
         assert_line(&dataset);
     }
-}
-
-/// Columns are neither read nor left out in silence.
-#[test]
-fn columns_of_doubtful_meaning_are_noted() {
-    let dir = tempfile::tempdir().unwrap();
-    let materials = expected_materials();
-    let notes = |dataset: &tactnet_data::Dataset| -> Vec<String> {
-        let notes = dataset.reading_findings().iter();
-        notes.map(|note| note.message.clone()).collect()
-    };
-    let folder = dir.path().join("folder");
-    for (sweep, text) in frames(',', |sweep, step| format!("{step},{},", sweep / 4))
-        .iter()
-        .enumerate()
-    {
-        let file = folder.join(format!("{}/{sweep:02}.csv", materials[sweep / 4]));
-        let names: String = (0..16).map(|taxel| format!(",{}", NAMES[taxel])).collect();
-        write(&file, &format!(",class{names}\n{text}"));
-    }
-    let dataset = format::read(&folder).unwrap();
-    assert_eq!(dataset.shape().taxels(), 17, "the class is read as a taxel");
-    let [first, second] = &notes(&dataset)[..] else {
-        panic!("{:?}", notes(&dataset));
-    };
-    assert!(
-        first.starts_with("column 1 without a name: not read"),
-        "{first}"
-    );
-    assert!(
-        second.starts_with("`class`: read as a taxel, although"),
-        "{second}"
-    );
-    let findings = tactnet_data::check(&dataset);
-    assert_eq!(findings[0].kind, FindingKind::LeakingColumn);
-    assert_eq!(findings[0].at.taxel, Some(0));
-
-    let path = dir.path().join("frames.csv");
-    let rows = frames(',', |sweep, step| {
-        format!("{step},{sweep},{},{},", materials[sweep / 4], sweep / 4)
-    });
-    let table = format!(",sweep,material,class{}\n{}", columns(','), rows.concat());
-    write(&path, &table);
-    let dataset = format::read(&path).unwrap();
-    assert_line(&dataset);
-    let [first, second] = &notes(&dataset)[..] else {
-        panic!("{:?}", notes(&dataset));
-    };
-    assert!(
-        first.starts_with("column 1 without a name: not read"),
-        "{first}"
-    );
-    assert_eq!(
-        second,
-        "`class`: not read, since `material` has its meaning"
-    );
-}
-
-/// Names without a common pattern.
-const NAMES: [&str; 16] = [
-    "thumb",
-    "index tip",
-    "middle",
-    "ring",
-    "little",
-    "palm",
-    "heel",
-    "edge",
-    "left",
-    "right",
-    "top",
-    "bottom",
-    "inner",
-    "outer",
-    "near",
-    "far",
-];
-
-/// macOS writes names of folders in another form of Unicode than tables have.
-#[test]
-fn both_forms_of_unicode_are_one_material() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("frames.csv");
-    let rows = frames(',', |sweep, _| {
-        let name = ["gru\u{308}n", "gr\u{fc}n", "rot"][sweep % 3];
-        format!("{sweep},{name},")
-    });
-    write(
-        &path,
-        &format!("sweep,material{}\n{}", columns(','), rows.concat()),
-    );
-    let dataset = format::read(&path).unwrap();
-    assert_eq!(names(&dataset), ["gr\u{fc}n", "rot"]);
-    assert_eq!(dataset.sweeps_per_label(), [8, 4]);
 }

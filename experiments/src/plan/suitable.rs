@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use tactnet_data::format::ReadOptions;
 use tactnet_data::{
-    DataError, DataSource, Dataset, Finding, Fold, Scheme, SweepShape, refuse_errors,
+    DataError, DataSource, Dataset, Finding, Fold, Scheme, SweepShape, refuse_errors, refuse_leaks,
+    shared_within_blocks,
 };
 use tactnet_pipeline::{ModelRecipe, PipelineError, TrainSpec};
 
@@ -72,7 +73,7 @@ pub(super) fn leave_out_unsuitable(
     tasks: &mut Vec<Task>,
     recipe_of: impl Fn(&TrainSpec) -> Option<ModelRecipe>,
 ) -> Result<Vec<LeftOut>, Unsuitable> {
-    let mut known: BTreeMap<&str, Dataset> = BTreeMap::new();
+    let mut known: BTreeMap<&str, (Dataset, Vec<Finding>)> = BTreeMap::new();
     let (mut starved, mut fed) = (BTreeMap::new(), BTreeSet::new());
     let (mut left_out, mut unmet) = (BTreeSet::new(), BTreeSet::new());
     for task in tasks.iter() {
@@ -87,16 +88,19 @@ pub(super) fn leave_out_unsuitable(
             error.reason = format!("data `{}`: {}", spec.data, error.reason);
             error
         };
-        let dataset = match known.entry(&spec.data) {
+        let (dataset, shared) = match known.entry(&spec.data) {
             Entry::Occupied(entry) => entry.into_mut(),
             Entry::Vacant(entry) => {
                 let read = spec.read_sweeps();
-                entry.insert(read.map_err(|error| of_data(error.to_string().into()))?)
+                let dataset = read.map_err(|error| of_data(error.to_string().into()))?;
+                let shared = shared_within_blocks(&dataset);
+                entry.insert((dataset, shared))
             }
         };
         match &task.job {
             Job::Train(spec) => {
                 has_fold(spec, dataset).map_err(of_data)?;
+                leaks_nothing(spec, dataset, shared).map_err(of_data)?;
                 let model = (task.probe, task.model.as_str());
                 let recipe = recipe_of(spec);
                 let checked = recipe.as_ref().map(|of| unmet_by(of, spec, dataset));
@@ -120,7 +124,7 @@ pub(super) fn leave_out_unsuitable(
                     }
                 }
             }
-            Job::Question(task) => suits(&task.question, dataset).map_err(of_data)?,
+            Job::Question(task) => suits(&task.question, dataset, shared).map_err(of_data)?,
         }
     }
     refuse_starved(&starved, fed)?;
@@ -244,9 +248,27 @@ fn has_fold(spec: &TrainSpec, dataset: &Dataset) -> Result<(), Unsuitable> {
     })
 }
 
-/// Checks the numbers of materials and sweeps that a question needs. Questions draw new materials and split the sweeps
-/// of each material into five folds.
-fn suits(question: &Question, dataset: &Dataset) -> Result<(), Unsuitable> {
+/// Checks that a training's split keeps sweeps that share frames together.
+///
+/// - `shared`: findings about sweeps of one block that share frames
+fn leaks_nothing(
+    spec: &TrainSpec,
+    dataset: &Dataset,
+    shared: &[Finding],
+) -> Result<(), Unsuitable> {
+    let refused = refuse_leaks(dataset, shared, spec.scheme(dataset), dataset.name());
+    refused.map_err(|error| Unsuitable {
+        reason: error.to_string(),
+        settings: vec![Setting {
+            field: "split",
+            value: "leave-block-out".into(),
+        }],
+    })
+}
+
+/// Checks the numbers of materials and sweeps that a question needs, and that no sweeps share frames. Questions draw new
+/// materials and split the sweeps of each material into five folds.
+fn suits(question: &Question, dataset: &Dataset, shared: &[Finding]) -> Result<(), Unsuitable> {
     let materials = dataset.labels().len();
     if let Some(new) = question.ask().new_materials() {
         let most = materials.saturating_sub(LEAST_KNOWN);
@@ -268,6 +290,8 @@ fn suits(question: &Question, dataset: &Dataset) -> Result<(), Unsuitable> {
             });
         }
     }
+    let leaks = refuse_leaks(dataset, shared, Scheme::default(), dataset.name());
+    leaks.map_err(|error| error.to_string())?;
     let seed = tactnet_data::Seed(0);
     match Fold::new(dataset, Scheme::default(), seed, 0, 0) {
         Ok(_) => Ok(()),

@@ -28,7 +28,7 @@ impl TrainSpec {
         let mut dataset = DataSource::named(data).read_with(&ReadOptions {
             keep: Keep::from(self.steps),
             rate_hz: self.rate_hz.filter(|_| is_own),
-            ..ReadOptions::default()
+            ..self.names_in(data)
         })?;
         if dataset.is_rate_assumed() {
             dataset = dataset.with_named_rate(self.rate_hz)?;
@@ -36,6 +36,20 @@ impl TrainSpec {
         match order {
             LabelOrder::True => Ok(dataset),
             LabelOrder::Permuted => dataset.permute_labels(self.seed),
+        }
+    }
+
+    /// Returns options with the names of samples and labels, for the training data and other files of its kind.
+    fn names_in(&self, data: &str) -> ReadOptions {
+        let kind = |data: &str| Path::new(data).extension().map(ToOwned::to_owned);
+        let names = |name: &Option<String>| {
+            let is_alike = data == self.data || kind(data) == kind(&self.data);
+            name.clone().filter(|_| is_alike)
+        };
+        ReadOptions {
+            samples: names(&self.samples),
+            labels: names(&self.labels),
+            ..ReadOptions::default()
         }
     }
 
@@ -68,7 +82,8 @@ impl TrainSpec {
             DataSource::File(path) if path.exists() => {
                 let options = ReadOptions {
                     rate_hz: self.rate_hz,
-                    ..ReadOptions::keeping(self.steps)
+                    keep: Keep::from(self.steps),
+                    ..self.names_in(data)
                 };
                 format::read_to_classify_with(&path, &options)?
             }

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use tactnet_data::{
-    DataSource, Dataset, Finding, Fold, TrainSplit, ValidationSplit, refuse_errors,
+    DataSource, Dataset, Finding, Fold, TrainSplit, ValidationSplit, refuse_errors, refuse_leaks,
 };
 
 use super::free_folder::free_folder;
@@ -114,7 +114,7 @@ impl Session {
     /// - `on_finding`: called with suspicious properties of the data before later steps can fail; its error aborts the session
     ///
     /// # Errors
-    /// Data that cannot be read or has errors; a fold that does not exist; too few sweeps for the recipe or the calibration; settings that do not
+    /// Data that cannot be read or has errors; a random split of sweeps that share frames; a fold that does not exist; too few sweeps for the recipe or the calibration; settings that do not
     /// match the sweeps; a folder that is not empty.
     pub fn begin(
         job: &TrainJob,
@@ -124,9 +124,9 @@ impl Session {
     ) -> Result<Self, PipelineError> {
         let spec = job.spec();
         let dataset = spec.read_sweeps()?;
-        refuse_errors(&dataset, &spec.data)?
-            .iter()
-            .try_for_each(on_finding)?;
+        let findings = refuse_errors(&dataset, &spec.data)?;
+        findings.iter().try_for_each(on_finding)?;
+        refuse_leaks(&dataset, &findings, spec.scheme(&dataset), &spec.data)?;
         let number = spec.fold.unwrap_or(0);
         let fold = Fold::new(
             &dataset,

@@ -12,6 +12,7 @@ use tactnet_data::format::{
 use tactnet_data::{DataError, DataSource, Dataset, Severity};
 
 use super::ConvertArgs;
+use crate::commands::array_names::ArrayNames;
 use crate::commands::choices::{rate, steps};
 use crate::{output, source};
 
@@ -81,9 +82,8 @@ pub(super) struct CutArgs {
     /// Text or number of a message of `--topic` that names the material of its frame
     #[arg(long, value_name = "PATH", requires = "topic")]
     pub(super) label_field: Option<String>,
-    /// Array or feature that holds the samples, in a file that has several
-    #[arg(long, value_name = "NAME")]
-    samples: Option<String>,
+    #[command(flatten)]
+    arrays: ArrayNames,
 }
 
 impl CutArgs {
@@ -113,13 +113,12 @@ impl CutArgs {
             (self.resample.is_some(), "--resample"),
             (self.window.is_some(), "--window"),
             (!self.columns.is_empty(), "--columns"),
-            (self.samples.is_some(), "--samples"),
             (self.names.is_some(), "--names"),
             (self.topic.is_some(), "--topic"),
         ];
-        options
-            .into_iter()
-            .find_map(|(set, name)| set.then_some(name))
+        let mut options = options.into_iter();
+        let set = options.find_map(|(set, name)| set.then_some(name));
+        set.or_else(|| self.arrays.first())
     }
 }
 
@@ -152,7 +151,8 @@ impl ImportArgs {
             columns: self.cut.columns.clone(),
             resample_hz: self.cut.resample,
             windows: self.cut.windows(),
-            samples: self.cut.samples.clone(),
+            samples: self.cut.arrays.samples.clone(),
+            labels: self.cut.arrays.labels.clone(),
             layout: self.cut.layout(),
         }
     }

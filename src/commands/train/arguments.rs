@@ -8,6 +8,7 @@ use tactnet_data::format::Keep;
 use tactnet_models::Compute;
 use tactnet_pipeline::{CalibrationTarget, LabelOrder, TrainSpec, quoted};
 
+use crate::commands::array_names::ArrayNames;
 use crate::commands::choices::{
     LevelsChoice, ModelChoice, SplitChoice, TrainDeviceChoice, share, steps,
 };
@@ -24,7 +25,7 @@ use crate::commands::choices::{
     tactnet train --print-recipe fast >my.toml           a copy to edit, for --recipe my.toml\n\n\
     Without --fold, the file's own `test_flag` selects the test sweeps if it has one; else fold 0 of 5 (or of as many folds as every material has sweeps).")]
 pub struct TrainArgs {
-    /// Data set (.h5, .npz, .csv, .parquet, a folder of .csv or .npy), or `twin` [default: twin]
+    /// Data set (.h5, .npz, .mat, .csv, .parquet, a folder of .csv or .npy), or `twin` [default: twin]
     #[arg(long, value_name = "FILE|twin")]
     pub data: Option<String>,
     /// The axes are in the right order although there are more taxels than time steps
@@ -62,6 +63,8 @@ struct TrainOptions {
     /// Only the first N time steps of every sweep, or as many as the shortest sweep has
     #[arg(long, value_name = "N|shortest", value_parser = steps)]
     steps: Option<Keep>,
+    #[command(flatten)]
+    arrays: ArrayNames,
     /// Permute the labels at random first, as a control: a sound experiment then scores chance
     #[arg(long)]
     permute_labels: bool,
@@ -132,6 +135,8 @@ impl TrainArgs {
                 Some(Keep::First(steps)) => Some(steps),
                 _ => None,
             },
+            samples: options.arrays.samples.clone(),
+            labels: options.arrays.labels.clone(),
             label_order: match options.permute_labels {
                 true => LabelOrder::Permuted,
                 false => LabelOrder::True,
@@ -150,6 +155,11 @@ impl TrainArgs {
             epochs: options.epochs,
             device: options.device.named(),
         }
+    }
+
+    /// Returns the option that names an array, if one is set.
+    pub fn named_array(&self) -> Option<&'static str> {
+        self.options.arrays.first()
     }
 
     /// Returns the model to train, if it was named.
@@ -176,6 +186,8 @@ pub fn command_line(spec: &TrainSpec) -> String {
         mean_removal,
         rate_hz,
         steps,
+        samples,
+        labels,
         label_order,
         split,
         folds,
@@ -202,6 +214,8 @@ pub fn command_line(spec: &TrainSpec) -> String {
     option("data", Some(quoted(data)));
     option("rate", rate_hz.map(|rate| rate.to_string()));
     option("steps", text(steps));
+    option("samples", samples.as_deref().map(quoted));
+    option("labels", labels.as_deref().map(quoted));
     option("permute-labels", flag(*label_order == LabelOrder::Permuted));
     option("recipe", Some(quoted(recipe)));
     option("epochs", text(epochs));
@@ -251,6 +265,8 @@ mod tests {
             mean_removal: Some(MeanRemoval::PerSweep),
             rate_hz: Some(100.0),
             steps: Some(250),
+            samples: Some("recorded/skin".into()),
+            labels: Some("recorded/material".into()),
             label_order: LabelOrder::Permuted,
             split: Some(SplitKind::LeaveBlockOut),
             folds: Some(4),
@@ -277,7 +293,7 @@ mod tests {
         };
         assert_eq!(
             command_line(&spaced),
-            "tactnet train --data 'some where/wood, cork.h5' --rate 100 --steps 250 --permute-labels --recipe own.toml --epochs 4 \
+            "tactnet train --data 'some where/wood, cork.h5' --rate 100 --steps 250 --samples recorded/skin --labels recorded/material --permute-labels --recipe own.toml --epochs 4 \
              --levels removed --split leave-block-out --folds 4 --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
              --watch-test --seed 7 --device cuda"
         );

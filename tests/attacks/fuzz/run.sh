@@ -9,7 +9,7 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 [ $# = 2 ] || { sed -n '2,8s/^# \{0,1\}//p' "$0"; exit 2; }
-targets=(npz npz-members hdf5 csv parquet mcap messages run tables)
+targets=(npz npz-members hdf5 mat csv parquet mcap messages run tables)
 [ "$1" = all ] || targets=("$1")
 export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/../../../target/fuzz}
 mkdir -p "$CARGO_TARGET_DIR"

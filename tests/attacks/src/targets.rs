@@ -9,10 +9,11 @@ mod texts;
 use anyhow::bail;
 
 /// Names of all targets.
-pub const NAMES: [&str; 12] = [
+pub const NAMES: [&str; 13] = [
     "npz",
     "npz members",
     "hdf5",
+    "mat",
     "csv",
     "recordings",
     "parquet",
@@ -59,9 +60,10 @@ pub fn open(name: &str) -> anyhow::Result<Target> {
         "npz" => datasets::whole("npz"),
         "npz members" => datasets::npz_members(),
         "hdf5" => datasets::whole("h5"),
+        "mat" => datasets::others("mat"),
         "csv" => datasets::csv(),
         "recordings" => datasets::recordings(),
-        "parquet" => datasets::parquet(),
+        "parquet" => datasets::others("parquet"),
         "folders" => datasets::folders(),
         "mcap" => recording::mcap(),
         "topics" => recording::topics(),

@@ -114,8 +114,10 @@ class Dataset:
         hop: int | float | str | None = None,
         intervals: Any = None,
         drop_labels: Sequence[str] = (),
+        samples: str | None = None,
+        labels: str | None = None,
     ) -> Dataset:
-        """Reads HDF5, npz, CSV, Parquet or a folder of CSV. :func:`read_sweeps` reads files without labels.
+        """Reads HDF5, npz, MATLAB, CSV, Parquet or a folder of CSV. :func:`read_sweeps` reads files without labels.
 
         rate: frames per second; takes precedence over that of the file, with a warning.
         steps: number of frames to keep, from the beginning of every sweep, or ``"shortest"``; None: all.
@@ -126,8 +128,12 @@ class Dataset:
         hop: distance between the starts of windows; None: their length.
         intervals: table of labelled intervals, with columns ``start``, ``end``, ``label``; None: the column ``label`` of the recording.
         drop_labels: labels whose frames are left out.
+        samples: name or HDF5 path of the samples in a file that has several arrays, e.g. ``"recorded/skin"``; ``"data/*/tactile"``: one sweep each.
+        labels: name or HDF5 path of the material of each sweep, names or numbers.
         """
-        native = _tactnet.Dataset.read(path, rate, steps, list(columns), resample, window, hop, intervals, list(drop_labels))
+        native = _tactnet.Dataset.read(
+            path, rate, steps, list(columns), resample, window, hop, intervals, list(drop_labels), samples, labels
+        )
         _warn(native)
         return cls(native)
 

@@ -35,6 +35,8 @@ class Dataset:
         hop: int | float | str | None = None,
         intervals: str | PathLike[str] | None = None,
         drop_labels: list[str] = ...,
+        samples: str | None = None,
+        labels: str | None = None,
     ) -> Dataset: ...
     reading_warnings: list[str]
     @staticmethod

@@ -7,6 +7,8 @@ use hdf5_reader::ByteOrder;
 
 /// Maximum number of dimensions.
 const MOST_DIMENSIONS: usize = 32;
+/// Maximum number of fields of a struct.
+const MOST_FIELDS: usize = 10_000;
 /// Maximum length of a field's name, in bytes; MATLAB has 63.
 const LONGEST_NAME: usize = 1024;
 
@@ -129,7 +131,7 @@ impl<'a> Matrix<'a> {
             }
             CELL => Ok(Array::of_texts(self.shape.clone(), self.cells()?)),
             SPARSE => Err("a sparse array; `X = full(X)` makes a usual one".into()),
-            6..=15 => self.numbers().map(Array::from_column_major),
+            6..=15 => self.numbers().map(Array::with_columns_first),
             _ => Err(match self.class().as_str() {
                 class @ ("string" | "categorical") => format!(
                     "a {class} array, which only MATLAB can read; `y = cellstr(y)` makes text of it"
@@ -256,6 +258,9 @@ impl<'a> Matrix<'a> {
         let names = content.next()?.data;
         if length == 0 || length > LONGEST_NAME {
             return Err(format!("fields with names of {length} bytes"));
+        }
+        if names.len() / length > MOST_FIELDS {
+            return Err(format!("a struct of {} fields", names.len() / length));
         }
         let mut fields = Vec::new();
         for data in names.chunks_exact(length) {

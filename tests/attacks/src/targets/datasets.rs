@@ -43,7 +43,7 @@ fn twin() -> anyhow::Result<tactnet_data::Dataset> {
 /// Returns small valid files of other writers.
 fn fixtures(extension: &str) -> anyhow::Result<Vec<Vec<u8>>> {
     let mut found = Vec::new();
-    for folder in ["h5", "read"] {
+    for folder in ["h5", "read", "foreign"] {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/").to_owned() + folder;
         let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)?
             .map(|entry| entry.map(|entry| entry.path()))
@@ -269,13 +269,13 @@ pub(super) fn recordings() -> anyhow::Result<Target> {
     }))
 }
 
-/// Target: a columnar table of sweeps.
-pub(super) fn parquet() -> anyhow::Result<Target> {
-    let place = Place::new("data.parquet")?;
-    let seeds = fixtures("parquet")?;
+/// Target: a file of another program with this extension, byte by byte: a Parquet table, or a MATLAB file of version 5 or 7.3.
+pub(super) fn others(extension: &str) -> anyhow::Result<Target> {
+    let place = Place::new(&format!("data.{extension}"))?;
+    let seeds = fixtures(extension)?;
     anyhow::ensure!(
         !seeds.is_empty(),
-        "no valid parquet file among the fixtures"
+        "no valid {extension} file among the fixtures"
     );
     Ok(Target::new(seeds, move |input| place.reads(input)))
 }
