@@ -38,6 +38,7 @@ pub fn shortest(spec: &TrainSpec) -> Result<usize, DataError> {
         rate_hz: spec.rate_hz,
         samples: spec.samples.clone(),
         labels: spec.labels.clone(),
+        blocks: spec.blocks.clone(),
         ..ReadOptions::default()
     };
     let source = DataSource::named(&spec.data);

@@ -34,6 +34,9 @@ pub struct TrainSpec {
     /// Name or path of the materials of the sweeps in a file that holds several arrays; absent: the usual names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub labels: Option<String>,
+    /// Name of the column or array with the block of each sweep; absent: the usual names.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blocks: Option<String>,
     /// Order of the labels: as in the data set, or permuted at random.
     #[serde(skip_serializing_if = "is_default")]
     pub label_order: LabelOrder,
@@ -79,6 +82,7 @@ impl Default for TrainSpec {
             steps: None,
             samples: None,
             labels: None,
+            blocks: None,
             label_order: LabelOrder::default(),
             split: None,
             folds: None,
@@ -315,6 +319,7 @@ mod tests {
             steps: Some(250),
             samples: Some("recorded/skin".into()),
             labels: Some("recorded/material".into()),
+            blocks: Some("session".into()),
             label_order: LabelOrder::Permuted,
             split: Some(SplitKind::LeaveBlockOut),
             folds: Some(4),

@@ -11,15 +11,21 @@ pub struct ArrayNames {
     /// Array or HDF5 path with the material of each sweep, as names or numbers, in a file that has several
     #[arg(long, value_name = "NAME")]
     pub labels: Option<String>,
+    /// Column, array or HDF5 path with the block of each sweep: recording, session, day or subject, as numbers or names
+    /// [default: columns such as `block` and `session`, the array `blocks`]
+    #[arg(long, value_name = "NAME")]
+    pub blocks: Option<String>,
 }
 
 impl ArrayNames {
     /// Returns the first option that is set, for data that allows none.
     pub fn first(&self) -> Option<&'static str> {
-        match (&self.samples, &self.labels) {
-            (Some(_), _) => Some("--samples"),
-            (None, Some(_)) => Some("--labels"),
-            (None, None) => None,
-        }
+        let options = [
+            (&self.samples, "--samples"),
+            (&self.labels, "--labels"),
+            (&self.blocks, "--blocks"),
+        ];
+        let mut set = options.into_iter().filter(|(name, _)| name.is_some());
+        set.next().map(|(_, option)| option)
     }
 }

@@ -148,6 +148,7 @@ fn load_with_gaps(arguments: &FileArgs, otherwise: Keep) -> anyhow::Result<Sweep
             rate_hz: arguments.rate,
             samples: arguments.arrays.samples.clone(),
             labels: arguments.arrays.labels.clone(),
+            blocks: arguments.arrays.blocks.clone(),
             ..ReadOptions::default()
         };
         format::read_to_classify_with_gaps(Path::new(data), &options)?

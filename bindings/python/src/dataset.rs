@@ -165,7 +165,7 @@ impl Dataset {
 
     /// Reads HDF5, npz, MATLAB, CSV, Parquet or a folder of CSV.
     #[staticmethod]
-    #[pyo3(signature = (path, rate_hz=None, steps=None, columns=Vec::new(), resample_hz=None, window=None, hop=None, intervals=None, drop_labels=Vec::new(), samples=None, labels=None))]
+    #[pyo3(signature = (path, rate_hz=None, steps=None, columns=Vec::new(), resample_hz=None, window=None, hop=None, intervals=None, drop_labels=Vec::new(), samples=None, labels=None, blocks=None))]
     #[allow(clippy::too_many_arguments)] // keyword arguments of Python
     fn read(
         py: Python<'_>,
@@ -180,6 +180,7 @@ impl Dataset {
         drop_labels: Vec<String>,
         samples: Option<String>,
         labels: Option<String>,
+        blocks: Option<String>,
     ) -> PyResult<Self> {
         let span = |length: Option<Length>| length.map(Span::try_from).transpose().map_err(raised);
         let (length, hop) = (span(window)?, span(hop)?);
@@ -196,6 +197,7 @@ impl Dataset {
             columns,
             samples,
             labels,
+            blocks,
             resample_hz,
             windows: length.map(|length| Windows {
                 hop,

@@ -51,6 +51,7 @@ fn read_table<'a>(
     let columns = header
         .into_iter()
         .map(|name| {
+            let name = options.read_name(name);
             let column = if is_text(&name, &options.columns) {
                 Column::Words(Vec::new())
             } else {

@@ -5,13 +5,14 @@
 //! | `sweep` | number or name of the sweep; its frames are in order |
 //! | `material` (or `y`, `label`, `class`) | material, the same in every frame of a sweep |
 //! | `time` (or `t`, `timestamp`, `Zeit [ms]`, `sec` and `nanosec`), optional | seconds, another unit by the name, Unix time or dates; gives the sample rate, see `time_names.rs` |
-//! | `step` (or `frame`, `index`), `block`, `test`, optional | step is ignored; block and test as in [`tactmat`](super::tactmat) |
+//! | `step` (or `frame`, `index`), `test`, optional | step is ignored; test as in [`tactmat`](super::tactmat) |
+//! | `block` (or `session`, `bout`, `day`, `subject`, `group`), optional | sweeps that were recorded together, by number or name |
 //! | every other | one taxel, in the order of the columns; if most are numbered alike (`t0`, `t1`, ...), only those: see `taxel_names.rs` |
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::named_sweeps::{Labels, some_of};
+use super::named_sweeps::{Labels, some_of, sorted_names};
 use super::read_options::ReadOptions;
 use super::recording::{LabelRun, Recording, Recordings};
 use super::sweep_file::Patch;
@@ -54,7 +55,9 @@ impl Column {
 
 /// Returns true if a column of this name has words if its values are not numbers.
 pub(super) fn may_hold_words(name: &str) -> bool {
-    is_one_of(name, SWEEP) || is_one_of(name, MATERIAL)
+    [SWEEP, MATERIAL, BLOCK]
+        .iter()
+        .any(|names| is_one_of(name, names))
 }
 
 /// Returns true if a column of this name need not hold numbers: it is no taxel.
@@ -62,7 +65,7 @@ pub(super) fn may_hold_words(name: &str) -> bool {
 /// - `taxels`: names of the columns that are taxels; empty if all others are
 pub(super) fn is_text(name: &str, taxels: &[String]) -> bool {
     let left_out = !taxels.is_empty() && !taxels.iter().any(|taxel| taxel.trim() == name.trim());
-    may_hold_words(name) || is_time(name) || (left_out && !is_one_of(name, &[BLOCK, TEST].concat()))
+    may_hold_words(name) || is_time(name) || (left_out && !is_one_of(name, TEST))
 }
 
 pub(super) fn is_one_of(name: &str, names: &[&str]) -> bool {
@@ -96,8 +99,16 @@ pub(super) const MEANT_AS_MATERIAL: &[&str] = &[
 ];
 /// Names of columns that count frames; the empty name is pandas' index.
 pub(super) const STEP: &[&str] = &["step", "frame", "frame_index", "index", "", "unnamed: 0"];
-/// Names of the column of block numbers.
-const BLOCK: &[&str] = &["block"];
+/// Names of the column of blocks: sweeps of one block were recorded together.
+const BLOCK: &[&str] = &[
+    "block",
+    "session",
+    "session_id",
+    "bout",
+    "day",
+    "subject",
+    "group",
+];
 /// Names of the column of test flags.
 const TEST: &[&str] = &["test", "test_flag"];
 
@@ -120,7 +131,7 @@ impl<'a> FrameTable<'a> {
             self.refuse_changing_material(&frames, material_of)?;
         }
         let firsts: Vec<usize> = order.iter().map(|sweep| frames[sweep][0]).collect();
-        let blocks = self.per_sweep(BLOCK, &firsts, |value| value as u32)?;
+        let blocks = self.blocks(&firsts);
         let test = self.per_sweep(TEST, &firsts, |value| value != 0.0)?;
         let times = time_stamps(self.path, &self.lines, &self.columns)?;
         let of_sweep = |(place, sweep): (usize, &&str)| {
@@ -323,6 +334,22 @@ impl<'a> FrameTable<'a> {
         };
         let taxels: Result<Vec<&[f64]>, DataError> = places.into_iter().map(numbers).collect();
         Ok((taxels?, findings))
+    }
+
+    /// Returns the block number of each sweep, by its first frame: whole numbers as they are, words by their order.
+    fn blocks(&self, firsts: &[usize]) -> Option<Vec<u32>> {
+        let words = self.find(BLOCK)?.words();
+        let of_sweep: Vec<String> = firsts.iter().map(|&row| words[row].clone()).collect();
+        let numbers = of_sweep.iter().map(|word| word.parse().ok()).collect();
+        Some(numbers.unwrap_or_else(|| {
+            let names = sorted_names(&of_sweep);
+            let number = |word| names.iter().position(|name| name == word);
+            of_sweep
+                .iter()
+                .filter_map(number)
+                .map(|at| at as u32)
+                .collect()
+        }))
     }
 
     /// Returns one value per sweep: that of its first frame.

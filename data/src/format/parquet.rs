@@ -29,9 +29,11 @@ pub(super) fn read_with_gaps(
     options: &ReadOptions,
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
-    table(path)?
-        .into_recordings(labels, options)?
-        .into_sweeps(options)
+    let mut table = table(path)?;
+    for (name, _) in &mut table.columns {
+        *name = options.read_name(std::mem::take(name));
+    }
+    table.into_recordings(labels, options)?.into_sweeps(options)
 }
 
 /// Reads all columns.

@@ -45,6 +45,9 @@ pub struct ReadOptions {
     pub samples: Option<String>,
     /// Name or path of the materials of the sweeps, names or numbers, in a file that holds several arrays.
     pub labels: Option<String>,
+    /// Name of the column or array that holds the block of each sweep: a recording, session, day or subject, as numbers or
+    /// words; `None`: `block`, `session`, `day` and similar columns, or the array `blocks`.
+    pub blocks: Option<String>,
     /// Layout of the files in a folder.
     pub layout: FileLayout,
 }
@@ -72,6 +75,14 @@ impl ReadOptions {
         };
         let expected = "a file with named arrays (.npz, .h5, .mat)";
         Err(DataError::format(path, item, expected, found))
+    }
+
+    /// Returns the name by which a column is read.
+    pub(super) fn read_name(&self, column: String) -> String {
+        match &self.blocks {
+            Some(blocks) if column.trim() == blocks.trim() => "block".into(),
+            _ => column,
+        }
     }
 
     /// Returns true if recordings are cut or resampled.

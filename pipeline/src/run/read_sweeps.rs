@@ -49,6 +49,7 @@ impl TrainSpec {
         ReadOptions {
             samples: names(&self.samples),
             labels: names(&self.labels),
+            blocks: names(&self.blocks),
             ..ReadOptions::default()
         }
     }

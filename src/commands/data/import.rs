@@ -153,6 +153,7 @@ impl ImportArgs {
             windows: self.cut.windows(),
             samples: self.cut.arrays.samples.clone(),
             labels: self.cut.arrays.labels.clone(),
+            blocks: self.cut.arrays.blocks.clone(),
             layout: self.cut.layout(),
         }
     }

@@ -137,6 +137,7 @@ impl TrainArgs {
             },
             samples: options.arrays.samples.clone(),
             labels: options.arrays.labels.clone(),
+            blocks: options.arrays.blocks.clone(),
             label_order: match options.permute_labels {
                 true => LabelOrder::Permuted,
                 false => LabelOrder::True,

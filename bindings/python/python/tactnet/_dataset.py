@@ -116,6 +116,7 @@ class Dataset:
         drop_labels: Sequence[str] = (),
         samples: str | None = None,
         labels: str | None = None,
+        blocks: str | None = None,
     ) -> Dataset:
         """Reads HDF5, npz, MATLAB, CSV, Parquet or a folder of CSV. :func:`read_sweeps` reads files without labels.
 
@@ -130,9 +131,10 @@ class Dataset:
         drop_labels: labels whose frames are left out.
         samples: name or HDF5 path of the samples in a file that has several arrays, e.g. ``"recorded/skin"``; ``"data/*/tactile"``: one sweep each.
         labels: name or HDF5 path of the material of each sweep, names or numbers.
+        blocks: name of the column or array with the block of each sweep: recording, session, day or subject.
         """
         native = _tactnet.Dataset.read(
-            path, rate, steps, list(columns), resample, window, hop, intervals, list(drop_labels), samples, labels
+            path, rate, steps, list(columns), resample, window, hop, intervals, list(drop_labels), samples, labels, blocks
         )
         _warn(native)
         return cls(native)

@@ -37,6 +37,7 @@ class Dataset:
         drop_labels: list[str] = ...,
         samples: str | None = None,
         labels: str | None = None,
+        blocks: str | None = None,
     ) -> Dataset: ...
     reading_warnings: list[str]
     @staticmethod

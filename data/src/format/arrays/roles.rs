@@ -15,11 +15,13 @@ pub(in crate::format) enum Role<'n> {
 }
 
 /// Names of arrays by what they hold, in order of preference.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(in crate::format) struct Roles {
     pub(in crate::format) samples: Vec<String>,
     pub(in crate::format) labels: Vec<String>,
     pub(in crate::format) rate: Vec<String>,
+    /// Name of the blocks, and true if the caller named it.
+    pub(in crate::format) blocks: (String, bool),
 }
 
 /// Names of the samples in MATLAB files, in lower case.
@@ -66,6 +68,10 @@ impl Roles {
             samples: named(&options.samples, &["samples", "X"]),
             labels: named(&options.labels, &["labels", "y"]),
             rate: vec![super::RATE_ATTRIBUTE.into()],
+            blocks: match &options.blocks {
+                Some(name) => (name.clone(), true),
+                None => ("blocks".into(), false),
+            },
         }
     }
 
@@ -88,6 +94,7 @@ impl Roles {
             samples: unless_named(&options.samples, own.samples, usual(&SAMPLES)),
             labels: unless_named(&options.labels, own.labels, usual(&LABELS)),
             rate: usual(&RATES).unwrap_or(own.rate),
+            blocks: own.blocks,
         }
     }
 
@@ -101,6 +108,7 @@ impl Roles {
         let named = ReadOptions {
             samples: options.samples.as_ref().map(|name| path_of(paths, name)),
             labels: options.labels.as_ref().map(|name| path_of(paths, name)),
+            blocks: options.blocks.as_ref().map(|name| path_of(paths, name)),
             ..ReadOptions::default()
         };
         let group = group_of(named.samples.as_deref().unwrap_or_default());
@@ -137,7 +145,7 @@ impl Roles {
     /// Returns true if one of the roles has this name.
     pub(in crate::format) fn contain(&self, name: &str) -> bool {
         let all = self.samples.iter().chain(&self.labels).chain(&self.rate);
-        all.into_iter().any(|known| known == name)
+        all.into_iter().any(|known| known == name) || self.blocks.0 == name
     }
 }
 

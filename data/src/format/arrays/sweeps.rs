@@ -1,9 +1,9 @@
 //! Sweeps from the arrays of one file.
 
-use super::super::named_sweeps::{Labels, UNLABELLED, records};
+use super::super::named_sweeps::{Labels, UNLABELLED, records, sorted_names};
 use super::super::narrow::HELD;
 use super::super::npy::Array;
-use super::{Arrays, Container};
+use super::{Arrays, Container, Role, normal_texts};
 use crate::format::tactmat::SYNTHETIC_ATTRIBUTE;
 use crate::twin::TwinVersion;
 use crate::{DataError, Dataset, Finding, FindingKind, LabelSet, Severity, SweepShape};
@@ -39,7 +39,7 @@ impl Arrays<'_> {
             Some(_) => &samples.shape[..2],
             None => &samples.shape[..1],
         };
-        let blocks = self.per_sweep("blocks", leading)?;
+        let blocks = self.blocks(leading)?;
         let flags = self.test_flags(leading)?;
         if let Some(some) = samples.some_sweeps() {
             some.check(self.path, layout.shape)?;
@@ -66,6 +66,26 @@ impl Arrays<'_> {
             dataset = dataset.with_assumed_patch();
         }
         Ok((dataset, labelled))
+    }
+
+    /// Returns the block number of each sweep: whole numbers as they are, words by their order.
+    fn blocks(&self, shape: &[usize]) -> Result<Option<Vec<u32>>, DataError> {
+        let (name, is_named) = &self.roles.blocks;
+        let array = self.optional(name)?;
+        if *is_named && array.is_none() {
+            return Err(self.missing(Role::Named(name)));
+        }
+        let Some(texts) = array.and_then(normal_texts) else {
+            return self.per_sweep(name, shape);
+        };
+        if texts.len() != shape.iter().product::<usize>() {
+            let found = format!("{} names", texts.len());
+            return Err(self.error(name, format!("shape {shape:?}"), found));
+        }
+        let names = sorted_names(&texts);
+        let number = |text| names.iter().position(|name| name == text);
+        let numbers = texts.iter().filter_map(number);
+        Ok(Some(numbers.map(|number| number as u32).collect()))
     }
 
     fn test_flags(&self, shape: &[usize]) -> Result<Option<Vec<bool>>, DataError> {
