@@ -58,6 +58,7 @@ mod padding;
 mod rest;
 mod run_evidence;
 mod saturation;
+mod series;
 mod shared_frames;
 mod spikes;
 mod sweep_statistics;
