@@ -90,6 +90,7 @@ def matlab_5():
     types = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"]
     signed = {f"X_{kind}": (X - (100 if kind[0] != "u" else 0)).astype(kind) for kind in types}
     scipy.io.savemat(OUT / "v5_types.mat", {**signed, "flags": X > 100, "y": NUMBERS.astype("f8")}, do_compression=True)
+    scipy.io.savemat(OUT / "v5_indices.mat", {"X": double, "y": NUMBERS, "materials": cell(WORDS[:3])})
     scipy.io.savemat(OUT / "v5_unlabelled.mat", {"X": double})
     scipy.io.savemat(OUT / "bad_v5_rank2.mat", {"X": double[:, :, 0], "y": NUMBERS})
     scipy.io.savemat(OUT / "bad_v5_axes.mat", {"X": double.transpose(1, 2, 0), "y": NUMBERS})

@@ -203,6 +203,8 @@ fn matlab_files_of_version_5_are_read() {
     assert_read("v5_cell.mat", ["", ""], WORDS, Some(100.0));
     assert_read("v5_compressed.mat", ["", ""], NUMBERS, Some(250.0));
     assert_read("v5_char.mat", ["", ""], WORDS, None);
+    // Labels count from 1 where `materials` names them.
+    assert_read("v5_indices.mat", ["", ""], WORDS, None);
     assert_read("v5_big_endian.mat", ["", ""], WORDS, Some(50.0));
 }
 
