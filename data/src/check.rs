@@ -121,7 +121,7 @@ fn of_values(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Finding> {
     let leaking = leaking_columns::leaking_columns(dataset, sweeps);
     let is_explained =
         |taxel: usize| is_dead(taxel) || leaking.iter().any(|of| of.taxel() == taxel);
-    findings.extend(constant::constant(dataset, sweeps, &is_explained));
+    findings.extend(constant::constant(dataset, sweeps, is_explained));
     findings.extend(leaking.iter().map(|of| of.finding(dataset)));
     findings.extend(dead_taxels::findings(dataset, &dead));
     findings.extend(copies(dataset, sweeps));
