@@ -60,6 +60,7 @@ mod padding;
 mod rest;
 mod run_evidence;
 mod saturation;
+mod series;
 mod shared_frames;
 mod spikes;
 mod sweep_statistics;
@@ -127,12 +128,16 @@ fn of_values(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Finding> {
     findings.extend(leaking.iter().map(|of| of.finding(dataset)));
     findings.extend(dead_taxels::findings(dataset, &dead));
     findings.extend(copies(dataset, sweeps));
-    findings.extend(saturation::saturated(dataset, sweeps, &fills));
+    findings.extend(saturation::saturated(dataset, sweeps, &fills, is_explained));
     // Sweeps with fill values or spikes are out of range because of them.
-    let is_explained = |sweep: usize| {
+    let is_sweep_explained = |sweep: usize| {
         fills.are_in(&sweeps[sweep]) || spikes.iter().any(|spike| spike.at.sweep == Some(sweep))
     };
-    findings.extend(out_of_range::out_of_range(dataset, sweeps, is_explained));
+    findings.extend(out_of_range::out_of_range(
+        dataset,
+        sweeps,
+        is_sweep_explained,
+    ));
     findings.extend(spikes);
     findings.extend(dropouts::dropouts(dataset, sweeps, &rest, &fills));
     findings.extend(padding::padding(dataset, sweeps, &rest, &fills));

@@ -132,8 +132,8 @@ def leaking_names(column: str, folder: Path) -> Made:
     of = sweeps(f"9 {column}", 3, 6, taxels=4)
     number = {name: str(place) for place, name in enumerate(of.counts)}
     path = table_with(of, ["force", "shear", "heat", "touch"], {column: lambda sweep, _: number[of.materials[sweep]]}, folder)
-    leak = Find("leaking_column", "error|warning", {"taxel": 4}, column)
-    return Made(path, (Either(leak, Find("not_read", "note", message=column)), NoOther(("leaking_column", "constant_taxel"))))
+    leak = Find("leaking_column", "error|warning", {"taxel": 4})
+    return Made(path, (Either(leak, Find("not_read", "note", message=column)), NoOther(("leaking_column", "constant_taxel", "assumed_rate"))))
 
 
 def noted(column: str, text: Callable[[int, int], str], folder: Path) -> Made:
@@ -233,7 +233,7 @@ def split(order: tuple[str, ...], words: tuple[str, ...], format: str, folder: P
     if order[0] == "split":
         return Made(folder / "sweeps", (read, NoOther(no_rate)))
     # With materials above the split, the message may name the pattern of the files instead.
-    return Made(folder / "sweeps", (Either(read, Refused(r"--names")),))
+    return Made(folder / "sweeps", (Either(read, Refused(r"two levels below.*pattern")),))
 
 
 def levels(levels: tuple[str, str], format: str, folder: Path) -> Made:

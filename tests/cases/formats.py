@@ -93,7 +93,7 @@ def nested(kind: str, folder: Path) -> Made:
             group = file.create_group(f"data/demo_{sweep}" if kind == "robomimic" else f"episode_{sweep:03}")
             group.create_dataset("obs/tactile", data=values)
             group.create_dataset("actions", data=np.zeros((len(values), 7)))
-    first = "data/demo_0/obs/tactile" if kind == "robomimic" else "episode_000/obs/tactile"
+    first = r"data/demo_\S+/obs/tactile" if kind == "robomimic" else r"episode_\S+/obs/tactile"
     return Made(path, (Refused(rf"{first}.*--samples"),))
 
 
@@ -106,7 +106,8 @@ def by_path(paths: tuple[str, str], dimensions: int, folder: Path) -> Made:
         file.create_dataset(paths[0], data=values)
         file.create_dataset(paths[1], data=of.materials, dtype=h5py.string_dtype())
         file.create_dataset("raw/other", data=np.zeros(3))
-    listed = Refused(rf"{paths[0]}.*--samples")
+    # Some names are read without options.
+    listed: Any = Refused(rf"{paths[0]}.*--samples") if "/" in paths[0] else NoOther(("assumed_rate",))
     return Made(path, (listed, Import(of, ("--samples", paths[0], "--labels", paths[1], "--rate", "100"), 100.0)))
 
 

@@ -242,7 +242,7 @@ def cases() -> Iterator[Case]:
     for name in ("JSON", "own message"):
         yield Case(f"17 wrong topic/{name}/mcap", 17, "mcap", partial(wrong_name, name, "/skn", "taxels", r"/skin"))
         field = "data" if name == "JSON" else "taxels"
-        yield Case(f"17 wrong field/{name}/mcap", 17, "mcap", partial(wrong_name, name, "/skin", field + "x", rf"\b{field}\b"))
+        yield Case(f"17 wrong field/{name}/mcap", 17, "mcap", partial(wrong_name, name, "/skin", field + "x", rf"\b{field} \[6\]"))
     for name in ("JSON", "Float32MultiArray"):
         for share in (0.4, 0.8):
             yield Case(f"17 cut/{name} after {100 * share:g} %/mcap", 17, "mcap", partial(cut, name, share))

@@ -90,13 +90,32 @@ def matlab_5():
     types = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"]
     signed = {f"X_{kind}": (X - (100 if kind[0] != "u" else 0)).astype(kind) for kind in types}
     scipy.io.savemat(OUT / "v5_types.mat", {**signed, "flags": X > 100, "y": NUMBERS.astype("f8")}, do_compression=True)
+    scipy.io.savemat(OUT / "v5_indices.mat", {"X": double, "y": NUMBERS, "materials": cell(WORDS[:3])})
     scipy.io.savemat(OUT / "v5_unlabelled.mat", {"X": double})
     scipy.io.savemat(OUT / "bad_v5_rank2.mat", {"X": double[:, :, 0], "y": NUMBERS})
     scipy.io.savemat(OUT / "bad_v5_axes.mat", {"X": double.transpose(1, 2, 0), "y": NUMBERS})
     scipy.io.savemat(OUT / "bad_v5_complex.mat", {"X": double * 1j, "y": NUMBERS})
     scipy.io.savemat(OUT / "bad_v5_sparse.mat", {"X": scipy.sparse.csc_matrix(double[0]), "y": NUMBERS})
     scipy.io.savemat(OUT / "bad_v5_names.mat", {"skin": double, "joints": double[0], "stuff": cell(WORDS)})
+    scipy.io.savemat(OUT / "bad_v4.mat", {"X": double[0], "y": NUMBERS}, format="4")
     big_endian(OUT / "v5_big_endian.mat")
+    string_array(OUT / "bad_v5_string.mat")
+
+
+def string_array(path):
+    """`y = string(...)`, which scipy reads as an opaque object, but does not write."""
+
+    def element(kind, data):
+        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    names = b"".join(element(1, name) for name in (b"y", b"MCOS", b"string"))
+    ids = element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 6, 1)) + element(1, b"") + element(6, struct.pack("<6I", *range(6)))
+    scipy.io.savemat(path, {"X": X.astype("f8")})
+    with open(path, "ab") as file:
+        file.write(element(14, element(6, struct.pack("<II", 17, 0)) + names + element(14, ids)))
+    # scipy gives objects no name.
+    (read,) = (value for name, value in scipy.io.loadmat(path).items() if name not in ("X", "__header__", "__version__", "__globals__"))
+    assert (read["s0"], read["s1"], read["s2"]) == (b"y", b"MCOS", b"string"), read
 
 
 def big_endian(path):
@@ -158,6 +177,10 @@ def matlab_73():
         put(file, "data", X.astype("u1"), "uint8")
         put(file, "labels", NUMBERS[None].astype("f8"), "double")
     finish(OUT / "v73_numbers.mat")
+    with start(OUT / "bad_v73_string.mat") as file:
+        put(file, "X", X.astype("u1"), "uint8")
+        put(file, "y", np.array([[3707764736, 2, 1, 1, 1, 1]], "u4"), "string")
+    finish(OUT / "bad_v73_string.mat")
     with start(OUT / "v73_struct.mat") as file:
         group = file.create_group("recording")
         group.attrs["MATLAB_class"] = np.bytes_("struct")

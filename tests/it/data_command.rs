@@ -45,6 +45,58 @@ fn info_and_check_say_something_useful_about_every_fixture() {
     }
 }
 
+#[test]
+fn samples_and_labels_in_groups_are_named_for_check_import_and_train() {
+    let lab = Lab::new();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/foreign");
+    let on = |words: &[&str], file: &str, more: &[&str]| {
+        let mut command = tactnet(words.iter().copied());
+        command.arg(folder.join(file)).args(more);
+        command
+    };
+    let refused = stderr(&expect(2, on(&["data", "check"], "groups.h5", &[])));
+    let listed = "`recorded/skin/pressure` [6, 12, 4] f64";
+    let cure = "name the one that holds the taxels with `--samples NAME`";
+    assert!(
+        refused.contains(listed) && refused.contains(cure),
+        "{refused}"
+    );
+    let names = [
+        "--samples",
+        "recorded/skin/pressure",
+        "--labels",
+        "recorded/material",
+    ];
+    let checked = stdout(&expect(0, on(&["data", "check"], "groups.h5", &names)));
+    assert!(
+        checked.contains("6 sweeps of 12 steps of 1x4 taxels at 250 Hz, 3 materials"),
+        "{checked}"
+    );
+    let out = lab.path("own.npz").display().to_string();
+    let import = [&names[..], &["--out", &out]].concat();
+    expect(0, on(&["data", "import"], "groups.h5", &import));
+    let run = lab.path("run").display().to_string();
+    let means = [&names[..], &["--model", "means", "--out", &run]].concat();
+    expect(0, on(&["train", "--data"], "groups.h5", &means));
+    // The run's settings contain the names.
+    expect(0, tactnet(["eval", &run]));
+    let noted = stderr(&expect(
+        0,
+        on(
+            &["data", "import"],
+            "v5_cell.mat",
+            &["--out", &out, "--force"],
+        ),
+    ));
+    let note = "note: `X`: the size 6x12x4 in MATLAB is read as sweeps x steps x taxels";
+    assert!(noted.contains(note), "{noted}");
+    let refused = stderr(&expect(
+        2,
+        tactnet(["data", "check", "twin", "--labels", "y"]),
+    ));
+    assert!(refused.contains("--labels: expected a file"), "{refused}");
+}
+
 /// Linux paths are bytes.
 #[test]
 fn a_path_that_is_not_utf8_is_an_error_in_one_line() {

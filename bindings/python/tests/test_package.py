@@ -433,6 +433,18 @@ def test_continuous_recordings_are_cut_into_windows(tmp_path):
         tactnet.Dataset.read(tmp_path / "own.npz", rate=100)
 
 
+def test_arrays_in_groups_and_of_matlab_are_read():
+    foreign = HERE.parents[2] / "tests/fixtures/foreign"
+    sweep, step, taxel = np.ogrid[:6, :12, :4]
+    expected = (37 * sweep + 5 * step + taxel) % 251
+    own = tactnet.Dataset.read(foreign / "groups.h5", samples="recorded/skin/pressure", labels="recorded/material")
+    assert (own.X[:, :, 0] == expected).all() and own.rate == 250
+    assert list(own.y) == ["cork", "denim", "felt"] * 2
+    with pytest.raises(tactnet.TactnetError, match="recorded/half.*pass `samples=`"):
+        tactnet.Dataset.read(foreign / "groups.h5")
+    assert (tactnet.Dataset.read(foreign / "v73_cell.mat").X == own.X).all()
+
+
 def test_gaps_and_transposed_sweeps_are_told(data):
     own, _, train, test = data
     X = own.X[train].astype(np.float32)

@@ -108,7 +108,7 @@ pub enum RecordingError {
         path: PathBuf,
     },
     /// The file has no table of channels: it is a recording of another program.
-    #[error("{}: a recording of another program; its topics:{}", path.display(), listed(topics))]
+    #[error("{}: a recording of another program; its topics: {}", path.display(), listed(topics))]
     Foreign {
         /// Path of the file.
         path: PathBuf,
@@ -116,7 +116,7 @@ pub enum RecordingError {
         topics: Vec<Topic>,
     },
     /// The file has no such topic, or no message of it.
-    #[error("{}: no message of topic `{topic}`; the topics are:{}", path.display(), listed(topics))]
+    #[error("{}: no message of topic `{topic}`; the topics are: {}", path.display(), listed(topics))]
     NoTopic {
         /// Path of the file.
         path: PathBuf,
@@ -135,12 +135,12 @@ pub enum RecordingError {
     },
 }
 
-/// Returns the topics, one a line.
+/// Returns the topics, separated by semicolons.
 fn listed(topics: &[Topic]) -> String {
-    let line = |topic: &Topic| format!("\n  {topic}");
+    let texts: Vec<String> = topics.iter().map(Topic::to_string).collect();
     match topics {
-        [] => " none".into(),
-        topics => topics.iter().map(line).collect(),
+        [] => "none".into(),
+        _ => texts.join("; "),
     }
 }
 

@@ -5,7 +5,8 @@
 
 use rayon::prelude::*;
 
-use super::noise::{dot, median, noise, without_mean};
+use super::noise::{dot, noise, upper_quartile, without_mean};
+use super::series::Series;
 use super::sweep_statistics::SweepStatistics;
 use super::taxel_names::in_sweep;
 use super::{are_together, finding};
@@ -19,19 +20,17 @@ const PROJECTIONS: usize = 16;
 const DISTANCE: f32 = 0.1;
 /// Maximum number of earlier sweeps, the nearest ones, that a sweep is compared with.
 const COMPARED: usize = 4;
-/// Maximum number of taxels that are compared.
-const TAXELS: usize = 16;
 /// Minimum number of values that are compared: fewer may agree by chance.
 const VALUES: usize = 64;
-/// Maximum difference of copies, as a share of the noise; it is above 1 for independent sweeps.
-const DIFFERENCE: f64 = 0.25;
+/// Maximum difference of copies, as a share of the noise: upper quartile by median. It is 2.4 for independent sweeps.
+const DIFFERENCE: f64 = 0.35;
 /// Maximum difference of copies, as a share of the lower quartile of the differences to other sweeps.
 const UNUSUAL: f64 = 0.3;
 /// Maximum number of other sweeps that copies are compared with.
 const OTHERS: usize = 16;
 /// Number of other sweeps of a material below which all materials are used.
 const FEWEST_OTHERS: usize = 4;
-/// Minimum share of a taxel's frames that change: others have no noise to compare.
+/// Minimum share of a signal's frames that change: others have no noise to compare.
 const CHANGING: f64 = 0.5;
 
 /// Sweep that is nearly equal to an earlier one.
@@ -185,26 +184,32 @@ fn sign(place: usize, projection: usize) -> f32 {
 fn are_copies(dataset: &Dataset, earlier: usize, later: usize) -> bool {
     let taxels = dataset.shape().taxels();
     let [one, other] = [earlier, later].map(|sweep| dataset.sweep(sweep));
-    let mut compared = Vec::new();
-    for taxel in (0..taxels).step_by(taxels.div_ceil(TAXELS)) {
-        let [a, b] = [&one, &other].map(|values| of_taxel(values, taxel, taxels));
+    let compare = |series: Series| {
+        let [a, b] = [&one, &other].map(|values| series.of(values, taxels));
         match (is_changing(&a), is_changing(&b)) {
-            (false, false) => {}
-            (true, true) => match likeness(&a, &b) {
-                Likeness::Noiseless => {}
-                Likeness::Copy => compared.push(taxel),
-                Likeness::Different => return false,
-            },
-            _ => return false,
+            (false, false) => Likeness::Noiseless,
+            (true, true) => likeness(&a, &b),
+            _ => Likeness::Different,
         }
+    };
+    let mut compared = Vec::new();
+    for series in Series::of_taxels(taxels) {
+        match compare(series) {
+            Likeness::Noiseless => {}
+            Likeness::Copy => compared.push(series),
+            Likeness::Different => return false,
+        }
+    }
+    if compared.is_empty() && compare(Series::Sparse) == Likeness::Copy {
+        compared.push(Series::Sparse);
     }
     compared.len() * dataset.shape().steps >= VALUES
         && is_unlike_others(dataset, &compared, earlier, later)
 }
 
-/// Returns true if two sweeps differ far less than other sweeps, in at least half of these taxels. Otherwise all sweeps
+/// Returns true if two sweeps differ far less than other sweeps, in at least half of these signals. Otherwise all sweeps
 /// are alike, as those of a simulation without noise.
-fn is_unlike_others(dataset: &Dataset, taxels: &[usize], earlier: usize, later: usize) -> bool {
+fn is_unlike_others(dataset: &Dataset, compared: &[Series], earlier: usize, later: usize) -> bool {
     let records = dataset.records();
     let others = |is_wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
         (0..dataset.len())
@@ -219,26 +224,21 @@ fn is_unlike_others(dataset: &Dataset, taxels: &[usize], earlier: usize, later: 
     let reference = reference.into_iter().step_by(stride);
     let reference: Vec<Vec<f32>> = reference.map(|sweep| dataset.sweep(sweep)).collect();
     let [one, other] = [earlier, later].map(|sweep| dataset.sweep(sweep));
-    let is_far = |&&taxel: &&usize| {
-        let series = |values: &[f32]| of_taxel(values, taxel, dataset.shape().taxels());
-        let own = series(&other);
-        let to = |values: &[f32]| difference(&series(values), &own).unwrap_or(f64::INFINITY);
+    let is_far = |series: &&Series| {
+        let signal = |values: &[f32]| series.of(values, dataset.shape().taxels());
+        let own = signal(&other);
+        let to = |values: &[f32]| difference(&signal(values), &own).unwrap_or(f64::INFINITY);
         let mut usual: Vec<f64> = reference.iter().map(|values| to(values)).collect();
         usual.sort_unstable_by(f64::total_cmp);
         let quartile = usual.get(usual.len() / 4).copied();
         quartile.is_none_or(|usual| to(&one) <= UNUSUAL * usual)
     };
-    2 * taxels.iter().filter(is_far).count() >= taxels.len()
-}
-
-fn of_taxel(values: &[f32], taxel: usize, taxels: usize) -> Vec<f64> {
-    let of_taxel = values.iter().skip(taxel).step_by(taxels);
-    of_taxel.map(|&value| f64::from(value)).collect()
+    2 * compared.iter().filter(is_far).count() >= compared.len()
 }
 
 fn is_changing(values: &[f64]) -> bool {
     let changing = values.array_windows().filter(|[a, b]| a != b).count();
-    changing as f64 >= CHANGING * values.len() as f64
+    !values.is_empty() && changing as f64 >= CHANGING * values.len() as f64
 }
 
 /// Result of a comparison of two signals.
@@ -261,13 +261,16 @@ fn likeness(a: &[f64], b: &[f64]) -> Likeness {
     }
 }
 
-/// Returns the median absolute difference of two signals after the best offset and gain of the first; `None` if no
+/// Returns the upper quartile of the absolute differences of two signals after the best offset and gain of the first; `None` if no
 /// positive gain makes them alike.
 fn difference(a: &[f64], b: &[f64]) -> Option<f64> {
+    if a.len() != b.len() {
+        return None;
+    }
     let [a, b] = [a, b].map(without_mean);
     let gain = dot(&a, &b) / dot(&a, &a);
     let differences = a.iter().zip(&b).map(|(a, b)| (gain * a - b).abs());
-    (gain > 0.0 && gain.is_finite()).then(|| median(differences.collect()))
+    (gain > 0.0 && gain.is_finite()).then(|| upper_quartile(differences.collect()))
 }
 
 #[cfg(test)]

@@ -5,8 +5,11 @@ const ORDER: usize = 4;
 /// Noise of a signal without noise, as a share of its deviation: the rounding of 32-bit floats.
 const ROUNDING: f64 = 1e-5;
 
-/// Returns the median absolute deviation of the noise; `None` if the signal is predictable up to rounding, as a sine is.
-/// It is the smallest of three estimates: the errors of a linear prediction, which finds noise in vibrations, and the
+/// Minimum noise of a signal of whole steps, as a share of a step: rounding alone gives a quarter.
+const STEP_SHARE: f64 = 0.33;
+
+/// Returns the median absolute deviation of the noise; `None` if the signal is predictable up to rounding, as a sine is, or
+/// seldom changes. It is the smallest of three estimates: the errors of a linear prediction, which finds noise in vibrations, and the
 /// second and third differences, which find noise on smooth curves.
 pub(super) fn noise(values: &[f64]) -> Option<f64> {
     let plain = without_mean(values);
@@ -20,7 +23,16 @@ pub(super) fn noise(values: &[f64]) -> Option<f64> {
     let smooth = (absolute(&second) / 6_f64.sqrt()).min(absolute(&third) / 20_f64.sqrt());
     let noise = median(unpredictable(&plain)).min(smooth);
     let deviation = (dot(&plain, &plain) / plain.len() as f64).sqrt();
-    (noise > ROUNDING * deviation).then_some(noise)
+    let least = (ROUNDING * deviation).max(STEP_SHARE * step(values));
+    (noise > least).then_some(noise)
+}
+
+/// Returns the smallest difference of two values of the signal; 0 if all are equal.
+fn step(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let steps = differences(&sorted).into_iter().filter(|step| *step > 0.0);
+    steps.reduce(f64::min).unwrap_or(0.0)
 }
 
 /// Returns the differences of neighbouring values.
@@ -33,8 +45,14 @@ pub(super) fn without_mean(values: &[f64]) -> Vec<f64> {
     values.iter().map(|value| value - mean).collect()
 }
 
+/// Returns the upper quartile of at least one value.
+pub(super) fn upper_quartile(mut values: Vec<f64>) -> f64 {
+    let place = 3 * values.len() / 4;
+    *values.select_nth_unstable_by(place, f64::total_cmp).1
+}
+
 /// Returns the median of at least one value.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
+fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
@@ -123,6 +141,11 @@ mod tests {
         let sine: Vec<f64> = (0..400).map(|at| (f64::from(at) * 0.7).sin()).collect();
         assert_eq!(noise(&sine), None);
         assert_eq!(noise(&[3.0; 400]), None);
+        let rounded: Vec<f64> = sine.iter().map(|value| (20.0 * value).round()).collect();
+        assert_eq!(noise(&rounded), None);
+        let coarse: Vec<f64> = white(1).iter().map(|value| (6.0 * value).round()).collect();
+        assert_eq!(coarse.iter().copied().fold(0.0, f64::max), 3.0);
+        assert!(noise(&coarse).is_some());
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::rest::{End, Rest, run_at};
 use super::sweep_statistics::{Run, SweepStatistics};
 use crate::{Dataset, Finding, FindingKind, Place, Remedy, Severity};
 
-/// Ratio of the change before a padding of zeros to the largest other change of the sweep.
+/// Ratio of the change before a padding to the largest other change of the sweep, from which it is a jump.
 const JUMP: f32 = 3.0;
 /// Minimum length of padding with noise, in frames, and as a share of the sweep: shorter quiet tails are in every signal.
 const QUIET_FRAMES: usize = 5;
@@ -138,11 +138,19 @@ fn quiet_tails(dataset: &Dataset, sweeps: &[SweepStatistics], rest: &Rest<'_>) -
         .collect()
 }
 
-/// Returns true if each taxel that moves before the tail is quiet in it.
+/// Returns true if the tail begins with a jump, or if each taxel that moves before the tail is quiet in it.
 fn is_quiet_in_all_taxels(dataset: &Dataset, sweep: usize, tail: usize) -> bool {
     let shape = dataset.shape();
     let values = dataset.sweep(sweep);
     let (before, after) = values.split_at((shape.steps - tail) * shape.taxels());
+    let frames: Vec<&[f32]> = before.chunks_exact(shape.taxels()).collect();
+    let change = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>();
+    let greatest = frames.windows(2).map(|pair| change(pair[0], pair[1]));
+    let greatest = greatest.fold(0.0, f32::max);
+    let jump = frames.last().map(|last| change(last, after));
+    if jump.is_some_and(|jump| jump > JUMP * greatest && greatest > 0.0) {
+        return true;
+    }
     let mean_change = |values: &[f32], taxel: usize| {
         let of_taxel = values[taxel..].iter().step_by(shape.taxels());
         let pairs = of_taxel.clone().zip(of_taxel.skip(1));

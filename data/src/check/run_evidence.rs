@@ -1,68 +1,77 @@
 //! Information in a run of frames: minus the logarithm of the probability that an independent sweep has the same run.
 
+use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
 use super::noise::noise;
+use super::series::Series;
 use super::shared_frames::SharedRun;
 
 /// Number of taxels from which two of them are independent: their common force and their noise.
 const INDEPENDENT_TAXELS: usize = 4;
-/// Maximum number of taxels that are looked at.
-const TAXELS: usize = 16;
 /// Number of times that neighbouring frames are subtracted from each other: the second and third differences of a smooth
 /// curve repeat few values, those of noise do not.
 const ORDERS: usize = 3;
+
+/// Number of frames that are looked at first: most runs have enough information in them.
+const FIRST_FRAMES: usize = 128;
 
 /// Values of a sweep.
 pub(super) struct Evidence {
     /// Values: `[steps][taxels]`.
     values: Vec<f32>,
     taxels: usize,
-    /// Taxels with noise: those of a predictable signal carry no information.
-    noisy: OnceLock<Vec<usize>>,
+    /// Signals, computed when needed; `None` for a predictable signal, which carries no information.
+    noisy: Vec<(Series, OnceLock<Option<Vec<f32>>>)>,
 }
 
 impl Evidence {
     /// Returns the values of a sweep, `[steps][taxels]`.
     pub(super) fn of(values: Vec<f32>, taxels: usize) -> Self {
+        let series = Series::of_taxels(taxels).chain([Series::Sparse]);
         Self {
             values,
             taxels,
-            noisy: OnceLock::new(),
+            noisy: series.map(|series| (series, OnceLock::new())).collect(),
         }
     }
 
-    /// Returns true if a run has more information than `needed`, in bits: all taxels together, and the most lively of them
-    /// alone, which counts twice if there are several.
+    /// Returns true if a run has more information than `needed`, in bits: all taxels together, and the most lively
+    /// signal alone, which counts twice if there are several taxels.
     pub(super) fn exceeds(&self, run: SharedRun, needed: f64) -> bool {
-        let frames = &self.values[run.start * self.taxels..][..run.frames * self.taxels];
-        let independent = match self.taxels >= INDEPENDENT_TAXELS {
-            true => 2.0,
-            false => 1.0,
+        let first = SharedRun {
+            frames: run.frames.min(FIRST_FRAMES),
+            ..run
         };
-        let of_taxel = |&taxel: &usize| {
-            let values: Vec<f32> = frames
-                .iter()
-                .skip(taxel)
-                .step_by(self.taxels)
-                .copied()
-                .collect();
-            independent * information(&values, 1) > needed
-        };
-        information(frames, self.taxels) > needed && self.noisy().iter().any(of_taxel)
+        self.has_more(first, needed) || (first != run && self.has_more(run, needed))
     }
 
-    fn noisy(&self) -> &[usize] {
-        let is_noisy = |&taxel: &usize| {
-            let of_taxel = self.values.iter().skip(taxel).step_by(self.taxels);
-            let of_taxel: Vec<f64> = of_taxel.map(|&value| f64::from(value)).collect();
-            noise(&of_taxel).is_some()
-        };
-        self.noisy.get_or_init(|| {
-            let taxels = (0..self.taxels).step_by(self.taxels.div_ceil(TAXELS));
-            taxels.filter(is_noisy).collect()
+    fn has_more(&self, run: SharedRun, needed: f64) -> bool {
+        let end = run.start + run.frames;
+        let frames = &self.values[run.start * self.taxels..end * self.taxels];
+        let together = OnceCell::new();
+        (0..self.noisy.len()).any(|place| {
+            let Some(signal) = self.noisy(place) else {
+                return false;
+            };
+            let alone = information(&signal[run.start..end], 1);
+            // All taxels have at least the information of one.
+            let counts_twice = self.taxels >= INDEPENDENT_TAXELS && 2.0 * alone > needed;
+            alone > needed
+                || (counts_twice
+                    && *together.get_or_init(|| information(frames, self.taxels) > needed))
         })
+    }
+
+    fn noisy(&self, place: usize) -> Option<&[f32]> {
+        let (series, signal) = &self.noisy[place];
+        let signal = signal.get_or_init(|| {
+            let values = series.of(&self.values, self.taxels);
+            noise(&values)?;
+            Some(values.into_iter().map(|value| value as f32).collect())
+        });
+        signal.as_deref()
     }
 }
 

@@ -18,12 +18,22 @@ const NEAR_CEILING: f32 = 0.05;
 
 /// Returns the sweeps that reach the ceiling. The ceiling is the maximum of the element type, or the largest value of the
 /// data set if the number of equal values shows that it is clipped.
+///
+/// - `is_explained`: true for taxels with another finding, which are not considered
 pub(super) fn saturated(
     dataset: &Dataset,
     sweeps: &[SweepStatistics],
     fills: &FillValues,
+    is_explained: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Finding> {
-    let taxels = || sweeps.iter().flat_map(|sweep| &sweep.taxels);
+    let taxels = || {
+        let of_sweep = |sweep: &'_ SweepStatistics| -> Vec<(f32, f32)> {
+            let read = sweep.taxels.iter().enumerate();
+            let read = read.filter(|(taxel, _)| !is_explained(*taxel));
+            read.map(|(_, taxel)| (taxel.0, taxel.1)).collect()
+        };
+        sweeps.iter().flat_map(of_sweep)
+    };
     let ceiling = taxels()
         .map(|taxel| taxel.1)
         .fold(f32::NEG_INFINITY, f32::max);
@@ -45,6 +55,11 @@ pub(super) fn saturated(
                 return (0, 0);
             }
             let values = dataset.sweep(index);
+            let count = dataset.shape().taxels();
+            let is_read = |(place, _): &(usize, &f32)| !is_explained(place % count);
+            let values: Vec<f32> = (values.iter().enumerate().filter(is_read))
+                .map(|(_, value)| *value)
+                .collect();
             let at_ceiling = values.iter().filter(|&&value| value == ceiling).count();
             let not_below = values
                 .iter()

@@ -223,6 +223,19 @@ impl<'a> Arrays<'a> {
             .ok_or_else(|| self.error(name, "names or whole numbers", array.type_name()))
     }
 
+    /// Returns the error of an array that holds neither names nor whole numbers, with the first other number.
+    fn no_names(&self, name: &str, array: &Array) -> DataError {
+        let expected = "names or whole numbers";
+        let numbers = array.floats().unwrap_or_default();
+        match numbers.iter().position(|number| number.fract() != 0.0) {
+            Some(place) => {
+                let item = format!("{name}[{place}]");
+                self.error(&item, expected, numbers[place].to_string())
+            }
+            None => self.error(name, expected, array.type_name()),
+        }
+    }
+
     fn label_set(&self, names: Vec<String>) -> Result<LabelSet, DataError> {
         LabelSet::new(names).map_err(|error| in_file(self.path, error))
     }
@@ -268,7 +281,7 @@ impl<'a> Arrays<'a> {
         }
         let texts = normal_texts(labels)
             .or_else(|| Some(numbers?.iter().map(i64::to_string).collect()))
-            .ok_or_else(|| self.error(name, "names or whole numbers", labels.type_name()))?;
+            .ok_or_else(|| self.no_names(name, labels))?;
         self.refuse_nameless(name, &texts)?;
         let names = materials.unwrap_or_else(|| sorted_names(&texts));
         let of_sweep: Result<Vec<usize>, DataError> = texts

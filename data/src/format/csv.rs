@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::dialect::{Table, clean, decode, number};
 use super::file_kind;
-use super::frame_table::{Column, FrameTable, is_text};
+use super::frame_table::{Column, FrameTable, is_text, not_taxels};
 use super::named_sweeps::{Labels, NamedSweeps};
 use super::read_options::ReadOptions;
 use super::time_names::is_time;
@@ -47,12 +47,18 @@ fn read_table<'a>(
     options: &ReadOptions,
 ) -> Result<FrameTable<'a>, DataError> {
     let mut rows = Rows::open(path)?;
-    let header = rows.next()?.unwrap_or_default();
+    let header = rows.next()?.unwrap_or_default().into_iter();
+    let header: Vec<String> = header.map(|name| options.read_name(name)).collect();
+    let names: Vec<&str> = header.iter().map(String::as_str).collect();
+    let unread = match options.columns[..] {
+        [] => not_taxels(&names),
+        _ => vec![false; names.len()],
+    };
     let columns = header
         .into_iter()
-        .map(|name| {
-            let name = options.read_name(name);
-            let column = if is_text(&name, &options.columns) {
+        .zip(unread)
+        .map(|(name, is_unread)| {
+            let column = if is_unread || is_text(&name, &options.columns) {
                 Column::Words(Vec::new())
             } else {
                 Column::Numbers(Vec::new())

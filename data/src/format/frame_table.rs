@@ -68,6 +68,20 @@ pub(super) fn is_text(name: &str, taxels: &[String]) -> bool {
     may_hold_words(name) || is_time(name) || (left_out && !is_one_of(name, TEST))
 }
 
+/// Returns true for the columns that are not read since their names differ from those of all taxels: `[columns]`.
+pub(super) fn not_taxels(names: &[&str]) -> Vec<bool> {
+    let known = [SWEEP, MATERIAL, STEP, BLOCK, TEST].concat();
+    let times = are_times(names);
+    let may_be_taxel = |place: &usize| !times[*place] && !is_one_of(names[*place], &known);
+    let places: Vec<usize> = (0..names.len()).filter(may_be_taxel).collect();
+    let of_places: Vec<&str> = places.iter().map(|place| names[*place]).collect();
+    let mut unread = vec![false; names.len()];
+    for unlike in unlike_the_others(&of_places) {
+        unread[places[unlike]] = true;
+    }
+    unread
+}
+
 pub(super) fn is_one_of(name: &str, names: &[&str]) -> bool {
     names.contains(&name.trim().to_ascii_lowercase().as_str())
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::READING;
 use crate::DataError;
 
-/// Reads a file on a thread of its own; a panic of the reader becomes an error.
+/// Reads a file on a separate thread; a panic of the reader becomes an error.
 ///
 /// - `kind`: kind of the file, for messages: "a Parquet table"
 ///

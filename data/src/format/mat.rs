@@ -6,7 +6,7 @@
 //! | `y`, `labels`, `label`, `class`, ... | `[n]` | names as a cell array or a char matrix, or numbers |
 //! | `rate`, `fs`, `sample_rate`, ... | a single number | frames per second |
 //!
-//! Variables may be fields of a struct. Format: "MAT-File Format", MathWorks, R2023b, level 5. This is no external crate:
+//! Variables may be fields of a struct. Format: "MAT-File Format", MathWorks, R2023b, level 5. No published crate fits:
 //! `matfile` and `mat5` read no text and no cells, `matio-rs` needs a C library, `matrw` panics on damaged files; none
 //! bounds the memory that a packed variable takes.
 

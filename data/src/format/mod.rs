@@ -17,6 +17,7 @@
 //! | format | extension | read | written | shape |
 //! |---|---|---|---|---|
 //! | [`tactmat`] (HDF5) | `.h5`, `.hdf5` | yes | yes | `[materials][sweeps][steps][rows][cols]` |
+//! | HDF5 with other names and groups | `.h5`, `.hdf5` | yes | no | as npz; the options name samples and labels |
 //! | [`npz`] (numpy) | `.npz` | yes | yes | the same, or `[sweeps][steps][rows][cols]` with labels |
 //! | `mat` (MATLAB, version 5 and later) | `.mat` | yes | no | `[sweeps][steps][taxels]` or as npz, with labels |
 //! | [`ts`] (aeon, sktime, UEA archive) | `.ts` | no | yes | one line a sweep, one dimension a taxel |
@@ -310,6 +311,14 @@ fn read_arrays(
         FileKind::Matlab => return mat::read_arrays(path, labels, options),
         FileKind::Parquet => "Parquet",
         FileKind::Pretended(found) => found,
+        FileKind::Other
+            if path
+                .extension()
+                .is_some_and(|of| of.eq_ignore_ascii_case("mat")) =>
+        {
+            let found = "a MATLAB file of version 4, or no MATLAB file; `save(FILE, \"-v7\")` writes one that is read";
+            return Err(DataError::format(path, "file", READABLE, found));
+        }
         FileKind::Other => "a file of another kind",
     };
     let error = match kind {

@@ -45,8 +45,13 @@ pub(super) fn table(path: &Path) -> Result<FrameTable<'_>, DataError> {
 }
 
 fn read_table(path: &Path) -> Result<FrameTable<'_>, DataError> {
-    let refused =
-        |error: ParquetError| DataError::format(path, "file", "a Parquet table", error.to_string());
+    let refused = |error: ParquetError| match error.to_string().rsplit_once("compile time: ") {
+        Some((_, codec)) => {
+            let expected = "compression with zstd, snappy or gzip, as of `df.to_parquet(file, compression=\"zstd\")`";
+            DataError::format(path, "file", expected, codec)
+        }
+        None => DataError::format(path, "file", "a Parquet table", error.to_string()),
+    };
     let file = crate::open_file(path).map_err(|error| DataError::io(path, "open", error))?;
     if !parquet_footer::is_sound(&file).map_err(|error| DataError::io(path, "read", error))? {
         let found = "metadata that is damaged";

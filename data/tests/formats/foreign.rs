@@ -111,6 +111,18 @@ fn data_sets_in_groups_are_read_by_their_paths() {
 }
 
 #[test]
+fn a_check_of_named_data_sets_finds_no_errors() {
+    let dataset = read("groups.h5", "recorded/skin/pressure", "recorded/material").unwrap();
+    let errors = check(&dataset)
+        .into_iter()
+        .filter(|of| of.severity == Severity::Error);
+    assert_eq!(
+        errors.map(|of| of.message).collect::<Vec<_>>(),
+        Vec::<String>::new()
+    );
+}
+
+#[test]
 fn a_file_without_known_names_lists_paths_shapes_and_types() {
     let listed = "found only `recorded/half` [6, 12, 4] f16, `recorded/material` [6] strings, \
         `recorded/number` [6] i32, `recorded/skin/pressure` [6, 12, 4] f64, `robot/joints` [6, 7] f32";
@@ -191,6 +203,8 @@ fn matlab_files_of_version_5_are_read() {
     assert_read("v5_cell.mat", ["", ""], WORDS, Some(100.0));
     assert_read("v5_compressed.mat", ["", ""], NUMBERS, Some(250.0));
     assert_read("v5_char.mat", ["", ""], WORDS, None);
+    // Labels count from 1 where `materials` names them.
+    assert_read("v5_indices.mat", ["", ""], WORDS, None);
     assert_read("v5_big_endian.mat", ["", ""], WORDS, Some(50.0));
 }
 
@@ -316,6 +330,20 @@ fn matlab_files_that_cannot_be_used_name_the_cure() {
         (
             "bad_v5_names.mat",
             vec!["only `skin` [6, 12, 4] double, `joints` [12, 4] double, `stuff` [6, 1] cell"],
+        ),
+        (
+            "bad_v4.mat",
+            vec![
+                "a MATLAB file of version 4, or no MATLAB file; `save(FILE, \"-v7\")` writes one that is read",
+            ],
+        ),
+        (
+            "bad_v5_string.mat",
+            vec!["variable `y`", "a string array", "`y = cellstr(y)`"],
+        ),
+        (
+            "bad_v73_string.mat",
+            vec!["variable `y`", "a string array", "`y = cellstr(y)`"],
         ),
         // MATLAB wrote this file itself, behind its own user block; HDF5 has the size 1x9 in reverse.
         ("matlab_made.mat", vec!["only `testdouble` [1, 9] double"]),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 use tactnet_data::format::SweepsToClassify;
-use tactnet_data::{LabelSet, SweepView};
+use tactnet_data::{LabelSet, SweepView, spreadsheet_cell};
 use tactnet_models::{Belief, argmax};
 
 use crate::{
@@ -145,22 +145,10 @@ impl ClassifiedSweeps {
     /// Returns a CSV table with a line for each sweep and a column for the probability of each material. A name that begins
     /// like a formula of a spreadsheet is preceded by an apostrophe.
     pub fn to_csv(&self) -> String {
-        let quoted = |text: &str| {
-            // Spreadsheets would compute a name that begins like a formula.
-            let is_formula = text.starts_with(['=', '+', '-', '@']) && text.parse::<f64>().is_err();
-            let text = match is_formula {
-                true => format!("'{text}"),
-                false => text.to_string(),
-            };
-            match text.contains(['"', ',', '\n', '\r']) {
-                true => format!("\"{}\"", text.replace('"', "\"\"")),
-                false => text,
-            }
-        };
         let mut csv = String::from("sweep,material,unknown,prediction_set,named");
         for material in self.materials.names() {
             csv.push(',');
-            csv.push_str(&quoted(&format!("p({material})")));
+            csv.push_str(&spreadsheet_cell(&format!("p({material})")));
         }
         csv.push('\n');
         for sweep in &self.sweeps {
@@ -170,13 +158,13 @@ impl ClassifiedSweeps {
             });
             let set = sweep.prediction_set.as_ref().map(|set| set.join(" | "));
             let fields = [
-                quoted(&sweep.sweep),
-                quoted(&sweep.material),
-                unknown.into(),
-                quoted(&set.unwrap_or_default()),
-                quoted(sweep.named.as_deref().unwrap_or_default()),
+                sweep.sweep.as_str(),
+                sweep.material.as_str(),
+                unknown,
+                &set.unwrap_or_default(),
+                sweep.named.as_deref().unwrap_or_default(),
             ];
-            csv.push_str(&fields.join(","));
+            csv.push_str(&fields.map(spreadsheet_cell).join(","));
             for probability in &sweep.probabilities {
                 // Six decimal places, or three significant digits for values that these would round to zero.
                 let _ = match probability {

@@ -176,10 +176,14 @@ pub fn topic_frames(
         return Err(unreadable(format!("topic `{}`, {reason}", selection.topic)));
     }
     if frames.recorded_ns.is_empty() {
+        let topics = topics(path)?.topics;
+        if let Some(cut) = cut.filter(|_| topics.is_empty()) {
+            return Err(unreadable(cut));
+        }
         return Err(RecordingError::NoTopic {
             path: path.into(),
             topic: selection.topic.clone(),
-            topics: topics(path)?.topics,
+            topics,
         });
     }
     Ok(frames.finish(cut))

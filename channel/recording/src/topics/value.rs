@@ -86,10 +86,16 @@ impl Value {
         }
     }
 
-    /// Returns the paths of all numbers and arrays of numbers with their lengths; 1 for a single number.
+    /// Returns the paths of all numbers and arrays of numbers with their lengths; 1 for a single number. Times and the
+    /// layout of arrays are left out.
     pub(super) fn numeric_paths(&self) -> Vec<(String, usize)> {
         let mut paths = Vec::new();
         self.add_numeric_paths("", &mut paths);
+        let is_data = |path: &str| {
+            let top = path.split(['.', '[']).next().unwrap_or_default();
+            !["header", "stamp", "timestamp", "layout"].contains(&top)
+        };
+        paths.retain(|(path, _)| is_data(path));
         paths
     }
 

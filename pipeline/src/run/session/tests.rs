@@ -2,10 +2,10 @@ use std::cell::Cell;
 
 use tactnet_data::format::Format;
 use tactnet_data::twin::{self, TwinConfig};
-use tactnet_data::{Samples, Scheme, Seed};
+use tactnet_data::{LabelSet, Remedy, Samples, Scheme, Seed, SweepRecord, SweepShape};
 
 use super::*;
-use crate::{EpochMetrics, TestSweeps};
+use crate::{EpochMetrics, SplitKind, TestSweeps};
 
 const RECIPE: &str = r#"
         name = "small"
@@ -81,6 +81,64 @@ fn a_session_that_is_stopped_after_every_batch_ends_with_the_same_bits() {
     let note = |event: TrainEvent<'_>| ended.set(matches!(event, TrainEvent::AlreadyEnded));
     again.train(note, || false).unwrap();
     assert!(ended.get());
+}
+
+/// Writes windows of 60 steps, each 30 steps after the one before; each material has four recordings.
+fn write_windows(path: &Path) {
+    let config = TwinConfig {
+        materials: 3,
+        sweeps: 4,
+        steps: 180,
+        ..TwinConfig::default()
+    };
+    let long = twin::generate(&config).unwrap();
+    let (mut values, mut records) = (Vec::new(), Vec::new());
+    for (sweep, record) in long.records().iter().enumerate() {
+        for window in 0..5 {
+            let start = window * 30 * 16;
+            values.extend_from_slice(&long.sweep(sweep)[start..start + 60 * 16]);
+            records.push(SweepRecord {
+                label: record.label,
+                sweep: 5 * record.sweep + window,
+                block: Some(record.sweep as u32),
+                test: None,
+            });
+        }
+    }
+    let shape = SweepShape {
+        steps: 60,
+        rows: 4,
+        cols: 4,
+    };
+    let labels = LabelSet::new(["cork", "felt", "wood"]).unwrap();
+    let samples = Samples::F32(values);
+    let windows = Dataset::new("windows", 750.0, shape, labels, records, samples).unwrap();
+    Format::Npz.write(path, &windows).unwrap();
+}
+
+#[test]
+fn overlapping_windows_are_trained_on_only_if_blocks_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("windows.npz");
+    write_windows(&data);
+    let begin = |name: &str, split: Option<SplitKind>| {
+        let spec = TrainSpec {
+            data: data.display().to_string(),
+            split,
+            ..spec(folder.path())
+        };
+        let job = TrainJob::try_from(spec).unwrap();
+        let run = folder.path().join(name);
+        Session::begin(&job, Some(&run), program(), |_| Ok(()))
+    };
+    for split in [None, Some(SplitKind::HoldOut)] {
+        let refused = begin("random", split).unwrap_err();
+        let PipelineError::Data(error) = &refused else {
+            panic!("{refused}");
+        };
+        assert_eq!(error.remedy(), Some(Remedy::LeaveBlocksOut), "{error}");
+    }
+    begin("blocks", Some(SplitKind::LeaveBlockOut)).unwrap();
 }
 
 #[test]

@@ -130,7 +130,10 @@ pub(super) fn npz_members() -> anyhow::Result<Target> {
 pub(super) fn folders() -> anyhow::Result<Target> {
     let fixtures = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/read/");
     let file = |name: &str| {
-        Ok::<_, std::io::Error>((name.into(), std::fs::read(fixtures.to_owned() + name)?))
+        Ok::<(String, Vec<u8>), std::io::Error>((
+            name.into(),
+            std::fs::read(fixtures.to_owned() + name)?,
+        ))
     };
     let lerobot_2 = |name: &str| file(&format!("lerobot_v2/{name}"));
     let lerobot_3 = |name: &str| file(&format!("lerobot_v3/{name}"));
