@@ -62,7 +62,7 @@ pub fn refuse_leaks(
     let leaks = |finding: &&Finding| {
         is_within_block(finding)
             && match scheme {
-                Scheme::LeaveBlockOut | Scheme::TrainOnAll => false,
+                Scheme::LeaveBlockOut | Scheme::GroupKFold { .. } | Scheme::TrainOnAll => false,
                 Scheme::StratifiedKFold { .. } | Scheme::HoldOut { .. } => true,
                 Scheme::TestFlag => finding
                     .at
