@@ -1,5 +1,6 @@
 //! Expands a recipe into a list of idempotent tasks.
 
+mod blocks;
 mod grid;
 mod models;
 mod suitable;
@@ -15,6 +16,7 @@ use tactnet_pipeline::{ModelRecipe, TrainSpec};
 use toml::{Table, Value};
 
 use crate::{ExperimentError, ExperimentRecipe, Part, Probe, Question};
+use blocks::Blocks;
 use grid::Grid;
 use suitable::{Unsuitable, leave_out_unsuitable};
 
@@ -78,6 +80,9 @@ pub struct Plan {
     pub recipes: BTreeMap<String, String>,
     /// Tasks in the order in which they run.
     pub tasks: Vec<Task>,
+    /// What limits the meaning of the numbers, such as materials that were recorded in one block each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub data_warnings: Vec<String>,
     /// Models that cannot be trained on a data set.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<LeftOut>,
@@ -134,9 +139,11 @@ impl Plan {
         }
         let mut recipes = BTreeMap::new();
         let models = models::models(recipe, &mut recipes)?;
+        let blocks = Blocks::of(recipe);
         let grid = Grid {
             recipe,
             models: &models,
+            blocks: &blocks,
         };
         let mut tasks = grid.tasks().map_err(refused)?;
         let mut names: Vec<&str> = tasks.iter().map(|task| task.id.as_str()).collect();
@@ -162,6 +169,7 @@ impl Plan {
             command: command.into(),
             recipes,
             tasks,
+            data_warnings: blocks.warnings(),
             left_out,
         })
     }

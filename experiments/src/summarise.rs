@@ -73,6 +73,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         expects: recipe.expected_of_run(beside_published).into(),
         command: dir.plan.command.clone(),
         question: recipe.question.clone(),
+        data_warnings: dir.plan.data_warnings.clone(),
         left_out: dir.plan.left_out.clone(),
         git: set(&|task| task.record.git.clone()),
         seed: recipe.seed,

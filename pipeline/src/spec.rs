@@ -40,7 +40,8 @@ pub struct TrainSpec {
     /// Order of the labels: as in the data set, or permuted at random.
     #[serde(skip_serializing_if = "is_default")]
     pub label_order: LabelOrder,
-    /// Split into training and test sweeps; absent: k-fold if a fold is set, else the data set's own test sweeps, else k-fold.
+    /// Split into training and test sweeps; absent: the data set's own test sweeps unless a fold is set, else folds of whole
+    /// blocks if its materials were recorded in several, else k-fold.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<SplitKind>,
     /// Number of folds of a k-fold split; absent: 5, or the sweep count of the smallest material if that is fewer.
@@ -146,6 +147,11 @@ impl SplitKind {
         }
     }
 
+    /// Returns true if no recording block has sweeps on both sides.
+    pub fn holds_out_blocks(self) -> bool {
+        matches!(self, Self::LeaveBlockOut | Self::GroupKFold)
+    }
+
     /// Returns the kind of `scheme`, ignoring its numbers of folds and repeats.
     pub fn of(scheme: Scheme) -> Self {
         match scheme {
@@ -165,7 +171,10 @@ impl TrainSpec {
         let scheme = match (self.split, self.fold, self.folds) {
             (Some(split), _, _) => split.scheme(dataset),
             (None, None, None) => Scheme::default_for(dataset),
-            (None, _, _) => Scheme::folds_for(dataset),
+            (None, _, _) => match Scheme::default_for(dataset) {
+                groups @ Scheme::GroupKFold { .. } => groups,
+                _ => Scheme::folds_for(dataset),
+            },
         };
         match (scheme, self.folds) {
             (Scheme::StratifiedKFold { repeats, .. }, Some(folds)) => {

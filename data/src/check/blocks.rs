@@ -7,8 +7,8 @@ use crate::format::some_names;
 use crate::{Dataset, Finding, FindingKind, Place, Severity};
 
 /// Returns a warning if materials were recorded in a single block that holds at most half of all materials: recognising
-/// the recording then looks like recognising the material.
-pub(super) fn confounded(dataset: &Dataset) -> Option<Finding> {
+/// the recording then looks like recognising the material. [`check`](crate::check()) includes it.
+pub fn confounded(dataset: &Dataset) -> Option<Finding> {
     let materials = dataset.labels().len();
     if !dataset.has_blocks() || materials < 2 {
         return None;

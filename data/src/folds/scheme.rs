@@ -124,13 +124,27 @@ impl Default for Scheme {
 }
 
 impl Scheme {
-    /// Returns the author's split if the data set has one, otherwise [`Scheme::folds_for`].
+    /// Returns the author's split if the data set has one, otherwise folds of whole blocks if its materials were recorded
+    /// in several, otherwise [`Scheme::folds_for`].
+    ///
+    /// TactMat and its twins have random folds, as their published numbers do.
     pub fn default_for(dataset: &Dataset) -> Self {
         if dataset.has_test_flag() {
             Self::TestFlag
-        } else {
+        } else if dataset.origin().is_comparable_to_published() {
             Self::folds_for(dataset)
+        } else {
+            Self::group_folds_of(dataset).unwrap_or_else(|| Self::folds_for(dataset))
         }
+    }
+
+    /// Returns folds of whole blocks, if each material was recorded in at least two and a fold has training sweeps of all.
+    pub fn group_folds_of(dataset: &Dataset) -> Option<Self> {
+        if !dataset.has_blocks() {
+            return None;
+        }
+        let scheme = Self::group_folds_for(dataset);
+        scheme.folds(dataset).is_ok().then_some(scheme)
     }
 
     /// Returns the published 5 folds in 2 repeats; fewer folds, at least 2, if a material has fewer sweeps.

@@ -1,5 +1,6 @@
 //! The grid of a recipe: all data sets, treatments of levels and lengths of sweeps.
 
+use super::blocks::Blocks;
 use std::path::Path;
 
 use tactnet_data::{DataSource, Seed};
@@ -14,6 +15,7 @@ use crate::{ExperimentRecipe, Part, Probe};
 pub(super) struct Grid<'a> {
     pub(super) recipe: &'a ExperimentRecipe,
     pub(super) models: &'a [Model],
+    pub(super) blocks: &'a Blocks,
 }
 
 /// A data set with a treatment of levels and a length of sweeps.
@@ -74,9 +76,15 @@ impl<'a> Grid<'a> {
         let mut tasks = Vec::new();
         for (repeat, fold) in folds {
             for point in self.points() {
-                for &split in &asked.split {
+                for split in self.splits(asked, point.data) {
+                    if fold >= self.blocks.folds(point.data, split).unwrap_or(usize::MAX) {
+                        continue;
+                    }
                     // Only random splits differ between repeats; the author's split and a hold-out have one fold.
-                    let random = matches!(split, SplitKind::KFold | SplitKind::HoldOut);
+                    let random = matches!(
+                        split,
+                        SplitKind::KFold | SplitKind::HoldOut | SplitKind::GroupKFold
+                    );
                     let single = matches!(split, SplitKind::TestFlag | SplitKind::HoldOut);
                     if repeat > 0 && !random || fold > 0 && single {
                         continue;
@@ -96,6 +104,18 @@ impl<'a> Grid<'a> {
             }
         }
         tasks
+    }
+
+    /// Returns the splits of a data set: those of the question, or folds of whole blocks with random folds beside them, or
+    /// random folds where the data has no blocks.
+    fn splits(&self, asked: &Crossval, data: &str) -> Vec<SplitKind> {
+        match asked.split[..] {
+            [] if self.blocks.folds(data, SplitKind::GroupKFold).is_some() => {
+                vec![SplitKind::GroupKFold, SplitKind::KFold]
+            }
+            [] => vec![SplitKind::KFold],
+            _ => asked.split.clone(),
+        }
     }
 
     /// Plans one task for each part of the data, grid point and network.

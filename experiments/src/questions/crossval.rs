@@ -16,8 +16,8 @@ use crate::probe::Probe;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Crossval {
-    /// Kinds of split.
-    #[serde(default = "k_fold", deserialize_with = "one_or_many")]
+    /// Kinds of split; empty: folds of whole blocks and random folds, or random folds where the data has no blocks.
+    #[serde(default, deserialize_with = "one_or_many")]
     pub split: Vec<SplitKind>,
     /// Number of folds of each repeat that are trained.
     #[serde(default = "five")]
@@ -39,7 +39,7 @@ pub struct Crossval {
 impl Default for Crossval {
     fn default() -> Self {
         Self {
-            split: k_fold(),
+            split: Vec::new(),
             folds: five(),
             repeats: one(),
             probes: Vec::new(),
@@ -49,17 +49,10 @@ impl Default for Crossval {
     }
 }
 
-fn k_fold() -> Vec<SplitKind> {
-    vec![SplitKind::KFold]
-}
-
 impl Ask for Crossval {
     fn validate(&self) -> Result<(), String> {
-        if self.split.is_empty() {
-            return Err("`split`: expected at least one, found none".into());
-        }
         // Random folds are always two repeats of five; `folds` and `repeats` select some of them.
-        let random = self.split == [SplitKind::KFold];
+        let random = matches!(self.split[..], [] | [SplitKind::KFold]);
         within(
             "folds",
             self.folds,

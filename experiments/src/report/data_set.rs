@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 
-use tactnet_pipeline::MeanRemoval;
+use tactnet_pipeline::{MeanRemoval, SplitKind};
 
 use crate::phrases::rank;
 use crate::scored::Scored;
@@ -41,14 +41,35 @@ impl<'a> DataSet<'a> {
         rows
     }
 
-    /// Returns the most accurate contender, or the first of several.
+    /// Returns the most accurate contender, or the first of several; of those on held-out blocks if there are any.
     pub fn best(&self) -> Option<&'a Scored<'a>> {
-        self.contenders().first().copied()
+        self.headlined().first().copied()
+    }
+
+    /// Returns the contenders whose numbers are the headline, most accurate first: those on held-out blocks if there are
+    /// any, since random folds have sweeps of the same recordings in training.
+    pub fn headlined(&self) -> Vec<&'a Scored<'a>> {
+        let mut rows = self.contenders();
+        if rows.iter().any(|row| row.split_kind.holds_out_blocks()) {
+            rows.retain(|row| row.split_kind.holds_out_blocks());
+        }
+        rows
+    }
+
+    /// Returns the accuracy of a contender on random folds of the same data.
+    pub fn on_random_folds(&self, of: &Scored<'_>) -> Option<f64> {
+        let is_same = |row: &&&Scored<'_>| {
+            row.model == of.model
+                && row.prediction == of.prediction
+                && row.steps == of.steps
+                && row.split_kind == SplitKind::KFold
+        };
+        self.rows.iter().find(is_same).map(|row| row.one_sweep.mean)
     }
 
     /// Returns the names of contenders that are as accurate as the best one.
     pub fn tied(&self) -> Vec<String> {
-        let rows = self.contenders();
+        let rows = self.headlined();
         let (Some(best), others) = (rows.first(), rows.iter().skip(1)) else {
             return Vec::new();
         };

@@ -25,6 +25,7 @@ pub(super) fn empty() -> Summary {
         expects: String::new(),
         command: "tactnet experiment".into(),
         question: Question::Crossval(Crossval::default()),
+        data_warnings: vec![],
         left_out: vec![],
         git: vec![],
         seed: 1,

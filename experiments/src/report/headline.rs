@@ -66,6 +66,9 @@ fn drawn(summary: &Summary, headlines: &[Placed], none: &str) -> Markup {
                 }
             }
         }
+        @for warning in &summary.data_warnings {
+            p.warning { strong { "Beware:" } " " (warning) }
+        }
         @for failed in &summary.failed {
             p.warning {
                 strong { "Failed:" } " " (failed.tasks) " of " (summary.tasks) " tasks, model " code { (failed.model) } ", first "
@@ -124,12 +127,26 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> Headline {
             set.name(best)
         ),
         qualifier: format!(
-            "{}{}{}",
+            "{}{}{}{}",
+            same_recordings(set, best),
             qualifier(audit, best),
             network(set, best),
             others(summary, set, best)
         ),
     }
+}
+
+/// Returns a sentence on random folds, if the accuracy is that on held-out blocks and both were measured.
+fn same_recordings(set: &DataSet, best: &Scored<'_>) -> String {
+    let random = set
+        .on_random_folds(best)
+        .filter(|_| best.split_kind.holds_out_blocks());
+    random.map_or(String::new(), |random| {
+        format!(
+            "With sweeps of the same recordings in training it would be {}. ",
+            in_percent(random)
+        )
+    })
 }
 
 /// Significance level for differences from the best model.
@@ -226,11 +243,11 @@ fn qualifier(audit: Option<&Audit>, best: &Scored<'_>) -> String {
         (Some(LevelShare::Partly), _) => format!(
             "Levels alone recognise {levels}, guessing {guessing}: part of this is level, not texture."
         ),
-        (_, Some(blocks)) => blocks,
-        (Some(LevelShare::Little), None) => {
+        (_, Some(blocks)) if !best.split_kind.holds_out_blocks() => blocks,
+        (Some(LevelShare::Little), _) => {
             format!("Levels alone recognise {levels}, guessing {guessing}.")
         }
-        (None, None) => format!("Guessing recognises {guessing}."),
+        (None, _) => format!("Guessing recognises {guessing}."),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Audit of a data set: random folds compared with a left-out block and with probes.
 
-use tactnet_pipeline::{MeanRemoval, SplitKind};
+use tactnet_pipeline::MeanRemoval;
 
 use crate::audit::{Audit, LevelShare, TOO_WELL};
 use crate::phrases::rank;
@@ -26,7 +26,7 @@ pub(crate) fn audits(rows: &[Scored<'_>]) -> Vec<Audit> {
 }
 
 fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) -> Option<Audit> {
-    let by_block = |row: &&&Scored<'_>| row.split_kind == SplitKind::LeaveBlockOut;
+    let by_block = |row: &&&Scored<'_>| row.split_kind.holds_out_blocks();
     // Random folds or the author's split, evaluated on test sweeps.
     let usual = |row: &&&Scored<'_>| !by_block(row) && row.inner.is_none();
     let contenders = || rows.iter().filter(|row| !row.probe);
