@@ -96,6 +96,9 @@ pub struct CheckArgs {
     /// List all findings [default: the first three of each kind]
     #[arg(long)]
     all: bool,
+    /// Exit with code 1 for warnings, too
+    #[arg(long)]
+    strict: bool,
     /// Accept data with more taxels than time steps: the axes are correct
     #[arg(long)]
     axes_are_right: bool,
@@ -249,11 +252,8 @@ fn check_sweeps(arguments: &CheckArgs, sweeps: SweepsToClassify) -> anyhow::Resu
         ))?;
         print_report(arguments, &report)?;
     }
-    Ok(ExitCode::from(if report.errors > 0 {
-        failure::FAILED
-    } else {
-        0
-    }))
+    let refused = report.errors > 0 || (arguments.strict && report.warnings > 0);
+    Ok(ExitCode::from(if refused { failure::FAILED } else { 0 }))
 }
 
 fn print_report(arguments: &CheckArgs, report: &CheckReport) -> anyhow::Result<()> {

@@ -40,6 +40,16 @@ fn write_all(out: &mut String, summary: &Summary) -> fmt::Result {
             summary.tasks_done, summary.tasks
         )?;
     }
+    for failed in &summary.failed {
+        writeln!(
+            out,
+            "failed: {} of {} tasks, model {}, first {}: {}",
+            failed.tasks, summary.tasks, failed.model, failed.first, failed.reason
+        )?;
+    }
+    for warning in &summary.data_warnings {
+        writeln!(out, "warning: {warning}")?;
+    }
     for left_out in &summary.left_out {
         writeln!(out, "note: {left_out}")?;
     }
