@@ -22,6 +22,12 @@ pub struct Audit {
     pub block_out: Option<f64>,
     /// Accuracy of a nearest neighbour on taxel means.
     pub means: Option<f64>,
+    /// Accuracy of a nearest neighbour on the first frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_frame: Option<f64>,
+    /// Accuracy of a nearest neighbour on the last frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub last_frame: Option<f64>,
     /// Accuracy with permuted labels.
     pub permuted: Option<f64>,
     /// Standard deviation of guessing, given the number of test sweeps.
@@ -59,6 +65,17 @@ impl Audit {
         } else {
             LevelShare::Little
         })
+    }
+
+    /// Returns the name and accuracy of the frame that alone is nearly as accurate as `accuracy`; `None` if none is.
+    pub(crate) fn telling_frame(&self, accuracy: f64) -> Option<(&'static str, f64)> {
+        let frames = [("first", self.first_frame), ("last", self.last_frame)];
+        let known = frames
+            .into_iter()
+            .filter_map(|(name, of)| Some((name, of?)));
+        let best = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let share = (best.1 - self.chance) / (accuracy - self.chance).max(1e-9);
+        (share > MOSTLY_LEVEL).then_some(best)
     }
 
     /// Returns the accuracy that permuted labels are compared with.

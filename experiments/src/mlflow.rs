@@ -112,6 +112,8 @@ fn export_task(
     let probe = match task.probe {
         None => "no",
         Some(Probe::Means) => "taxel means",
+        Some(Probe::FirstFrame) => "first frame",
+        Some(Probe::LastFrame) => "last frame",
         Some(Probe::Permuted) => "permuted labels",
     };
     for (tag, value) in [

@@ -8,18 +8,29 @@ use serde::{Deserialize, Serialize};
 pub enum Probe {
     /// Nearest neighbour on taxel means.
     Means,
+    /// Nearest neighbour on the first frame.
+    FirstFrame,
+    /// Nearest neighbour on the last frame.
+    LastFrame,
     /// MiniRocket on permuted labels, which must score chance.
     Permuted,
 }
 
 impl Probe {
     /// All probes.
-    pub const ALL: [Self; 2] = [Self::Means, Self::Permuted];
+    pub const ALL: [Self; 4] = [
+        Self::Means,
+        Self::FirstFrame,
+        Self::LastFrame,
+        Self::Permuted,
+    ];
 
     /// Returns the name in recipes of experiments.
     pub fn name(self) -> &'static str {
         match self {
             Self::Means => "means",
+            Self::FirstFrame => "first-frame",
+            Self::LastFrame => "last-frame",
             Self::Permuted => "permuted",
         }
     }
@@ -28,6 +39,8 @@ impl Probe {
     pub fn recipe(self) -> &'static str {
         match self {
             Self::Means => "means",
+            Self::FirstFrame => "first-frame",
+            Self::LastFrame => "last-frame",
             Self::Permuted => "minirocket",
         }
     }

@@ -8,8 +8,10 @@ use tactnet_data::known_names;
 use crate::{BaselineRecipe, MeanRemoval, PipelineError, PredictionMethod, Recipe};
 
 /// Names and TOML of the built-in recipes of baselines.
-const BASELINES: [(&str, &str); 9] = [
+const BASELINES: [(&str, &str); 11] = [
     ("means", include_str!("../recipes/means.toml")),
+    ("first-frame", include_str!("../recipes/first-frame.toml")),
+    ("last-frame", include_str!("../recipes/last-frame.toml")),
     ("knn-l", include_str!("../recipes/knn-l.toml")),
     ("knn-h", include_str!("../recipes/knn-h.toml")),
     ("svm-l", include_str!("../recipes/svm-l.toml")),

@@ -33,6 +33,10 @@ pub enum ModelChoice {
     MultirocketHydra,
     /// Nearest neighbour on the taxels' means: a probe of what the data set gives away
     Means,
+    /// Nearest neighbour on the first frame: another probe
+    FirstFrame,
+    /// Nearest neighbour on the last frame: another probe
+    LastFrame,
 }
 
 impl ModelChoice {
@@ -50,6 +54,8 @@ impl ModelChoice {
             Self::Minirocket => "minirocket",
             Self::MultirocketHydra => "multirocket-hydra",
             Self::Means => "means",
+            Self::FirstFrame => "first-frame",
+            Self::LastFrame => "last-frame",
         }
     }
 }

@@ -2,8 +2,10 @@
 
 use crate::command::{Lab, expect, stderr, stdout, tactnet};
 
-const MODELS: [&str; 9] = [
+const MODELS: [&str; 11] = [
     "means",
+    "first-frame",
+    "last-frame",
     "knn-l",
     "knn-h",
     "svm-l",

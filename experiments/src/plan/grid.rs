@@ -163,6 +163,16 @@ impl GridPoint<'_> {
                 "probe: nearest taxel means",
                 LabelOrder::True,
             ),
+            Probe::FirstFrame => (
+                "probe_first_frame",
+                "probe: first frame alone",
+                LabelOrder::True,
+            ),
+            Probe::LastFrame => (
+                "probe_last_frame",
+                "probe: last frame alone",
+                LabelOrder::True,
+            ),
             Probe::Permuted => (
                 "probe_permuted",
                 "probe: permuted labels (minirocket)",

@@ -42,6 +42,8 @@ fn card(audit: &Audit) -> Markup {
             "Nearest neighbour on taxel means (levels alone)",
             audit.means,
         ),
+        ("Nearest neighbour on the first frame", audit.first_frame),
+        ("Nearest neighbour on the last frame", audit.last_frame),
         ("MiniRocket on permuted labels", audit.permuted),
     ];
     let (chance, sigma) = (percent(audit.chance), percent(audit.chance_sigma));

@@ -95,6 +95,8 @@ pub(super) fn summary() -> Summary {
             tied: vec![HOSTILE.into()],
             block_out: None,
             means: Some(0.5),
+            first_frame: None,
+            last_frame: None,
             permuted: Some(0.3),
             permuted_chance: None,
             chance_sigma: 0.05,

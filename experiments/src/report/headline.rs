@@ -236,6 +236,13 @@ fn qualifier(audit: Option<&Audit>, best: &Scored<'_>) -> String {
             in_percent(block_out)
         )
     });
+    if let Some((which, alone)) = audit.telling_frame(accuracy) {
+        return format!(
+            "The {which} frame alone gives {} (model: {}), so this says little about texture.",
+            in_percent(alone),
+            in_percent(accuracy)
+        );
+    }
     match (audit.level_share(accuracy), blocks) {
         (Some(LevelShare::Mostly), _) => {
             format!("Levels alone recognise {levels}, so this says little about texture.")

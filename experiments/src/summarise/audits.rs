@@ -51,7 +51,9 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
             .map(|row| row.one_sweep.mean)
     });
     let (means, permuted) = (probe("means"), probe("permuted"));
-    if means.is_none() && permuted.is_none() && block_out.is_none() {
+    let (first, last) = (probe("first frame"), probe("last frame"));
+    let probes = [means, permuted, first, last];
+    if probes.iter().all(Option::is_none) && block_out.is_none() {
         return None;
     }
     let chance = rows[0].guessing();
@@ -67,6 +69,8 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
         means: means
             .filter(|_| levels.is_none())
             .map(|row| row.one_sweep.mean),
+        first_frame: first.map(|row| row.one_sweep.mean),
+        last_frame: last.map(|row| row.one_sweep.mean),
         permuted: permuted.map(|row| row.one_sweep.mean),
         chance_sigma: guessing.map_or(binomial, |(_, sigma)| sigma),
         verdict: String::new(),
@@ -129,6 +133,15 @@ fn verdict(audit: &Audit) -> String {
             percent(*best)
         ));
     }
+    if let Some((model, best)) = &audit.best
+        && let Some((which, alone)) = audit.telling_frame(*best)
+    {
+        sentences.push(format!(
+            "The {which} frame alone recognises {}, {model} {}: the motion tells little more.",
+            percent(alone),
+            percent(*best)
+        ));
+    }
     if let (Some(block_out), Some((model, best))) = (audit.block_out, &audit.best) {
         sentences.push(format!(
             "On recording blocks it has never seen, {model} scores {} instead of {}: {:.1} points less. Sweeps of the same block on both sides \
@@ -155,6 +168,8 @@ mod tests {
             tied: Vec::new(),
             block_out: Some(0.6),
             means: Some(0.9),
+            first_frame: Some(0.93),
+            last_frame: None,
             permuted: Some(0.055),
             chance_sigma: 0.01,
             verdict: String::new(),
@@ -165,6 +180,10 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("35.0 points"), "{text}");
+        assert!(
+            text.contains("first frame alone recognises 93.0 %"),
+            "{text}"
+        );
         audit.permuted = Some(0.2);
         assert!(verdict(&audit).contains("leak into training before"));
         // Guesses on few test sweeps may be correct slightly less often than one over the number of materials.

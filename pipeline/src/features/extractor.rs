@@ -24,6 +24,10 @@ const MULTIROCKET_BIASES: usize = 6_250;
 pub enum FeatureSet {
     /// Mean digit of every taxel.
     Means,
+    /// Digits of the first frame.
+    FirstFrame,
+    /// Digits of the last frame.
+    LastFrame,
     /// Three numbers: roughness and two spectral centroids.
     L,
     /// Short-time spectrum.
@@ -43,7 +47,7 @@ impl FeatureSet {
     /// Sweeps that are too short; a rate that is too low.
     pub fn check(self, shape: SweepShape, rate: f64) -> Result<(), PipelineError> {
         match self {
-            Self::Means => Ok(()),
+            Self::Means | Self::FirstFrame | Self::LastFrame => Ok(()),
             Self::L => LowFeatures::check(shape, rate),
             Self::H => HighFeatures::check(shape, rate),
             Self::LogSpectra => LogSpectra::check(shape, rate),
@@ -61,6 +65,8 @@ pub(crate) struct Extractor {
 
 enum Kind {
     Means,
+    FirstFrame,
+    LastFrame,
     Low(LowFeatures),
     High(HighFeatures),
     LogSpectra(LogSpectra),
@@ -117,7 +123,12 @@ impl Extractor {
                 ),
                 hydra: Hydra::draw(extents, &mut seed.rng("hydra")),
             },
-            FeatureSet::Means | FeatureSet::L | FeatureSet::H | FeatureSet::LogSpectra => {
+            FeatureSet::Means
+            | FeatureSet::FirstFrame
+            | FeatureSet::LastFrame
+            | FeatureSet::L
+            | FeatureSet::H
+            | FeatureSet::LogSpectra => {
                 return Self::unfitted(set, levels, shape, train.dataset().sample_rate_hz());
             }
         };
@@ -138,6 +149,8 @@ impl Extractor {
             FeatureSet::L => Kind::Low(LowFeatures::new(shape, rate, levels)?),
             FeatureSet::H => Kind::High(HighFeatures::new(shape, rate, levels)?),
             FeatureSet::LogSpectra => Kind::LogSpectra(LogSpectra::new(shape, rate)?),
+            FeatureSet::FirstFrame => Kind::FirstFrame,
+            FeatureSet::LastFrame => Kind::LastFrame,
             _ => Kind::Means,
         };
         Ok(Self {
@@ -175,7 +188,12 @@ impl Extractor {
                     shape.steps,
                 )?,
             },
-            FeatureSet::Means | FeatureSet::L | FeatureSet::H | FeatureSet::LogSpectra => {
+            FeatureSet::Means
+            | FeatureSet::FirstFrame
+            | FeatureSet::LastFrame
+            | FeatureSet::L
+            | FeatureSet::H
+            | FeatureSet::LogSpectra => {
                 return Self::unfitted(set, levels, shape, rate);
             }
         };
@@ -189,7 +207,12 @@ impl Extractor {
     /// Writes the fitted numbers into `weights`.
     pub fn save(&self, weights: &mut Weights) {
         match &self.kind {
-            Kind::Means | Kind::Low(_) | Kind::High(_) | Kind::LogSpectra(_) => {}
+            Kind::Means
+            | Kind::FirstFrame
+            | Kind::LastFrame
+            | Kind::Low(_)
+            | Kind::High(_)
+            | Kind::LogSpectra(_) => {}
             Kind::MiniRocket(kernels) => save_kernels(weights, "minirocket", kernels),
             Kind::MultiRocketHydra {
                 base,
@@ -207,7 +230,7 @@ impl Extractor {
     /// Returns the number of features.
     pub fn width(&self) -> usize {
         match &self.kind {
-            Kind::Means => self.shape.taxels(),
+            Kind::Means | Kind::FirstFrame | Kind::LastFrame => self.shape.taxels(),
             Kind::Low(_) => LowFeatures::WIDTH,
             Kind::High(features) => features.width(),
             Kind::LogSpectra(features) => features.width(),
@@ -248,6 +271,8 @@ impl Extractor {
         let taxels = self.shape.taxels();
         match &self.kind {
             Kind::Means => write_means(sweep, self.levels, out),
+            Kind::FirstFrame => out.copy_from_slice(&sweep[..taxels]),
+            Kind::LastFrame => out.copy_from_slice(&sweep[sweep.len() - taxels..]),
             Kind::Low(features) => out.copy_from_slice(&features.of(sweep)),
             Kind::High(features) => features.write(sweep, out),
             Kind::LogSpectra(features) => {

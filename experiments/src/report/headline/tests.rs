@@ -18,6 +18,8 @@ fn audit(means: Option<f64>, permuted: Option<f64>, block_out: Option<f64>) -> A
         tied: Vec::new(),
         block_out,
         means,
+        first_frame: None,
+        last_frame: None,
         permuted,
         chance_sigma: 0.01,
         verdict: String::new(),
