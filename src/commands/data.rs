@@ -56,7 +56,7 @@ pub enum DataCommand {
         tactnet data import bag.mcap --out bag.npz --topic /tip --field data --window 1s --intervals labels.csv\n\n\
         .h5 requires the same number of sweeps for every material; .npz does not."
     )]
-    Import(import::ImportArgs),
+    Import(Box<import::ImportArgs>),
     /// Convert a data set to another format: .npz (numpy), .ts (aeon), .h5
     #[command(
         after_help = "Examples:\n  tactnet data export sweeps.h5 --out sweeps.ts\n  \

@@ -3,11 +3,9 @@
 use super::fill_values::FillValues;
 use super::finding;
 use super::rest::{End, Rest, run_at};
-use super::sweep_statistics::{Run, SweepStatistics};
+use super::sweep_statistics::{JUMP, Run, SweepStatistics};
 use crate::{Dataset, Finding, FindingKind, Place, Remedy, Severity};
 
-/// Ratio of the change before a padding to the largest other change of the sweep, from which it is a jump.
-const JUMP: f32 = 3.0;
 /// Minimum length of padding with noise, in frames, and as a share of the sweep: shorter quiet tails are in every signal.
 const QUIET_FRAMES: usize = 5;
 const QUIET_SHARE: f64 = 0.02;

@@ -13,6 +13,11 @@ const MEAN_FRAMES: usize = 4;
 /// several frames.
 const LIVELY_SHARE: f32 = 0.3;
 
+/// Ratio of a change to the largest other one of its sweep from which it is a jump.
+pub(super) const JUMP: f32 = 3.0;
+/// Maximum mean change after a jump to rest, as a share of the usual change.
+const REST_SHARE: f32 = 0.2;
+
 /// Statistics of one sweep.
 pub(super) struct SweepStatistics {
     /// Smallest and largest finite value of each taxel; positive and negative infinity if all values are not finite.
@@ -199,6 +204,9 @@ fn quiet_ends(changes: &[f32]) -> (usize, bool) {
         mean(&changes[start..end]) <= QUIET_SHARE * usual
     };
     let head = is_quiet(0);
+    if let Some(jump) = jump_to_rest(changes, usual) {
+        return (changes.len() - jump, head);
+    }
     let tail = (0..changes.len())
         .rev()
         .take_while(|start| is_quiet(*start));
@@ -215,6 +223,20 @@ fn quiet_ends(changes: &[f32]) -> (usize, bool) {
     } else {
         (0, head)
     }
+}
+
+/// Returns the place of a change that is by far the largest and after which the sweep is much quieter; `None` if there is
+/// none.
+fn jump_to_rest(changes: &[f32], usual: f32) -> Option<usize> {
+    let greater = |a: &usize, b: &usize| changes[*a].total_cmp(&changes[*b]);
+    let jump = (0..changes.len()).max_by(greater)?;
+    let others = changes[..jump].iter().chain(&changes[jump + 1..]);
+    let next = others.copied().fold(0.0, f32::max);
+    let mean = |some: &[f32]| some.iter().sum::<f32>() / some.len().max(1) as f32;
+    let (before, after) = (&changes[..jump], &changes[jump + 1..]);
+    let is_noise = after.iter().filter(|change| **change == 0.0).count() * 2 < after.len();
+    let is_jump = changes[jump] > JUMP * next && mean(before) >= LIVELY_SHARE * usual;
+    (is_jump && is_noise && mean(after) <= REST_SHARE * usual).then_some(jump)
 }
 
 /// Returns a hash of the bits of the values. Sweeps of one hash are compared value by value.
@@ -257,6 +279,10 @@ mod tests {
         let lively = (0..60).map(|i| if i % 2 == 0 { 10.0 } else { 20.0 });
         let still = (0..40).map(|i| if i % 2 == 0 { 0.1 } else { 0.2 });
         let values: Vec<f32> = lively.clone().chain(still).collect();
+        assert_eq!(quiet_ends(&changes(&values, 1)), (40, false));
+        // Louder noise after a jump.
+        let noise = (0..40).map(|i| if i % 2 == 0 { 500.0 } else { 501.0 });
+        let values: Vec<f32> = lively.clone().chain(noise).collect();
         assert_eq!(quiet_ends(&changes(&values, 1)), (40, false));
         let decay = (0..40).map(|i| 10.0 * 0.8_f32.powi(i) * if i % 2 == 0 { 1.0 } else { -1.0 });
         let values: Vec<f32> = lively.chain(decay).collect();

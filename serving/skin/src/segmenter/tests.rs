@@ -173,13 +173,13 @@ fn stalled_and_saturated_taxels_are_found_and_silent_ones_are_not() {
     let stalled = Reject::Stalled {
         taxel: 1,
         digit: 7.0,
-        frames: 4.into(),
+        frames: 4,
     };
     assert_eq!(sweep(&|n| [n as f32, 7.0]), SweepChange::Rejected(stalled));
     assert_eq!(sweep(&|n| [n as f32, 0.0]), SweepChange::Complete);
     let saturated = Reject::Saturated {
         taxel: 0,
-        frames: 3.into(),
+        frames: 3,
     };
     assert_eq!(
         sweep(&|n| [255.0, n as f32]),
