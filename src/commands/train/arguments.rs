@@ -32,9 +32,11 @@ pub struct TrainArgs {
     #[arg(long)]
     pub axes_are_right: bool,
     #[command(flatten)]
+    arrays: ArrayNames,
+    #[command(flatten)]
     options: TrainOptions,
     /// Continue an interrupted run with its own settings; --data names the current path of its data set, if that was moved
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "ArrayNames")]
     pub resume: Option<PathBuf>,
     /// Print a built-in recipe, as a template, and train nothing
     #[arg(long, value_name = "NAME", exclusive = true)]
@@ -63,8 +65,6 @@ struct TrainOptions {
     /// Only the first N time steps of every sweep, or as many as the shortest sweep has
     #[arg(long, value_name = "N|shortest", value_parser = steps)]
     steps: Option<Keep>,
-    #[command(flatten)]
-    arrays: ArrayNames,
     /// Permute the labels at random first, as a control: a sound experiment then scores chance
     #[arg(long)]
     permute_labels: bool,
@@ -135,8 +135,8 @@ impl TrainArgs {
                 Some(Keep::First(steps)) => Some(steps),
                 _ => None,
             },
-            samples: options.arrays.samples.clone(),
-            labels: options.arrays.labels.clone(),
+            samples: self.arrays.samples.clone(),
+            labels: self.arrays.labels.clone(),
             label_order: match options.permute_labels {
                 true => LabelOrder::Permuted,
                 false => LabelOrder::True,
@@ -159,7 +159,7 @@ impl TrainArgs {
 
     /// Returns the option that names an array, if one is set.
     pub fn named_array(&self) -> Option<&'static str> {
-        self.options.arrays.first()
+        self.self.arrays.first()
     }
 
     /// Returns the model to train, if it was named.
@@ -306,7 +306,12 @@ mod tests {
 
     #[test]
     fn settings_of_a_resumed_run_cannot_be_changed() {
-        for other in [["--epochs", "3"], ["--seed", "2"], ["--out", "new"]] {
+        for other in [
+            ["--epochs", "3"],
+            ["--seed", "2"],
+            ["--out", "new"],
+            ["--labels", "y"],
+        ] {
             let words = ["train", "--resume", "run"].into_iter().chain(other);
             assert!(Command::try_parse_from(words).is_err(), "{other:?}");
         }
