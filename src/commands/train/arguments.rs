@@ -159,7 +159,7 @@ impl TrainArgs {
 
     /// Returns the option that names an array, if one is set.
     pub fn named_array(&self) -> Option<&'static str> {
-        self.self.arrays.first()
+        self.arrays.first()
     }
 
     /// Returns the model to train, if it was named.
