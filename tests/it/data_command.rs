@@ -231,9 +231,10 @@ fn own_tables_are_checked_imported_and_trained_on() {
         (&info["sample_rate_hz"], &info["sample_rate_assumed"]),
         (&200.0.into(), &false.into())
     );
-    let contradicted = ["train", "--data", &own, "--rate", "100"];
-    let message = stderr(&expect(2, tactnet(contradicted)));
-    assert!(message.contains("expected 200 Hz"), "{message}");
+    let contradicted = ["data", "check", &own, "--rate", "100"];
+    let message = stdout(&expect(0, tactnet(contradicted)));
+    let precedence = "200 Hz; the named 100 Hz takes precedence";
+    assert!(message.contains(precedence), "{message}");
 
     let recipe = lab.recipe(RecipeChange::default());
     let train = |out: &str, options: &[&str]| {

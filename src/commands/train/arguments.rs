@@ -23,7 +23,7 @@ use crate::commands::choices::{
     tactnet train --calibrate                            a network that detects unknown materials\n  \
     tactnet train --resume runs/thesis                   continue after Ctrl-C or a crash\n  \
     tactnet train --print-recipe fast >my.toml           a copy to edit, for --recipe my.toml\n\n\
-    Without --fold, the file's own `test_flag` selects the test sweeps if it has one; else fold 0 of 5 (or of as many folds as every material has sweeps).")]
+    Without --fold, the file's own `test_flag` selects the test sweeps if it has one; else fold 0 of 5 (or of as many folds as there are sweeps or blocks).")]
 pub struct TrainArgs {
     /// Data set (.h5, .npz, .mat, .csv, .parquet, a folder of .csv or .npy), or `twin` [default: twin]
     #[arg(long, value_name = "FILE|twin")]
@@ -32,9 +32,11 @@ pub struct TrainArgs {
     #[arg(long)]
     pub axes_are_right: bool,
     #[command(flatten)]
+    arrays: ArrayNames,
+    #[command(flatten)]
     options: TrainOptions,
     /// Continue an interrupted run with its own settings; --data names the current path of its data set, if that was moved
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "ArrayNames")]
     pub resume: Option<PathBuf>,
     /// Print a built-in recipe, as a template, and train nothing
     #[arg(long, value_name = "NAME", exclusive = true)]
@@ -63,15 +65,13 @@ struct TrainOptions {
     /// Only the first N time steps of every sweep, or as many as the shortest sweep has
     #[arg(long, value_name = "N|shortest", value_parser = steps)]
     steps: Option<Keep>,
-    #[command(flatten)]
-    arrays: ArrayNames,
     /// Permute the labels at random first, as a control: a sound experiment then scores chance
     #[arg(long)]
     permute_labels: bool,
-    /// Split into training and test sweeps [default: the file's test flag, else k-fold]
+    /// Split into training and test sweeps [default: the file's test flag, else whole blocks if materials were recorded in several, else k-fold]
     #[arg(long, value_enum)]
     split: Option<SplitChoice>,
-    /// Number of folds of a k-fold split [default: 5, or as many as the material with the fewest sweeps has]
+    /// Number of folds of a split into folds [default: 5, or as many as the material with the fewest sweeps has]
     #[arg(long, value_name = "N")]
     folds: Option<usize>,
     /// Fold to test on, counted from 0 (results call it `fold 1 of 5`) [default: 0]
@@ -135,9 +135,9 @@ impl TrainArgs {
                 Some(Keep::First(steps)) => Some(steps),
                 _ => None,
             },
-            samples: options.arrays.samples.clone(),
-            labels: options.arrays.labels.clone(),
-            blocks: options.arrays.blocks.clone(),
+            samples: self.arrays.samples.clone(),
+            labels: self.arrays.labels.clone(),
+            blocks: self.arrays.blocks.clone(),
             label_order: match options.permute_labels {
                 true => LabelOrder::Permuted,
                 false => LabelOrder::True,
@@ -160,7 +160,7 @@ impl TrainArgs {
 
     /// Returns the option that names an array, if one is set.
     pub fn named_array(&self) -> Option<&'static str> {
-        self.options.arrays.first()
+        self.arrays.first()
     }
 
     /// Returns the model to train, if it was named.
@@ -189,6 +189,7 @@ pub fn command_line(spec: &TrainSpec) -> String {
         steps,
         samples,
         labels,
+        blocks,
         label_order,
         split,
         folds,
@@ -217,6 +218,7 @@ pub fn command_line(spec: &TrainSpec) -> String {
     option("steps", text(steps));
     option("samples", samples.as_deref().map(quoted));
     option("labels", labels.as_deref().map(quoted));
+    option("blocks", blocks.as_deref().map(quoted));
     option("permute-labels", flag(*label_order == LabelOrder::Permuted));
     option("recipe", Some(quoted(recipe)));
     option("epochs", text(epochs));
@@ -268,6 +270,7 @@ mod tests {
             steps: Some(250),
             samples: Some("recorded/skin".into()),
             labels: Some("recorded/material".into()),
+            blocks: Some("session".into()),
             label_order: LabelOrder::Permuted,
             split: Some(SplitKind::LeaveBlockOut),
             folds: Some(4),
@@ -294,7 +297,7 @@ mod tests {
         };
         assert_eq!(
             command_line(&spaced),
-            "tactnet train --data 'some where/wood, cork.h5' --rate 100 --steps 250 --samples recorded/skin --labels recorded/material --permute-labels --recipe own.toml --epochs 4 \
+            "tactnet train --data 'some where/wood, cork.h5' --rate 100 --steps 250 --samples recorded/skin --labels recorded/material --blocks session --permute-labels --recipe own.toml --epochs 4 \
              --levels removed --split leave-block-out --folds 4 --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
              --watch-test --seed 7 --device cuda"
         );
@@ -307,7 +310,12 @@ mod tests {
 
     #[test]
     fn settings_of_a_resumed_run_cannot_be_changed() {
-        for other in [["--epochs", "3"], ["--seed", "2"], ["--out", "new"]] {
+        for other in [
+            ["--epochs", "3"],
+            ["--seed", "2"],
+            ["--out", "new"],
+            ["--labels", "y"],
+        ] {
             let words = ["train", "--resume", "run"].into_iter().chain(other);
             assert!(Command::try_parse_from(words).is_err(), "{other:?}");
         }
