@@ -354,7 +354,7 @@ impl<'a> FrameTable<'a> {
     fn blocks(&self, firsts: &[usize]) -> Option<Vec<u32>> {
         let words = self.find(BLOCK)?.words();
         let of_sweep: Vec<String> = firsts.iter().map(|&row| words[row].clone()).collect();
-        let numbers = of_sweep.iter().map(|word| word.parse().ok()).collect();
+        let numbers: Option<Vec<u32>> = of_sweep.iter().map(|word| word.parse().ok()).collect();
         Some(numbers.unwrap_or_else(|| {
             let names = sorted_names(&of_sweep);
             let number = |word| names.iter().position(|name| name == word);
