@@ -34,12 +34,16 @@ fn experiment(lab: &Lab, out: &str) -> Command {
     command
 }
 
-const TASKS: [&str; 8] = [
+const TASKS: [&str; 12] = [
     "twin-probe_means-run0-fold0",
+    "twin-probe_first_frame-run0-fold0",
+    "twin-probe_last_frame-run0-fold0",
     "twin-probe_permuted-run0-fold0",
     "twin-small-run0-fold0",
     "twin-knn-l-run0-fold0",
     "twin-probe_means-run0-fold1",
+    "twin-probe_first_frame-run0-fold1",
+    "twin-probe_last_frame-run0-fold1",
     "twin-probe_permuted-run0-fold1",
     "twin-small-run0-fold1",
     "twin-knn-l-run0-fold1",
@@ -60,11 +64,11 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
     assert_eq!(summary, lab.json("out/summary.json"));
     assert_eq!(
         (&summary["tasks"], &summary["tasks_done"]),
-        (&8.into(), &8.into())
+        (&12.into(), &12.into())
     );
-    // Two probes, the network with two prediction methods, one baseline.
+    // Four probes, the network with two prediction methods, one baseline.
     let contenders = summary["contenders"].as_array().unwrap();
-    assert_eq!(contenders.len(), 5);
+    assert_eq!(contenders.len(), 7);
     for row in contenders {
         assert_eq!(row["folds"].as_array().unwrap().len(), 2);
         for fold in row["folds"].as_array().unwrap() {

@@ -421,7 +421,7 @@ fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
         refused
     };
     let refused = experiment(&[]);
-    let remedy = "possible with `--set 'models=[\"fast\"]'` `--set 'probes=[\"means\"]'`";
+    let remedy = "possible with `--set 'models=[\"fast\"]'` `--set 'probes=[\"means\", \"first-frame\", \"last-frame\"]'`";
     assert!(refused.contains(remedy), "{refused}");
     // The command that `train` suggests, with fewer epochs.
     let proposed = [

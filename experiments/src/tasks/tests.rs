@@ -21,7 +21,7 @@ fn every_built_in_experiment_can_be_planned() {
     for (name, tasks) in [
         ("crossval_tactnet2", 30),
         ("thesis_against_fast", 12),
-        ("crossval_baselines", 55),
+        ("crossval_baselines", 65),
         ("leave_block_out", 30),
         ("sequence_length", 60),
         ("adversarial", 21),

@@ -232,7 +232,7 @@ mod tests {
         );
         assert_eq!(
             comparison_settings("fast", &[2; 5]).unwrap(),
-            " --set folds=2 --set 'models=[\"knn-l\", \"knn-h\", \"fast\"]' --set 'probes=[\"means\"]'"
+            " --set folds=2 --set 'models=[\"knn-l\", \"knn-h\", \"fast\"]' --set 'probes=[\"means\", \"first-frame\", \"last-frame\"]'"
         );
         assert_eq!(comparison_settings("fast", &[1, 9]), None);
         assert!(with_few_sweeps(&[1, 1]).starts_with("record more"));

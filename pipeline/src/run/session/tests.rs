@@ -131,7 +131,7 @@ fn overlapping_windows_are_trained_on_only_if_blocks_are_left_out() {
         let run = folder.path().join(name);
         Session::begin(&job, Some(&run), program(), |_| Ok(()))
     };
-    for split in [None, Some(SplitKind::HoldOut)] {
+    for split in [Some(SplitKind::KFold), Some(SplitKind::HoldOut)] {
         let refused = begin("random", split).unwrap_err();
         let PipelineError::Data(error) = &refused else {
             panic!("{refused}");
@@ -139,6 +139,8 @@ fn overlapping_windows_are_trained_on_only_if_blocks_are_left_out() {
         assert_eq!(error.remedy(), Some(Remedy::LeaveBlocksOut), "{error}");
     }
     begin("blocks", Some(SplitKind::LeaveBlockOut)).unwrap();
+    // Whole blocks are held out by default.
+    begin("default", None).unwrap();
 }
 
 #[test]
@@ -350,6 +352,7 @@ fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
                 false_alarms: 0.2,
                 coverage: 0.8,
             }),
+            split: Some(SplitKind::KFold),
             ..TrainSpec::default()
         };
         let job = TrainJob::try_from(spec).unwrap();
