@@ -105,7 +105,7 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
     let before: Vec<_> = TASKS.iter().map(|task| written(task)).collect();
     let again = expect(0, experiment(&lab, "out"));
     assert!(
-        stderr(&again).contains("8 tasks, 8 done"),
+        stderr(&again).contains("12 tasks, 12 done"),
         "{}",
         stderr(&again)
     );
@@ -395,7 +395,7 @@ fn slurm_gives_the_same_bytes_as_this_machine() {
     let mut command = experiment(&lab, "slurm");
     command.args(["--engine", "slurm"]);
     let said = stderr(&expect(0, command));
-    assert!(said.contains("8/8"), "{said}");
+    assert!(said.contains("12/12"), "{said}");
     assert!(
         predictions(&lab, "local") == predictions(&lab, "slurm"),
         "predictions are the same bytes"

@@ -435,7 +435,7 @@ fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
         "--set",
         "models=[\"fast\"]",
         "--set",
-        "probes=[\"means\"]",
+        "probes=[\"means\", \"first-frame\", \"last-frame\"]",
         "--set",
         "epochs=2",
         "--data",
