@@ -35,8 +35,10 @@ pub fn text(result: &EvalResult) -> String {
         );
     }
     if let Some(confusion) = &result.confusion {
-        if let Some(balanced) = result.evaluations.values().find_map(|of| of.balanced) {
-            let _ = write!(text, "\n{}", guessing_text(confusion, balanced));
+        let evaluations = result.evaluations.values();
+        let known = evaluations.map(|of| of.balanced.map(|balanced| (of.one_sweep, balanced)));
+        if let Some((accuracy, balanced)) = known.flatten().next() {
+            let _ = write!(text, "\n{}", guessing_text(confusion, accuracy, balanced));
         }
         let _ = write!(text, "\n{confusion}");
     }
@@ -68,8 +70,9 @@ pub fn text(result: &EvalResult) -> String {
     text
 }
 
-/// Returns the accuracy of guessing and, for materials with unequal numbers of sweeps, the balanced accuracy.
-pub fn guessing_text(confusion: &Confusion, balanced: Estimate) -> String {
+/// Returns the accuracy of guessing and, for materials with unequal numbers of sweeps, the balanced accuracy; and that the
+/// accuracy does not differ from guessing, if its interval includes that.
+pub fn guessing_text(confusion: &Confusion, accuracy: Estimate, balanced: Estimate) -> String {
     let counts = confusion.counts.iter().map(|row| row.iter().sum());
     let sweeps: Vec<(usize, &String)> = counts.zip(&confusion.materials).collect();
     // Of equally frequent materials the first.
@@ -79,13 +82,23 @@ pub fn guessing_text(confusion: &Confusion, balanced: Estimate) -> String {
     };
     let all: usize = sweeps.iter().map(|(count, _)| count).sum();
     let guessing = 100.0 * *most as f64 / all as f64;
-    if sweeps.iter().all(|(count, _)| count == most) {
-        return format!("guessing, with {} materials: {guessing:.1} %", sweeps.len());
+    let mut text = if sweeps.iter().all(|(count, _)| count == most) {
+        format!("guessing, with {} materials: {guessing:.1} %", sweeps.len())
+    } else {
+        format!(
+            "guessing (always `{name}`, the most frequent): {guessing:.1} %; balanced accuracy, the mean of the materials' recalls: {}",
+            percent(balanced)
+        )
+    };
+    if 100.0 * accuracy.ci95_low <= guessing {
+        let _ = write!(
+            text,
+            "\nnot better than guessing: the 95 % interval of the accuracy, {:.1} to {:.1} %, begins below it",
+            100.0 * accuracy.ci95_low,
+            100.0 * accuracy.ci95_high
+        );
     }
-    format!(
-        "guessing (always `{name}`, the most frequent): {guessing:.1} %; balanced accuracy, the mean of the materials' recalls: {}",
-        percent(balanced)
-    )
+    text
 }
 
 fn rates(verdicts: &Verdicts) -> String {
@@ -123,4 +136,31 @@ fn percent(estimate: Estimate) -> String {
         100.0 * estimate.ci95_low,
         100.0 * estimate.ci95_high
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_accuracy_whose_interval_includes_guessing_is_called_so() {
+        let confusion = |right: usize| Confusion {
+            materials: vec!["felt".into(), "cork".into()],
+            counts: vec![vec![right, 50 - right], vec![50 - right, right]],
+        };
+        let estimate = |mean: f64| Estimate {
+            mean,
+            ci95_low: mean - 0.1,
+            ci95_high: mean + 0.1,
+            n: 100,
+        };
+        let text = |right| {
+            let accuracy = estimate(right as f64 / 50.0);
+            guessing_text(&confusion(right), accuracy, accuracy)
+        };
+        assert!(text(28).contains(
+            "not better than guessing: the 95 % interval of the accuracy, 46.0 to 66.0 %"
+        ));
+        assert_eq!(text(40), "guessing, with 2 materials: 50.0 %");
+    }
 }

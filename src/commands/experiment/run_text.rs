@@ -34,7 +34,8 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     let method = config.recipe.method();
     let (_, predictions) = run.predictions(method)?;
     let confusion = Confusion::from(&predictions);
-    lines.push(guessing_text(&confusion, predictions.balanced()));
+    let (accuracy, balanced) = (predictions.one_sweep(), predictions.balanced());
+    lines.push(guessing_text(&confusion, accuracy, balanced));
     lines.push(confusion.to_string());
     if let Some(row) = published_for(&config, result.origin, &split, method) {
         lines.push(format!(
