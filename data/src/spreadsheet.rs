@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 /// Returns a text as a cell of a CSV table for spreadsheets: in quotes if it needs them, and after an apostrophe if it begins
-/// like a formula and is no number, so that no spreadsheet computes it.
+/// like a formula and is not a number, so that spreadsheets do not compute it.
 ///
 /// ```
 /// use tactnet_data::spreadsheet_cell;

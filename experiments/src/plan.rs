@@ -80,7 +80,7 @@ pub struct Plan {
     pub recipes: BTreeMap<String, String>,
     /// Tasks in the order in which they run.
     pub tasks: Vec<Task>,
-    /// What limits the meaning of the numbers, such as materials that were recorded in one block each.
+    /// Reasons to doubt the numbers, such as materials that were recorded in one block each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub data_warnings: Vec<String>,
     /// Models that cannot be trained on a data set.

@@ -32,7 +32,7 @@ pub struct Summary {
     pub command: String,
     /// The question with its fields.
     pub question: Question,
-    /// What limits the meaning of the numbers, such as materials that were recorded in one block each.
+    /// Reasons to doubt the numbers, such as materials that were recorded in one block each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub data_warnings: Vec<String>,
     /// Models that cannot be trained on a data set.

@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn materials_of_one_block_each_are_counted_with_their_share() {
-        // Materials 0 and 1 in a block of their own, 2 and 3 in two blocks.
+        // Materials 0 and 1 have one block each, 2 and 3 share two blocks.
         let found = confounded(&of(&[
             (0, 0),
             (0, 0),

@@ -187,7 +187,7 @@ fn describe(dataset: &Dataset, padding: &Padding) -> Finding {
     }
 }
 
-/// Returns an error if the materials can be told apart by the lengths of the padding.
+/// Returns an error if the lengths of the padding separate the materials.
 fn separation(dataset: &Dataset, padded: &[Padding]) -> Option<Finding> {
     if padded.is_empty() || dataset.labels().len() < 2 {
         return None;

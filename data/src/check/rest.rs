@@ -4,8 +4,8 @@ use super::sweep_statistics::{Run, SweepStatistics};
 use super::taxel_limits::TaxelLimits;
 use crate::Dataset;
 
-/// Maximum share of repeated frames in motion for a run of them to be no accident; sensors of coarse resolution, such as
-/// event counts, repeat more of them.
+/// Maximum share of repeated frames in motion below which a run of them is significant; sensors of coarse resolution, such
+/// as event counts, repeat more of them.
 const REPEATED_SHARE: f64 = 0.05;
 /// Maximum share of repeated values of single taxels in motion. A sensor of fine resolution hardly ever repeats a value,
 /// so that no frame of it is equal to the one before, at rest neither.
@@ -26,7 +26,7 @@ const LIFTED_SHARE: f64 = 0.1;
 /// Number of runs in the middle of the median sweep from which a sensor repeats frames, for example because it is slower
 /// than the recording.
 const USUAL_RUNS: usize = 2;
-/// Distance of zero from the median, in usual largest deviations, from which a taxel at zero is no usual value.
+/// Distance of zero from the median, in usual largest deviations, from which zero is an unusual value of a taxel.
 const FAR_ZERO: f32 = 1.5;
 /// Minimum share of sweeps that begin or end with equal frames for these to be frames at rest.
 const RESTING_SHARE: f64 = 0.02;

@@ -83,7 +83,7 @@ impl Frames {
     /// Returns the anchors of the sweep: of each stretch of `run` frames the smallest hash of `run / 2` frames in it.
     /// Equal stretches of two sweeps have equal anchors. Stretches that occur twice have none.
     ///
-    /// Returns `None` if the sweep repeats itself, as a periodic signal does: its frames are no evidence.
+    /// Returns `None` if the sweep repeats itself, as a periodic signal does: its frames prove nothing.
     pub(super) fn anchors(&self, run: usize) -> Option<Vec<(u64, usize)>> {
         let length = run / 2;
         let hashes = self.hashes_of_runs(length);

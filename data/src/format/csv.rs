@@ -121,7 +121,7 @@ impl<'a> Rows<'a> {
     /// Opens a file and finds its dialect.
     ///
     /// # Errors
-    /// A file that cannot be read or is no text.
+    /// A file that cannot be read, or that does not contain text.
     pub(super) fn open(path: &'a Path) -> Result<Self, DataError> {
         file_kind::refuse_pretended(path, "a text table")?;
         let bytes = crate::read_file(path).map_err(|error| DataError::io(path, "read", error))?;

@@ -34,7 +34,7 @@ pub(super) struct Table {
 /// Returns the text of a file: UTF-8, UTF-16 with a byte order mark, or Latin-1.
 ///
 /// # Errors
-/// Bytes that are no text.
+/// Bytes that are not text in one of these encodings.
 pub(super) fn decode(bytes: Vec<u8>) -> Result<String, &'static str> {
     let wide = |bytes: &[u8], of: fn([u8; 2]) -> u16| {
         let (units, _) = bytes.as_chunks();

@@ -30,7 +30,7 @@ pub(super) enum FileKind {
     Pretended(&'static str),
 }
 
-/// First bytes of files that are no data, and what they are.
+/// First bytes of files without data, and the names of their kinds.
 const PRETENDED: [(&[u8], &str); 10] = [
     (
         b"version https://git-lfs.github.com/",
@@ -76,12 +76,12 @@ pub(super) fn of(path: &Path) -> Result<FileKind, DataError> {
     })
 }
 
-/// Returns an error for a file that is no data.
+/// Returns an error for a file without data.
 ///
 /// - `expected`: what the file should be
 ///
 /// # Errors
-/// A file that cannot be read, is empty or of a kind that is no data.
+/// A file that cannot be read, is empty, or is of a kind without data.
 pub(super) fn refuse_pretended(path: &Path, expected: &str) -> Result<(), DataError> {
     match of(path)? {
         FileKind::Pretended(found) => Err(DataError::format(path, "file", expected, found)),

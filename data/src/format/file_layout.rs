@@ -63,7 +63,7 @@ const FIELDS: [(&str, Field); 5] = [
     ("*", Field::Any),
 ];
 
-/// What a name says about its sweep.
+/// Properties of a sweep that its file name contains.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct NamedFile {
     pub(super) material: String,

@@ -60,7 +60,7 @@ pub(super) fn may_hold_words(name: &str) -> bool {
         .any(|names| is_one_of(name, names))
 }
 
-/// Returns true if a column of this name need not hold numbers: it is no taxel.
+/// Returns true if a column of this name need not hold numbers, because it is not a taxel.
 ///
 /// - `taxels`: names of the columns that are taxels; empty if all others are
 pub(super) fn is_text(name: &str, taxels: &[String]) -> bool {

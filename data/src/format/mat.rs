@@ -142,7 +142,7 @@ impl<'a> Entry<'a> {
     }
 }
 
-/// Variable as it is stored.
+/// Stored form of a variable.
 struct Variable<'a> {
     element: Element<'a>,
     order: ByteOrder,

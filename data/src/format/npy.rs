@@ -1,6 +1,6 @@
 //! Single numpy arrays (`.npy`): a short header in Python's notation, then the values.
 //!
-//! Format: NEP 1 and the documentation of `numpy.lib.format`, versions 1 to 3. This is no external crate, because those
+//! Format: NEP 1 and the documentation of `numpy.lib.format`, versions 1 to 3. An external crate is not used, because those
 //! on crates.io bring a Python grammar and multiply the extents of a damaged shape unchecked.
 
 mod header;

@@ -176,7 +176,7 @@ impl Cells {
     /// Returns a column for each place of the lists: `name[0]`, `name[1]` and so on.
     ///
     /// # Errors
-    /// A description of lists that are no taxels.
+    /// A description of lists that do not hold taxels.
     fn taxels(self, name: &str) -> Result<Vec<(String, Column)>, String> {
         let Some(&width) = self.lengths.first() else {
             return Err("no row".into());

@@ -4,7 +4,7 @@ use jiff::Timestamp;
 use jiff::civil::{Date, DateTime};
 use jiff::tz::Offset;
 
-/// A stamp as it is written.
+/// Value of a time stamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Stamp {
     Number(f64),

@@ -22,7 +22,7 @@ use super::time_names::{are_times, unused_times};
 use super::time_stamps::{Clockwork, time_stamps};
 use crate::{DataError, Finding, SweepShape};
 
-/// Beginnings of the names of text files that are no sweeps, in lower case.
+/// Beginnings of the names of text files without sweeps, in lower case.
 const NO_SWEEPS: [&str; 4] = ["readme", "license", "licence", "requirements"];
 
 /// Returns true for a file that can contain a sweep, by its name.

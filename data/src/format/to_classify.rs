@@ -45,7 +45,7 @@ impl SweepsToClassify {
     /// Returns sweeps of a table or folder.
     ///
     /// # Errors
-    /// Sweeps that are no data set.
+    /// Sweeps that do not form a data set.
     pub(super) fn of_named(path: &Path, sweeps: NamedSweeps) -> Result<Self, DataError> {
         Ok(Self {
             names: sweeps.sweeps.clone(),

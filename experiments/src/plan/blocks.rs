@@ -8,7 +8,7 @@ use tactnet_pipeline::SplitKind;
 
 use crate::ExperimentRecipe;
 
-/// What the recording blocks of the data sets allow, by the data set's path.
+/// Folds of whole blocks and warnings, by the path of the data set.
 pub(super) struct Blocks {
     of_data: BTreeMap<String, OfData>,
 }

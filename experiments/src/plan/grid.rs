@@ -106,7 +106,7 @@ impl<'a> Grid<'a> {
         tasks
     }
 
-    /// Returns the splits of a data set: those of the question, or folds of whole blocks with random folds beside them, or
+    /// Returns the splits of a data set: those of the question, or folds of whole blocks and random folds, or
     /// random folds where the data has no blocks.
     fn splits(&self, asked: &Crossval, data: &str) -> Vec<SplitKind> {
         match asked.split[..] {

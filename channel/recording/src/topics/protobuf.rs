@@ -87,7 +87,7 @@ impl Converter {
     }
 }
 
-/// Returns true for a message that is no alternative and not of the type of the message that contains it.
+/// Returns true for a message field outside any `oneof` whose type differs from that of the containing message.
 fn is_plain_message(field: &FieldDescriptor, of: &DynamicMessage) -> bool {
     match field.kind() {
         Kind::Message(kind) => field.containing_oneof().is_none() && kind != of.descriptor(),

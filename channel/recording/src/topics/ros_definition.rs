@@ -46,7 +46,7 @@ impl Definitions {
     /// Reads the definitions of the message `name`.
     ///
     /// # Errors
-    /// A line that is no field.
+    /// A line that cannot be read as a field.
     pub(super) fn parse(name: &str, text: &str) -> Result<Self, String> {
         let root = short(name);
         let mut messages = HashMap::new();
