@@ -130,11 +130,12 @@ pub(super) fn bits(number: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn random(frames: usize, levels: u64) -> Vec<f32> {
-        let mut state = 1_u64;
+    /// Returns noise of two taxels with this number of levels: `[frames][2]`.
+    pub(in crate::check) fn noise(seed: u64, frames: usize, levels: u64) -> Vec<f32> {
+        let mut state = seed;
         let mut next = || {
             state = state
                 .wrapping_mul(6_364_136_223_846_793_005)
@@ -151,8 +152,8 @@ mod tests {
         assert_eq!(information(&curve(|at| 3.0 * at), 1), 0.0);
         assert_eq!(information(&curve(|at| at * at), 1), 0.0);
         assert!(information(&curve(|at| (100.0 * (at * 0.1).sin()).round()), 1) < 60.0);
-        assert!(information(&random(20, 2), 2) < 45.0);
-        assert!(information(&random(20, 1000), 2) > 150.0);
+        assert!(information(&noise(1, 20, 2), 2) < 45.0);
+        assert!(information(&noise(1, 20, 1000), 2) > 150.0);
     }
 
     #[test]
@@ -167,6 +168,6 @@ mod tests {
         assert!(!exceeds(
             (0..200).map(|at| (at as f32 * 0.3).sin()).collect()
         ));
-        assert!(exceeds(random(100, 1000)));
+        assert!(exceeds(noise(1, 100, 1000)));
     }
 }

@@ -240,18 +240,8 @@ fn mixed(number: u64) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::run_evidence::tests::noise;
     use super::*;
-
-    fn noise(seed: u64, frames: usize, levels: u64) -> Vec<f32> {
-        let mut state = seed;
-        let mut next = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            ((state >> 40) % levels) as f32
-        };
-        (0..2 * frames).map(|_| next()).collect()
-    }
 
     #[test]
     fn equal_stretches_have_equal_anchors() {

@@ -420,17 +420,8 @@ proptest! {
         files.retain(|path| path.extension().is_some_and(|extension| extension == "h5" || extension == "mat"));
         files.sort();
         let path = &files[file % files.len()];
-        let mut bytes = std::fs::read(path).unwrap();
-        for (place, in_front, value) in changes {
-            let range = if in_front { bytes.len().min(3000) } else { bytes.len() };
-            bytes[place.index(range)] = value;
-        }
-        if let Some(cut) = cut {
-            bytes.truncate(cut.index(bytes.len()));
-        }
         let dir = tempfile::tempdir().unwrap();
-        let damaged = dir.path().join(name(path));
-        std::fs::write(&damaged, bytes).unwrap();
+        let damaged = write_damaged(dir.path(), path, cut, &changes);
         for options in [
             named("", ""),
             named("recording.skin", "recording.material"),

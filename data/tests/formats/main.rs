@@ -360,6 +360,29 @@ fn damaged() -> impl Strategy<
     )
 }
 
+/// Writes a copy of a file with changed bytes, cut to a part of its length, into `folder`.
+fn write_damaged(
+    folder: &Path,
+    path: &Path,
+    cut: Option<prop::sample::Index>,
+    changes: &[(prop::sample::Index, bool, u8)],
+) -> PathBuf {
+    let mut bytes = std::fs::read(path).unwrap();
+    for (place, in_front, value) in changes {
+        let range = match in_front {
+            true => bytes.len().min(3000),
+            false => bytes.len(),
+        };
+        bytes[place.index(range)] = *value;
+    }
+    if let Some(cut) = cut {
+        bytes.truncate(cut.index(bytes.len()));
+    }
+    let damaged = folder.join(name(path));
+    std::fs::write(&damaged, bytes).unwrap();
+    damaged
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 1500, max_shrink_iters: 200, ..ProptestConfig::default() })]
 
@@ -367,17 +390,8 @@ proptest! {
     fn damaged_files_give_an_error_or_a_data_set_but_never_a_panic((file, cut, changes) in damaged()) {
         let files: Vec<PathBuf> = files("h5").into_iter().chain(files("read")).collect();
         let path = &files[file % files.len()];
-        let mut bytes = std::fs::read(path).unwrap();
-        for (place, in_front, value) in changes {
-            let range = if in_front { bytes.len().min(3000) } else { bytes.len() };
-            bytes[place.index(range)] = value;
-        }
-        if let Some(cut) = cut {
-            bytes.truncate(cut.index(bytes.len()));
-        }
         let dir = tempfile::tempdir().unwrap();
-        let damaged = dir.path().join(name(path));
-        std::fs::write(&damaged, bytes).unwrap();
+        let damaged = write_damaged(dir.path(), path, cut, &changes);
         match format::read_with_gaps(&damaged) {
             Ok(dataset) => { check(&dataset); }
             Err(error) => prop_assert!(error.to_string().contains(name(path)), "{}", error),

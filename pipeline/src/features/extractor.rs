@@ -123,12 +123,7 @@ impl Extractor {
                 ),
                 hydra: Hydra::draw(extents, &mut seed.rng("hydra")),
             },
-            FeatureSet::Means
-            | FeatureSet::FirstFrame
-            | FeatureSet::LastFrame
-            | FeatureSet::L
-            | FeatureSet::H
-            | FeatureSet::LogSpectra => {
+            _ => {
                 return Self::unfitted(set, levels, shape, train.dataset().sample_rate_hz());
             }
         };
@@ -188,12 +183,7 @@ impl Extractor {
                     shape.steps,
                 )?,
             },
-            FeatureSet::Means
-            | FeatureSet::FirstFrame
-            | FeatureSet::LastFrame
-            | FeatureSet::L
-            | FeatureSet::H
-            | FeatureSet::LogSpectra => {
+            _ => {
                 return Self::unfitted(set, levels, shape, rate);
             }
         };
