@@ -5,7 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use tactnet_channel::ChannelError;
 use tactnet_data::{DataError, Remedy};
-use tactnet_pipeline::PipelineError;
+use tactnet_pipeline::{PipelineError, PipelineRemedy};
 use tactnet_recording::{RecordingError, RecordingRemedy};
 
 create_exception!(
@@ -27,17 +27,23 @@ pub(crate) fn raised(error: impl std::error::Error + 'static) -> PyErr {
         }
         cause = inner.source();
     }
-    if let Some(cure) = cure_of_channels(&error) {
+    if let Some(cure) = cure_of(&error) {
         text.push_str("; ");
-        text.push_str(cure);
+        text.push_str(&cure);
     }
-    TactnetError::new_err(with_cure(text, remedy_of(&error).as_ref()))
+    TactnetError::new_err(text)
 }
 
-/// Returns the cure of an error; `None` if the caller cannot apply one.
-fn remedy_of(error: &(dyn std::error::Error + 'static)) -> Option<Remedy> {
-    let data = error.downcast_ref().and_then(DataError::remedy);
-    data.or_else(|| error.downcast_ref().and_then(PipelineError::remedy))
+/// Returns the words of an error's cure; `None` if the caller cannot apply one.
+fn cure_of(error: &(dyn std::error::Error + 'static)) -> Option<String> {
+    if let Some(error) = error.downcast_ref::<PipelineError>() {
+        let data = error.remedy().as_ref().map(words_of);
+        return data.or_else(|| words_of_pipeline(&error.pipeline_remedy()?));
+    }
+    match error.downcast_ref::<DataError>() {
+        Some(error) => error.remedy().as_ref().map(words_of),
+        None => cure_of_channels(error).map(String::from),
+    }
 }
 
 /// Returns a message with the words of its cure, if there is one.
@@ -76,6 +82,36 @@ fn words_of(remedy: &Remedy) -> String {
         Remedy::ConvertRecording => "open it with `tactnet.Recording`".into(),
         Remedy::PassDownloadedFile => "pass its path".into(),
     }
+}
+
+/// Returns the arguments and functions that apply a cure; `None` for cures of errors that only commands raise.
+fn words_of_pipeline(remedy: &PipelineRemedy) -> Option<String> {
+    Some(match remedy {
+        PipelineRemedy::Data(remedy) => words_of(remedy),
+        PipelineRemedy::TrainWithRate => {
+            "if the classifier was fitted to sweeps of this rate, fit it again with `rate=`".into()
+        }
+        PipelineRemedy::NameRun => {
+            "name a folder that `save` of a classifier or `tactnet train` made".into()
+        }
+        PipelineRemedy::NameFolder => "name another folder".into(),
+        PipelineRemedy::Resume { run } => {
+            format!("`tactnet train --resume {}` continues it", run.display())
+        }
+        PipelineRemedy::ResumeOrNameFolder { run } => format!(
+            "name another folder, or continue it with `tactnet train --resume {}`",
+            run.display()
+        ),
+        PipelineRemedy::ConfirmAxes
+        | PipelineRemedy::NameData
+        | PipelineRemedy::ChooseModel { .. }
+        | PipelineRemedy::TrainNetwork
+        | PipelineRemedy::EnrollOrCalibrate
+        | PipelineRemedy::Calibrate
+        | PipelineRemedy::EnrollFewerSweeps
+        | PipelineRemedy::RelaxTargets { .. }
+        | PipelineRemedy::RecordMore => return None,
+    })
 }
 
 /// Returns the call or keyword argument that cures an error of channels or recordings.
