@@ -70,7 +70,6 @@ pub use predict::enroll::{
     Enrolled, EnrolledMaterial, EnrolmentCost, RowPrior, Thresholds, enroll, weights_sha256,
 };
 pub use predict::evaluation::{Evaluation, evaluate_all_ways};
-pub use predict::evaluation_table::EvaluationTable;
 pub use predict::metrics::{Estimate, FusedAccuracy};
 pub use predict::online::{OnlineClassifier, SweepBelief};
 pub use predict::overlap::without_sweeps_of;
@@ -79,8 +78,8 @@ pub use predict::runtime::{RuntimeComparison, RuntimeKind, compare_runtime};
 pub use predict::same::{SameMaterial, probability_of_different_materials};
 pub use predict::verdicts::Verdicts;
 pub use recipe::{
-    AdversarialMask, AdversarialStatistics, AttackedLabel, Input, LearningRateDrop, OneCycle,
-    PenalizedParameters, Prediction, PredictionMethod, Recipe, TrainingMethod, TrainingSettings,
+    AdversarialMask, AdversarialStatistics, AttackedLabel, Input, LearningRateDrop, NetworkRecipe,
+    OneCycle, PenalizedParameters, Prediction, PredictionMethod, TrainingMethod, TrainingSettings,
 };
 pub use remedy::PipelineRemedy;
 pub use requirements::Requirements;

@@ -2,9 +2,13 @@
 
 use std::fmt::Write as _;
 
-use tactnet_pipeline::{Confusion, Estimate, EvalResult, EvaluationTable, Verdicts};
+use tactnet_pipeline::{Confusion, Estimate, EvalResult, Verdicts};
 
+use super::evaluation_table::evaluation_table;
 use crate::output::counted;
+
+/// Maximum number of pairs of materials in the text.
+const MOST: usize = 5;
 
 /// Returns accuracies, comparisons of runtimes, the most frequent confusions, rates of a calibrated classifier, and warnings.
 pub fn text(result: &EvalResult) -> String {
@@ -21,7 +25,7 @@ pub fn text(result: &EvalResult) -> String {
             let known = result.n_test - result.n_unknown;
             let _ = writeln!(text, "{} of known materials:", counted(known, "sweep"));
         }
-        let _ = write!(text, "{}", EvaluationTable(&result.evaluations));
+        text.push_str(&evaluation_table(&result.evaluations));
     }
     for (method, compared) in &result.runtimes {
         let _ = write!(
@@ -40,7 +44,7 @@ pub fn text(result: &EvalResult) -> String {
         if let Some((accuracy, balanced)) = known.flatten().next() {
             let _ = write!(text, "\n{}", guessing_text(confusion, accuracy, balanced));
         }
-        let _ = write!(text, "\n{confusion}");
+        let _ = write!(text, "\n{}", mistakes_text(confusion));
     }
     if let Some(verdicts) = &result.verdicts {
         let _ = write!(text, "\n{}", rates(verdicts));
@@ -99,6 +103,39 @@ pub fn guessing_text(confusion: &Confusion, accuracy: Estimate, balanced: Estima
         );
     }
     text
+}
+
+/// Returns the most frequent pairs of a material and another one that was predicted for it.
+pub fn mistakes_text(confusion: &Confusion) -> String {
+    let mut mistakes: Vec<(usize, usize, usize)> = Vec::new();
+    for (truth, row) in confusion.counts.iter().enumerate() {
+        for (predicted, count) in row.iter().enumerate() {
+            if truth != predicted && *count > 0 {
+                mistakes.push((*count, truth, predicted));
+            }
+        }
+    }
+    if mistakes.is_empty() {
+        return "no sweep was taken for another material".into();
+    }
+    // The sort is stable: equal counts stay in the order of the materials.
+    mistakes.sort_by_key(|(count, _, _)| std::cmp::Reverse(*count));
+    let shown = mistakes.iter().take(MOST).map(|(count, truth, predicted)| {
+        let (of, materials) = (&confusion.counts[*truth], &confusion.materials);
+        format!(
+            "{} taken for {} ({count} of {})",
+            materials[*truth],
+            materials[*predicted],
+            of.iter().sum::<usize>()
+        )
+    });
+    let shown = shown.collect::<Vec<_>>().join(", ");
+    let rest = match mistakes.len().saturating_sub(MOST) {
+        0 => String::new(),
+        1 => " and 1 other pair".into(),
+        more => format!(" and {more} other pairs"),
+    };
+    format!("most frequent mistakes: {shown}{rest}")
 }
 
 fn rates(verdicts: &Verdicts) -> String {
@@ -162,5 +199,25 @@ mod tests {
             "not better than guessing: the 95 % interval of the accuracy, 46.0 to 66.0 %"
         ));
         assert_eq!(text(40), "guessing, with 2 materials: 50.0 %");
+    }
+
+    #[test]
+    fn the_most_frequent_mistakes_come_first_with_how_many_sweeps_there_were() {
+        let text = |counts: &[&[usize]]| {
+            let names = (0..counts.len()).map(|label| format!("m{label}"));
+            mistakes_text(&Confusion {
+                materials: names.collect(),
+                counts: counts.iter().map(|row| row.to_vec()).collect(),
+            })
+        };
+        assert_eq!(
+            text(&[&[9, 1, 0], &[0, 7, 3], &[1, 0, 9]]),
+            "most frequent mistakes: m1 taken for m2 (3 of 10), m0 taken for m1 (1 of 10), m2 taken for m0 (1 of 10)"
+        );
+        assert_eq!(
+            text(&[&[9, 0], &[0, 9]]),
+            "no sweep was taken for another material"
+        );
+        assert!(text(&[&[1, 1, 1], &[1, 1, 1], &[1, 1, 1]]).ends_with(" and 1 other pair"));
     }
 }

@@ -15,6 +15,7 @@ pub mod doctor;
 pub mod enroll;
 pub mod eval;
 mod eval_text;
+mod evaluation_table;
 pub mod experiment;
 pub mod export;
 pub mod man;

@@ -8,7 +8,6 @@ pub(crate) mod confusion;
 pub(crate) mod confusion_picture;
 pub(crate) mod enroll;
 pub(crate) mod evaluation;
-pub(crate) mod evaluation_table;
 pub(crate) mod metrics;
 pub(crate) mod online;
 pub(crate) mod overlap;

@@ -4,11 +4,11 @@ use tactnet_data::SweepView;
 use tactnet_data::twin::TwinVersion;
 use tactnet_experiments::{ExperimentRecipe, Probe, published_for};
 use tactnet_pipeline::{
-    Confusion, EvaluationTable, ModelRecipe, PipelineError, RunDir, RunResult, Session,
-    TrainingSteps, quoted,
+    Confusion, ModelRecipe, PipelineError, RunDir, RunResult, Session, TrainingSteps, quoted,
 };
 
-use crate::commands::eval_text::guessing_text;
+use crate::commands::eval_text::{guessing_text, mistakes_text};
+use crate::commands::evaluation_table::evaluation_table;
 
 /// Accuracy from which no advice is given.
 const GOOD: f64 = 0.95;
@@ -28,7 +28,7 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
             "{} ({}), recipe {}: {} training sweeps, {} test sweeps",
             result.data, result.split, result.recipe, result.n_train, result.n_test
         ),
-        EvaluationTable(&result.evaluations).to_string(),
+        evaluation_table(&result.evaluations),
     ];
     let (config, split) = (run.config()?, run.split()?);
     let method = config.recipe.method();
@@ -36,7 +36,7 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     let confusion = Confusion::from(&predictions);
     let (accuracy, balanced) = (predictions.one_sweep(), predictions.balanced());
     lines.push(guessing_text(&confusion, accuracy, balanced));
-    lines.push(confusion.to_string());
+    lines.push(mistakes_text(&confusion));
     if let Some(row) = published_for(&config, result.origin, &split, method) {
         lines.push(format!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",

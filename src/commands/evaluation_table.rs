@@ -1,0 +1,75 @@
+//! Evaluations as a text table.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
+
+/// Returns a table with one row per prediction method: accuracies in percent with 95 % intervals, NLL in nats, ECE in percent, Brier
+/// score. Lines below explain the columns; no line of words exceeds 100 columns.
+pub fn evaluation_table(evaluations: &BTreeMap<PredictionMethod, Evaluation>) -> String {
+    let mut text = format!(
+        "{:<15} {:>22} {:>22} {:>22} {:>7} {:>8} {:>7}",
+        "prediction",
+        "1 sweep [%]",
+        "fused, Bayes [%]",
+        "fused, vote [%]",
+        "NLL",
+        "ECE [%]",
+        "Brier"
+    );
+    for (method, evaluation) in evaluations {
+        // A baseline has no other method.
+        let name = match evaluations.len() {
+            1 if *method == PredictionMethod::Plain => "as fitted",
+            _ => method.title(),
+        };
+        let fused = |pick: fn(&FusedAccuracy) -> Estimate| {
+            evaluation.fused.as_ref().map_or_else(
+                || "too few sweeps".into(),
+                |fused| format!("{}x {}", fused.sweeps, percent(pick(fused))),
+            )
+        };
+        let _ = write!(
+            text,
+            "\n{name:<15} {:>22} {:>22} {:>22} {:>7.3} {:>8.1} {:>7.3}",
+            percent(evaluation.one_sweep),
+            fused(|f| f.bayes),
+            fused(|f| f.majority),
+            evaluation.negative_log_likelihood,
+            100.0 * evaluation.expected_calibration_error,
+            evaluation.brier,
+        );
+    }
+    let fused = evaluations.values().find_map(|of| of.fused.as_ref());
+    let fused = fused.map_or(String::new(), |fused| {
+            format!(
+                "\n{0}x: {0} sweeps of a material fused into one decision, mean over {1} random groupings",
+                fused.sweeps,
+                FusedAccuracy::GROUPINGS
+            )
+        });
+    let passes = evaluations.keys().find_map(|method| match method {
+        PredictionMethod::McDropout { mc_samples } => Some(mc_samples),
+        PredictionMethod::Plain => None,
+    });
+    let passes = passes.map_or(String::new(), |passes| {
+        format!("\nMC dropout: mean over {passes} passes with dropout left on")
+    });
+    let _ = write!(
+        text,
+        "\nin brackets: 95 % interval{fused}{passes}\n\
+             smaller is better: NLL, how improbable the true material was held (nats); ECE, gap between\n\
+             confidence and accuracy; Brier, squared error of the probabilities (0 to 2)"
+    );
+    text
+}
+
+fn percent(estimate: Estimate) -> String {
+    format!(
+        "{:.1} ({:.1} to {:.1})",
+        100.0 * estimate.mean,
+        100.0 * estimate.ci95_low,
+        100.0 * estimate.ci95_high
+    )
+}
