@@ -6,7 +6,7 @@ use divan::Bencher;
 use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Dataset, Fold, Scheme, Seed};
 use tactnet_pipeline::{
-    ClassifierConfig, Device, ModelConfig, NetworkSetup, Recipe, Training, TrainingMethod,
+    ClassifierConfig, Device, ModelConfig, NetworkRecipe, NetworkSetup, Training, TrainingMethod,
 };
 
 fn main() {
@@ -27,7 +27,7 @@ fn train(bencher: Bencher, batch: usize, steps: usize, adversarial: bool) {
     let twin = twin(steps);
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0)
         .unwrap_or_else(|error| panic!("ten sweeps make five folds: {error}"));
-    let mut recipe = Recipe::load("thesis").unwrap_or_else(|error| panic!("{error}"));
+    let mut recipe = NetworkRecipe::load("thesis").unwrap_or_else(|error| panic!("{error}"));
     recipe.training.epochs = usize::MAX;
     recipe.training.batch = batch;
     if !adversarial {

@@ -17,8 +17,8 @@ use tactnet_data::{
 };
 use tactnet_models::Isa;
 use tactnet_pipeline::{
-    Classifier, ClassifierConfig, Device, ModelConfig, NetworkSetup, PredictionMethod, Recipe,
-    Training, TrainingMethod,
+    Classifier, ClassifierConfig, Device, ModelConfig, NetworkRecipe, NetworkSetup,
+    PredictionMethod, Training, TrainingMethod,
 };
 
 fn main() -> anyhow::Result<()> {
@@ -36,7 +36,7 @@ fn main() -> anyhow::Result<()> {
     let dataset = digits(&shape)?;
     let device = Device::flex();
     let split = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?.train;
-    let mut recipe = Recipe::load("thesis")?;
+    let mut recipe = NetworkRecipe::load("thesis")?;
     recipe.training.epochs = usize::MAX;
     recipe.training.batch = batch;
     let mut plain = recipe.clone();

@@ -6,8 +6,8 @@ use burn::tensor::Device;
 use rand::Rng;
 use tactnet_data::{Dataset, Seed, SweepView, TrainSplit};
 use tactnet_pipeline::{
-    BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, NetworkSetup, PipelineError,
-    Recipe, train_network, train_siamese,
+    BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, NetworkRecipe, NetworkSetup,
+    PipelineError, train_network, train_siamese,
 };
 
 use crate::networks::FinishedNetworks;
@@ -21,7 +21,7 @@ pub(crate) struct StudyContext<'a> {
     pub(crate) dataset: &'a Dataset,
     /// Name of the data in the recipe: `twin`, or a file.
     pub(crate) data: &'a str,
-    pub(crate) recipe: &'a Recipe,
+    pub(crate) recipe: &'a NetworkRecipe,
     pub(crate) device: &'a Device,
     pub(crate) seed: Seed,
     pub(crate) part: Part,

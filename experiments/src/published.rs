@@ -2,7 +2,7 @@
 
 use tactnet_data::{DataOrigin, Scheme, SplitManifest};
 use tactnet_pipeline::{
-    LabelOrder, ModelRecipe, PredictionMethod, Recipe, RunConfig, TrainingMethod,
+    LabelOrder, ModelRecipe, NetworkRecipe, PredictionMethod, RunConfig, TrainingMethod,
 };
 
 use crate::published_confusion::TACTMAT_MATERIALS;
@@ -60,7 +60,7 @@ pub fn published_for(
     let ModelRecipe::Network(recipe) = &config.recipe else {
         return None;
     };
-    let shortest = Recipe::load("fast").ok()?.training.epochs;
+    let shortest = NetworkRecipe::load("fast").ok()?.training.epochs;
     let comparable = origin.is_comparable_to_published()
         && config.classifier.labels.len() == TACTMAT_MATERIALS.len()
         && config.spec.steps.is_none()
@@ -68,7 +68,7 @@ pub fn published_for(
         && config.spec.label_order == LabelOrder::True
         && config.recipe.levels().is_none()
         && matches!(split.scheme, Scheme::StratifiedKFold { .. })
-        && recipe.network == Recipe::load("thesis").ok()?.network
+        && recipe.network == NetworkRecipe::load("thesis").ok()?.network
         && recipe.training.epochs >= shortest;
     comparable.then(|| row_for(recipe.training.method, way))?
 }
@@ -89,10 +89,10 @@ mod tests {
 
     #[test]
     fn the_thesis_recipe_is_set_beside_tactnet_ii() {
-        let thesis = Recipe::load("thesis").unwrap();
+        let thesis = NetworkRecipe::load("thesis").unwrap();
         let row = row_for(thesis.training.method, thesis.prediction.method).unwrap();
         assert_eq!((row.one_sweep.0, row.three_sweeps.0), (86.3, 95.0));
-        let fast = Recipe::load("fast").unwrap();
+        let fast = NetworkRecipe::load("fast").unwrap();
         assert_eq!(row_for(fast.training.method, fast.prediction.method), None);
     }
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{DataOrigin, Dataset, sha256_hex};
 use tactnet_models::Compute;
-use tactnet_pipeline::{MeanRemoval, Provenance, Recipe, write_whole};
+use tactnet_pipeline::{MeanRemoval, NetworkRecipe, Provenance, write_whole};
 
 use crate::answer::FeatureMap;
 use crate::context::{Cancelled, OnProgress, StudyContext};
@@ -82,7 +82,7 @@ impl QuestionResult {
 pub fn answer_question(
     task: &QuestionTask,
     dataset: &Dataset,
-    recipe: &Recipe,
+    recipe: &NetworkRecipe,
     folder: &Path,
     provenance: Provenance,
     on_progress: &OnProgress<'_>,

@@ -12,7 +12,8 @@ use tactnet_data::twin::{TwinConfig, generate};
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    ClassifierConfig, ModelConfig, NetworkSetup, Recipe, StackMember, StackedTraining, Training,
+    ClassifierConfig, ModelConfig, NetworkRecipe, NetworkSetup, StackMember, StackedTraining,
+    Training,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -26,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         _ => "{ kind = \"adversarial\", alpha = 0.5, epsilon = 4.0 }",
     };
     // Three blocks as in the thesis's network, with fewer maps.
-    let recipe = Recipe::parse(
+    let recipe = NetworkRecipe::parse(
         "small",
         &format!(
             "name = \"small\"\nnetwork = {{ maps = [4, 6, 8], hidden = 8 }}\n\

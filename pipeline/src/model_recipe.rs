@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use tactnet_data::known_names;
 
-use crate::{BaselineRecipe, MeanRemoval, PipelineError, PredictionMethod, Recipe};
+use crate::{BaselineRecipe, MeanRemoval, NetworkRecipe, PipelineError, PredictionMethod};
 
 /// Names and TOML of the built-in recipes of baselines.
 const BASELINES: [(&str, &str); 11] = [
@@ -30,7 +30,7 @@ const BASELINES: [(&str, &str); 11] = [
 pub enum ModelRecipe {
     /// A network: TactNet-II or the spectral network.
     #[serde(rename = "tactnet2")]
-    Network(Recipe),
+    Network(NetworkRecipe),
     /// Features and a classical classifier.
     #[serde(rename = "baseline")]
     Baseline(BaselineRecipe),
@@ -39,7 +39,7 @@ pub enum ModelRecipe {
 impl ModelRecipe {
     /// Returns the names of all built-in recipes.
     pub fn built_in_names() -> impl Iterator<Item = &'static str> {
-        Recipe::built_in_names().chain(BASELINES.iter().map(|(name, _)| *name))
+        NetworkRecipe::built_in_names().chain(BASELINES.iter().map(|(name, _)| *name))
     }
 
     /// Returns the TOML of a built-in recipe, including its comments.
@@ -49,7 +49,7 @@ impl ModelRecipe {
     pub fn built_in_text(name: &str) -> Result<&'static str, PipelineError> {
         let baselines = BASELINES.iter().copied();
         baselines
-            .chain(Recipe::built_in_texts())
+            .chain(NetworkRecipe::built_in_texts())
             .find_map(|(known, text)| (known == name).then_some(text))
             .ok_or_else(|| PipelineError::UnknownRecipe {
                 name: name.into(),
@@ -65,8 +65,8 @@ impl ModelRecipe {
         if let Some((name, text)) = BASELINES.iter().find(|(name, _)| *name == name_or_path) {
             return Self::parse(name, text);
         }
-        if Recipe::built_in_names().any(|name| name == name_or_path) {
-            return Recipe::load(name_or_path).map(Self::Network);
+        if NetworkRecipe::built_in_names().any(|name| name == name_or_path) {
+            return NetworkRecipe::load(name_or_path).map(Self::Network);
         }
         let path = Path::new(name_or_path);
         if !path.exists() {
@@ -98,7 +98,7 @@ impl ModelRecipe {
             .parse::<toml::Table>()
             .is_ok_and(|table| table.contains_key("features"));
         if !is_baseline {
-            return Recipe::parse(origin, text).map(Self::Network);
+            return NetworkRecipe::parse(origin, text).map(Self::Network);
         }
         let recipe: BaselineRecipe = toml::from_str(text)
             .map_err(|error| refused(error.to_string().trim_end().replace('\n', " / ")))?;

@@ -19,7 +19,7 @@ const BUILT_IN: [(&str, &str); 3] = [
 /// All settings from which a network is trained and with which it predicts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Recipe {
+pub struct NetworkRecipe {
     /// Name of the recipe.
     pub name: String,
     /// Layers of the network.
@@ -236,7 +236,7 @@ impl PredictionMethod {
     }
 }
 
-impl Recipe {
+impl NetworkRecipe {
     /// Returns the names of the built-in recipes.
     pub fn built_in_names() -> impl Iterator<Item = &'static str> {
         BUILT_IN.iter().map(|(name, _)| *name)
@@ -399,28 +399,31 @@ mod tests {
 
     #[test]
     fn few_sweeps_are_trained_on_for_more_epochs() {
-        let fast = Recipe::load("fast").unwrap();
+        let fast = NetworkRecipe::load("fast").unwrap();
         let epochs = |sweeps| fast.for_sweeps(sweeps).training.epochs;
         assert_eq!((epochs(2880), epochs(1000)), (12, 12));
         // 96 sweeps give 3 batches per epoch, 20 sweeps give one.
         assert_eq!((epochs(96), epochs(20)), (100, 300));
         assert_eq!(fast.for_sweeps(20).training.least_steps, None);
-        let thesis = Recipe::load("thesis").unwrap();
+        let thesis = NetworkRecipe::load("thesis").unwrap();
         assert_eq!(thesis.for_sweeps(20), thesis);
     }
 
     #[test]
     fn built_in_recipes_parse_and_carry_their_name() {
-        for name in Recipe::built_in_names() {
-            let recipe = Recipe::load(name).unwrap();
+        for name in NetworkRecipe::built_in_names() {
+            let recipe = NetworkRecipe::load(name).unwrap();
             assert_eq!(recipe.name, name);
-            assert_eq!(Recipe::parse("again", &recipe.to_toml()).unwrap(), recipe);
+            assert_eq!(
+                NetworkRecipe::parse("again", &recipe.to_toml()).unwrap(),
+                recipe
+            );
         }
     }
 
     #[test]
     fn thesis_recipe_holds_the_published_setting() {
-        let recipe = Recipe::load("thesis").unwrap();
+        let recipe = NetworkRecipe::load("thesis").unwrap();
         assert_eq!(recipe.network, Architecture::default());
         assert_eq!((recipe.training.epochs, recipe.training.batch), (200, 36));
         assert_eq!(recipe.learning_rate(0, 0, 80), 1e-4);
@@ -442,7 +445,7 @@ mod tests {
 
     #[test]
     fn one_cycle_rises_and_falls() {
-        let mut recipe = Recipe::load("thesis").unwrap();
+        let mut recipe = NetworkRecipe::load("thesis").unwrap();
         recipe.training.epochs = 2;
         recipe.training.learning_rate = 0.1;
         recipe.training.learning_rate_drops.clear();
@@ -457,7 +460,7 @@ mod tests {
             after_epoch: 1,
             factor: 0.1,
         }];
-        let refused = Recipe::parse("r.toml", &both.to_toml()).unwrap_err();
+        let refused = NetworkRecipe::parse("r.toml", &both.to_toml()).unwrap_err();
         assert!(refused.to_string().contains("one_cycle"), "{refused}");
     }
 
@@ -466,7 +469,7 @@ mod tests {
         let thesis = BUILT_IN[2].1;
         let message = |from: &str, to: &str| {
             assert!(thesis.contains(from), "{from}");
-            Recipe::parse("r.toml", &thesis.replace(from, to))
+            NetworkRecipe::parse("r.toml", &thesis.replace(from, to))
                 .unwrap_err()
                 .to_string()
         };
@@ -489,7 +492,7 @@ mod tests {
             );
             assert!(!message.contains('\n'), "{message}");
         }
-        let unknown = Recipe::load("tesis").unwrap_err().to_string();
+        let unknown = NetworkRecipe::load("tesis").unwrap_err().to_string();
         assert!(
             unknown.contains("tesis") && unknown.contains("fast, spectra, thesis"),
             "{unknown}"

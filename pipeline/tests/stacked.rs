@@ -7,7 +7,7 @@ use tactnet_data::{Dataset, Fold, Scheme, Seed};
 use tactnet_models::{Compute, NetworkConfig, Weights};
 
 use tactnet_pipeline::{
-    BatchReport, ClassifierConfig, Device, ModelConfig, NetworkSetup, Recipe, StackMember,
+    BatchReport, ClassifierConfig, Device, ModelConfig, NetworkRecipe, NetworkSetup, StackMember,
     StackedTraining, Training, TrainingState,
 };
 
@@ -15,12 +15,12 @@ const PLAIN: &str = "{ kind = \"base\" }";
 const ATTACKED: &str = "{ kind = \"adversarial\", alpha = 0.5, epsilon = 4.0 }";
 const BOTH: &str = "{ kind = \"adversarial\", alpha = 0.3, epsilon = 2.0, statistics = \"both\", mask = \"shared\" }";
 
-fn recipe(method: &str) -> Recipe {
+fn recipe(method: &str) -> NetworkRecipe {
     let text = format!(
         "name = \"small\"\nnetwork = {{ maps = [4, 6], hidden = 8 }}\ninput = {{ scaling = \"per-taxel\" }}\n\
          [training]\nepochs = 5\nbatch = 8\nlearning_rate = 0.01\nl2 = 0.001\nl2_on = \"weights\"\nmethod = {method}\n"
     );
-    Recipe::parse("small", &text).unwrap()
+    NetworkRecipe::parse("small", &text).unwrap()
 }
 
 /// Seven sweeps of each of three materials: folds have 16 or 17 training sweeps, so two batches of 8 or three of 5 and 6.
@@ -36,7 +36,7 @@ fn twin() -> Dataset {
 
 /// Three folds of one data set, each with a different seed.
 struct Folds<'a> {
-    recipe: Recipe,
+    recipe: NetworkRecipe,
     folds: Vec<Fold<'a>>,
     fitted: Vec<(NetworkSetup, NetworkConfig)>,
 }

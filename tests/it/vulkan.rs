@@ -8,7 +8,7 @@ use tactnet_models::{
     Architecture, Compute, InputShape, Network, NetworkConfig, Spectra, Trunk, Weights,
     cross_entropy, dropout_masks,
 };
-use tactnet_pipeline::{ClassifierConfig, ModelConfig, NetworkSetup, Recipe, Training};
+use tactnet_pipeline::{ClassifierConfig, ModelConfig, NetworkRecipe, NetworkSetup, Training};
 
 fn logits_and_gradients(device: &Device, architecture: Architecture) -> (Vec<f32>, Weights) {
     let device = device.clone().autodiff();
@@ -79,7 +79,7 @@ fn trained(device: Compute, layers: &str, method: &str, threads: bool) -> (Vec<f
         "name = \"small\"\nnetwork = {{ {layers}, hidden = 8 }}\n\
          [training]\nepochs = 5\nbatch = 8\nlearning_rate = 0.01\nmethod = {method}\n"
     );
-    let recipe = Recipe::parse("small", &text).unwrap();
+    let recipe = NetworkRecipe::parse("small", &text).unwrap();
     let twin = generate(&TwinConfig {
         materials: 3,
         sweeps: 5,

@@ -241,7 +241,7 @@ mod tests {
     use tactnet_models::Compute;
 
     use super::*;
-    use crate::{Classifier, Recipe, train_network};
+    use crate::{Classifier, NetworkRecipe, train_network};
 
     #[test]
     fn samples_have_masks_of_their_own_which_keep_the_stated_share() {
@@ -259,7 +259,7 @@ mod tests {
                 "name = \"small\"\nnetwork = {{ maps = [3, 8], hidden = 8, keep_probability = {keep} }}\n\
                  [training]\nepochs = 1\nbatch = 8\nlearning_rate = 0.01\nmethod = {{ kind = \"base\" }}\n"
             );
-            let recipe = Recipe::parse("small", &text).unwrap();
+            let recipe = NetworkRecipe::parse("small", &text).unwrap();
             train_network(&recipe, &fold.train, Seed(1), &device, |_| true)
                 .unwrap()
                 .unwrap()

@@ -4,8 +4,8 @@ use burn::tensor::Device;
 use tactnet_data::{Seed, TrainSplit};
 
 use crate::{
-    BatchReport, Classifier, ClassifierConfig, ModelConfig, NetworkSetup, PipelineError, Recipe,
-    Training,
+    BatchReport, Classifier, ClassifierConfig, ModelConfig, NetworkRecipe, NetworkSetup,
+    PipelineError, Training,
 };
 
 /// Trains a network in one call, for experiments that train several in one unit of work. Returns `None` if `go_on` stopped it.
@@ -15,7 +15,7 @@ use crate::{
 /// # Errors
 /// A training set without sweeps; a setting that is out of range; a loss that is not finite.
 pub fn train_network(
-    recipe: &Recipe,
+    recipe: &NetworkRecipe,
     train: &TrainSplit<'_>,
     seed: Seed,
     device: &Device,
@@ -33,7 +33,7 @@ pub fn train_network(
 /// # Errors
 /// A training set without sweeps; a setting that is out of range; a loss that is not finite.
 pub fn train_siamese(
-    recipe: &Recipe,
+    recipe: &NetworkRecipe,
     train: &TrainSplit<'_>,
     seed: Seed,
     device: &Device,
@@ -50,7 +50,7 @@ pub fn train_siamese(
 }
 
 fn train_whole(
-    recipe: &Recipe,
+    recipe: &NetworkRecipe,
     train: &TrainSplit<'_>,
     seed: Seed,
     device: &Device,
@@ -99,7 +99,7 @@ mod tests {
              input = {{ scaling = \"per-taxel\" }}\n\
              [training]\nepochs = 1\nbatch = 64\nlearning_rate = 0.01\n{training}\n"
         );
-        let recipe = Recipe::parse("small", &text).unwrap();
+        let recipe = NetworkRecipe::parse("small", &text).unwrap();
         let fold = Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
         let device = Compute::Cpu.open().unwrap();
         let fitted = train_network(&recipe, &fold.train, Seed(1), &device, |_| true);
@@ -179,7 +179,7 @@ mod tests {
                 "name = \"small\"\nnetwork = {{ maps = [4, 8], hidden = 16, keep_probability = 0.8 }}\n\
                  [training]\nepochs = {epochs}\nbatch = 24\nlearning_rate = 0.005\nmethod = {{ kind = \"base\" }}\n"
             );
-            Recipe::parse("small", &text).unwrap()
+            NetworkRecipe::parse("small", &text).unwrap()
         };
         let fold = Fold::new(&tones, Scheme::default(), Seed(1), 0, 0).unwrap();
         let device = Compute::Cpu.open().unwrap();

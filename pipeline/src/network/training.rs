@@ -14,7 +14,8 @@ use crate::network::objective::{Pass, Perturbation, adversarial_pass, base_pass}
 use crate::network::pairs_pass::pairs_pass;
 use crate::network::resident::ResidentSweeps;
 use crate::{
-    AdversarialMask, AdversarialStatistics, Normalizer, PipelineError, Recipe, TrainingMethod,
+    AdversarialMask, AdversarialStatistics, NetworkRecipe, Normalizer, PipelineError,
+    TrainingMethod,
 };
 
 /// Training position: the next batch and the running sums of the current epoch.
@@ -91,7 +92,7 @@ struct Unread {
 
 /// Network in training. Every random choice is derived from epoch and batch, so interruptions do not change the result.
 pub struct Training<'a> {
-    recipe: &'a Recipe,
+    recipe: &'a NetworkRecipe,
     train: &'a TrainSplit<'a>,
     normalizer: &'a Normalizer,
     config: NetworkConfig,
@@ -117,7 +118,7 @@ impl<'a> Training<'a> {
     /// # Errors
     /// A training set without sweeps.
     pub fn start(
-        recipe: &'a Recipe,
+        recipe: &'a NetworkRecipe,
         train: &'a TrainSplit<'a>,
         normalizer: &'a Normalizer,
         config: &NetworkConfig,
@@ -463,7 +464,7 @@ fn no_network<T>() -> T {
     panic!("the optimiser gives the network back")
 }
 
-fn adam(recipe: &Recipe) -> ModuleOptimizer {
+fn adam(recipe: &NetworkRecipe) -> ModuleOptimizer {
     FusedAdam::for_module(recipe.training.l2, recipe.training.l2_on)
 }
 

@@ -12,8 +12,8 @@ use tactnet_models::{Architecture, InputShape, Network, NetworkConfig, Weights};
 use crate::baseline::fitted::Baseline;
 use crate::network::network_scorer::NetworkScorer;
 use crate::{
-    BaselineRecipe, Embedding, Normalizer, PipelineError, PipelineRemedy, Prediction,
-    PredictionMethod, Predictions, Recipe, SweepScore,
+    BaselineRecipe, Embedding, NetworkRecipe, Normalizer, PipelineError, PipelineRemedy,
+    Prediction, PredictionMethod, Predictions, SweepScore,
 };
 
 /// Configuration of a classifier: with the fitted weights, it rebuilds the classifier.
@@ -63,7 +63,7 @@ pub struct NetworkSetup {
 
 impl NetworkSetup {
     /// Returns the settings of `recipe`, with a normaliser fitted to the training sweeps.
-    pub fn fit(recipe: &Recipe, train: &TrainSplit<'_>) -> Self {
+    pub fn fit(recipe: &NetworkRecipe, train: &TrainSplit<'_>) -> Self {
         Self {
             network: recipe.network.clone(),
             prediction: recipe.prediction.clone(),

@@ -14,9 +14,9 @@ use super::free_folder::free_folder;
 use super::training_record::{TrainingRecord, train_batches};
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
-    Device, ModelConfig, ModelRecipe, NetworkSetup, NoveltyScore, NoveltyScorer, PipelineError,
-    PipelineRemedy, Provenance, Recipe, RunConfig, RunDir, RunResult, TrainEmbeddings, TrainJob,
-    TrainSpec, Training, TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run,
+    Device, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup, NoveltyScore, NoveltyScorer,
+    PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir, RunResult, TrainEmbeddings,
+    TrainJob, TrainSpec, Training, TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run,
     fit_baseline,
 };
 
@@ -364,7 +364,7 @@ impl Session {
     fn train_network(
         &self,
         begun: &Begun<'_>,
-        recipe: &Recipe,
+        recipe: &NetworkRecipe,
         setup: &NetworkSetup,
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,

@@ -74,19 +74,19 @@ impl TrainingSteps {
 
 #[cfg(test)]
 mod tests {
-    use crate::Recipe;
+    use crate::NetworkRecipe;
 
     use super::*;
 
     #[test]
     fn more_epochs_than_the_recipe_has_are_explained_by_its_least_steps() {
-        let fast = Recipe::parse(
+        let fast = NetworkRecipe::parse(
             "fast",
             "name = \"fast\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 0.8 }\n[training]\nepochs = 12\nleast_steps = 300\nbatch = 35\n\
              learning_rate = 0.005\nmethod = { kind = \"base\" }",
         )
         .unwrap();
-        let why = |recipe: &Recipe, sweeps| {
+        let why = |recipe: &NetworkRecipe, sweeps| {
             let taken = recipe.for_sweeps(sweeps).training;
             TrainingSteps::of(&taken, sweeps).why_more_epochs(&recipe.training)
         };

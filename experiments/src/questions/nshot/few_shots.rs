@@ -4,7 +4,7 @@ use tactnet_data::Seed;
 use tactnet_models::{
     DenseWeights, Features, LinearHead, NearestMean, SimpleShot, WeightPrior, argmax,
 };
-use tactnet_pipeline::{Device, Embedding, MlpTraining, Recipe, fit_labels};
+use tactnet_pipeline::{Device, Embedding, MlpTraining, NetworkRecipe, fit_labels};
 
 use super::TransferMethod;
 use super::knowledge::{Knowledge, squared_distance};
@@ -16,7 +16,7 @@ const FINE_TUNING_STEPS: usize = 150;
 /// Few embedded sweeps of new materials.
 pub(super) struct FewShots<'a> {
     pub(super) knowledge: &'a Knowledge,
-    pub(super) recipe: &'a Recipe,
+    pub(super) recipe: &'a NetworkRecipe,
     pub(super) device: &'a Device,
     pub(super) support: &'a Embedding,
     pub(super) materials: usize,

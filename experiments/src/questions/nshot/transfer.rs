@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView};
 use tactnet_models::argmax;
-use tactnet_pipeline::{Embedding, Recipe};
+use tactnet_pipeline::{Embedding, NetworkRecipe};
 
 use super::few_shots::FewShots;
 use super::knowledge::{Knowledge, learn};
@@ -158,7 +158,7 @@ fn from_scratch(
     fold: &Fold<'_>,
 ) -> Result<Vec<usize>, Cancelled> {
     let batches = fold.train.len().div_ceil(context.recipe.training.batch);
-    let mut recipe: Recipe = context.recipe.clone();
+    let mut recipe: NetworkRecipe = context.recipe.clone();
     // The task sets the number of steps itself.
     recipe.training.least_steps = None;
     recipe.training.epochs = (task.scratch_steps / batches).max(recipe.training.epochs);
@@ -223,7 +223,7 @@ mod tests {
         })
         .unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let recipe = Recipe::parse("small", RECIPE).unwrap();
+        let recipe = NetworkRecipe::parse("small", RECIPE).unwrap();
         let device = tactnet_models::Compute::Cpu.open().unwrap();
         let context = StudyContext {
             dataset: &twin,

@@ -327,7 +327,7 @@ mod tests {
             ..Default::default()
         })
         .unwrap();
-        let recipe = tactnet_pipeline::Recipe::load("fast").unwrap();
+        let recipe = tactnet_pipeline::NetworkRecipe::load("fast").unwrap();
         let folder = tempfile::tempdir().unwrap();
         let context = StudyContext {
             dataset: &twin,

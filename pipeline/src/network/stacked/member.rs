@@ -3,13 +3,13 @@
 use tactnet_data::{Seed, TrainSplit};
 use tactnet_models::{NetStack, NetworkConfig};
 
-use crate::{AttackedLabel, Normalizer, Recipe, TrainingMethod, TrainingSettings};
+use crate::{AttackedLabel, NetworkRecipe, Normalizer, TrainingMethod, TrainingSettings};
 
 /// One of several networks that are trained at once.
 #[derive(Debug, Clone)]
 pub struct StackMember<'a> {
     /// Recipe; only epochs and learning rates may differ between members.
-    pub recipe: &'a Recipe,
+    pub recipe: &'a NetworkRecipe,
     /// Training sweeps.
     pub train: &'a TrainSplit<'a>,
     /// Normaliser of the sweeps.

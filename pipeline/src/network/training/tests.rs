@@ -23,7 +23,7 @@ fn watched_batches_have_sweeps_of_all_materials_and_every_sweep_once() {
 fn every_batch_drops_other_features_and_every_epoch_has_an_order_of_its_own() {
     let text = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 0.5 }\n\
                 [training]\nepochs = 2\nbatch = 8\nlearning_rate = 0.01\nmethod = { kind = \"base\" }\n";
-    let recipe = Recipe::parse("small", text).unwrap();
+    let recipe = NetworkRecipe::parse("small", text).unwrap();
     let twin = generate(&TwinConfig {
         materials: 3,
         sweeps: 10,

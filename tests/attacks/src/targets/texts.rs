@@ -2,7 +2,7 @@
 
 use tactnet_channel::Table;
 use tactnet_experiments::ExperimentRecipe;
-use tactnet_pipeline::Recipe;
+use tactnet_pipeline::NetworkRecipe;
 use tactnet_skin::ServeConfig;
 
 use super::Target;
@@ -30,7 +30,7 @@ pub(super) fn tables() -> Target {
         };
         match kind % 3 {
             0 => Table::parse(text).is_ok_and(|table| ServeConfig::of(&table).is_ok()),
-            1 => Recipe::parse("attacked", text).is_ok(),
+            1 => NetworkRecipe::parse("attacked", text).is_ok(),
             _ => ExperimentRecipe::parse("attacked", text, &[]).is_ok(),
         }
     });
