@@ -3,11 +3,10 @@
 
 use std::f32::consts::TAU;
 
-use serde_json::Value;
 use tactnet_data::format::Format;
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 
-use crate::command::{Lab, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, expect, json, stderr, tactnet};
 
 /// Generates three materials with ten sweeps each: waves of one, two and three periods across the array, with noise.
 fn waves(rows: usize, cols: usize, steps: usize) -> Dataset {
@@ -62,13 +61,13 @@ fn arrays_of_other_shapes_are_learnt_and_followed_frame_by_frame() {
             let mut train = tactnet(["train", "--json", "--data"]);
             train.arg(&data).arg("--recipe").arg(lab.path(recipe));
             train.arg("--out").arg(name("run"));
-            let found: Value = serde_json::from_str(&stdout(&expect(0, train))).unwrap();
+            let found = json(train);
             let accuracy = found["accuracy_one_sweep"]["mean"].as_f64().unwrap();
             // Six test sweeps of three materials; three taxels in a row see little of a wave.
             assert!(accuracy > 0.5, "{recipe}, {rows}x{cols}: {accuracy}");
             let mut eval = tactnet(["eval", "--json", "--runtime", "online"]);
             eval.arg(name("run"));
-            let found: Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+            let found = json(eval);
             let apart = found["runtimes"]["plain"]["largest_difference"].as_f64();
             assert!(apart.unwrap() < 1e-4, "{rows}x{cols}: {found}");
         }

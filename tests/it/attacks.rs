@@ -1,22 +1,18 @@
 //! Regression tests of past failures, with real processes.
 
-use std::fs::Permissions;
 use std::io::{BufRead, BufReader};
-use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
-use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::os::unix::fs::symlink;
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use tactnet_channel::{MEMORY_FOLDER_VARIABLE, Start, Wait, memory_folder, remove_bus};
+use tactnet_channel::{Start, Wait};
 use tactnet_models::Weights;
-use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{Event, TactileBelief, TactileStatus};
 
 use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
-use crate::serve::{Robot, Running, STEPS};
+use crate::robot::{Robot, Running, STEPS};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -239,108 +235,6 @@ fn a_version_that_asks_for_all_memory_is_passed_over_and_the_service_serves_on()
     robot.serve("models").end();
 }
 
-/// A link in shared memory made the hub empty a file of its user, and a file with a future timestamp prevented its start.
-#[test]
-fn a_hub_follows_no_link_and_waits_for_no_file_from_the_future() {
-    let lab = Lab::new();
-    let table = ServeConfig::default().table(&format!("links{}", std::process::id()));
-    let written = toml::to_string(&table).unwrap();
-    std::fs::write(lab.path("robot.toml"), &written).unwrap();
-    let bus = format!("{}{}", table.bus, table.network.host);
-    let hub = || {
-        let mut hub = tactnet(["channel", "hub", "--table"]);
-        hub.arg(lab.path("robot.toml"));
-        hub
-    };
-    let memory = memory_folder().unwrap().join(&bus);
-    std::fs::create_dir(&memory).unwrap();
-    let lock = memory.join("hub");
-    symlink(lab.path("robot.toml"), &lock).unwrap();
-    let refused = stderr(&expect(1, hub()));
-    assert!(refused.contains("it is a link"), "{refused}");
-    let victim = std::fs::read_to_string(lab.path("robot.toml")).unwrap();
-    assert_eq!(victim, written, "nothing was emptied");
-    std::fs::remove_file(&lock).unwrap();
-
-    let connection = memory.join(format!("{bus}_x.connection"));
-    let file = std::fs::File::create(&connection).unwrap();
-    file.set_modified(SystemTime::now() + Duration::from_secs(100_000_000))
-        .unwrap();
-    let begun = Instant::now();
-    Running::start(hub()).end();
-    assert!(begun.elapsed() < PATIENCE, "{begun:?}");
-    assert!(!connection.exists());
-    remove_bus(&table).unwrap();
-}
-
-/// Other users could empty, lock or create files of a bus in advance. This test needs root to act as two users.
-#[test]
-fn another_user_gets_nowhere_near_a_bus() {
-    if !may_change_user() {
-        eprintln!("left out: it takes root to be two users");
-        return;
-    }
-    let place = tempfile::tempdir_in("/dev/shm").unwrap();
-    std::fs::set_permissions(place.path(), Permissions::from_mode(0o755)).unwrap();
-    let lab = Lab::new();
-    let table = ServeConfig::default().table(&format!("users{}", std::process::id()));
-    let written = toml::to_string(&table).unwrap();
-    std::fs::write(lab.path("robot.toml"), &written).unwrap();
-    let hub = |folder: &Path| {
-        let mut hub = tactnet(["channel", "hub", "--table"]);
-        hub.arg(lab.path("robot.toml"));
-        hub.env(MEMORY_FOLDER_VARIABLE, folder);
-        hub
-    };
-    let own = place.path().join("own");
-    let running = Running::start(hub(&own));
-    // Files and folders of the bus, which a stranger must not change.
-    let (mut files, mut folders) = (Vec::new(), vec![own]);
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                &mut folders
-            } else {
-                &mut files
-            }
-            .push(path);
-        }
-    }
-    assert!(files.len() > 5, "{files:?}");
-    // The stranger is an ordinary user.
-    let mut stranger = Command::new("sh");
-    stranger
-        .args(["-c", "cat /etc/passwd"])
-        .uid(65534)
-        .gid(65534);
-    assert!(stranger.output().unwrap().status.success());
-    for file in files {
-        let shown = file.display();
-        for attack in [
-            format!("cat '{shown}'"),
-            format!("truncate -s 0 '{shown}'"),
-            format!("flock -n '{shown}' true"),
-            format!("rm '{shown}'"),
-        ] {
-            let mut stranger = Command::new("sh");
-            stranger.args(["-c", &attack]).uid(65534).gid(65534);
-            let outcome = stranger.output().unwrap();
-            assert!(!outcome.status.success(), "{attack}");
-        }
-    }
-    running.end();
-
-    // A folder that a stranger created first.
-    let theirs = place.path().join("theirs");
-    std::fs::create_dir(&theirs).unwrap();
-    chown(&theirs, Some(65534), Some(65534)).unwrap();
-    let refused = stderr(&expect(1, hub(&theirs)));
-    assert!(refused.contains("it belongs to user 65534"), "{refused}");
-    assert!(refused.contains(MEMORY_FOLDER_VARIABLE), "{refused}");
-    assert_eq!(refused.lines().count(), 1, "{refused}");
-}
-
 /// A process that was killed while it created its run left a folder that could be neither trained in nor resumed.
 #[test]
 fn a_run_that_was_killed_at_its_very_beginning_is_begun_again() {
@@ -441,33 +335,6 @@ fn messages_that_cannot_be_written_end_nothing_and_lost_results_are_failures() {
         let status = tactnet(words).stdout(full()).status().unwrap();
         assert_eq!(status.code(), Some(1), "{words:?}");
     }
-}
-
-/// The sandbox of the hub's systemd unit was almost open.
-#[test]
-fn units_are_closed_to_what_they_do_not_need() {
-    for unit in ["tactnet.service", "tactnet-hub.service"] {
-        let path = format!("{}/serving/{unit}", env!("CARGO_MANIFEST_DIR"));
-        let checked = Command::new("systemd-analyze")
-            // In tenths of the exposure level.
-            .args(["security", "--offline=yes", "--threshold=22", &path])
-            .output();
-        let Ok(checked) = checked else {
-            eprintln!("left out: there is no systemd-analyze");
-            return;
-        };
-        let said = String::from_utf8_lossy(&checked.stdout);
-        assert!(checked.status.success(), "{said}");
-        assert!(said.contains("Overall exposure level"), "{said}");
-        let text = std::fs::read_to_string(&path).unwrap();
-        assert!(text.contains("RuntimeDirectory=tactnet\n"), "{unit}");
-        assert!(text.contains("LimitNOFILE="), "{unit}");
-    }
-}
-
-fn may_change_user() -> bool {
-    let own = tempfile::tempfile().unwrap();
-    own.metadata().unwrap().uid() == 0
 }
 
 /// A killed runner left its trainings running, which kept their folders locked.

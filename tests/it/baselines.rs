@@ -1,6 +1,6 @@
 //! `tactnet train --model` with classical and random-convolution classifiers, on real files with the real binary.
 
-use crate::command::{Lab, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, expect, json, stderr, tactnet};
 
 const MODELS: [&str; 11] = [
     "means",
@@ -26,11 +26,6 @@ fn train(lab: &Lab, model: &str, out: &str, more: &[&str]) -> std::process::Comm
     command
 }
 
-fn rows(lab: &Lab, out: &str) -> Vec<String> {
-    let text = String::from_utf8(lab.read(&format!("{out}/predictions_test.csv"))).unwrap();
-    text.lines().skip(3).map(String::from).collect()
-}
-
 #[test]
 fn every_baseline_leaves_a_run_that_eval_reads_again() {
     let lab = Lab::new();
@@ -43,8 +38,8 @@ fn every_baseline_leaves_a_run_that_eval_reads_again() {
             "{model} has no dropout"
         );
         assert!(result.get("epochs").is_none(), "{model} has no epochs");
-        assert_eq!(rows(&lab, model).len(), 8, "{model}");
-        for row in rows(&lab, model) {
+        assert_eq!(lab.prediction_rows(model).len(), 8, "{model}");
+        for row in lab.prediction_rows(model) {
             let p: f64 = row
                 .split(',')
                 .skip(3)
@@ -57,7 +52,7 @@ fn every_baseline_leaves_a_run_that_eval_reads_again() {
         }
         let mut eval = tactnet(["eval", "--json"]);
         eval.arg(lab.path(model));
-        let again: serde_json::Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+        let again = json(eval);
         assert_eq!(
             again["evaluations"]["plain"]["negative_log_likelihood"],
             result["evaluations"]["plain"]["negative_log_likelihood"],
@@ -92,8 +87,8 @@ fn baselines_do_not_depend_on_the_number_of_threads() {
         let of = |threads: &str| lab.read(&format!("{model}{threads}/weights.safetensors"));
         assert!(of("1") == of("2") && of("2") == of("4"), "{model}");
         assert_eq!(
-            rows(&lab, &format!("{model}1")),
-            rows(&lab, &format!("{model}4"))
+            lab.prediction_rows(&format!("{model}1")),
+            lab.prediction_rows(&format!("{model}4"))
         );
     }
 }
@@ -131,7 +126,8 @@ fn ridge_classifiers_of_many_sweeps_do_not_depend_on_the_number_of_threads() {
 fn without_levels_the_means_know_nothing() {
     let lab = Lab::new();
     expect(0, train(&lab, "means", "means", &["--levels", "removed"]));
-    let labels: std::collections::BTreeSet<String> = rows(&lab, "means")
+    let labels: std::collections::BTreeSet<String> = lab
+        .prediction_rows("means")
         .iter()
         .map(|row| row.split(',').nth(1).unwrap().to_string())
         .collect();
@@ -162,7 +158,7 @@ fn permuted_labels_are_another_data_set() {
     assert_ne!(permuted["data_sha256"], own["data_sha256"]);
     let mut eval = tactnet(["eval", "--json"]);
     eval.arg(lab.path("permuted"));
-    let again: serde_json::Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+    let again = json(eval);
     assert_eq!(again["data_sha256"], permuted["data_sha256"]);
 }
 

@@ -1,6 +1,6 @@
 //! The catching commands: one-line errors, and repeatable results.
 
-use crate::command::{Lab, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, expect, json, stderr, stdout, tactnet};
 
 fn series(more: &[&str]) -> std::process::Command {
     let mut series = tactnet(["catch", "throw-series", "--throws", "4", "--json"]);
@@ -44,7 +44,7 @@ fn a_series_is_the_same_for_any_number_of_cores_and_its_page_needs_no_network() 
 #[test]
 fn the_detector_finds_most_balls() {
     let bench = tactnet(["bench", "catch-detect", "--throws", "1", "--json"]);
-    let report: serde_json::Value = serde_json::from_str(&stdout(&expect(0, bench))).unwrap();
+    let report = json(bench);
     let of = |how: &str, what: &str| report[how][what].as_f64().unwrap();
     assert!(of("search", "recall") > 0.5, "{report}");
     assert!(of("gated", "recall") >= of("search", "recall"), "{report}");
@@ -53,8 +53,8 @@ fn the_detector_finds_most_balls() {
 
 #[test]
 fn motions_that_the_monitor_lets_go_on_stay_apart_when_braked() {
-    let json = tactnet(["bench", "catch-safety", "--motions", "1000", "--json"]);
-    let report: serde_json::Value = serde_json::from_str(&stdout(&expect(0, json))).unwrap();
+    let safety = tactnet(["bench", "catch-safety", "--motions", "1000", "--json"]);
+    let report = json(safety);
     assert_eq!(report["missed"], 0, "{report}");
     let count = |what: &str| report[what].as_u64().unwrap();
     assert!(

@@ -16,7 +16,7 @@ use tactnet_channel::{Bus, Domain, GetPort, Priority, PutPort, Start, Table, Wai
 
 use crate::catch_run::{Run, a_recording_tells_the_same};
 use crate::command::{expect, stderr, tactnet};
-use crate::serve::Running;
+use crate::robot::Running;
 
 const SHORTLY: Wait = Wait::Block {
     timeout: Duration::from_millis(50),

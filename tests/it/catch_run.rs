@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::command::tactnet;
-use crate::serve::{Robot, Running};
+use crate::command::{expect, json, signal, stderr, tactnet};
+use crate::robot::{Robot, Running};
 
 /// A run as a child process, with its output.
 pub(crate) struct Run {
@@ -91,13 +91,6 @@ impl Run {
         self.heard.clear();
         serde_json::from_slice(&output.stdout).unwrap()
     }
-}
-
-pub(crate) fn signal(name: &str, process: u32) {
-    let sent = Command::new("kill")
-        .args([&format!("-{name}"), &process.to_string()])
-        .status();
-    assert!(sent.unwrap().success());
 }
 
 fn is_there(process: u32) -> bool {
@@ -190,13 +183,6 @@ pub(crate) fn a_recording_tells_the_same(file: &Path, report: &serde_json::Value
     }
 }
 
-fn json(mut command: Command) -> serde_json::Value {
-    let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
 /// The channel tools decode the stack's packets from any sender.
 #[test]
 fn packets_of_the_stack_are_echoed_and_recorded() {
@@ -215,14 +201,8 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
     };
     let hub = Running::start(on_table(&["channel", "hub"]));
     let world = Running::start(on_table(&["catch", "role", "world"]));
-    let state = json(on_table(&[
-        "channel",
-        "echo",
-        "joint/state",
-        "--count",
-        "1",
-        "--json",
-    ]));
+    let echo = ["channel", "echo", "joint/state", "--count", "1", "--json"];
+    let state = json(on_table(&echo));
     let packet = &state["packet"];
     assert_eq!(
         (&packet["type"], state["bytes"].as_u64()),
@@ -254,9 +234,8 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
     assert!((0.5..2.0).contains(&period), "{period}");
     // No planner ran, so there is nothing to reproduce.
     let mut replay = tactnet(["catch", "replay"]);
-    let output = replay.arg(&file).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{said}");
+    replay.arg(&file);
+    let said = stderr(&expect(2, replay));
     assert!(said.contains("found no packets of it"), "{said}");
     world.end();
     hub.end();

@@ -9,7 +9,7 @@ use serde_json::Value;
 use tactnet_channel::{Table, remove_bus};
 use tempfile::TempDir;
 
-use crate::command::{expect, stderr, stdout, tactnet};
+use crate::command::{expect, json, signal, stderr, stdout, tactnet};
 
 /// A private bus with a table file; its files in shared memory are removed at the end.
 struct Robot {
@@ -106,16 +106,8 @@ impl Drop for Robot {
 struct Running(Child);
 
 impl Running {
-    fn signal(&self, name: &str) {
-        let status = Command::new("kill")
-            .arg(format!("-{name}"))
-            .arg(self.0.id().to_string())
-            .status();
-        assert!(status.unwrap().success());
-    }
-
     fn ends_well(mut self) {
-        self.signal("TERM");
+        signal("TERM", self.0.id());
         assert!(self.0.wait().unwrap().success());
     }
 }
@@ -224,7 +216,7 @@ fn a_killed_getter_and_a_stuck_one_do_not_harm_the_others() {
         .map(Running)
         .unwrap();
     robot.wait_for_ports(1, 2);
-    stuck.signal("STOP");
+    signal("STOP", stuck.0.id());
     drop(killed);
     is_steady(&robot.hz("a", "0.7"));
     robot.wait_for_ports(1, 1);
@@ -319,7 +311,7 @@ fn an_amok_putter_does_not_disturb_another_channel() {
         .spawn()
         .map(Running)
         .unwrap();
-    stuck.signal("STOP");
+    signal("STOP", stuck.0.id());
     is_steady(&robot.hz("a", "0.7"));
 }
 
@@ -364,7 +356,7 @@ fn the_stress_test_measures_every_requested_transport() {
     stress
         .args(["--clients", "1,3", "--against", "iceoryx2", "--html"])
         .arg(&page);
-    let result: Value = serde_json::from_str(&stdout(&expect(0, stress))).unwrap();
+    let result = json(stress);
     let rows = result["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 2 * 2 * 2);
     for row in rows {
@@ -391,7 +383,7 @@ fn the_stress_test_measures_every_requested_transport() {
         "3",
     ]);
     configurations.args(["--domain", "process,host", "--configurations", "all"]);
-    let result: Value = serde_json::from_str(&stdout(&expect(0, configurations))).unwrap();
+    let result = json(configurations);
     let rows = result["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 10);
     assert!(rows.iter().all(|row| row["failures"] == 0), "{result}");

@@ -29,6 +29,19 @@ pub fn expect(code: i32, mut command: Command) -> Output {
     output
 }
 
+/// Runs `command`, which succeeds and prints a JSON document.
+pub fn json(command: Command) -> serde_json::Value {
+    serde_json::from_str(&stdout(&expect(0, command))).unwrap()
+}
+
+/// Sends a signal, such as `TERM`, to a process.
+pub fn signal(name: &str, process: u32) {
+    let sent = Command::new("kill")
+        .args([&format!("-{name}"), &process.to_string()])
+        .status();
+    assert!(sent.unwrap().success());
+}
+
 pub fn stdout(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
@@ -106,6 +119,12 @@ impl Lab {
 
     pub fn read(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    /// Returns the lines of a run's test predictions, without their head.
+    pub fn prediction_rows(&self, run: &str) -> Vec<String> {
+        let text = String::from_utf8(self.read(&format!("{run}/predictions_test.csv"))).unwrap();
+        text.lines().skip(3).map(String::from).collect()
     }
 
     pub fn json(&self, name: &str) -> serde_json::Value {

@@ -1,8 +1,6 @@
 //! Help, version and error messages of the command line.
 
-use serde_json::Value;
-
-use crate::command::{Lab, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, expect, json, stderr, stdout, tactnet};
 
 #[test]
 fn every_shell_gets_completions() {
@@ -71,8 +69,7 @@ fn every_command_has_a_manual_page_and_help() {
 
 #[test]
 fn a_build_says_which_it_is_and_what_it_lacks() {
-    let version: Value =
-        serde_json::from_str(&stdout(&expect(0, tactnet(["version", "--json"])))).unwrap();
+    let version = json(tactnet(["version", "--json"]));
     assert_eq!(version["version"], env!("CARGO_PKG_VERSION"));
     let text = stdout(&expect(0, tactnet(["version"])));
     assert_eq!(text, stdout(&expect(0, tactnet(["--version"]))));

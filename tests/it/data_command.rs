@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
+use crate::newcomer::{own_sweeps, with};
 
 fn fixtures() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/h5");
@@ -153,8 +154,7 @@ fn export_and_import_bring_the_same_sweeps_back() {
     let sha = |name: &str| {
         let mut info = tactnet(["data", "info", "--json"]);
         info.arg(lab.path(name));
-        let json: serde_json::Value = serde_json::from_str(&stdout(&expect(0, info))).unwrap();
-        json["sha256"].as_str().unwrap().to_string()
+        json(info)["sha256"].as_str().unwrap().to_string()
     };
     let convert = |verb: &str, from: &str, to: &str| {
         let mut command = tactnet(["data", verb]);
@@ -175,33 +175,39 @@ fn export_and_import_bring_the_same_sweeps_back() {
 }
 
 #[test]
-fn own_tables_are_checked_imported_and_trained_on() {
+fn own_tables_are_checked_and_imported() {
     let lab = Lab::new();
-    for (material, swing) in [("cork", 3), ("felt", 7)] {
-        for sweep in 0..3 {
-            let rows: String = (0..120)
-                .map(|step| {
-                    let value = |taxel: usize| (step * swing + taxel * 5 + sweep * 11) % 40;
-                    format!("{},{},{},{}\n", value(0), value(1), value(2), value(3))
-                })
-                .collect();
-            let folder = lab.path("own").join(material);
-            std::fs::create_dir_all(&folder).unwrap();
-            std::fs::write(folder.join(format!("{sweep}.csv")), rows).unwrap();
-        }
-    }
-    let with = |verb: &[&str], options: &[&str]| {
-        let mut command = tactnet(verb.iter().copied());
-        command.arg(lab.path("own")).args(options);
-        command
-    };
-    let checked = stdout(&expect(0, with(&["data", "check"], &[])));
+    own_sweeps(&lab, "own", ["cork", "felt"], 3, 4);
+    let checked = stdout(&expect(0, with(&lab, &["data", "check"], "own", &[])));
     assert!(checked.contains("assumed sample rate"), "{checked}");
     assert!(
         checked.contains("cross-validation uses 3 folds"),
         "{checked}"
     );
 
+    let own = lab.path("own.npz").display().to_string();
+    let options = [
+        "--out", &own, "--steps", "100", "--rate", "200", "--shape", "2x2",
+    ];
+    expect(0, with(&lab, &["data", "import"], "own", &options));
+    let info = json(tactnet(["data", "info", &own, "--json"]));
+    assert_eq!(
+        info["shape"],
+        serde_json::json!({"steps": 100, "rows": 2, "cols": 2})
+    );
+    assert_eq!(
+        (&info["sample_rate_hz"], &info["sample_rate_assumed"]),
+        (&200.0.into(), &false.into())
+    );
+    let contradicted = ["data", "check", &own, "--rate", "100"];
+    let message = stdout(&expect(0, tactnet(contradicted)));
+    let precedence = "200 Hz; the named 100 Hz takes precedence";
+    assert!(message.contains(precedence), "{message}");
+}
+
+#[test]
+fn a_cell_that_is_no_number_is_named_with_line_and_column() {
+    let lab = Lab::new();
     std::fs::write(
         lab.path("words.csv"),
         "sweep,material,a\n1,cork,2\n1,cork,x\n",
@@ -215,35 +221,17 @@ fn own_tables_are_checked_imported_and_trained_on() {
         "{message}"
     );
     assert!(!message.contains("z.npz"), "{message}");
+}
 
-    let own = lab.path("own.npz").display().to_string();
-    let options = [
-        "--out", &own, "--steps", "100", "--rate", "200", "--shape", "2x2",
-    ];
-    expect(0, with(&["data", "import"], &options));
-    let info = stdout(&expect(0, tactnet(["data", "info", &own, "--json"])));
-    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
-    assert_eq!(
-        info["shape"],
-        serde_json::json!({"steps": 100, "rows": 2, "cols": 2})
-    );
-    assert_eq!(
-        (&info["sample_rate_hz"], &info["sample_rate_assumed"]),
-        (&200.0.into(), &false.into())
-    );
-    let contradicted = ["data", "check", &own, "--rate", "100"];
-    let message = stdout(&expect(0, tactnet(contradicted)));
-    let precedence = "200 Hz; the named 100 Hz takes precedence";
-    assert!(message.contains(precedence), "{message}");
-
+#[test]
+fn own_tables_are_trained_on_with_the_named_rate_and_folds() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "own", ["cork", "felt"], 3, 4);
     let recipe = lab.recipe(RecipeChange::default());
     let train = |out: &str, options: &[&str]| {
-        let mut command = with(&["train", "--data"], options);
-        command
-            .arg("--recipe")
-            .arg(&recipe)
-            .arg("--out")
-            .arg(lab.path(out));
+        let mut command = with(&lab, &["train", "--data"], "own", options);
+        command.arg("--recipe").arg(&recipe);
+        command.arg("--out").arg(lab.path(out));
         command
     };
     let message = stderr(&expect(0, train("assumed", &["--split", "hold-out"])));
@@ -325,7 +313,7 @@ fn a_twin_stays_a_twin_whatever_its_file_is_called() {
         expect(0, export);
         let mut info = tactnet(["data", "info", "--json"]);
         info.arg(lab.path(file));
-        let info: serde_json::Value = serde_json::from_str(&stdout(&expect(0, info))).unwrap();
+        let info = json(info);
         assert_eq!(info["name"], "twin (tactmat)", "{file}");
     }
 }

@@ -2,13 +2,13 @@
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, expect, json, stderr, tactnet};
 
 #[test]
 fn every_device_that_is_present_is_timed() {
     let mut bench = tactnet(["bench", "device", "--json", "--sweeps", "5"]);
     bench.args(["--materials", "3", "--steps", "60", "--adversarial", "2"]);
-    let found: Value = serde_json::from_str(&stdout(&expect(0, bench))).unwrap();
+    let found = json(bench);
     assert_eq!(found["sweeps"], 12, "{found}");
     let rows = found["rows"].as_array().unwrap();
     for work in ["step", "epoch", "adversarial step"] {

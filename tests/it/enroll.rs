@@ -1,13 +1,14 @@
 //! `tactnet enroll` with the real binary: the new material is added, the others are unchanged.
 
+use std::collections::BTreeMap;
 use std::process::Command;
 
 use serde_json::Value;
 use tactnet_data::format::{Format, read};
 use tactnet_data::{Dataset, LabelSet};
-use tactnet_models::Weights;
+use tactnet_models::{NamedTensor, Weights};
 
-use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
 
 /// Generates a small twin with `materials` materials and `sweeps` sweeps each.
 fn twin(lab: &Lab, name: &str, materials: &str, sweeps: &str) {
@@ -38,26 +39,40 @@ fn enroll(lab: &Lab, run: &str, data: &str, material: &str, out: &str, more: &[&
     command
 }
 
-fn json(command: Command) -> Value {
-    serde_json::from_str(&stdout(&expect(0, command))).unwrap()
+/// Returns the names of the materials of a data set.
+fn materials(lab: &Lab, data: &str) -> Vec<String> {
+    let mut info = tactnet(["data", "info", "--json"]);
+    info.arg(lab.path(data));
+    let found = json(info);
+    let materials = found["materials"].as_array().unwrap().iter();
+    let name = |material: &Value| material["name"].as_str().unwrap().to_string();
+    materials.map(name).collect()
 }
 
-#[test]
-fn a_calibrated_classifier_says_what_it_does_not_know() {
-    let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(12),
-        ..RecipeChange::default()
-    });
-    twin(&lab, "three.h5", "3", "60");
-    let train = |data: &str, out: &str, more: &[&str]| {
-        let mut train = tactnet(["train", "--json", "--data"]);
-        train.arg(lab.path(data)).arg("--recipe").arg(&recipe);
-        train.arg("--out").arg(lab.path(out)).args(more);
-        train
-    };
-    let calibrate = ["--calibrate", "--false-alarms", "0.1"];
-    let result = json(train("three.h5", "run", &calibrate));
+fn eval(lab: &Lab, run: &str, data: Option<&str>) -> Value {
+    let mut command = tactnet(["eval", "--json"]);
+    command.arg(lab.path(run));
+    if let Some(data) = data {
+        command.arg("--data").arg(lab.path(data));
+    }
+    json(command)
+}
+
+const CALIBRATE: [&str; 3] = ["--calibrate", "--false-alarms", "0.1"];
+const TEN: [&str; 3] = ["--sweeps", "10", "--json"];
+
+/// Returns `tactnet train` with the small recipe of the lab.
+fn train(lab: &Lab, data: &str, out: &str, more: &[&str]) -> Command {
+    let mut train = tactnet(["train", "--json", "--data"]);
+    train.arg(lab.path(data)).arg("--recipe");
+    train.arg(lab.path("small.toml"));
+    train.arg("--out").arg(lab.path(out)).args(more);
+    train
+}
+
+/// Trains with a calibration; returns the number of sweeps that were held out for it.
+fn train_calibrated(lab: &Lab) -> u64 {
+    let result = json(train(lab, "three.h5", "run", &CALIBRATE));
     // 180 sweeps: 36 are test sweeps; of the other 144, a fifth is held out.
     let aside = 144 - result["n_train"].as_u64().unwrap();
     assert!((27..=30).contains(&aside), "{aside}");
@@ -76,17 +91,13 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
         144 - aside,
         "no sweep is on both sides"
     );
+    aside
+}
 
-    let own = eval(&lab, "run", None);
-    for share in ["false_alarms", "coverage"] {
-        assert_eq!(own["verdicts"][share]["n"], 36, "{own}");
-    }
-    assert!(own["verdicts"]["detected"].is_null(), "{own}");
-    assert!(own["verdicts"]["set_size"].as_f64().unwrap() >= 1.0);
-
-    // The network was not trained on the fourth material. Without calibration this is an error, with calibration a
-    // measured rate.
-    let other = eval(&lab, "run", Some("twin.h5"));
+/// The network was not trained on the fourth material of the twin. Without calibration this is an error, with calibration a
+/// measured rate. Returns the name of the material.
+fn assert_unknown_material_is_detected(lab: &Lab) -> String {
+    let other = eval(lab, "run", Some("twin.h5"));
     assert_eq!(other["verdicts"]["detected"]["n"], 10, "{other}");
     let unknown = other["verdicts"]["unknown_materials"].as_array().unwrap();
     assert_eq!(unknown.len(), 1, "{other}");
@@ -102,13 +113,12 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     let counted: u64 = counts.values().map(|count| count.as_u64().unwrap()).sum();
     assert_eq!(counted, 10, "{other}");
     assert!(other["values"].is_null(), "the same unit: {other}");
+    unknown[0].as_str().unwrap().to_string()
+}
 
-    // The fourth material is enrolled. The thresholds are fitted again, including its sweeps, and roughly meet their
-    // guarantees.
-    twin(&lab, "four.h5", "4", "60");
-    let new = unknown[0].as_str().unwrap();
-    let ten = ["--sweeps", "10", "--json"];
-    let found = json(enroll(&lab, "run", "four.h5", new, "four", &ten));
+/// The fourth material is enrolled. The thresholds are fitted again, including its sweeps, and roughly meet their guarantees.
+fn assert_enrolment_fits_thresholds_again(lab: &Lab, new: &str, aside: u64) {
+    let found = json(enroll(lab, "run", "four.h5", new, "four", &TEN));
     let cost = &found["cost"];
     assert_eq!(cost["held_out"], aside, "{found}");
     let count = |name: &str| cost[name].as_u64().unwrap();
@@ -118,34 +128,58 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     );
     assert!(count("right_after") + count("claimed") <= aside, "{found}");
     assert_eq!(lab.json("four/calibration.json")["sweeps"], aside + 10);
-    let all = eval(&lab, "four", Some("four.h5"));
+    let all = eval(lab, "four", Some("four.h5"));
     let alarms = &all["verdicts"]["false_alarms"];
     assert_eq!(alarms["n"], all["n_test"], "it knows all four: {all}");
     assert!(all["n_test"].as_u64().unwrap() >= 50, "{all}");
     assert!(alarms["mean"].as_f64().unwrap() <= 0.25, "{all}");
     // More than half of the test sweeps are of the new material, which its ten sweeps represent poorly: with this small
-    // network the coverage is 58 to 84 %,
-    // depending on the seed. Without new thresholds it would be close to zero.
-    // cover 58 to 84 %. Thresholds that were not fitted again cover next to nothing.
+    // network the coverage is 58 to 84 %, depending on the seed. Without new thresholds it would be close to zero.
     let mut coverage = all["verdicts"]["coverage"]["mean"].as_f64().unwrap();
     for seed in ["2", "3"] {
         let (run, more) = (format!("run{seed}"), format!("more{seed}"));
-        let options = [&calibrate[..], &["--seed", seed]].concat();
-        expect(0, train("three.h5", &run, &options));
-        expect(0, enroll(&lab, &run, "four.h5", new, &more, &ten));
-        let all = eval(&lab, &more, Some("four.h5"));
+        let options = [&CALIBRATE[..], &["--seed", seed]].concat();
+        expect(0, train(lab, "three.h5", &run, &options));
+        expect(0, enroll(lab, &run, "four.h5", new, &more, &TEN));
+        let all = eval(lab, &more, Some("four.h5"));
         coverage += all["verdicts"]["coverage"]["mean"].as_f64().unwrap();
     }
     assert!(coverage / 3.0 >= 0.55, "{coverage}");
+}
+
+#[test]
+fn a_calibrated_classifier_says_what_it_does_not_know() {
+    let lab = Lab::new();
+    lab.recipe(RecipeChange {
+        epochs: Some(12),
+        ..RecipeChange::default()
+    });
+    twin(&lab, "three.h5", "3", "60");
+    let aside = train_calibrated(&lab);
+    let own = eval(&lab, "run", None);
+    for share in ["false_alarms", "coverage"] {
+        assert_eq!(own["verdicts"][share]["n"], 36, "{own}");
+    }
+    assert!(own["verdicts"]["detected"].is_null(), "{own}");
+    assert!(own["verdicts"]["set_size"].as_f64().unwrap() >= 1.0);
+
+    let new = assert_unknown_material_is_detected(&lab);
+    twin(&lab, "four.h5", "4", "60");
+    assert_enrolment_fits_thresholds_again(&lab, &new, aside);
     // A run that did not keep the sweeps behind its thresholds prints a warning.
     std::fs::remove_file(lab.path("run/held_out.safetensors")).unwrap();
     let kept = stderr(&expect(
         0,
-        enroll(&lab, "run", "four.h5", new, "kept", &ten),
+        enroll(&lab, "run", "four.h5", &new, "kept", &TEN),
     ));
     assert!(kept.contains("train again with --calibrate"), "{kept}");
+}
 
-    let few = stderr(&expect(2, train("twin.h5", "few", &["--calibrate"])));
+#[test]
+fn a_calibration_needs_enough_sweeps_and_a_network() {
+    let lab = Lab::new();
+    lab.recipe(RecipeChange::default());
+    let few = stderr(&expect(2, train(&lab, "twin.h5", "few", &["--calibrate"])));
     assert!(few.contains("calibration"), "{few}");
     assert!(few.contains("5 % false alarms and 90 % coverage"), "{few}");
     let mut baseline = tactnet(["train", "--model", "knn-l", "--calibrate", "--data"]);
@@ -156,15 +190,6 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
         refused.contains("`calibrate`: expected the recipe of a network"),
         "{refused}"
     );
-}
-
-fn eval(lab: &Lab, run: &str, data: Option<&str>) -> Value {
-    let mut command = tactnet(["eval", "--json"]);
-    command.arg(lab.path(run));
-    if let Some(data) = data {
-        command.arg("--data").arg(lab.path(data));
-    }
-    json(command)
 }
 
 #[test]
@@ -179,12 +204,7 @@ fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
     .unwrap();
     twin(&lab, "few.h5", "4", "12");
     twin(&lab, "five.h5", "5", "20");
-    let mut info = tactnet(["data", "info", "--json"]);
-    info.arg(lab.path("five.h5"));
-    let new = json(info)["materials"][4]["name"]
-        .as_str()
-        .unwrap()
-        .to_string();
+    let new = &materials(&lab, "five.h5")[4];
     let (mut before, mut after, mut claimed) = (0, 0, 0);
     for seed in ["1", "2", "3", "4", "5"] {
         let (run, more) = (format!("run{seed}"), format!("more{seed}"));
@@ -195,7 +215,7 @@ fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
             train
         });
         let three = ["--sweeps", "3", "--json"];
-        let output = expect(0, enroll(&lab, &run, "five.h5", &new, &more, &three));
+        let output = expect(0, enroll(&lab, &run, "five.h5", new, &more, &three));
         assert!(
             stderr(&output).contains("the new material is held back"),
             "{}",
@@ -214,6 +234,103 @@ fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
     assert!(after + 3 >= before, "{after} of {before}");
 }
 
+fn weights(lab: &Lab, run: &str) -> BTreeMap<String, NamedTensor> {
+    let bytes = lab.read(&format!("{run}/weights.safetensors"));
+    Weights::from_safetensors(&bytes).unwrap().0
+}
+
+/// The sweeps are those of the run's own test, and those of another file without the enrolled ones.
+fn assert_enrolled_sweeps_are_not_tested(lab: &Lab, new: &str) {
+    assert_eq!(eval(lab, "more", None)["n_test"], 8);
+    let mut again = tactnet(["eval", "--mc", "0"]);
+    again.arg(lab.path("more"));
+    let note = stderr(&expect(0, again));
+    let none = format!("note: `{new}` was enrolled, and the run has no test sweeps of it");
+    assert!(note.contains(&none), "{note}");
+    let other = eval(lab, "more", Some("five.h5"));
+    assert!(
+        other["tested"]
+            .as_str()
+            .unwrap()
+            .contains("; 5 enrolled sweeps are left out"),
+        "{other}"
+    );
+    let mut copy = tactnet(["data", "import"]);
+    copy.arg(lab.path("five.h5"))
+        .arg("--out")
+        .arg(lab.path("copy.npz"));
+    expect(0, copy);
+    let copied = eval(lab, "more", Some("copy.npz"));
+    assert_eq!(
+        (&copied["tested"], &copied["n_test"]),
+        (&other["tested"], &other["n_test"]),
+        "sweeps are known by their content"
+    );
+    assert_trained_sweeps_are_counted(lab, copied["n_test"].as_u64().unwrap());
+    assert_confusion_gives_the_accuracy(&copied, new);
+    let known = eval(lab, "more", Some("twin.h5"));
+    assert!(known["evaluations"]["plain"]["one_sweep"]["mean"].is_number());
+}
+
+/// `predict` names the training and enrolled sweeps, which are all but the `tested` ones.
+fn assert_trained_sweeps_are_counted(lab: &Lab, tested: u64) {
+    let mut predict = tactnet(["predict", "--json"]);
+    predict
+        .arg(lab.path("more"))
+        .arg("--data")
+        .arg(lab.path("copy.npz"));
+    let predicted = expect(0, predict);
+    let found: Value = serde_json::from_str(&stdout(&predicted)).unwrap();
+    let all = found["sweeps"].as_array().unwrap().len() as u64;
+    let learnt = all - tested;
+    let said = stderr(&predicted);
+    assert!(
+        said.contains(&format!(
+            "the run was trained on {learnt} of these {all} sweeps"
+        )),
+        "{said}"
+    );
+}
+
+fn assert_confusion_gives_the_accuracy(result: &Value, new: &str) {
+    let counts: Vec<Vec<u64>> =
+        serde_json::from_value(result["confusion"]["counts"].clone()).unwrap();
+    assert_eq!(result["confusion"]["materials"][4], new);
+    assert_eq!(counts.iter().flatten().sum::<u64>(), result["n_test"]);
+    let right: u64 = (0..5).map(|material| counts[material][material]).sum();
+    let accuracy = &result["evaluations"]["plain"]["one_sweep"];
+    let share = accuracy["mean"].as_f64().unwrap() * accuracy["n"].as_f64().unwrap();
+    assert_eq!(right, share.round() as u64, "{result}");
+}
+
+/// No sweeps were held out, so the run's test sweeps measure the cost, as `eval` counts.
+fn assert_cost_is_that_of_eval(lab: &Lab, found: &Value) {
+    let (before, after) = (eval(lab, "run", None), eval(lab, "more", None));
+    let cost = &found["test_cost"];
+    assert_eq!(cost["held_out"], before["n_test"], "{found}");
+    for (count, result) in [("right_before", before), ("right_after", after)] {
+        let mean = result["evaluations"]["plain"]["one_sweep"]["mean"].as_f64();
+        let right = mean.unwrap() * result["n_test"].as_f64().unwrap();
+        assert_eq!(cost[count].as_f64().unwrap(), right.round(), "{found}");
+    }
+}
+
+/// Returns the weights with the new material, in which all others are as before.
+fn assert_old_rows_stay(lab: &Lab) -> BTreeMap<String, NamedTensor> {
+    let (before, after) = (weights(lab, "run"), weights(lab, "more"));
+    for (name, tensor) in &before {
+        let values = &after[name].values;
+        assert_eq!(&tensor.values, &values[..tensor.values.len()], "{name}");
+        let more = if name == "output.weight" {
+            16
+        } else {
+            usize::from(name == "output.bias")
+        };
+        assert_eq!(values.len() - tensor.values.len(), more, "{name}");
+    }
+    after
+}
+
 #[test]
 fn a_new_material_is_added_and_the_old_rows_stay() {
     let lab = Lab::new();
@@ -223,16 +340,8 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
     });
     expect(0, lab.train(&recipe, "run"));
     twin(&lab, "five.h5", "5", "20");
-    let mut info = tactnet(["data", "info", "--json"]);
-    info.arg(lab.path("five.h5"));
-    let info = json(info);
-    let names: Vec<String> = info["materials"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|material| material["name"].as_str().unwrap().to_string())
-        .collect();
-    let new = names[4].as_str();
+    let new = materials(&lab, "five.h5")[4].clone();
+    let new = new.as_str();
 
     let found = json(enroll(
         &lab,
@@ -247,87 +356,11 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         (&5.into(), &new.into())
     );
     assert_eq!(found["sweeps"].as_array().unwrap().len(), 5);
-    // No sweeps were held out, so the run's test sweeps measure the cost, as `eval` counts.
-    let (before, after) = (eval(&lab, "run", None), eval(&lab, "more", None));
-    let cost = &found["test_cost"];
-    assert_eq!(cost["held_out"], before["n_test"], "{found}");
-    for (count, result) in [("right_before", before), ("right_after", after)] {
-        let mean = result["evaluations"]["plain"]["one_sweep"]["mean"].as_f64();
-        let right = mean.unwrap() * result["n_test"].as_f64().unwrap();
-        assert_eq!(cost[count].as_f64().unwrap(), right.round(), "{found}");
-    }
+    assert_cost_is_that_of_eval(&lab, &found);
     assert_eq!(lab.json("more/enrolled.json")[0]["material"], new);
     assert_eq!(lab.json("more/config.json")["classifier"]["labels"][4], new);
-
-    let weights = |run: &str| {
-        Weights::from_safetensors(&lab.read(&format!("{run}/weights.safetensors")))
-            .unwrap()
-            .0
-    };
-    let (before, after) = (weights("run"), weights("more"));
-    for (name, tensor) in &before {
-        let values = &after[name].values;
-        assert_eq!(&tensor.values, &values[..tensor.values.len()], "{name}");
-        let more = if name == "output.weight" {
-            16
-        } else {
-            usize::from(name == "output.bias")
-        };
-        assert_eq!(values.len() - tensor.values.len(), more, "{name}");
-    }
-
-    // The run's own test sweeps, and another file without the enrolled sweeps.
-    assert_eq!(eval(&lab, "more", None)["n_test"], 8);
-    let mut again = tactnet(["eval", "--mc", "0"]);
-    again.arg(lab.path("more"));
-    let note = stderr(&expect(0, again));
-    let none = format!("note: `{new}` was enrolled, and the run has no test sweeps of it");
-    assert!(note.contains(&none), "{note}");
-    let other = eval(&lab, "more", Some("five.h5"));
-    assert!(
-        other["tested"]
-            .as_str()
-            .unwrap()
-            .contains("; 5 enrolled sweeps are left out"),
-        "{other}"
-    );
-    let mut copy = tactnet(["data", "import"]);
-    copy.arg(lab.path("five.h5"))
-        .arg("--out")
-        .arg(lab.path("copy.npz"));
-    expect(0, copy);
-    let copied = eval(&lab, "more", Some("copy.npz"));
-    assert_eq!(
-        (&copied["tested"], &copied["n_test"]),
-        (&other["tested"], &other["n_test"]),
-        "sweeps are known by their content"
-    );
-    let mut predict = tactnet(["predict", "--json"]);
-    predict
-        .arg(lab.path("more"))
-        .arg("--data")
-        .arg(lab.path("copy.npz"));
-    let predicted = expect(0, predict);
-    let found: serde_json::Value = serde_json::from_str(&stdout(&predicted)).unwrap();
-    let all = found["sweeps"].as_array().unwrap().len() as u64;
-    let learnt = all - copied["n_test"].as_u64().unwrap();
-    let said = stderr(&predicted);
-    assert!(
-        said.contains(&format!(
-            "the run was trained on {learnt} of these {all} sweeps"
-        )),
-        "{said}"
-    );
-    let counts: Vec<Vec<u64>> =
-        serde_json::from_value(copied["confusion"]["counts"].clone()).unwrap();
-    assert_eq!(copied["confusion"]["materials"][4], new);
-    assert_eq!(counts.iter().flatten().sum::<u64>(), copied["n_test"]);
-    let right: u64 = (0..5).map(|material| counts[material][material]).sum();
-    let accuracy = &copied["evaluations"]["plain"]["one_sweep"];
-    let share = accuracy["mean"].as_f64().unwrap() * accuracy["n"].as_f64().unwrap();
-    assert_eq!(right, share.round() as u64, "{copied}");
-    let known = eval(&lab, "more", Some("twin.h5"));
-    assert!(known["evaluations"]["plain"]["one_sweep"]["mean"].is_number());
+    let after = assert_old_rows_stay(&lab);
+    assert_enrolled_sweeps_are_not_tested(&lab, new);
 
     // Another material on top, and again from the first run.
     let text = stdout(&expect(0, {
@@ -348,7 +381,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
     resumed.arg(lab.path("more"));
     let refused = stderr(&expect(2, resumed));
     assert!(refused.contains("cannot be trained further"), "{refused}");
-    assert_eq!(weights("more"), after, "nothing was overwritten");
+    assert_eq!(weights(&lab, "more"), after, "nothing was overwritten");
 }
 
 #[test]
@@ -401,66 +434,46 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
         .arg("--out")
         .arg(lab.path("knn"));
     expect(0, baseline);
-    let first = lab.json("run/config.json")["classifier"]["labels"][0]
-        .as_str()
-        .unwrap()
-        .to_string();
+    let first = materials(&lab, "twin.h5")[0].clone();
     let typed = first.to_uppercase();
     let meant = format!("did you mean `{first}`?");
     let nan = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/h5/bad_nan.h5");
     std::fs::copy(nan, lab.path("nan.h5")).unwrap();
-    let mut longer = tactnet([
-        "data",
-        "twin",
-        "--materials",
-        "5",
-        "--sweeps",
-        "3",
-        "--steps",
-        "130",
-        "--out",
-    ]);
+    let mut longer = tactnet(["data", "twin", "--materials", "5", "--sweeps", "3"]);
+    longer.args(["--steps", "130", "--out"]);
     longer.arg(lab.path("longer.h5"));
     expect(0, longer);
-    let mut info = tactnet(["data", "info", "--json"]);
-    info.arg(lab.path("longer.h5"));
-    let fifth = json(info)["materials"][4]["name"]
-        .as_str()
-        .unwrap()
-        .to_string();
+    let fifth = materials(&lab, "longer.h5")[4].clone();
+    let (first, typed, fifth) = (first.as_str(), typed.as_str(), fifth.as_str());
+    let eleven = &["--sweeps", "11"][..];
+    let twin = "twin.h5";
     for (run, data, material, more, named) in [
+        ("run", twin, first, &[][..], "knows a material of this name"),
+        ("run", twin, "velvet", &[], "no material `velvet`"),
+        ("run", twin, typed, &[], meant.as_str()),
         (
             "run",
-            "twin.h5",
-            first.as_str(),
-            &[][..],
-            "knows a material of this name",
-        ),
-        ("run", "twin.h5", "velvet", &[], "no material `velvet`"),
-        ("run", "twin.h5", typed.as_str(), &[], meant.as_str()),
-        (
-            "run",
-            "twin.h5",
-            first.as_str(),
-            &["--sweeps", "11"],
+            twin,
+            first,
+            eleven,
             "has 10 sweeps, 11 were requested",
         ),
         (
             "run",
             "longer.h5",
-            fifth.as_str(),
+            fifth,
             &[],
             "longer.h5: the classifier expects",
         ),
         ("run", "nan.h5", "velvet", &[], "expected finite numbers"),
         (
             "knn",
-            "twin.h5",
+            twin,
             "velvet",
             &[],
             "only networks can learn a new material",
         ),
-        ("nothing", "twin.h5", "velvet", &[], "no run here"),
+        ("nothing", twin, "velvet", &[], "no run here"),
     ] {
         let refused = stderr(&expect(2, enroll(&lab, run, data, material, "out", more)));
         assert!(refused.contains(named), "{material}: {refused}");

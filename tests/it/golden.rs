@@ -121,12 +121,52 @@ fn labels(golden: &Golden, device: &Device) -> Tensor<1, Int> {
     Tensor::from_data(TensorData::new(labels, extent), device)
 }
 
+/// Trains for ten steps with Adam and compares every loss, and the gradients of the first step.
+fn ten_adversarial_steps(mut net: Network, golden: &Golden, device: &Device) -> Network {
+    let sweeps = golden.tensor::<4>("sweeps", &Device::flex());
+    let mut adam = AdamConfig::new()
+        .with_epsilon(1e-8)
+        .with_weight_decay(Some(WeightDecayConfig::new(1e-3)))
+        .init();
+    let perturbation = Perturbation {
+        alpha: 0.3,
+        epsilon: vec![0.1; sweeps.dims()[3]],
+        attack: AttackedLabel::True,
+    };
+    for step in 0..10 {
+        let masks = ["clean", "adversarial"]
+            .map(|kind| golden.tensor::<2>(&format!("mask.{step}.{kind}"), device));
+        let pass = adversarial_pass(
+            &net,
+            sweeps.clone(),
+            labels(golden, device),
+            masks,
+            &perturbation,
+        );
+        let [clean, adversarial] = [0, 1].map(|i| golden.tensors["losses"].values[2 * step + i]);
+        let expected = f64::from(0.3 * clean + 0.7 * adversarial);
+        let loss = pass.measured.read().loss;
+        let off = (loss - expected).abs() / expected;
+        assert!(
+            off < 1e-3,
+            "loss of step {step}: {loss} instead of {expected}"
+        );
+        if step == 0 {
+            let combined = net.gradients(&pass.gradients);
+            assert_weights_close(&combined, golden, "combined.gradient.", 1e-4);
+        }
+        net = adam.step(1e-3, net, pass.gradients);
+        net.update_running_stats(&pass.statistics);
+    }
+    net
+}
+
 fn check_against_pytorch(name: &str) {
     let golden = Golden::read(name);
     let config = golden.config();
     let plain = Device::flex();
     let device = plain.clone().autodiff();
-    let mut net = Network::from_weights(&config, &golden.weights("initial."), &device).unwrap();
+    let net = Network::from_weights(&config, &golden.weights("initial."), &device).unwrap();
 
     let sweeps = golden.tensor::<4>("sweeps", &plain);
     let valid = net.valid();
@@ -154,40 +194,7 @@ fn check_against_pytorch(name: &str) {
     );
     assert_weights_close(&named, &golden, "clean.gradient.", 1e-4);
 
-    let mut adam = AdamConfig::new()
-        .with_epsilon(1e-8)
-        .with_weight_decay(Some(WeightDecayConfig::new(1e-3)))
-        .init();
-    let perturbation = Perturbation {
-        alpha: 0.3,
-        epsilon: vec![0.1; sweeps.dims()[3]],
-        attack: AttackedLabel::True,
-    };
-    for step in 0..10 {
-        let masks = ["clean", "adversarial"]
-            .map(|kind| golden.tensor::<2>(&format!("mask.{step}.{kind}"), &device));
-        let pass = adversarial_pass(
-            &net,
-            sweeps.clone(),
-            labels(&golden, &device),
-            masks,
-            &perturbation,
-        );
-        let [clean, adversarial] = [0, 1].map(|i| golden.tensors["losses"].values[2 * step + i]);
-        let expected = f64::from(0.3 * clean + 0.7 * adversarial);
-        let loss = pass.measured.read().loss;
-        let off = (loss - expected).abs() / expected;
-        assert!(
-            off < 1e-3,
-            "loss of step {step}: {loss} instead of {expected}"
-        );
-        if step == 0 {
-            let combined = net.gradients(&pass.gradients);
-            assert_weights_close(&combined, &golden, "combined.gradient.", 1e-4);
-        }
-        net = adam.step(1e-3, net, pass.gradients);
-        net.update_running_stats(&pass.statistics);
-    }
+    let net = ten_adversarial_steps(net, &golden, &device);
     assert_weights_close(&net.weights(), &golden, "final.", 2e-3);
     let valid = net.valid();
     assert_close(

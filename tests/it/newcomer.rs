@@ -1,8 +1,9 @@
 //! Messages for a new user with few sweeps of their own.
 
+use std::path::Path;
 use std::process::Command;
 
-use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
 
 /// Writes a folder of `.csv` files, which do not state a rate: two materials with `sweeps` sweeps each.
 pub fn own_sweeps(lab: &Lab, folder: &str, names: [&str; 2], sweeps: usize, taxels: usize) {
@@ -28,6 +29,34 @@ pub fn with(lab: &Lab, verb: &[&str], data: &str, options: &[&str]) -> Command {
     command.arg(lab.path(data)).args(options);
     command.current_dir(lab.folder.path());
     command
+}
+
+/// A shape that differs from the run's is refused if it is declared, and reported if it is assumed.
+fn assert_arrangement_of_taxels_is_named(lab: &Lab) {
+    let flat = lab.path("flat.npz").display().to_string();
+    let shape = ["--shape", "1x16", "--out", &flat];
+    expect(0, with(lab, &["data", "import"], "twin.h5", &shape));
+    let refused = stderr(&expect(2, with(lab, &["eval"], "run", &["--data", &flat])));
+    assert!(
+        refused.contains("flat.npz") && refused.contains(" --out arranged.npz --shape 4x4`"),
+        "{refused}"
+    );
+    // A declared shape is not rearranged to the run's.
+    let refused = with(lab, &["predict"], "run", &["--data", &flat]);
+    let refused = stderr(&expect(2, refused));
+    assert!(
+        refused.contains(" --out arranged.npz --shape 4x4`"),
+        "{refused}"
+    );
+    // If the arrangement is unknown, both commands state the assumed one.
+    let known = ["synthetic leather rough", "metallic jersey"];
+    own_sweeps(lab, "tables", known, 3, 16);
+    for command in ["eval", "predict"] {
+        let tables = lab.path("tables").display().to_string();
+        let judged = with(lab, &[command], "run", &["--data", &tables]);
+        let said = stderr(&expect(0, judged));
+        assert!(said.contains("row by row as the run's 4x4"), "{said}");
+    }
 }
 
 #[test]
@@ -79,30 +108,7 @@ fn few_training_steps_are_named_and_what_comes_next() {
         assert!(refused.contains(found), "{refused}");
     }
 
-    let flat = lab.path("flat.npz").display().to_string();
-    let shape = ["--shape", "1x16", "--out", &flat];
-    expect(0, with(&lab, &["data", "import"], "twin.h5", &shape));
-    let refused = stderr(&expect(2, with(&lab, &["eval"], "run", &["--data", &flat])));
-    assert!(
-        refused.contains("flat.npz") && refused.contains(" --out arranged.npz --shape 4x4`"),
-        "{refused}"
-    );
-    // A declared shape is not rearranged to the run's.
-    let refused = with(&lab, &["predict"], "run", &["--data", &flat]);
-    let refused = stderr(&expect(2, refused));
-    assert!(
-        refused.contains(" --out arranged.npz --shape 4x4`"),
-        "{refused}"
-    );
-    // If the arrangement is unknown, both commands state the assumed one.
-    let known = ["synthetic leather rough", "metallic jersey"];
-    own_sweeps(&lab, "tables", known, 3, 16);
-    for command in ["eval", "predict"] {
-        let tables = lab.path("tables").display().to_string();
-        let judged = with(&lab, &[command], "run", &["--data", &tables]);
-        let said = stderr(&expect(0, judged));
-        assert!(said.contains("row by row as the run's 4x4"), "{said}");
-    }
+    assert_arrangement_of_taxels_is_named(&lab);
     let again = stderr(&expect(2, lab.train(&recipe, "run")));
     assert!(
         again.contains("which has ended; name another folder"),
@@ -164,12 +170,11 @@ fn a_recipe_that_ships_can_be_printed_and_trained_by() {
 }
 
 #[test]
-fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
+fn a_check_finds_an_assumed_rate_until_it_is_named() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["0", "1"], 6, 4);
-    let json = |options: &[&str]| -> serde_json::Value {
-        let output = expect(0, with(&lab, &["data", "check"], "own", options));
-        serde_json::from_str(&stdout(&output)).unwrap()
+    let check = |options: &[&str]| -> serde_json::Value {
+        json(with(&lab, &["data", "check"], "own", options))
     };
     let kinds = |report: &serde_json::Value| -> Vec<String> {
         let findings = report["findings"].as_array().unwrap().iter();
@@ -177,7 +182,7 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
             .map(|finding| finding["kind"].as_str().unwrap().into())
             .collect()
     };
-    let assumed = json(&["--json"]);
+    let assumed = check(&["--json"]);
     assert_eq!(
         (&assumed["errors"], &assumed["warnings"]),
         (&0.into(), &1.into())
@@ -186,9 +191,14 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
         kinds(&assumed),
         ["assumed_rate", "numbered_materials", "assumed_patch"]
     );
-    let named = json(&["--json", "--rate", "200"]);
+    let named = check(&["--json", "--rate", "200"]);
     assert_eq!(kinds(&named), ["numbered_materials", "assumed_patch"]);
+}
 
+#[test]
+fn a_run_with_a_named_rate_refuses_sweeps_of_an_assumed_one() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "own", ["0", "1"], 6, 4);
     let own = lab.path("own.npz").display().to_string();
     let rate = ["--rate", "200", "--out", &own];
     expect(0, with(&lab, &["data", "import"], "own", &rate));
@@ -216,30 +226,41 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
         ),
         "{refused}"
     );
+}
 
-    let recipe = lab.recipe(RecipeChange::default());
-    let experiment = |out: &str, more: &[&str]| {
-        let models = format!("models=[\"means\", \"{}\"]", recipe.display());
-        let mut command = tactnet(["experiment", "run", "crossval_baselines", "--out"]);
-        let data = format!("data={}", lab.path("own").display());
-        command
-            .arg(lab.path(out))
-            .args(["--set", &data, "--set", &models]);
-        command.args([
-            "--set",
-            "folds=2",
-            "--set",
-            "probes=[]",
-            "--set",
-            "groups=0",
-        ]);
+/// Output of a small experiment.
+struct Report {
+    found: String,
+    said: String,
+    page: String,
+}
+
+/// Runs an experiment with two of five folds on the lab's `own` sweeps.
+fn two_folds(lab: &Lab, recipe: &Path, out: &str, more: &[&str]) -> Report {
+    let models = format!("models=[\"means\", \"{}\"]", recipe.display());
+    let data = format!("data={}", lab.path("own").display());
+    let mut command = tactnet(["experiment", "run", "crossval_baselines", "--out"]);
+    command.arg(lab.path(out));
+    for setting in [&data, &models, "folds=2", "probes=[]", "groups=0"] {
+        command.args(["--set", setting]);
+    }
+    let output = expect(0, {
         command.args(more);
-        let output = expect(0, command);
-        let (found, said) = (stdout(&output), stderr(&output));
-        let page = String::from_utf8(lab.read(&format!("{out}/report.html"))).unwrap();
-        (found, said, page)
-    };
-    let (found, said, page) = experiment("assumed", &[]);
+        command
+    });
+    Report {
+        found: stdout(&output),
+        said: stderr(&output),
+        page: String::from_utf8(lab.read(&format!("{out}/report.html"))).unwrap(),
+    }
+}
+
+#[test]
+fn an_experiment_names_an_assumed_rate_few_folds_and_few_steps() {
+    let lab = Lab::new();
+    own_sweeps(&lab, "own", ["0", "1"], 6, 4);
+    let recipe = lab.recipe(RecipeChange::default());
+    let Report { found, said, page } = two_folds(&lab, &recipe, "assumed", &[]);
     let warning =
         "own does not state its sample rate; 750 Hz is assumed; `--set rate_hz=HZ` sets it";
     assert!(found.contains(&format!("warning: {warning}")), "{found}");
@@ -261,7 +282,8 @@ fn a_rate_that_nobody_named_is_said_and_can_be_named_everywhere() {
     assert!(found.contains(&format!("hint: {few}")), "{found}");
     let few = few.replace("`--set epochs=150`", "<code>epochs = 150</code>");
     assert!(page.contains(&few) && page.contains("training steps a fold, which are few."));
-    let (found, said, page) = experiment("rated", &["--set", "rate_hz=200"]);
+    let rated = ["--set", "rate_hz=200"];
+    let Report { found, said, page } = two_folds(&lab, &recipe, "rated", &rated);
     assert!(
         !found.contains("Hz is assumed")
             && !said.contains("Hz is assumed")

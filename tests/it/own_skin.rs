@@ -2,15 +2,15 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 
 use serde_json::Value;
 use tactnet_channel::{Table, remove_bus};
 use tactnet_data::format::{Format, read};
 use tactnet_data::{Dataset, Samples, SweepRecord};
 
-use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
-use crate::serve::{Robot, Running};
+use crate::command::{Lab, RecipeChange, expect, signal, stderr, stdout, tactnet};
+use crate::robot::{Robot, Running};
 
 /// Writes the sweeps of `from` with this number of rows and columns, without blocks.
 fn write_patch(from: &Path, to: &Path, (rows, cols): (usize, usize)) {
@@ -56,13 +56,6 @@ fn train(lab: &Lab, data: &str, out: &str) {
     });
 }
 
-/// Asks a process to end, as Ctrl-C does.
-fn interrupt(child: &Child) {
-    let id = child.id().to_string();
-    let killed = Command::new("kill").args(["-INT", &id]).status();
-    assert!(killed.unwrap().success());
-}
-
 #[test]
 fn every_sweep_of_a_skin_with_values_below_zero_is_judged_in_the_demo() {
     let lab = Lab::new();
@@ -81,7 +74,7 @@ fn every_sweep_of_a_skin_with_values_below_zero_is_judged_in_the_demo() {
     let object = said.next().unwrap().unwrap();
     assert!(object.starts_with("object 1: said "), "{object}");
     assert!(object.contains(" after 2 sweeps, it was "), "{object}");
-    interrupt(&demo.0);
+    signal("INT", demo.0.id());
     let rest: Vec<String> = said.map(Result::unwrap).collect();
     assert!(!rest.iter().any(|line| line.contains("rejected")));
     assert!(demo.0.wait().unwrap().success());

@@ -7,18 +7,14 @@ use std::time::Duration;
 use serde_json::Value;
 use tactnet_recording::{RecordedPacket, Recording};
 
-use crate::command::{expect, stderr, stdout, tactnet};
-use crate::serve::{Robot, Running, STEPS};
+use crate::command::{expect, json, stderr, stdout, tactnet};
+use crate::robot::{Robot, Running, STEPS};
 
 fn recorder(robot: &Robot, file: &str, more: &[&str]) -> Running {
     let mut record = tactnet(["record", "--json", "--table"]);
     record.arg(robot.lab.path("robot.toml"));
     record.arg("--out").arg(robot.lab.path(file)).args(more);
     Running::start(record)
-}
-
-fn json(command: Command) -> Value {
-    serde_json::from_str(&stdout(&expect(0, command))).unwrap()
 }
 
 fn replay(file: &Path, more: &[&str]) -> Value {
@@ -55,6 +51,21 @@ fn recorded(robot: &Robot, file: &str, sweeps: &str, more: &[&str]) -> (PathBuf,
     let told = serde_json::from_str(&recorder.end()).unwrap();
     service.end();
     (robot.lab.path(file), told)
+}
+
+/// Every sweep of a file was played, with the same digits and material; returns their number.
+fn assert_played(robot: &Robot, file: &Path) -> usize {
+    let played = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
+    let imported = tactnet_data::format::read(file).unwrap();
+    assert_eq!(imported.shape(), played.shape());
+    for (number, record) in imported.records().iter().enumerate() {
+        let name = imported.labels().name(record.label);
+        let sweep = imported.sweep(number);
+        let found = (0..played.len()).find(|index| played.sweep(*index) == sweep);
+        let original = found.expect("a sweep that was played");
+        assert_eq!(played.labels().name(played.records()[original].label), name);
+    }
+    imported.len()
 }
 
 #[test]
@@ -100,17 +111,8 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
     let out = robot.lab.path("again.npz");
     let said = stderr(&expect(0, import(&file, &out, &[])));
     assert!(said.contains("6 sweeps"), "{said}");
-    let played = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
-    let imported = tactnet_data::format::read(&out).unwrap();
-    assert_eq!(imported.len(), 6);
-    assert_eq!(imported.shape(), played.shape());
-    for (number, record) in imported.records().iter().enumerate() {
-        let name = imported.labels().name(record.label);
-        let sweep = imported.sweep(number);
-        let found = (0..played.len()).find(|index| played.sweep(*index) == sweep);
-        let original = found.expect("a sweep that was played");
-        assert_eq!(played.labels().name(played.records()[original].label), name);
-    }
+    let imported = assert_played(&robot, &out);
+    assert_eq!(imported, 6);
     // The numbers of sweeps per material differ.
     let unequal = robot.lab.path("unequal.h5");
     let refused = stderr(&expect(2, import(&file, &unequal, &[])));
@@ -118,6 +120,37 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
     // An existing file is never overwritten.
     let twice = stderr(&expect(2, import(&file, &out, &[])));
     assert!(twice.contains("exists already"), "{twice}");
+}
+
+/// Returns the number of frames of a recording, and true if its end is missing.
+fn frames_and_cut(file: &Path) -> (usize, bool) {
+    let recording = Recording::read(file).unwrap();
+    (frames_of(&recording).len(), recording.cut.is_some())
+}
+
+/// A flipped bit is either detected or in unused bytes. No wrong data is read, and nothing panics.
+///
+/// - `damaged`: file to which the damaged copies are written
+fn assert_damage_gives_no_wrong_frames(file: &Path, damaged: &Path) {
+    let whole = std::fs::read(file).unwrap();
+    let true_frames: Vec<_> = frames_of(&Recording::read(file).unwrap());
+    for at in (0..whole.len()).step_by(whole.len() / 300) {
+        let mut flipped = whole.clone();
+        flipped[at] ^= 0x10;
+        std::fs::write(damaged, &flipped).unwrap();
+        if let Ok(recording) = Recording::read(damaged) {
+            let found = frames_of(&recording);
+            assert!(
+                true_frames.starts_with(&found),
+                "byte {at}: {} frames",
+                found.len()
+            );
+        }
+    }
+    for length in (0..whole.len()).step_by(whole.len() / 100) {
+        std::fs::write(damaged, &whole[..length]).unwrap();
+        let _ = Recording::read(damaged);
+    }
 }
 
 #[test]
@@ -128,19 +161,10 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
     let mut skin = robot.skin("14");
     // Fourteen motions take about 3.5 seconds.
     std::thread::sleep(Duration::from_millis(2500));
-    let count = |file: &Path| {
-        let recording = Recording::read(file).unwrap();
-        let frames = recording
-            .entries
-            .iter()
-            .filter(|entry| matches!(entry.packet, RecordedPacket::Frame(_)))
-            .count();
-        (frames, recording.cut.is_some())
-    };
     // The process is killed as by `kill -9`.
     drop(recorder);
     let file = robot.lab.path("cut.mcap");
-    let (frames, cut) = count(&file);
+    let (frames, cut) = frames_and_cut(&file);
     assert!(cut);
     // At 750 frames per second, with a loss of one second.
     assert!(frames > 750, "{frames}");
@@ -156,31 +180,13 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
     let mut before = frames;
     for share in [9, 7, 2] {
         std::fs::write(&shorter, &whole[..whole.len() * share / 10]).unwrap();
-        let (frames, cut) = count(&shorter);
+        let (frames, cut) = frames_and_cut(&shorter);
         assert!(cut && frames <= before, "{frames} of {before}");
         // Two chunks of one second each; the first is complete.
         assert_eq!(frames > 0, share >= 7, "{frames} in {share} tenths");
         before = frames;
     }
-    // A flipped bit is either detected or in unused bytes. No wrong data is read, and nothing panics.
-    let true_frames: Vec<_> = frames_of(&Recording::read(&file).unwrap());
-    for at in (0..whole.len()).step_by(whole.len() / 300) {
-        let mut flipped = whole.clone();
-        flipped[at] ^= 0x10;
-        std::fs::write(&shorter, &flipped).unwrap();
-        if let Ok(recording) = Recording::read(&shorter) {
-            let found = frames_of(&recording);
-            assert!(
-                true_frames.starts_with(&found),
-                "byte {at}: {} frames",
-                found.len()
-            );
-        }
-    }
-    for length in (0..whole.len()).step_by(whole.len() / 100) {
-        std::fs::write(&shorter, &whole[..length]).unwrap();
-        let _ = Recording::read(&shorter);
-    }
+    assert_damage_gives_no_wrong_frames(&file, &shorter);
     // A file that is not a recording is a one-line error.
     std::fs::write(&shorter, b"no recording").unwrap();
     let mut none = tactnet(["replay"]);

@@ -1,8 +1,6 @@
 //! The exported network in other runtimes, evaluated on the same sweeps as in Burn.
 
-use serde_json::Value;
-
-use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, expect, stdout, tactnet};
+use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, expect, json, tactnet};
 
 /// A small trained network with `layers`, `levels` removed or kept, and a number of steps that leaves a pool unfilled.
 fn trained(levels: &str, layers: &'static str) -> Lab {
@@ -33,7 +31,7 @@ fn agrees(runtime: &str) {
         let lab = trained(levels, layers);
         let mut eval = tactnet(["eval", "--json", "--runtime", runtime]);
         eval.arg(lab.path("run"));
-        let found: Value = serde_json::from_str(&stdout(&expect(0, eval))).unwrap();
+        let found = json(eval);
         for way in ["plain", "mc_dropout"] {
             let compared = &found["runtimes"][way];
             assert_eq!(compared["runtime"], runtime, "{found}");

@@ -12,7 +12,7 @@ use tactnet_skin::packets::{
 };
 use tactnet_skin::{SegmenterConfig, ServeConfig};
 
-use crate::serve::{Robot, STEPS, offline};
+use crate::robot::{Robot, STEPS, offline};
 
 const SKIP: usize = 20;
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, SPECTRA, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, SPECTRA, expect, json, signal, stderr, tactnet};
 
 /// A twin of eight materials with thirty sweeps each, and a small recipe.
 fn lab() -> Lab {
@@ -58,10 +58,6 @@ fn study(lab: &Lab, name: &str, settings: &[&str], out: &str) -> Command {
     command
 }
 
-fn summary(command: Command) -> Value {
-    serde_json::from_str(&stdout(&expect(0, command))).unwrap()
-}
-
 fn rows(summary: &Value) -> &Vec<Value> {
     summary["rows"].as_array().unwrap()
 }
@@ -77,10 +73,10 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
     let lab = quick_lab();
     let mut two = study(&lab, "nshot", &NSHOT, "two");
     two.args(["--jobs", "2"]);
-    let two = summary(two);
+    let two = json(two);
     let mut one = study(&lab, "nshot", &NSHOT, "one");
     one.args(["--jobs", "1"]);
-    let one = summary(one);
+    let one = json(one);
     assert_eq!(one["rows"], two["rows"], "threads change nothing");
     // Eleven methods; no material has 40 training sweeps.
     assert_eq!(rows(&one).len(), 22);
@@ -140,7 +136,7 @@ fn networks_are_compared_under_every_circumstance_with_what_they_cost() {
         lab.path("spectra.toml").display()
     );
     let settings = ["folds=2", "sweeps=[5, 99]", "forces=[0.7]", &both];
-    let found = summary(study(&lab, "networks", &settings, "networks"));
+    let found = json(study(&lab, "networks", &settings, "networks"));
     let costs: Vec<&Value> = rows(&found)
         .iter()
         .filter(|row| row["network"].is_string())
@@ -195,7 +191,7 @@ fn the_twin_is_felt_again_weaker_and_faster() {
         command.args(["--set", setting]);
     }
     command.arg("--out").arg(lab.path("felt"));
-    let found = summary(command);
+    let found = json(command);
     let loss = |condition: &str| {
         let own = rows(&found).iter().find(|row| {
             row["setting"] == condition
@@ -212,7 +208,7 @@ fn the_twin_is_felt_again_weaker_and_faster() {
 #[test]
 fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
     let lab = lab();
-    let found = summary(study(
+    let found = json(study(
         &lab,
         "differentiate",
         &["splits=2", "shots=[1, 2]"],
@@ -229,7 +225,7 @@ fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
     assert!(accuracy > 0.5, "{accuracy}");
 
     let settings = ["splits=2", "study={kind=\"unknown\", new_materials=3}"];
-    let found = summary(study(&lab, "unknown", &settings, "unknown"));
+    let found = json(study(&lab, "unknown", &settings, "unknown"));
     // Four scores: three measures for one sweep; for three sweeps only the area, because five groups cannot guarantee 5
     // % false alarms. Two conformal targets with two measures.
     assert_eq!(rows(&found).len(), 4 * (3 + 1) + 4);
@@ -243,7 +239,7 @@ fn differentiation_unknown_and_sequential_studies_report_what_they_measured() {
         );
     }
 
-    let found = summary(study(
+    let found = json(study(
         &lab,
         "sequential",
         &["runs=1", "folds=1"],
@@ -285,7 +281,7 @@ fn decisions_are_counted_over_the_splits_and_sweeps_that_were_asked_for() {
         ),
         ("sequential", &[]),
     ] {
-        let found = summary(study(&lab, name, &[&settings[..], own].concat(), name));
+        let found = json(study(&lab, name, &[&settings[..], own].concat(), name));
         assert_eq!(found["tasks"], 2, "{name}");
         assert!(rows(&found).iter().all(|row| row["n"] == 2), "{name}");
         if name == "sequential" {
@@ -306,7 +302,7 @@ fn decisions_are_counted_over_the_splits_and_sweeps_that_were_asked_for() {
 #[test]
 fn enrolment_tells_what_the_new_material_gains_and_the_others_lose() {
     let lab = lab();
-    let found = summary(study(
+    let found = json(study(
         &lab,
         "enrolment",
         &["splits=2", "shots=[1, 5, 20]"],
@@ -351,7 +347,7 @@ fn enrolment_tells_what_the_new_material_gains_and_the_others_lose() {
 fn feature_maps_put_every_test_sweep_in_the_plane_and_into_the_report() {
     let lab = lab();
     let settings = ["splits=1", "study={kind=\"feature-maps\", new_materials=3}"];
-    let found = summary(study(&lab, "feature_maps", &settings, "maps"));
+    let found = json(study(&lab, "feature_maps", &settings, "maps"));
     let maps = found["maps"].as_array().unwrap();
     assert_eq!(maps.len(), 2, "input and embedding");
     for map in maps {
@@ -415,7 +411,7 @@ fn a_stopped_question_keeps_its_finished_networks_and_finds_the_same() {
         "methods=[\"nk\", \"ol-mean\"]",
         "study={kind=\"nshot\", new_materials=3, scratch_folds=3}",
     ];
-    let undisturbed = summary(study(&lab, "nshot", &settings, "undisturbed"));
+    let undisturbed = json(study(&lab, "nshot", &settings, "undisturbed"));
     let mut runner = study(&lab, "nshot", &settings, "stopped")
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -437,13 +433,10 @@ fn a_stopped_question_keeps_its_finished_networks_and_finds_the_same() {
     while finished().is_empty() && begun.elapsed() < Duration::from_secs(120) {
         sleep(Duration::from_millis(5));
     }
-    Command::new("kill")
-        .args(["-INT", &runner.id().to_string()])
-        .status()
-        .unwrap();
+    signal("INT", runner.id());
     assert_eq!(runner.wait().unwrap().code(), Some(130));
     assert!(!finished().is_empty(), "finished networks stay");
-    let again = summary(study(&lab, "nshot", &settings, "stopped"));
+    let again = json(study(&lab, "nshot", &settings, "stopped"));
     assert_eq!(again["rows"], undisturbed["rows"]);
     assert!(!networks.exists(), "the task has its result");
     let log = String::from_utf8(lab.read("stopped/tasks/eight-small-nshot-000.log")).unwrap();
@@ -457,7 +450,7 @@ fn a_stopped_question_keeps_its_finished_networks_and_finds_the_same() {
 fn the_measurements_of_a_question_are_metrics_for_mlflow() {
     let lab = lab();
     let settings = ["splits=1", "study={kind=\"unknown\", new_materials=3}"];
-    let found = summary(study(&lab, "unknown", &settings, "unknown"));
+    let found = json(study(&lab, "unknown", &settings, "unknown"));
     let mut export = tactnet(["experiment", "export"]);
     export
         .arg(lab.path("unknown"))

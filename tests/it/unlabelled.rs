@@ -1,16 +1,21 @@
 //! Unlabelled sweeps: `predict` and `same`.
 
-use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
 use crate::newcomer::{own_sweeps, with};
+
+/// Sweeps of the small twin: one of each material, and three more of the last.
+const CHOSEN: [usize; 7] = [0, 10, 20, 30, 31, 32, 33];
 
 /// Writes sweeps of the small twin without their labels: a folder of `.csv` files, and one file with one sweep.
 fn without_labels(lab: &Lab) -> Vec<String> {
     let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
     let folder = lab.path("new");
     std::fs::create_dir(&folder).unwrap();
-    // One of each material, and three more of the last.
-    let chosen = [0, 10, 20, 30, 31, 32, 33];
-    for (place, sweep) in chosen.iter().enumerate() {
+    for (place, sweep) in CHOSEN.iter().enumerate() {
         let rows: String = dataset
             .sweep(*sweep)
             .chunks_exact(16)
@@ -26,35 +31,23 @@ fn without_labels(lab: &Lab) -> Vec<String> {
         std::fs::write(folder.join(format!("{place}.csv")), rows).unwrap();
     }
     let name = |sweep: &usize| dataset.labels().name(dataset.records()[*sweep].label);
-    chosen.iter().map(|sweep| name(sweep).into()).collect()
+    CHOSEN.iter().map(|sweep| name(sweep).into()).collect()
 }
 
-#[test]
-fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
-    let lab = Lab::new();
-    let named = without_labels(&lab);
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(12),
-        ..RecipeChange::default()
-    });
-    let mut train = lab.train(&recipe, "run");
-    train.args(["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"]);
-    expect(0, train);
-    let predict = |data: &str, options: &[&str]| {
-        let mut command = with(&lab, &["predict"], "run", options);
-        command.args(["--data", data]);
-        command
-    };
-    let found = expect(
-        0,
-        predict("new", &["--json", "--one-object", "--out", "found.csv"]),
-    );
-    let found: serde_json::Value = serde_json::from_str(&stdout(&found)).unwrap();
+/// Returns `predict` with the run of the lab.
+fn predict(lab: &Lab, data: &str, options: &[&str]) -> Command {
+    let mut command = with(lab, &["predict"], "run", options);
+    command.args(["--data", data]);
+    command
+}
+
+/// Compares the predictions for the chosen sweeps, and for all as one object, with those of the library.
+fn assert_as_the_library_predicts(lab: &Lab, found: &Value) {
     let rows = found["sweeps"].as_array().unwrap();
-    assert_eq!(rows.len(), named.len());
+    assert_eq!(rows.len(), CHOSEN.len());
     let run = tactnet::Classifier::load(lab.path("run")).unwrap();
     let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
-    let view = tactnet::SweepView::new(&dataset, vec![0, 10, 20, 30, 31, 32, 33]);
+    let view = tactnet::SweepView::new(&dataset, CHOSEN.to_vec());
     let expected = run.predict(&view).unwrap();
     let materials: Vec<&str> = run.materials().collect();
     let mut sums = vec![0.0; materials.len()];
@@ -74,7 +67,17 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
             *sum += log_p;
         }
     }
-    // One sweep as an array of frames, rows and columns.
+    let fused = &found["object"];
+    let best = (0..sums.len())
+        .max_by(|a, b| sums[*a].total_cmp(&sums[*b]))
+        .unwrap();
+    assert_eq!(fused["material"], materials[best]);
+    assert_eq!(fused["sweeps"], rows.len());
+}
+
+/// One sweep as an array of frames, rows and columns is predicted as among others.
+fn assert_alone_as_among_others(lab: &Lab, row: &Value) {
+    let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
     let steps = dataset.shape().steps;
     let header =
         format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({steps}, 4, 4), }}\n");
@@ -88,25 +91,21 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
             .flat_map(|digit| digit.to_le_bytes()),
     );
     std::fs::write(lab.path("one.npy"), one).unwrap();
-    let alone = expect(0, predict("one.npy", &["--json"]));
-    let alone: serde_json::Value = serde_json::from_str(&stdout(&alone)).unwrap();
+    let alone = json(predict(lab, "one.npy", &["--json"]));
     assert_eq!(alone["sweeps"].as_array().unwrap().len(), 1);
-    let of = |row: &serde_json::Value| -> Vec<f64> {
+    let of = |row: &Value| -> Vec<f64> {
         let all = row["probabilities"].as_array().unwrap().iter();
         all.map(|p| p.as_f64().unwrap()).collect()
     };
-    for (one, among) in of(&alone["sweeps"][0]).iter().zip(of(&rows[0])) {
+    for (one, among) in of(&alone["sweeps"][0]).iter().zip(of(row)) {
         // A batch of one has other rounding.
         assert!((one - among).abs() < 1e-6, "{one} {among}");
     }
-    let fused = &found["object"];
-    let best = (0..sums.len())
-        .max_by(|a, b| sums[*a].total_cmp(&sums[*b]))
-        .unwrap();
-    assert_eq!(fused["material"], materials[best]);
-    assert_eq!(fused["sweeps"], rows.len());
+}
+
+fn assert_tables_are_written_once(lab: &Lab) {
     let table = String::from_utf8(lab.read("found.csv")).unwrap();
-    assert_eq!(table.lines().count(), 1 + rows.len());
+    assert_eq!(table.lines().count(), 1 + CHOSEN.len());
     assert!(
         table.starts_with("sweep,material,unknown,prediction_set,named,p("),
         "{table}"
@@ -119,32 +118,35 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     {
         assert!(cell.len() <= 8, "{cell}: digits that nobody reads");
     }
-    let again = |out: &str| stderr(&expect(2, predict("new", &["--out", out])));
+    let again = |out: &str| stderr(&expect(2, predict(lab, "new", &["--out", out])));
     assert!(again("found.csv").contains("overwrite it with `--force`"));
     assert!(again("found.txt").contains(".csv or .json"));
-    expect(0, predict("new", &["--out", "found.csv", "--force"]));
-    expect(0, predict("new", &["--out", "found.json"]));
-    let written: serde_json::Value = serde_json::from_slice(&lab.read("found.json")).unwrap();
-    assert_eq!(written["sweeps"].as_array().unwrap().len(), rows.len());
+    expect(0, predict(lab, "new", &["--out", "found.csv", "--force"]));
+    expect(0, predict(lab, "new", &["--out", "found.json"]));
+    let written: Value = serde_json::from_slice(&lab.read("found.json")).unwrap();
+    assert_eq!(written["sweeps"].as_array().unwrap().len(), CHOSEN.len());
+}
 
+/// Labels in the data are printed beside the predictions, and sweeps of the training are noticed.
+fn assert_known_sweeps_are_named(lab: &Lab, named: &[String]) {
     // A single file, and a labelled data set, whose labels are printed beside the predictions.
-    let one = stdout(&expect(0, predict("new/0.csv", &[])));
+    let one = stdout(&expect(0, predict(lab, "new/0.csv", &[])));
     assert!(
         one.contains("runner-up") && one.contains("1 sweep: "),
         "{one}"
     );
-    let known = expect(0, predict("twin.h5", &["--json", "--mc", "0"]));
+    let known = expect(0, predict(lab, "twin.h5", &["--json", "--mc", "0"]));
     let said = stderr(&known);
     assert!(
         said.contains("note: the run was trained on 32 of these 40 sweeps"),
         "{said}"
     );
-    let known: serde_json::Value = serde_json::from_str(&stdout(&known)).unwrap();
+    let known: Value = serde_json::from_str(&stdout(&known)).unwrap();
     assert_eq!(known["sweeps"][30]["named"], named[3]);
     // The same sweeps in another file.
     let some = lab.path("some.npz").display().to_string();
     let import = with(
-        &lab,
+        lab,
         &["data", "import"],
         "new",
         &[
@@ -159,21 +161,24 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
         ],
     );
     expect(0, import);
-    let said = stderr(&expect(0, predict("some.npz", &["--mc", "0"])));
+    let said = stderr(&expect(0, predict(lab, "some.npz", &["--mc", "0"])));
     assert!(
         said.contains("note: the run was trained on ")
             && said.contains(" sweeps, so these predictions do not show"),
         "{said}"
     );
-    let shown = stdout(&expect(0, predict("twin.h5", &[])));
+    let shown = stdout(&expect(0, predict(lab, "twin.h5", &[])));
     assert!(shown.lines().next().unwrap().contains("named"), "{shown}");
     assert!(shown.contains(" of 40 correct"), "{shown}");
-    let plain = stdout(&expect(0, with(&lab, &["eval", "--mc", "0"], "run", &[])));
+    let plain = stdout(&expect(0, with(lab, &["eval", "--mc", "0"], "run", &[])));
     assert!(!plain.contains("MC dropout"), "{plain}");
+}
+
+fn assert_unusable_sweeps_are_named(lab: &Lab) {
     // A constant skin among normal ones.
     let frame = "7,".repeat(15) + "7\n";
-    std::fs::write(lab.path("new/still.csv"), frame.repeat(steps)).unwrap();
-    let still = expect(0, predict("new", &[]));
+    std::fs::write(lab.path("new/still.csv"), frame.repeat(120)).unwrap();
+    let still = expect(0, predict(lab, "new", &[]));
     assert!(
         stderr(&still).contains("warning: no taxel ever changes in sweep `still`"),
         "{}",
@@ -184,39 +189,44 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
         .lines()
         .filter(|line| line.ends_with("no taxel ever changes"));
     assert_eq!(marked.count(), 1);
-    let refused = stderr(&expect(2, predict("new", &["--rate", "100"])));
+    let refused = stderr(&expect(2, predict(lab, "new", &["--rate", "100"])));
     assert!(
         refused.contains("new: the classifier expects 750 Hz")
             && refused.contains("100 Hz, as named with `--rate`"),
         "{refused}"
     );
-    let refused = stderr(&expect(2, predict("nothing", &[])));
+    let refused = stderr(&expect(2, predict(lab, "nothing", &[])));
     assert!(refused.contains("nothing"), "{refused}");
-    // Longer sweeps are cut, and a material can be enrolled from unlabelled sweeps.
+}
+
+fn assert_longer_sweeps_are_cut(lab: &Lab) {
     let row = vec!["9"; 16].join(",") + "\n";
     std::fs::write(lab.path("long.csv"), row.repeat(200)).unwrap();
-    let refused = stderr(&expect(2, predict("long.csv", &[])));
+    let refused = stderr(&expect(2, predict(lab, "long.csv", &[])));
     assert!(refused.contains("`--steps 120`"), "{refused}");
-    expect(0, predict("long.csv", &["--steps", "120"]));
+    expect(0, predict(lab, "long.csv", &["--steps", "120"]));
     let same = |options: &[&str]| {
         let both = ["long.csv", "long.csv"];
-        with(&lab, &["same"], "run", &[&both[..], options].concat())
+        with(lab, &["same"], "run", &[&both[..], options].concat())
     };
     expect(2, same(&[]));
     expect(0, same(&["--steps", "120"]));
+}
+
+fn assert_another_rate_is_refused_everywhere(lab: &Lab) {
     let slow = lab.path("slow.npz").display().to_string();
     let slower = ["--rate", "100", "--out", &slow];
-    let said = expect(0, with(&lab, &["data", "import"], "twin.h5", &slower));
+    let said = expect(0, with(lab, &["data", "import"], "twin.h5", &slower));
     let said = stderr(&said);
     assert!(
         said.contains("the data names 750 Hz; the named 100 Hz takes precedence"),
         "{said}"
     );
     for command in [
-        predict("slow.npz", &[]),
-        with(&lab, &["eval"], "run", &["--data", "slow.npz"]),
+        predict(lab, "slow.npz", &[]),
+        with(lab, &["eval"], "run", &["--data", "slow.npz"]),
         with(
-            &lab,
+            lab,
             &["demo", "--listen", "0", "--data", "slow.npz", "--run"],
             "run",
             &[],
@@ -229,18 +239,63 @@ fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
         );
         assert!(refused.contains("100 Hz"), "{refused}");
     }
+}
+
+fn assert_unlabelled_sweeps_can_be_enrolled(lab: &Lab) {
     let mut enroll = with(
-        &lab,
+        lab,
         &["enroll"],
         "run",
         &["--data", "new", "--material", "felt"],
     );
     enroll.args(["--out", "grown", "--rate", "750", "--steps", "120"]);
     expect(0, enroll);
-    let mut again = with(&lab, &["predict"], "grown", &["--data", "new", "--json"]);
+    let mut again = with(lab, &["predict"], "grown", &["--data", "new", "--json"]);
     again.arg("--one-object");
-    let found: serde_json::Value = serde_json::from_str(&stdout(&expect(0, again))).unwrap();
+    let found = json(again);
     assert_eq!(found["materials"].as_array().unwrap().len(), 5);
+}
+
+#[test]
+fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
+    let lab = Lab::new();
+    let named = without_labels(&lab);
+    let recipe = lab.recipe(RecipeChange {
+        epochs: Some(12),
+        ..RecipeChange::default()
+    });
+    let mut train = lab.train(&recipe, "run");
+    train.args(["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"]);
+    expect(0, train);
+    let options = ["--json", "--one-object", "--out", "found.csv"];
+    let found = json(predict(&lab, "new", &options));
+    assert_as_the_library_predicts(&lab, &found);
+    assert_alone_as_among_others(&lab, &found["sweeps"][0]);
+    assert_tables_are_written_once(&lab);
+    assert_known_sweeps_are_named(&lab, &named);
+    assert_unusable_sweeps_are_named(&lab);
+    assert_longer_sweeps_are_cut(&lab);
+    assert_another_rate_is_refused_everywhere(&lab);
+    assert_unlabelled_sweeps_can_be_enrolled(&lab);
+}
+
+/// Labels in the files that contradict the result, and labels that the run does not know.
+fn assert_contradicting_labels_are_named(lab: &Lab) {
+    let named = |file: &str, name: &str| {
+        let out = lab.path(file).display().to_string();
+        let more = ["--material", name, "--rate", "750", "--out", &out];
+        expect(0, with(lab, &["data", "import"], "cup/glass", &more));
+        out
+    };
+    let (glass, silk) = (named("glass.npz", "glass"), named("silk.npz", "silk"));
+    let both = expect(0, with(lab, &["same"], "run", &[&glass, &silk]));
+    let (verdict, hints) = (stdout(&both), stderr(&both));
+    assert!(
+        verdict
+            .contains("the files name different materials: glass names `glass`, silk names `silk`"),
+        "{verdict}"
+    );
+    assert!(hints.contains("the run does not know `silk`"), "{hints}");
 }
 
 /// Two files of one object each, and an object compared with itself.
@@ -264,7 +319,7 @@ fn two_objects_are_of_one_material_or_of_two() {
         .map(|(a, b)| lab.path(a).join(b).display().to_string());
     let same = |first: &str, second: &str| -> f64 {
         let call = with(&lab, &["same"], "run", &[first, second, "--json"]);
-        let found: serde_json::Value = serde_json::from_str(&stdout(&expect(0, call))).unwrap();
+        let found = json(call);
         assert_eq!(found["objects"][0]["sweeps"], 2);
         found["same"].as_f64().unwrap()
     };
@@ -277,22 +332,7 @@ fn two_objects_are_of_one_material_or_of_two() {
     let said = stdout(&expect(0, with(&lab, &["same"], "run", &[&cup, &cloth])));
     assert!(said.contains("probability of one material "), "{said}");
     expect(2, with(&lab, &["same"], "run", &[&cup, "nowhere.npz"]));
-    // Labels in the files that contradict the result, and labels that the run does not know.
-    let named = |file: &str, name: &str| {
-        let out = lab.path(file).display().to_string();
-        let more = ["--material", name, "--rate", "750", "--out", &out];
-        expect(0, with(&lab, &["data", "import"], "cup/glass", &more));
-        out
-    };
-    let (glass, silk) = (named("glass.npz", "glass"), named("silk.npz", "silk"));
-    let both = expect(0, with(&lab, &["same"], "run", &[&glass, &silk]));
-    let (verdict, hints) = (stdout(&both), stderr(&both));
-    assert!(
-        verdict
-            .contains("the files name different materials: glass names `glass`, silk names `silk`"),
-        "{verdict}"
-    );
-    assert!(hints.contains("the run does not know `silk`"), "{hints}");
+    assert_contradicting_labels_are_named(&lab);
     // The run can be named either way, and problems of the files are reported.
     let named = with(&lab, &["same", "--run"], "run", &[&cup, &cloth]);
     assert_eq!(stdout(&expect(0, named)), said);

@@ -21,12 +21,8 @@ mod with_rerun {
 
     use serde_json::Value;
 
-    use crate::command::{Lab, expect, stderr, stdout, tactnet};
-    use crate::serve::{Robot, Running};
-
-    fn json(command: Command) -> Value {
-        serde_json::from_str(&stdout(&expect(0, command))).unwrap()
-    }
+    use crate::command::{Lab, expect, json, stderr, stdout, tactnet};
+    use crate::robot::{Robot, Running};
 
     fn view(robot: &Robot, more: &[&str]) -> Command {
         let mut view = tactnet(["view", "--json", "--table"]);
@@ -38,6 +34,26 @@ mod with_rerun {
     struct Viewer(Running);
 
     impl Viewer {
+        /// Starts the viewer and returns it with its port.
+        fn start(python: &str) -> (Self, u16) {
+            let port = {
+                let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+                free.local_addr().unwrap().port()
+            };
+            let mut viewer = Command::new(python);
+            viewer.args(["-m", "rerun", "--headless", "--bind", "127.0.0.1"]);
+            viewer
+                .args(["--port", &port.to_string()])
+                .stderr(Stdio::null());
+            let viewer = Viewer(Running(viewer.spawn().unwrap()));
+            let begun = Instant::now();
+            while std::net::TcpStream::connect(("127.0.0.1", port)).is_err() {
+                assert!(begun.elapsed() < Duration::from_secs(60));
+                std::thread::sleep(Duration::from_millis(100));
+            }
+            (viewer, port)
+        }
+
         /// Signals the viewer itself.
         fn signal(&self, signal: &str) -> bool {
             let mut kill = Command::new("pkill");
@@ -133,21 +149,7 @@ mod with_rerun {
         let file = path("a.mcap");
         let recorder = robot.start(&["record", "--json", "--out", &file]);
         // A real viewer that is suspended for a while.
-        let port = {
-            let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-            free.local_addr().unwrap().port()
-        };
-        let mut viewer = Command::new(&python);
-        viewer.args(["-m", "rerun", "--headless", "--bind", "127.0.0.1"]);
-        viewer
-            .args(["--port", &port.to_string()])
-            .stderr(Stdio::null());
-        let viewer = Viewer(Running(viewer.spawn().unwrap()));
-        let begun = Instant::now();
-        while std::net::TcpStream::connect(("127.0.0.1", port)).is_err() {
-            assert!(begun.elapsed() < Duration::from_secs(60));
-            std::thread::sleep(Duration::from_millis(100));
-        }
+        let (viewer, port) = Viewer::start(&python);
         let url = format!("rerun+http://127.0.0.1:{port}/proxy");
         let looks_on = Running::start(view(&robot, &["--connect", &url]));
         let mut skin = robot.skin("30");
