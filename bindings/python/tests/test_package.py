@@ -364,7 +364,7 @@ def test_errors_speak_of_python(data, tmp_path):
         fitted.save(str(tmp_path / "empty"))
     assert "--" not in str(refused.value) and str(tmp_path / "empty") in str(refused.value)
     with pytest.raises(tactnet.TactnetError, match="name a folder that `save` of a classifier"):
-        tactnet.LdaClassifier.load(tmp_path)
+        tactnet.LdaClassifier.load(tmp_path / "nothing")
     for name in ("X", "samples"):
         file = tmp_path / f"{name}.npz"
         np.savez(file, **{name: own.X[test]})
