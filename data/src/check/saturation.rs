@@ -1,5 +1,7 @@
 //! Values at the sensor's maximum.
 
+use std::ops::RangeInclusive;
+
 use rayon::prelude::*;
 
 use super::fill_values::FillValues;
@@ -50,21 +52,9 @@ pub(super) fn saturated(
     let (at_ceiling, below): (Vec<usize>, Vec<usize>) = sweeps
         .par_iter()
         .enumerate()
-        .map(|(index, sweep)| {
-            if sweep.max() < near {
-                return (0, 0);
-            }
-            let values = dataset.sweep(index);
-            let count = dataset.shape().taxels();
-            let is_read = |(place, _): &(usize, &f32)| !is_explained(place % count);
-            let values: Vec<f32> = (values.iter().enumerate().filter(is_read))
-                .map(|(_, value)| *value)
-                .collect();
-            let at_ceiling = values.iter().filter(|&&value| value == ceiling).count();
-            let not_below = values
-                .iter()
-                .filter(|&&value| value >= near && value <= ceiling);
-            (at_ceiling, not_below.count() - at_ceiling)
+        .map(|(index, sweep)| match sweep.max() < near {
+            true => (0, 0),
+            false => count_near(dataset, index, near..=ceiling, &is_explained),
         })
         .unzip();
     let per_sweep = dataset.shape().values() as f64;
@@ -85,13 +75,29 @@ pub(super) fn saturated(
             dataset.describe(index),
             100.0 * count as f64 / per_sweep
         );
-        let at = in_sweep(index);
-        findings.push(finding(
-            Severity::Warning,
-            FindingKind::Saturation,
-            at,
-            message,
-        ));
+        let (kind, at) = (FindingKind::Saturation, in_sweep(index));
+        findings.push(finding(Severity::Warning, kind, at, message));
     }
     findings
+}
+
+/// Counts the values of a sweep at the ceiling, the end of `range`, and those in the range below it.
+fn count_near(
+    dataset: &Dataset,
+    index: usize,
+    range: RangeInclusive<f32>,
+    is_explained: impl Fn(usize) -> bool,
+) -> (usize, usize) {
+    let taxels = dataset.shape().taxels();
+    let values = dataset.sweep(index);
+    let read = values.iter().enumerate();
+    let read = read.filter(|(place, _)| !is_explained(place % taxels));
+    let (mut at_ceiling, mut below) = (0, 0);
+    for (_, value) in read.filter(|(_, value)| range.contains(value)) {
+        match value == range.end() {
+            true => at_ceiling += 1,
+            false => below += 1,
+        }
+    }
+    (at_ceiling, below)
 }

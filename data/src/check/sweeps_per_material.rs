@@ -32,33 +32,7 @@ pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
         };
         (1..counts.len()).fold(0, best)
     };
-    let few = counts
-        .iter()
-        .filter(|count| (2..USUAL_FOLDS).contains(*count));
-    if let Some(fewest) = few.clone().min() {
-        // Cross-validation is possible once every material has two sweeps.
-        let can_split = findings.is_empty();
-        let folds = match can_split {
-            true => {
-                format!("cross-validation uses {fewest} folds instead of {USUAL_FOLDS}; ")
-            }
-            false => String::new(),
-        };
-        let message = format!(
-            "{} of {} materials have fewer than {USUAL_FOLDS} sweeps: {folds}studies of few sweeps refuse them",
-            few.count(),
-            counts.len()
-        );
-        findings.push(Finding {
-            remedy: can_split.then_some(Remedy::ChooseFolds),
-            ..finding(
-                Severity::Warning,
-                FindingKind::FewSweeps,
-                nowhere(),
-                message,
-            )
-        });
-    }
+    findings.extend(few_sweeps(&counts, findings.is_empty()));
     let (least, most) = (extreme(|a, b| a < b), extreme(|a, b| a > b));
     if counts[least] != counts[most] {
         let (few, many) = (dataset.labels().name(least), dataset.labels().name(most));
@@ -70,4 +44,34 @@ pub(super) fn check(dataset: &Dataset) -> Vec<Finding> {
         findings.push(finding(Severity::Warning, kind, nowhere(), message));
     }
     findings
+}
+
+/// Returns a warning of materials with fewer sweeps than a cross-validation has folds.
+///
+/// - `can_split`: true if every material has two sweeps, so that cross-validation is possible
+fn few_sweeps(counts: &[usize], can_split: bool) -> Option<Finding> {
+    let few = counts
+        .iter()
+        .filter(|count| (2..USUAL_FOLDS).contains(*count));
+    let fewest = few.clone().min()?;
+    let folds = match can_split {
+        true => {
+            format!("cross-validation uses {fewest} folds instead of {USUAL_FOLDS}; ")
+        }
+        false => String::new(),
+    };
+    let message = format!(
+        "{} of {} materials have fewer than {USUAL_FOLDS} sweeps: {folds}studies of few sweeps refuse them",
+        few.count(),
+        counts.len()
+    );
+    Some(Finding {
+        remedy: can_split.then_some(Remedy::ChooseFolds),
+        ..finding(
+            Severity::Warning,
+            FindingKind::FewSweeps,
+            Place::default(),
+            message,
+        )
+    })
 }

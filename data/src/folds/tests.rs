@@ -258,58 +258,56 @@ fn a_material_with_fewer_blocks_trains_when_its_blocks_are_used_up() {
 fn impossible_splits_say_what_is_missing() {
     let dataset = recorded(&[20, 4], 2);
     let k_fold = Scheme::default();
-    for (error, complaint) in [
+    let (flagged, by_block) = (Scheme::TestFlag, Scheme::LeaveBlockOut);
+    let one_fold = Scheme::StratifiedKFold {
+        folds: 1,
+        repeats: 1,
+    };
+    let bare = stripped(&dataset);
+    for (dataset, scheme, repeat, fold, complaint) in [
+        (&dataset, k_fold, 0, 5, "fold: expected a number below 5"),
+        (&dataset, k_fold, 2, 0, "repeat: expected a number below 2"),
+        (&dataset, flagged, 0, 1, "fold: expected a number below 1"),
         (
-            refusal(&dataset, k_fold, 0, 5),
-            "fold: expected a number below 5",
-        ),
-        (
-            refusal(&dataset, k_fold, 2, 0),
-            "repeat: expected a number below 2",
-        ),
-        (
-            refusal(&dataset, Scheme::TestFlag, 0, 1),
-            "fold: expected a number below 1",
-        ),
-        (
-            refusal(&dataset, Scheme::LeaveBlockOut, 0, 10),
+            &dataset,
+            by_block,
+            0,
+            10,
             "fold: expected a number below 10",
         ),
         (
-            refusal(&dataset, k_fold, 0, 0),
+            &dataset,
+            k_fold,
+            0,
+            0,
             "sweeps of `material 1`: expected at least 5",
         ),
+        (&bare, flagged, 0, 0, "`test_flag` of data set `recorded`"),
+        (&bare, by_block, 0, 0, "`blocks` of data set `recorded`"),
         (
-            refusal(&stripped(&dataset), Scheme::TestFlag, 0, 0),
-            "`test_flag` of data set `recorded`",
-        ),
-        (
-            refusal(&stripped(&dataset), Scheme::LeaveBlockOut, 0, 0),
-            "`blocks` of data set `recorded`",
-        ),
-        (
-            refusal(&recorded(&[20, 4], 4), Scheme::LeaveBlockOut, 0, 0),
+            &recorded(&[20, 4], 4),
+            by_block,
+            0,
+            0,
             "blocks of `material 1`: expected at least 2",
         ),
         (
-            refusal(&recorded(&[4, 4], 2), Scheme::TestFlag, 0, 0),
+            &recorded(&[4, 4], 2),
+            flagged,
+            0,
+            0,
             "found 8 training, 0 test",
         ),
-        (
-            refusal(
-                &dataset,
-                Scheme::StratifiedKFold {
-                    folds: 1,
-                    repeats: 1,
-                },
-                0,
-                0,
-            ),
-            "`folds`: expected at least 2",
-        ),
+        (&dataset, one_fold, 0, 0, "`folds`: expected at least 2"),
     ] {
+        let error = refusal(dataset, scheme, repeat, fold);
         assert!(error.contains(complaint), "{error}");
     }
+}
+
+#[test]
+fn inner_folds_are_limited_by_the_fewest_sweeps() {
+    let dataset = recorded(&[20, 4], 2);
     let fold = Fold::new(&dataset, Scheme::LeaveBlockOut, Seed(0), 0, 0).unwrap();
     assert_eq!(fold.train.inner_folds(), 2, "as many as the fewest sweeps");
     assert!(

@@ -254,30 +254,37 @@ impl ChunkIndex<'_> {
                 None,
                 storage.len(),
             ),
-            Some(ChunkIndexing::FixedArray { .. }) => {
-                fixed_array::collect_fixed_array_chunk_entries_storage(
-                    storage,
-                    address,
-                    self.offset_size,
-                    self.length_size,
-                    shape,
-                    dims,
-                    None,
-                )
-            }
-            Some(ChunkIndexing::ExtensibleArray { .. }) => {
-                extensible_array::collect_extensible_array_chunk_entries_storage(
-                    storage,
-                    address,
-                    self.offset_size,
-                    self.length_size,
-                    shape,
-                    self.dataset.max_dims(),
-                    dims,
-                    None,
-                )
-            }
+            Some(ChunkIndexing::FixedArray { .. }) => self.fixed_array_entries(shape),
+            Some(ChunkIndexing::ExtensibleArray { .. }) => self.extensible_array_entries(shape),
         }
+    }
+
+    fn fixed_array_entries(&self, shape: &[u64]) -> hdf5_reader::error::Result<Vec<ChunkEntry>> {
+        fixed_array::collect_fixed_array_chunk_entries_storage(
+            self.file.storage(),
+            self.address,
+            self.offset_size,
+            self.length_size,
+            shape,
+            self.dims,
+            None,
+        )
+    }
+
+    fn extensible_array_entries(
+        &self,
+        shape: &[u64],
+    ) -> hdf5_reader::error::Result<Vec<ChunkEntry>> {
+        extensible_array::collect_extensible_array_chunk_entries_storage(
+            self.file.storage(),
+            self.address,
+            self.offset_size,
+            self.length_size,
+            shape,
+            self.dataset.max_dims(),
+            self.dims,
+            None,
+        )
     }
 
     /// Returns the chunks of a B-tree of version 1, which older versions of HDF5 write.

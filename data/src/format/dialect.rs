@@ -62,6 +62,27 @@ pub(super) fn decode(bytes: Vec<u8>) -> Result<String, &'static str> {
     })
 }
 
+/// Returns the place of the line of names, or else of the first line of values.
+fn first_line(content: &[&(usize, &str)], separator: char, cells: usize) -> usize {
+    let of_line = |(_, line): &&(usize, &str)| split(line, separator).len();
+    // A line of names may lack the separator that ends all other lines.
+    let first = content
+        .iter()
+        .position(|line| of_line(line) == cells)
+        .unwrap_or(0);
+    let ends_empty = |line: &str| {
+        split(line, separator)
+            .last()
+            .is_some_and(|cell| cell.trim().is_empty())
+    };
+    match first.checked_sub(1) {
+        Some(before) if of_line(&content[before]) + 1 == cells && ends_empty(content[first].1) => {
+            before
+        }
+        _ => first,
+    }
+}
+
 impl Table {
     /// Finds the dialect of a text.
     ///
@@ -81,25 +102,7 @@ impl Table {
                 content[0].1.trim()
             ));
         }
-        let of_line = |(_, line): &&(usize, &str)| split(line, separator).len();
-        // A line of names may lack the separator that ends all other lines.
-        let first = content
-            .iter()
-            .position(|line| of_line(line) == cells)
-            .unwrap_or(0);
-        let ends_empty = |line: &str| {
-            split(line, separator)
-                .last()
-                .is_some_and(|cell| cell.trim().is_empty())
-        };
-        let first = match first.checked_sub(1) {
-            Some(before)
-                if of_line(&content[before]) + 1 == cells && ends_empty(content[first].1) =>
-            {
-                before
-            }
-            _ => first,
-        };
+        let first = first_line(&content, separator, cells);
         let start = content[first].0;
         let row = |place: usize| content.get(place).map(|(_, line)| split(line, separator));
         let names = if row(first).is_some_and(|row| !is_line_of_names(&row)) {

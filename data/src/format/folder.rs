@@ -14,8 +14,9 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::csv::Rows;
-use super::file_layout::{NamePattern, named_files, stretched};
+use super::file_layout::stretched;
 use super::frame_table::{MATERIAL, is_one_of};
+use super::name_pattern::{NamePattern, named_files};
 use super::named_sweeps::{NamedSweeps, some_names};
 use super::read_options::ReadOptions;
 use super::recording::{Recording, Recordings};

@@ -214,6 +214,22 @@ fn at_even_times(values: &[f64], taxels: usize, seconds: &[f64], period: f64) ->
     }
 }
 
+/// Returns the name of a window. Frames of the recording are counted at its own rate.
+///
+/// - `start`: first frame of the window in the stretch, at the rate `resample_hz` if there is one
+fn window_name(
+    stretch: &Recording,
+    piece: &Piece,
+    start: usize,
+    resample_hz: Option<f64>,
+) -> String {
+    let (name, first) = (&stretch.name, piece.frames.start);
+    match resample_hz {
+        None => format!("{name}, from frame {}", first + start),
+        Some(rate) => format!("{name}, {:.2} s after frame {first}", start as f64 / rate),
+    }
+}
+
 /// Returns the windows of all stretches; each stretch is a block.
 fn in_windows(
     recordings: &mut Recordings<'_>,
@@ -237,18 +253,7 @@ fn in_windows(
         let mut end = 0;
         for start in starts(frames, length, hop) {
             end = start + length;
-            // Frames of the recording are counted at its own rate.
-            let name = match options.resample_hz {
-                None => format!(
-                    "{}, from frame {}",
-                    stretch.name,
-                    piece.frames.start + start
-                ),
-                Some(rate) => {
-                    let (seconds, first) = (start as f64 / rate, piece.frames.start);
-                    format!("{}, {seconds:.2} s after frame {first}", stretch.name)
-                }
-            };
+            let name = window_name(stretch, piece, start, options.resample_hz);
             let values = stretch.values[start * taxels..end * taxels].to_vec();
             cut.push(stretch.part(name, values, stretch.block.or(Some(block))));
         }

@@ -180,64 +180,22 @@ fn impossible_configs_are_refused_by_name() {
         ..TwinConfig::default()
     };
     assert!(generate(&good).is_ok());
-    for (config, named) in [
+    let cases: [(fn(&mut TwinConfig), &str); 8] = [
         (
-            TwinConfig {
-                materials: 37,
-                ..good.clone()
-            },
+            |config| config.materials = 37,
             "materials: expected 1 to 36, found 37",
         ),
-        (
-            TwinConfig {
-                materials: 0,
-                ..good.clone()
-            },
-            "materials",
-        ),
-        (
-            TwinConfig {
-                sweeps: 0,
-                ..good.clone()
-            },
-            "sweeps",
-        ),
-        (
-            TwinConfig {
-                steps: 0,
-                ..good.clone()
-            },
-            "steps",
-        ),
-        (
-            TwinConfig {
-                difficulty: 0.0,
-                ..good.clone()
-            },
-            "difficulty",
-        ),
-        (
-            TwinConfig {
-                difficulty: f64::NAN,
-                ..good.clone()
-            },
-            "difficulty",
-        ),
-        (
-            TwinConfig {
-                contact_force: -1.0,
-                ..good.clone()
-            },
-            "contact force",
-        ),
-        (
-            TwinConfig {
-                speed: f64::INFINITY,
-                ..good.clone()
-            },
-            "speed",
-        ),
-    ] {
+        (|config| config.materials = 0, "materials"),
+        (|config| config.sweeps = 0, "sweeps"),
+        (|config| config.steps = 0, "steps"),
+        (|config| config.difficulty = 0.0, "difficulty"),
+        (|config| config.difficulty = f64::NAN, "difficulty"),
+        (|config| config.contact_force = -1.0, "contact force"),
+        (|config| config.speed = f64::INFINITY, "speed"),
+    ];
+    for (change, named) in cases {
+        let mut config = good.clone();
+        change(&mut config);
         let error = generate(&config).unwrap_err().to_string();
         assert!(error.contains(named), "{error}");
     }

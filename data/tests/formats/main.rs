@@ -9,6 +9,7 @@ mod own_data;
 mod resolution;
 mod tables;
 mod time;
+mod time_faults;
 mod windows;
 mod written;
 
@@ -171,103 +172,105 @@ fn labels_given_as_text_become_materials_in_alphabetical_order() {
     );
 }
 
+/// Bad files, and the LZF file, with their messages.
+const REFUSED: [(&str, &str); 23] = [
+    (
+        "h5/bad_materials_count.h5",
+        "data set `materials`: expected 3 names, one per material of `samples`, found 2 names",
+    ),
+    (
+        "h5/bad_nan.h5",
+        "sweeps: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 30, taxel (1, 1)",
+    ),
+    (
+        "h5/bad_no_samples.h5",
+        "data set `samples`: expected to be in the file (or `X`), found only `materials` [3] text",
+    ),
+    (
+        "h5/bad_not_hdf5.h5",
+        "file: expected HDF5 (.h5), numpy (.npz), MATLAB (.mat), tables (.csv, .parquet) or a folder of .csv or .npy, found a file that begins with `samples,`",
+    ),
+    (
+        "h5/bad_rank3.h5",
+        "data set `samples`: expected 5 dimensions [materials][sweeps][steps][rows][cols], found 3 dimensions [60, 4, 4]",
+    ),
+    (
+        "h5/bad_truncated.h5",
+        "HDF5 file with data set `samples`: expected 14189 bytes, as its header says, found 9459 bytes: the file is cut short",
+    ),
+    (
+        "h5/f64_lzf_fixed.h5",
+        "data set `samples`: expected no filter, or gzip, shuffle, fletcher32, szip, nbit or scale-offset, found the filter LZF (filter 32000); h5py copies all values into one file: `with h5py.File(FILE) as f, h5py.File(\"copy.h5\", \"w\") as g: [g.create_dataset(n, data=f[n][()]) for n in f]; g.attrs.update(f.attrs)`",
+    ),
+    (
+        "read/bad_beyond_f32.h5",
+        "data set `samples`: expected values that a 32-bit float holds, found 16777217",
+    ),
+    (
+        "read/bad_blocks_shape.h5",
+        "data set `blocks`: expected shape [3, 4], materials by sweeps, found shape [2, 4]",
+    ),
+    (
+        "read/bad_flag_2.h5",
+        "data set `test_flag`: expected 0 or 1, found 2",
+    ),
+    (
+        "read/bad_float16.h5",
+        "data set `samples`: expected numbers of 8, 16, 32 or 64 bits, found float16; store it as float32: `samples.astype('f4')`",
+    ),
+    (
+        "read/bad_infinite.h5",
+        "sweeps: expected finite numbers, found 1 that are not, the first inf in `denim` sweep 1 at step 12, taxel (2, 0)",
+    ),
+    (
+        "read/bad_materials_are_floats.h5",
+        "data set `materials`: expected names or whole numbers, found f64",
+    ),
+    (
+        "read/bad_rate.h5",
+        "attribute `sample_rate_hz`: expected a positive number of Hz, found -1",
+    ),
+    (
+        "read/bad_same_names.h5",
+        "data set `materials`: expected distinct names, found `cork` at labels 0 and 2",
+    ),
+    (
+        "read/bad_samples_are_text.h5",
+        "data set `samples`: expected integers of 8, 16, 32 or 64 bits or floats of 32 or 64 bits, found strings",
+    ),
+    (
+        "read/bad_samples_is_a_group.h5",
+        "data set `samples`: expected to be in the file (or `X`), found only `materials` [3] text",
+    ),
+    (
+        "read/bad_complex.npz",
+        "array `samples`: expected numbers or text saved without pickle, found complex numbers (complex64); `np.abs(X)` or `X.real.astype(np.float32)` gives real ones",
+    ),
+    (
+        "read/bad_label_range.npz",
+        "array `labels`: expected indices of the 3 materials, found 3",
+    ),
+    (
+        "read/bad_nan.npz",
+        "sweeps: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 59, taxel (1, 3)",
+    ),
+    (
+        "read/bad_no_samples.npz",
+        "array `X`: expected to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n], found only `x` [60, 4, 4]; rename `x` to `X`, if that is what it holds",
+    ),
+    (
+        "read/bad_pickled.npz",
+        "array `materials`: expected numbers or text saved without pickle, found an object array (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)",
+    ),
+    (
+        "read/bad_rank2.npz",
+        "array `samples`: expected 3 dimensions [n][steps][taxels], 4 [n][steps][rows][cols] or 5 [materials][sweeps][steps][rows][cols], found 2 dimensions [4, 4]",
+    ),
+];
+
 #[test]
 fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
-    let cases = [
-        (
-            "h5/bad_materials_count.h5",
-            "data set `materials`: expected 3 names, one per material of `samples`, found 2 names",
-        ),
-        (
-            "h5/bad_nan.h5",
-            "sweeps: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 30, taxel (1, 1)",
-        ),
-        (
-            "h5/bad_no_samples.h5",
-            "data set `samples`: expected to be in the file (or `X`), found only `materials` [3] text",
-        ),
-        (
-            "h5/bad_not_hdf5.h5",
-            "file: expected HDF5 (.h5), numpy (.npz), MATLAB (.mat), tables (.csv, .parquet) or a folder of .csv or .npy, found a file that begins with `samples,`",
-        ),
-        (
-            "h5/bad_rank3.h5",
-            "data set `samples`: expected 5 dimensions [materials][sweeps][steps][rows][cols], found 3 dimensions [60, 4, 4]",
-        ),
-        (
-            "h5/bad_truncated.h5",
-            "HDF5 file with data set `samples`: expected 14189 bytes, as its header says, found 9459 bytes: the file is cut short",
-        ),
-        (
-            "h5/f64_lzf_fixed.h5",
-            "data set `samples`: expected no filter, or gzip, shuffle, fletcher32, szip, nbit or scale-offset, found the filter LZF (filter 32000); h5py copies all values into one file: `with h5py.File(FILE) as f, h5py.File(\"copy.h5\", \"w\") as g: [g.create_dataset(n, data=f[n][()]) for n in f]; g.attrs.update(f.attrs)`",
-        ),
-        (
-            "read/bad_beyond_f32.h5",
-            "data set `samples`: expected values that a 32-bit float holds, found 16777217",
-        ),
-        (
-            "read/bad_blocks_shape.h5",
-            "data set `blocks`: expected shape [3, 4], materials by sweeps, found shape [2, 4]",
-        ),
-        (
-            "read/bad_flag_2.h5",
-            "data set `test_flag`: expected 0 or 1, found 2",
-        ),
-        (
-            "read/bad_float16.h5",
-            "data set `samples`: expected numbers of 8, 16, 32 or 64 bits, found float16; store it as float32: `samples.astype('f4')`",
-        ),
-        (
-            "read/bad_infinite.h5",
-            "sweeps: expected finite numbers, found 1 that are not, the first inf in `denim` sweep 1 at step 12, taxel (2, 0)",
-        ),
-        (
-            "read/bad_materials_are_floats.h5",
-            "data set `materials`: expected names or whole numbers, found f64",
-        ),
-        (
-            "read/bad_rate.h5",
-            "attribute `sample_rate_hz`: expected a positive number of Hz, found -1",
-        ),
-        (
-            "read/bad_same_names.h5",
-            "data set `materials`: expected distinct names, found `cork` at labels 0 and 2",
-        ),
-        (
-            "read/bad_samples_are_text.h5",
-            "data set `samples`: expected integers of 8, 16, 32 or 64 bits or floats of 32 or 64 bits, found strings",
-        ),
-        (
-            "read/bad_samples_is_a_group.h5",
-            "data set `samples`: expected to be in the file (or `X`), found only `materials` [3] text",
-        ),
-        (
-            "read/bad_complex.npz",
-            "array `samples`: expected numbers or text saved without pickle, found complex numbers (complex64); `np.abs(X)` or `X.real.astype(np.float32)` gives real ones",
-        ),
-        (
-            "read/bad_label_range.npz",
-            "array `labels`: expected indices of the 3 materials, found 3",
-        ),
-        (
-            "read/bad_nan.npz",
-            "sweeps: expected finite numbers, found 1 that are not, the first NaN in `denim` sweep 2 at step 59, taxel (1, 3)",
-        ),
-        (
-            "read/bad_no_samples.npz",
-            "array `X`: expected to be in the archive: np.savez_compressed(\"sweeps.npz\", X=X, y=y) with X [n][steps][taxels] and y [n], found only `x` [60, 4, 4]; rename `x` to `X`, if that is what it holds",
-        ),
-        (
-            "read/bad_pickled.npz",
-            "array `materials`: expected numbers or text saved without pickle, found an object array (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)",
-        ),
-        (
-            "read/bad_rank2.npz",
-            "array `samples`: expected 3 dimensions [n][steps][taxels], 4 [n][steps][rows][cols] or 5 [materials][sweeps][steps][rows][cols], found 2 dimensions [4, 4]",
-        ),
-    ];
-    for (file, message) in cases {
+    for (file, message) in REFUSED {
         let path = fixture(file);
         let error = format::read(&path)
             .err()
@@ -280,7 +283,7 @@ fn every_bad_file_is_refused_with_file_data_set_expected_and_found() {
         .filter(|p| name(p).starts_with("bad_"));
     assert_eq!(
         bad.count() + 1,
-        cases.len(),
+        REFUSED.len(),
         "bad files, and the LZF file, that are tested"
     );
 }

@@ -1,14 +1,14 @@
 //! Tests of users' own files: `X` and `y`, tables, folders.
 
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use tactnet_data::format::{self, Format};
+use tactnet_data::format::{self, Format, read_to_classify};
 use tactnet_data::{
     ASSUMED_RATE_HZ, DataSource, Dataset, FindingKind, LabelSet, Samples, SweepRecord, SweepShape,
     check,
 };
-
+use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
@@ -337,8 +337,7 @@ fn a_folder_of_arrays_without_materials_says_how_to_name_them() {
 }
 
 #[test]
-fn sweeps_to_classify_need_no_materials() {
-    use tactnet_data::format::read_to_classify;
+fn arrays_to_classify_need_no_materials() {
     let dir = tempfile::tempdir().unwrap();
     let labelled = read_to_classify(&fixture("read/x_y_names.npz"), Some(20)).unwrap();
     assert!(labelled.labelled);
@@ -346,7 +345,6 @@ fn sweeps_to_classify_need_no_materials() {
     assert_eq!(labelled.names[..3], ["0", "1", "2"]);
 
     // `X` is in an archive, or a single array; a single sweep has two axes.
-    let array = std::fs::read(fixture("h5/expected_samples_u8.npy")).unwrap();
     let archive = dir.path().join("x.npz");
     let mut zip = ZipWriter::new(File::create(&archive).unwrap());
     zip.start_file("X.npy", SimpleFileOptions::default())
@@ -366,26 +364,36 @@ fn sweeps_to_classify_need_no_materials() {
         found.dataset.samples(),
         &Samples::U8(expected_samples()[..960].to_vec())
     );
-    // Five axes contain materials, which need names.
-    let five = dir.path().join("five.npy");
-    std::fs::write(&five, array).unwrap();
-    let refused = read_to_classify(&five, None).unwrap_err().to_string();
-    assert!(refused.contains("materials"), "{refused}");
     let refused = format::read(&archive).unwrap_err().to_string();
     assert!(
         refused.contains("`labels` or `y`") || refused.contains("`y`"),
         "{refused}"
     );
+}
 
-    // Tables: a file of numbers, a folder of them, a table with and without a column of sweeps.
-    let write = |name: &str, text: &str| {
-        let path = dir.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(&path, text).unwrap();
-        path
-    };
-    let numbers = write("folder/b.csv", "1,2\n3,4\n5,6\n");
-    write("folder/a.csv", "7,8\n9,10\n11,12\n");
+#[test]
+fn five_axes_contain_materials_which_need_names() {
+    let dir = tempfile::tempdir().unwrap();
+    let array = std::fs::read(fixture("h5/expected_samples_u8.npy")).unwrap();
+    let five = dir.path().join("five.npy");
+    std::fs::write(&five, array).unwrap();
+    let refused = read_to_classify(&five, None).unwrap_err().to_string();
+    assert!(refused.contains("materials"), "{refused}");
+}
+
+fn write_in(dir: &TempDir, name: &str, text: &str) -> PathBuf {
+    let path = dir.path().join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// A file of numbers, a folder of them, a table with and without a column of sweeps.
+#[test]
+fn tables_to_classify_need_no_materials() {
+    let dir = tempfile::tempdir().unwrap();
+    let numbers = write_in(&dir, "folder/b.csv", "1,2\n3,4\n5,6\n");
+    write_in(&dir, "folder/a.csv", "7,8\n9,10\n11,12\n");
     let one = read_to_classify(&numbers, None).unwrap();
     assert_eq!(
         (one.names[0].as_str(), one.dataset.sweep(0)),
@@ -397,20 +405,28 @@ fn sweeps_to_classify_need_no_materials() {
         (folder.dataset.name(), folder.dataset.sweep(1)),
         ("folder", vec![1., 2., 3., 4.])
     );
-    let named = write("named.csv", "time,p0,p1\n0,1,2\n0.01,3,4\n");
+    let named = write_in(&dir, "named.csv", "time,p0,p1\n0,1,2\n0.01,3,4\n");
     let named = read_to_classify(&named, None).unwrap();
     assert_eq!(
         (named.dataset.sample_rate_hz(), named.names[0].as_str()),
         (100.0, "named")
     );
-    let table = write(
+    let table = write_in(
+        &dir,
         "table.csv",
         "sweep,p0,p1\nfirst,1,2\nfirst,3,4\nsecond,5,6\nsecond,7,8\n",
     );
     let table = read_to_classify(&table, None).unwrap();
     assert_eq!(table.names, ["first", "second"]);
     assert!(!table.labelled);
-    // Clocks and frame counters of any unit are not taxels.
+    let gap = write_in(&dir, "gap.csv", "1,2\nnan,4\n");
+    let refused = read_to_classify(&gap, None).unwrap_err().to_string();
+    assert!(refused.contains("finite numbers"), "{refused}");
+}
+
+#[test]
+fn clocks_and_frame_counters_of_any_unit_are_no_taxels() {
+    let dir = tempfile::tempdir().unwrap();
     let clocks = [
         ("frame,t_ms,p0,p1\n0,0,1,2\n1,10,3,4\n", Some(100.0)),
         (",Time [us],p0,p1\n0,0,1,2\n1,2000,3,4\n", Some(500.0)),
@@ -421,16 +437,13 @@ fn sweeps_to_classify_need_no_materials() {
         ("p0,p1,step\n1,2,0\n3,4,1\n", None),
     ];
     for (text, rate) in clocks {
-        let found = read_to_classify(&write("clock.csv", text), None)
+        let found = read_to_classify(&write_in(&dir, "clock.csv", text), None)
             .unwrap()
             .dataset;
         assert_eq!(found.sweep(0), [1., 2., 3., 4.], "{text}");
         let named = (!found.is_rate_assumed()).then(|| found.sample_rate_hz());
         assert_eq!(named, rate, "{text}");
     }
-    let gap = write("gap.csv", "1,2\nnan,4\n");
-    let refused = read_to_classify(&gap, None).unwrap_err().to_string();
-    assert!(refused.contains("finite numbers"), "{refused}");
 }
 
 /// Returns the bytes of a `.npy` file of digits.

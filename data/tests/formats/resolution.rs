@@ -26,15 +26,33 @@ fn values(offset: f64, fraction: f64) -> Vec<f64> {
     (0..SWEEPS * STEPS * TAXELS).map(value).collect()
 }
 
+fn bytes(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+fn material(sweep: usize) -> &'static str {
+    if 2 * sweep < SWEEPS { "cork" } else { "wood" }
+}
+
+fn write_hdf5(path: &Path, values: &[f64], chunk: Option<[u64; 5]>) -> PathBuf {
+    let extents = [2, SWEEPS as u64 / 2, STEPS as u64, 1, TAXELS as u64];
+    let samples = DatasetBuilder::typed_data("samples", extents, values).unwrap();
+    let samples = match chunk {
+        Some(chunk) => samples.chunked(chunk),
+        None => samples,
+    };
+    let names = DatasetBuilder::fixed_string_data("materials", [2], &["cork", "wood"]).unwrap();
+    let plan = Hdf5Builder::new()
+        .dataset(samples)
+        .dataset(names)
+        .into_plan()
+        .unwrap();
+    std::fs::write(path, plan.encode(WriteOptions::default()).unwrap()).unwrap();
+    path.to_path_buf()
+}
+
 /// Writes the values in all formats, and returns the paths.
 fn files(dir: &Path, values: &[f64]) -> Vec<PathBuf> {
-    let bytes = |values: &[f64]| {
-        values
-            .iter()
-            .flat_map(|x| x.to_le_bytes())
-            .collect::<Vec<u8>>()
-    };
-    let material = |sweep: usize| if 2 * sweep < SWEEPS { "cork" } else { "wood" };
     let npz = dir.join("own.npz");
     let labels: Vec<u8> = (0..SWEEPS)
         .map(|sweep| (2 * sweep / SWEEPS) as u8)
@@ -69,25 +87,9 @@ fn files(dir: &Path, values: &[f64]) -> Vec<PathBuf> {
     }
     write(&table, &frames);
 
-    let extents = [2, SWEEPS as u64 / 2, STEPS as u64, 1, TAXELS as u64];
-    let hdf5 = |name: &str, chunk: Option<[u64; 5]>| {
-        let samples = DatasetBuilder::typed_data("samples", extents, values).unwrap();
-        let samples = match chunk {
-            Some(chunk) => samples.chunked(chunk),
-            None => samples,
-        };
-        let names = DatasetBuilder::fixed_string_data("materials", [2], &["cork", "wood"]).unwrap();
-        let plan = Hdf5Builder::new()
-            .dataset(samples)
-            .dataset(names)
-            .into_plan()
-            .unwrap();
-        let path = dir.join(name);
-        std::fs::write(&path, plan.encode(WriteOptions::default()).unwrap()).unwrap();
-        path
-    };
-    let chunked = hdf5("chunked.h5", Some([1, 2, 70, 1, 2]));
-    vec![npz, folder, arrays, table, hdf5("whole.h5", None), chunked]
+    let whole = write_hdf5(&dir.join("whole.h5"), values, None);
+    let chunked = write_hdf5(&dir.join("chunked.h5"), values, Some([1, 2, 70, 1, 2]));
+    vec![npz, folder, arrays, table, whole, chunked]
 }
 
 fn read(values: &[f64]) -> Vec<Result<Dataset, DataError>> {

@@ -42,11 +42,10 @@ pub(crate) fn write(path: &Path, text: &str) {
 }
 
 #[test]
-fn a_folder_of_tables_is_a_data_set() {
+fn a_table_of_labels_describes_the_files_of_a_folder() {
     let dir = tempfile::tempdir().unwrap();
     let materials = expected_materials();
-
-    // A table of labels, with a name for every column and times, separated by semicolons.
+    // With a name for every column and times, separated by semicolons.
     let listed = dir.path().join("listed");
     let header = columns(';');
     let mut labels = String::from("file,material,block,test\n");
@@ -77,22 +76,41 @@ fn a_folder_of_tables_is_a_data_set() {
     );
     assert_eq!(dataset.records()[7].block, Some(1));
     assert_eq!(dataset.records()[7].test, Some(true));
+}
 
-    // One folder per material, without names or times.
-    let folders = dir.path().join("folders");
+/// Writes one folder per material, without names or times.
+fn write_folders(folders: &Path) {
+    let materials = expected_materials();
     for (sweep, text) in frames(',', |_, _| String::new()).iter().enumerate() {
         write(
             &folders.join(format!("{}/{sweep:02}.csv", materials[sweep / 4])),
             text,
         );
     }
+}
+
+#[test]
+fn a_folder_of_tables_per_material_is_a_data_set() {
+    let dir = tempfile::tempdir().unwrap();
+    let folders = dir.path().join("folders");
+    write_folders(&folders);
     let dataset = format::read(&folders).unwrap();
     assert_line(&dataset);
-    assert_eq!(names(&dataset), materials);
+    assert_eq!(names(&dataset), expected_materials());
     assert!(dataset.is_rate_assumed());
+    let empty = format::read(dir.path()).unwrap_err().to_string();
+    assert!(
+        empty.contains("expected labels.csv with columns file, material"),
+        "{empty}"
+    );
+}
 
-    // One sweep is shorter than the others.
-    let short = folders.join(format!("{}/00.csv", materials[0]));
+#[test]
+fn a_sweep_that_is_shorter_than_the_others_is_named_left_out_or_decides_the_length() {
+    let dir = tempfile::tempdir().unwrap();
+    let folders = dir.path().join("folders");
+    write_folders(&folders);
+    let short = folders.join(format!("{}/00.csv", expected_materials()[0]));
     let whole = frames(',', |_, _| String::new()).remove(0);
     let text: String = whole.split_inclusive('\n').take(50).collect();
     write(&short, &text);
@@ -114,7 +132,14 @@ fn a_folder_of_tables_is_a_data_set() {
     assert_eq!(odd.frames, 50);
     let cut = format::read_with(&folders, &ReadOptions::keeping(Some(50))).unwrap();
     assert_eq!((cut.len(), cut.shape().steps), (12, 50));
+}
 
+#[test]
+fn mistakes_in_a_table_of_a_folder_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let folders = dir.path().join("folders");
+    write_folders(&folders);
+    let short = folders.join(format!("{}/00.csv", expected_materials()[0]));
     let mistakes = [
         (
             "1,2\n1,x\n",
@@ -137,11 +162,6 @@ fn a_folder_of_tables_is_a_data_set() {
         let refused = format::read(&folders).unwrap_err().to_string();
         assert!(refused.contains(complaint), "{text}: {refused}");
     }
-    let empty = format::read(dir.path()).unwrap_err().to_string();
-    assert!(
-        empty.contains("expected labels.csv with columns file, material"),
-        "{empty}"
-    );
 }
 
 #[test]

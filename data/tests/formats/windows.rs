@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use tactnet_data::format::{self, ReadOptions, Span, Windows, npz};
-use tactnet_data::{Dataset, FindingKind, Remedy, Severity, check};
+use tactnet_data::{DataError, Dataset, FindingKind, Remedy, Severity, check};
 
 use crate::tables::write;
 
@@ -178,38 +178,60 @@ fn a_recording_without_a_sweep_column_names_the_cure() {
     assert_eq!(error.remedy(), Some(Remedy::DropUnlabelled), "{error}");
 }
 
-#[test]
-fn intervals_label_recordings_in_their_clock() {
-    let dir = tempfile::tempdir().unwrap();
-    let table = dir.path().join("intervals.csv");
-    let frames = |name: &str, header: &str, stamp: &dyn Fn(usize) -> String| {
+/// Recordings of 200 frames, with a table of intervals that label them.
+struct Intervals {
+    dir: tempfile::TempDir,
+    table: PathBuf,
+}
+
+impl Intervals {
+    fn new() -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let table = dir.path().join("intervals.csv");
+        Self { dir, table }
+    }
+
+    /// Writes a recording whose values are the numbers of the frames.
+    fn record(&self, name: &str, header: &str, stamp: impl Fn(usize) -> String) {
         let rows = (0..200).map(|frame| format!("{},{frame}\n", stamp(frame)));
         write(
-            &dir.path().join(format!("in/{name}.csv")),
+            &self.dir.path().join(format!("in/{name}.csv")),
             &format!("{header},p\n{}", rows.collect::<String>()),
         );
-    };
-    let options = ReadOptions {
-        windows: Some(Windows {
-            intervals: Some(table.clone()),
-            ..Windows::of(Span::Steps(20))
-        }),
-        ..ReadOptions::default()
-    };
-    let read = |path: &Path| format::read_with(path, &options).map(|dataset| contents(&dataset));
-    let one = dir.path().join("in/a.csv");
-    let of = |found: &[(&str, u32, f32)]| {
-        found
-            .iter()
-            .map(|(label, block, first)| (label.to_string(), *block, *first))
-            .collect::<Vec<_>>()
-    };
-    let expected = of(&[("felt", 0, 50.0), ("cork", 1, 100.0), ("cork", 1, 120.0)]);
+    }
+
+    fn read(&self, name: &str) -> Result<Vec<(String, u32, f32)>, DataError> {
+        let options = ReadOptions {
+            windows: Some(Windows {
+                intervals: Some(self.table.clone()),
+                ..Windows::of(Span::Steps(20))
+            }),
+            ..ReadOptions::default()
+        };
+        let dataset = format::read_with(&self.dir.path().join(name), &options)?;
+        Ok(contents(&dataset))
+    }
+}
+
+fn windows_of(found: &[(&str, u32, f32)]) -> Vec<(String, u32, f32)> {
+    let owned = |(label, block, first): &(&str, u32, f32)| (label.to_string(), *block, *first);
+    found.iter().map(owned).collect()
+}
+
+/// Returns a stamp of 100 Hz in seconds.
+fn seconds(frame: usize) -> String {
+    format!("{}", frame as f64 / 100.0)
+}
+
+#[test]
+fn intervals_label_recordings_in_their_clock() {
+    let intervals = Intervals::new();
+    let expected = windows_of(&[("felt", 0, 50.0), ("cork", 1, 100.0), ("cork", 1, 120.0)]);
     // Seconds, milliseconds, Unix time in nanoseconds, dates.
-    for (header, stamp, intervals) in [
+    for (header, stamp, table) in [
         (
             "time",
-            &(|frame: usize| format!("{}", frame as f64 / 100.0)) as &dyn Fn(usize) -> String,
+            &seconds as &dyn Fn(usize) -> String,
             "start,end,label\n0.5,0.75,felt\n1,1.4,cork\n",
         ),
         (
@@ -233,29 +255,39 @@ fn intervals_label_recordings_in_their_clock() {
             "start,end,label\n2024-05-31T12:00:00.5,2024-05-31T12:00:00.75,felt\n2024-05-31T12:00:01,2024-05-31T12:00:01.4,cork\n",
         ),
     ] {
-        frames("a", header, stamp);
-        write(&table, intervals);
-        assert_eq!(read(&one).unwrap(), expected, "{header} {intervals}");
+        intervals.record("a", header, stamp);
+        write(&intervals.table, table);
+        let found = intervals.read("in/a.csv").unwrap();
+        assert_eq!(found, expected, "{header} {table}");
     }
-    // Of several recordings, the column `file` names one.
-    frames("a", "time", &|frame| format!("{}", frame as f64 / 100.0));
-    frames("b", "time", &|frame| format!("{}", frame as f64 / 100.0));
+}
+
+#[test]
+fn a_column_of_a_table_of_intervals_names_the_recording() {
+    let intervals = Intervals::new();
+    intervals.record("a", "time", seconds);
+    intervals.record("b", "time", seconds);
     write(
-        &table,
+        &intervals.table,
         "file,start,end,label\nb.csv,0,0.25,felt\na,1,1.25,cork\n,1.5,1.75,foam\n",
     );
-    let found = read(&dir.path().join("in")).unwrap();
+    let found = intervals.read("in").unwrap();
     assert_eq!(
         found,
-        of(&[
+        windows_of(&[
             ("cork", 0, 100.0),
             ("foam", 1, 150.0),
             ("felt", 2, 0.0),
             ("foam", 3, 150.0)
         ])
     );
-    // Mistakes.
-    for (intervals, complaint) in [
+}
+
+#[test]
+fn mistakes_in_a_table_of_intervals_are_named() {
+    let intervals = Intervals::new();
+    intervals.record("a", "time", seconds);
+    for (table, complaint) in [
         (
             "start,end,label\n0,1,felt\n0.5,1.5,cork\n",
             "line 3: expected a start after the end of `felt`, 1 s (line 2), found 0.5",
@@ -277,8 +309,8 @@ fn intervals_label_recordings_in_their_clock() {
             "expected numbers, as the times of the recording, found dates",
         ),
     ] {
-        write(&table, intervals);
-        let refused = read(&one).unwrap_err().to_string();
+        write(&intervals.table, table);
+        let refused = intervals.read("in/a.csv").unwrap_err().to_string();
         assert!(refused.contains(complaint), "{complaint}: {refused}");
     }
 }

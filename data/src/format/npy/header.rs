@@ -79,12 +79,7 @@ impl Header {
         };
         let kind = letters.next().unwrap_or(' ');
         if !"uifbSU".contains(kind) {
-            return Err(match kind {
-                'O' => "an object array (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)".into(),
-                'c' => format!("complex numbers ({}); `np.abs(X)` or `X.real.astype(np.float32)` gives real ones", numpy_name(kind, letters.as_str())),
-                'M' | 'm' => format!("{}; `X.astype(np.int64)` gives numbers", numpy_name(kind, letters.as_str())),
-                _ => format!("values of type `{descr}`"),
-            });
+            return Err(unread_kind(descr, kind, letters.as_str()));
         }
         let size: usize = letters
             .as_str()
@@ -114,6 +109,16 @@ impl Header {
             shape,
             bytes,
         })
+    }
+}
+
+/// Returns a description of a type that is not read, and a cure if there is one.
+fn unread_kind(descr: &str, kind: char, size: &str) -> String {
+    match kind {
+        'O' => "an object array (pickled), as numpy saves a dict, or a list of sweeps of several lengths: sweeps must be one array of numbers, names text (`.astype(str)`)".into(),
+        'c' => format!("complex numbers ({}); `np.abs(X)` or `X.real.astype(np.float32)` gives real ones", numpy_name(kind, size)),
+        'M' | 'm' => format!("{}; `X.astype(np.int64)` gives numbers", numpy_name(kind, size)),
+        _ => format!("values of type `{descr}`"),
     }
 }
 
