@@ -231,6 +231,22 @@ fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64> {
     out
 }
 
+/// Returns `[sweeps][materials]` targets, 1 for the sweep's material and -1 for others, minus their means; and the means.
+fn centred_targets(labels: &[usize], materials: usize) -> (Mat<f64>, Vec<f64>) {
+    let sweeps = labels.len();
+    let mut targets = Mat::<f64>::from_fn(sweeps, materials, |sweep, label| {
+        if labels[sweep] == label { 1.0 } else { -1.0 }
+    });
+    let mut target_means = Vec::with_capacity(materials);
+    for label in 0..materials {
+        let column = targets.col_as_slice_mut(label);
+        let mean = column.iter().sum::<f64>() / sweeps as f64;
+        column.iter_mut().for_each(|target| *target -= mean);
+        target_means.push(mean);
+    }
+    (targets, target_means)
+}
+
 fn solve(
     gram: Gram,
     labels: &[usize],
@@ -248,16 +264,7 @@ fn solve(
             reason: format!("no eigenvalues of the Gram matrix: {error:?}"),
         })?;
     let (vectors, values) = (eigen.U(), eigen.S().column_vector());
-    let mut targets = Mat::<f64>::from_fn(sweeps, materials, |sweep, label| {
-        if labels[sweep] == label { 1.0 } else { -1.0 }
-    });
-    let mut target_means = Vec::with_capacity(materials);
-    for label in 0..materials {
-        let column = targets.col_as_slice_mut(label);
-        let mean = column.iter().sum::<f64>() / sweeps as f64;
-        column.iter_mut().for_each(|target| *target -= mean);
-        target_means.push(mean);
-    }
+    let (targets, target_means) = centred_targets(labels, materials);
     let projected = product(vectors.transpose(), targets.as_ref());
     let squares = Mat::<f64>::from_fn(sweeps, sweeps, |i, j| vectors[(i, j)].powi(2));
     let mut best: Option<(f64, Dual)> = None;

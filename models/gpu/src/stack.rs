@@ -4,6 +4,8 @@
 //! statistics and loss exclude and whose gradient is zero. The order of summation depends on sizes only, so a network's results
 //! do not depend on the other networks in the stack.
 
+mod upload;
+
 use std::fmt;
 use std::ops::Range;
 
@@ -20,6 +22,7 @@ use crate::stack_data::{
 };
 use crate::stack_shape::StackShape;
 use crate::sweeps::{Digits, perturbed};
+use upload::OnDevice;
 
 /// Networks that train together on a device.
 pub struct Stack {
@@ -41,32 +44,6 @@ pub struct Stack {
 impl fmt::Debug for Stack {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Stack").field(&self.shape).finish()
-    }
-}
-
-/// Inputs of one step on the device.
-struct OnDevice {
-    counts: Stacked,
-    labels: Stacked,
-    masks: Vec<Stacked>,
-    chosen: Option<Stacked>,
-    /// `[rate, epsilon, correction of each layer's variance]`
-    of_step: Stacked,
-}
-
-/// Buffer of words with several parts.
-struct Words(Vec<u32>);
-
-impl Words {
-    /// Appends `[networks][len]` words and returns their location.
-    fn add(&mut self, networks: usize, words: &[u32]) -> Place {
-        assert_eq!(words.len() % networks, 0, "as many words for each network");
-        let place = Place {
-            offset: self.0.len(),
-            stride: words.len() / networks,
-        };
-        self.0.extend_from_slice(words);
-        place
     }
 }
 
@@ -144,50 +121,12 @@ impl Stack {
     /// If the batch does not match the shape, or selects from sweeps that were not uploaded.
     pub fn step(&mut self, batch: &StackBatch<'_>) {
         let device = self.upload(batch);
-        let sweeps = match (&batch.sweeps, &device.chosen, &self.digits) {
-            (StackSweeps::Values(values), _, _) => {
-                let len = self.shape.batch * self.shape.values();
-                assert_eq!(values.len(), self.shape.networks * len, "normalised sweeps");
-                let handle = self.client.create_from_slice(f32::as_bytes(values));
-                Stacked::each(&handle, self.shape.networks, len)
-            }
-            (_, Some(chosen), Some(digits)) => {
-                digits.batch(&self.client, self.shape.networks, chosen, &device.counts)
-            }
-            _ => panic!("sweeps are chosen from those on the device"),
-        };
-        let mut gradients = Vec::new();
-        let mut measured = Vec::new();
-        let mut statistics = Vec::new();
-        match self.method.attack.clone() {
-            None => {
-                let pass = self.pass(&device, 0, &sweeps, 1.0, false);
-                gradients.push(pass.gradients);
-                measured.push(pass.measured);
-                statistics.push(pass.statistics);
-            }
-            Some(attack) => {
-                // The sign of dE/dx needs a clean loss even if its weight is zero.
-                let weight = if attack.alpha > 0.0 {
-                    attack.alpha
-                } else {
-                    1.0
-                };
-                let clean = self.pass(&device, 0, &sweeps, weight as f32, true);
-                let moved = self.attacked(&sweeps, &clean);
-                let share = (1.0 - attack.alpha) as f32;
-                let attacked = self.pass(&device, 1, &moved, share, false);
-                if attack.alpha > 0.0 {
-                    gradients.push(clean.gradients);
-                }
-                gradients.push(attacked.gradients);
-                measured.extend([clean.measured, attacked.measured]);
-                statistics.push(clean.statistics);
-                if attack.follow_both {
-                    statistics.push(attacked.statistics);
-                }
-            }
-        }
+        let sweeps = self.sweeps(batch, &device);
+        let Passes {
+            gradients,
+            measured,
+            statistics,
+        } = self.passes(&device, &sweeps);
         let networks = self.shape.networks;
         let inputs = StepInputs {
             of_step: &device.of_step,
@@ -218,69 +157,61 @@ impl Stack {
         self.measured.push(measured);
     }
 
+    /// Returns the normalised sweeps of a batch: the uploaded ones, or a choice of those on the device.
+    fn sweeps(&self, batch: &StackBatch<'_>, device: &OnDevice) -> Stacked {
+        match (&batch.sweeps, &device.chosen, &self.digits) {
+            (StackSweeps::Values(values), _, _) => {
+                let len = self.shape.batch * self.shape.values();
+                assert_eq!(values.len(), self.shape.networks * len, "normalised sweeps");
+                let handle = self.client.create_from_slice(f32::as_bytes(values));
+                Stacked::each(&handle, self.shape.networks, len)
+            }
+            (_, Some(chosen), Some(digits)) => {
+                digits.batch(&self.client, self.shape.networks, chosen, &device.counts)
+            }
+            _ => panic!("sweeps are chosen from those on the device"),
+        }
+    }
+
+    /// Runs the pass on the sweeps and, if there is an attack, the one on perturbed sweeps.
+    fn passes(&self, device: &OnDevice, sweeps: &Stacked) -> Passes {
+        let Some(attack) = &self.method.attack else {
+            let pass = self.pass(device, 0, sweeps, 1.0, false);
+            return Passes {
+                gradients: vec![pass.gradients],
+                measured: vec![pass.measured],
+                statistics: vec![pass.statistics],
+            };
+        };
+        // The sign of dE/dx needs a clean loss even if its weight is zero.
+        let weight = if attack.alpha > 0.0 {
+            attack.alpha
+        } else {
+            1.0
+        };
+        let clean = self.pass(device, 0, sweeps, weight as f32, true);
+        let moved = self.attacked(sweeps, &clean);
+        let share = (1.0 - attack.alpha) as f32;
+        let attacked = self.pass(device, 1, &moved, share, false);
+        let mut passes = Passes {
+            gradients: vec![attacked.gradients],
+            measured: vec![clean.measured, attacked.measured],
+            statistics: vec![clean.statistics],
+        };
+        if attack.alpha > 0.0 {
+            passes.gradients.insert(0, clean.gradients);
+        }
+        if attack.follow_both {
+            passes.statistics.push(attacked.statistics);
+        }
+        passes
+    }
+
     fn attacked(&self, sweeps: &Stacked, clean: &Pass) -> Stacked {
         let (Some(gradient), Some(epsilon)) = (&clean.input, &self.epsilon) else {
             panic!("an attack has an epsilon, and a gradient of the sweeps");
         };
         perturbed(&self.client, &self.shape, sweeps, gradient, epsilon)
-    }
-
-    fn upload(&self, batch: &StackBatch<'_>) -> OnDevice {
-        let shape = &self.shape;
-        let networks = shape.networks;
-        let passes = 1 + usize::from(self.method.attack.is_some());
-        let masks = networks * shape.batch * shape.mask_words();
-        assert!(
-            batch.counts.len() == networks
-                && batch
-                    .counts
-                    .iter()
-                    .all(|count| *count as usize <= shape.batch)
-                && batch.rates.len() == networks
-                && batch.labels.len() == networks * shape.batch
-                && batch.masks.len() == passes
-                && batch.masks.iter().all(|mask| mask.len() == masks),
-            "a batch has the sizes of {shape:?}"
-        );
-        let mut words = Words(Vec::with_capacity(2 * batch.labels.len() + passes * masks));
-        let counts = words.add(networks, batch.counts);
-        let labels = words.add(networks, batch.labels);
-        let masks: Vec<Place> = batch
-            .masks
-            .iter()
-            .map(|mask| words.add(networks, mask))
-            .collect();
-        let chosen = match batch.sweeps {
-            StackSweeps::Chosen(numbers) => Some(words.add(networks, numbers)),
-            StackSweeps::Values(_) => None,
-        };
-        let handle = self.client.create_from_slice(u32::as_bytes(&words.0));
-        let buffer = (handle, words.0.len());
-        let part = |place| Stacked {
-            buffer: buffer.clone(),
-            place,
-        };
-        let mut of_step = Vec::with_capacity(networks * (2 + shape.layers()));
-        for (rates, count) in batch.rates.iter().zip(batch.counts) {
-            of_step.extend(rates);
-            of_step.extend((0..shape.layers()).map(|layer| {
-                let values = f64::from(*count) * shape.values_of_sweep(layer) as f64;
-                let bessel = if values > 1.0 {
-                    values / (values - 1.0)
-                } else {
-                    1.0
-                };
-                bessel as f32
-            }));
-        }
-        let handle = self.client.create_from_slice(f32::as_bytes(&of_step));
-        OnDevice {
-            counts: part(counts),
-            labels: part(labels),
-            masks: masks.into_iter().map(part).collect(),
-            chosen: chosen.map(part),
-            of_step: Stacked::each(&handle, networks, 2 + shape.layers()),
-        }
     }
 
     /// Runs forward and backward pass of all networks.
@@ -335,16 +266,7 @@ impl Stack {
         let (counts, mask) = (&device.counts, &device.masks[number]);
         let parameters = &self.adam_state.parameters;
         let gradients = &targets.gradients;
-        let dense_shape = DenseShape {
-            rows: shape.batch,
-            inputs: shape.features(),
-            outputs: shape.hidden,
-        };
-        let output_shape = DenseShape {
-            rows: shape.batch,
-            inputs: shape.hidden,
-            outputs: shape.materials,
-        };
+        let [dense_shape, output_shape] = self.dense_shapes();
         let [dense_layer, into_dense] = [parameters, gradients].map(|of| self.layer(of, last));
         let [output, into_output] =
             [parameters, gradients].map(|of| part(of, &shape.weight(last + 1)));
@@ -382,6 +304,20 @@ impl Stack {
             dense_shape.input_gradient(client, networks, &of_dense, &dense_layer.weight);
         let of_maps = head.drop_out_gradient(client, networks, &of_dropped, mask, self.method.kept);
         (of_maps, measured)
+    }
+
+    /// Returns the sizes of dense and output layer.
+    fn dense_shapes(&self) -> [DenseShape; 2] {
+        let shape = &self.shape;
+        let layer = |inputs, outputs| DenseShape {
+            rows: shape.batch,
+            inputs,
+            outputs,
+        };
+        [
+            layer(shape.features(), shape.hidden),
+            layer(shape.hidden, shape.materials),
+        ]
     }
 
     /// Runs the backward pass of the blocks; returns the gradient of the sweeps if requested.
@@ -489,6 +425,13 @@ impl Stack {
 struct Targets {
     statistics: Stacked,
     gradients: Stacked,
+}
+
+/// Results of a step's passes.
+struct Passes {
+    gradients: Vec<Stacked>,
+    measured: Vec<Stacked>,
+    statistics: Vec<Stacked>,
 }
 
 /// Results of a pass.

@@ -61,6 +61,138 @@ struct Case {
     capacity: usize,
 }
 
+/// Raw sweeps of one byte per value, and the scaling of each network.
+struct RawSweeps {
+    bytes: Vec<u8>,
+    /// `[networks][offset, gain][taxels]`
+    scaling: Vec<f32>,
+}
+
+impl RawSweeps {
+    fn new(shape: &StackShape) -> Self {
+        let taxels = shape.taxels;
+        let scaling = (0..NETWORKS).flat_map(|network| {
+            let offset = (0..taxels).map(move |x| 100.0 + (network + x) as f32);
+            let gain = (0..taxels).map(move |x| 0.01 + 0.001 * (network * x) as f32);
+            offset.chain(gain)
+        });
+        Self {
+            bytes: noise(SWEEPS * shape.values(), 3)
+                .iter()
+                .map(|value| (value * 200.0 + 110.0) as u8)
+                .collect(),
+            scaling: scaling.collect(),
+        }
+    }
+
+    /// Returns four bytes per word.
+    fn words(&self) -> Vec<u32> {
+        let (words, _) = self.bytes.as_chunks();
+        words.iter().map(|four| u32::from_le_bytes(*four)).collect()
+    }
+
+    /// Returns the scaled sweeps with these numbers; zeros for sweeps that fill up a batch.
+    fn scaled(
+        &self,
+        chosen: &[u32],
+        shape: &StackShape,
+        capacity: usize,
+        only: Option<usize>,
+    ) -> Vec<f32> {
+        let taxels = shape.taxels;
+        let sweep = |(at, &number): (usize, &u32)| {
+            let network = only.unwrap_or(at / capacity);
+            let own = &self.scaling[network * 2 * taxels..][..2 * taxels];
+            let fills = at % capacity >= BATCH;
+            let sweep = &self.bytes[number as usize * shape.values()..][..shape.values()];
+            sweep.iter().enumerate().map(move |(i, &digit)| {
+                let x = i % taxels;
+                if fills {
+                    0.0
+                } else {
+                    (f32::from(digit) - own[x]) * own[taxels + x]
+                }
+            })
+        };
+        chosen.iter().enumerate().flat_map(sweep).collect()
+    }
+}
+
+/// Returns initial weights and moments.
+fn state(shape: &StackShape, only: Option<usize>) -> StackState {
+    let (parameters, statistics) = (shape.parameters(), shape.statistics());
+    let mut running = noise(NETWORKS * statistics, 2);
+    running.iter_mut().for_each(|value| *value += 1.0);
+    StackState {
+        parameters: of(&noise(NETWORKS * parameters, 1), parameters, only),
+        moments: [(); 2].map(|()| vec![0.0; shape.networks * parameters]),
+        running: of(&running, statistics, only),
+    }
+}
+
+fn method(shape: &StackShape, case: &Case, only: Option<usize>) -> StackMethod {
+    StackMethod {
+        kept: 1.25,
+        adam: AdamStep {
+            l2: 1e-3,
+            beta: [0.9, 0.999],
+            rate: 0.0,
+            epsilon: 0.0,
+        },
+        penalized: shape.weights(),
+        attack: case.attack.map(|(alpha, follow_both)| StackAttack {
+            alpha,
+            epsilon: of(
+                &[0.05, 0.1, 0.2].map(|e| [e; 4]).concat(),
+                shape.taxels,
+                only,
+            ),
+            follow_both,
+        }),
+    }
+}
+
+/// Random sweeps, labels and masks of a step. They are drawn for all networks; a stack of one network uses its part.
+struct Draws {
+    chosen: Vec<u32>,
+    labels: Vec<u32>,
+    masks: Vec<Vec<u32>>,
+}
+
+impl Draws {
+    fn of(step: usize, shape: &StackShape, case: &Case, only: Option<usize>) -> Self {
+        let seeded = |len: usize, seed: u64| noise(NETWORKS * BATCH * len, 10 * step as u64 + seed);
+        let own = |all: Vec<u32>, len: usize| -> Vec<u32> {
+            let padded = all.chunks(BATCH * len).flat_map(|own| {
+                let mut own = own.to_vec();
+                own.resize(case.capacity * len, 0);
+                own
+            });
+            of(&padded.collect::<Vec<u32>>(), case.capacity * len, only)
+        };
+        let draw = |seed: u64, up_to: f32| -> Vec<u32> {
+            let drawn = seeded(1, seed);
+            own(
+                drawn.iter().map(|v| ((v + 0.5) * up_to) as u32).collect(),
+                1,
+            )
+        };
+        let mask = |seed: u64| -> Vec<u32> {
+            let words = seeded(shape.mask_words(), seed);
+            let words = words
+                .iter()
+                .map(|v| v.to_bits().rotate_left(9) | 0x1111_1111);
+            own(words.collect(), shape.mask_words())
+        };
+        let passes = 1 + u64::from(case.attack.is_some());
+        Self {
+            chosen: draw(4, SWEEPS as f32),
+            labels: draw(5, 3.0),
+            masks: (0..passes).map(|pass| mask(6 + pass)).collect(),
+        }
+    }
+}
+
 /// Returns state and measurements after all steps.
 fn trained(
     client: &Client,
@@ -72,116 +204,30 @@ fn trained(
         batch: case.capacity,
         ..shape(networks, case.blocks)
     };
-    let (parameters, statistics) = (shape.parameters(), shape.statistics());
-    let mut running = noise(NETWORKS * statistics, 2);
-    running.iter_mut().for_each(|value| *value += 1.0);
-    let state = StackState {
-        parameters: of(&noise(NETWORKS * parameters, 1), parameters, only),
-        moments: [(); 2].map(|()| vec![0.0; networks * parameters]),
-        running: of(&running, statistics, only),
-    };
-    let taxels = shape.taxels;
-    let method = StackMethod {
-        kept: 1.25,
-        adam: AdamStep {
-            l2: 1e-3,
-            beta: [0.9, 0.999],
-            rate: 0.0,
-            epsilon: 0.0,
-        },
-        penalized: shape.weights(),
-        attack: case.attack.map(|(alpha, follow_both)| StackAttack {
-            alpha,
-            epsilon: of(&[0.05, 0.1, 0.2].map(|e| [e; 4]).concat(), taxels, only),
-            follow_both,
-        }),
-    };
-    // Sweeps of bytes, four per word.
-    let bytes: Vec<u8> = noise(SWEEPS * shape.values(), 3)
-        .iter()
-        .map(|value| (value * 200.0 + 110.0) as u8)
-        .collect();
-    let words: Vec<u32> = bytes
-        .chunks(4)
-        .map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
-        .collect();
-    let scaling: Vec<f32> = (0..NETWORKS)
-        .flat_map(|network| {
-            let offset = (0..taxels).map(move |x| 100.0 + (network + x) as f32);
-            let gain = (0..taxels).map(move |x| 0.01 + 0.001 * (network * x) as f32);
-            offset.chain(gain)
-        })
-        .collect();
-    let own_scaling = of(&scaling, 2 * taxels, only);
+    let raw = RawSweeps::new(&shape);
+    let words = raw.words();
+    let scaling = of(&raw.scaling, 2 * shape.taxels, only);
     let digits = case.digits.then_some(StackDigits {
         bits: 8,
         words: &words,
-        scaling: &own_scaling,
+        scaling: &scaling,
     });
+    let (method, state) = (method(&shape, case, only), state(&shape, only));
     let mut stack = Stack::new(client, shape.clone(), method, &state, digits);
     for step in 0..STEPS {
-        // Draws for all networks; a stack of one network uses its part.
-        let draw = |seed: u64, up_to: f32| -> Vec<u32> {
-            let all = noise(NETWORKS * BATCH, 10 * step as u64 + seed);
-            all.iter().map(|v| ((v + 0.5) * up_to) as u32).collect()
-        };
-        let padded = |all: Vec<u32>, len: usize| -> Vec<u32> {
-            all.chunks(BATCH * len)
-                .flat_map(|own| {
-                    let mut own = own.to_vec();
-                    own.resize(case.capacity * len, 0);
-                    own
-                })
-                .collect()
-        };
-        let chosen = padded(draw(4, SWEEPS as f32), 1);
-        let labels = padded(draw(5, 3.0), 1);
-        let mask = |seed: u64| -> Vec<u32> {
-            let words = noise(
-                NETWORKS * BATCH * shape.mask_words(),
-                10 * step as u64 + seed,
-            );
-            let words = words
-                .iter()
-                .map(|v| v.to_bits().rotate_left(9) | 0x1111_1111);
-            padded(words.collect(), shape.mask_words())
-        };
-        let masks = [mask(6), mask(7)];
-        let mask_len = case.capacity * shape.mask_words();
-        let masks = masks.map(|mask| of(&mask, mask_len, only));
-        let passes = 1 + usize::from(case.attack.is_some());
-        let masks: Vec<&[u32]> = masks[..passes].iter().map(Vec::as_slice).collect();
-        let counts = of(&counts(step), 1, only);
-        let chosen = of(&chosen, case.capacity, only);
-        let values: Vec<f32> = chosen
-            .iter()
-            .enumerate()
-            .flat_map(|(at, &number)| {
-                let network = only.unwrap_or(at / case.capacity);
-                let own = &scaling[network * 2 * taxels..][..2 * taxels];
-                let fills = at % case.capacity >= BATCH;
-                let sweep = &bytes[number as usize * shape.values()..][..shape.values()];
-                sweep.iter().enumerate().map(move |(i, &digit)| {
-                    let x = i % taxels;
-                    if fills {
-                        0.0
-                    } else {
-                        (f32::from(digit) - own[x]) * own[taxels + x]
-                    }
-                })
-            })
-            .collect();
-        let rates = of(&[[1e-2, 1e-8], [2e-2, 1e-8], [5e-3, 1e-8]], 1, only);
+        let draws = Draws::of(step, &shape, case, only);
+        let masks: Vec<&[u32]> = draws.masks.iter().map(Vec::as_slice).collect();
+        let values = raw.scaled(&draws.chosen, &shape, case.capacity, only);
         stack.step(&StackBatch {
-            counts: &counts,
+            counts: &of(&counts(step), 1, only),
             sweeps: if case.digits {
-                StackSweeps::Chosen(&chosen)
+                StackSweeps::Chosen(&draws.chosen)
             } else {
                 StackSweeps::Values(&values)
             },
-            labels: &of(&labels, case.capacity, only),
+            labels: &draws.labels,
             masks: &masks,
-            rates: &rates,
+            rates: &of(&[[1e-2, 1e-8], [2e-2, 1e-8], [5e-3, 1e-8]], 1, only),
         });
     }
     let measured = stack.measured();
