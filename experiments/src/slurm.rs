@@ -72,25 +72,9 @@ pub fn run_on_slurm(
             Some(job) => job,
             None => submit(dir, program, array, &logs, &open)?,
         };
-        let mut refused = 0;
-        loop {
-            thread::sleep(array.poll);
-            let waiting = in_queue(&job);
-            report_done(dir, &open, &mut known, &mut tell);
-            if stop() {
-                return cancel(&job, array.poll);
-            }
-            match waiting {
-                Ok(false) => break,
-                Ok(true) => refused = 0,
-                // A busy controller may fail to respond for a while.
-                Err(error) => {
-                    refused += 1;
-                    if refused > MAX_REFUSALS {
-                        return Err(error);
-                    }
-                }
-            }
+        let look = || report_done(dir, &open, &mut known, &mut tell);
+        if is_stopped(&job, array.poll, &stop, look)? {
+            return cancel(&job, array.poll);
         }
         report_done(dir, &open, &mut known, &mut tell);
         for &index in open.iter().filter(|&&index| !known[index]) {
@@ -104,6 +88,40 @@ pub fn run_on_slurm(
         }
     }
     failures(dir)
+}
+
+/// Waits until the job has left the queue; returns true if `stop` returns true before.
+///
+/// - `look`: called after every query of the queue
+///
+/// # Errors
+/// A queue that does not answer for a long time.
+fn is_stopped(
+    job: &str,
+    poll: Duration,
+    stop: impl Fn() -> bool,
+    mut look: impl FnMut(),
+) -> Result<bool, ExperimentError> {
+    let mut refused = 0;
+    loop {
+        thread::sleep(poll);
+        let waiting = in_queue(job);
+        look();
+        if stop() {
+            return Ok(true);
+        }
+        match waiting {
+            Ok(false) => return Ok(false),
+            Ok(true) => refused = 0,
+            // A busy controller may fail to respond for a while.
+            Err(error) => {
+                refused += 1;
+                if refused > MAX_REFUSALS {
+                    return Err(error);
+                }
+            }
+        }
+    }
 }
 
 /// Reports the tasks of `open` that have finished since the last call, and marks them as known.

@@ -85,17 +85,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         failed: FailedTasks::of(tasks().filter_map(|task| Some((task, dir.failure(task)?)))),
         train_seconds: finished.iter().map(|task| task.record.seconds).sum(),
         processors: set(&|task| task.processors.clone()),
-        data: finished
-            .iter()
-            .map(|task| {
-                let record = DataRecord {
-                    sha256: task.data_sha256.clone(),
-                    origin: task.origin,
-                    assumed_rate_hz: task.assumed_rate_hz,
-                };
-                (task.data.clone(), record)
-            })
-            .collect(),
+        data: finished.iter().map(data_record).collect(),
         rows,
         comparisons,
         records: finished.iter().map(|task| task.record.clone()).collect(),
@@ -107,6 +97,16 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
     };
     complete(&mut summary, dir, &finished)?;
     Ok(summary)
+}
+
+/// Returns the name of a task's data set and its record.
+fn data_record(task: &FinishedTask<'_>) -> (String, DataRecord) {
+    let record = DataRecord {
+        sha256: task.data_sha256.clone(),
+        origin: task.origin,
+        assumed_rate_hz: task.assumed_rate_hz,
+    };
+    (task.data.clone(), record)
 }
 
 /// Adds the results that are specific to the question.

@@ -322,40 +322,50 @@ impl NetworkRecipe {
     }
 
     fn validate(&self) -> Result<(), InvalidSetting> {
-        let training = &self.training;
-        let positive = |value: f64| value.is_finite() && value > 0.0;
-        let wrong = |setting, expected, found| {
-            Err(InvalidSetting {
-                setting,
-                expected,
-                found,
-            })
-        };
         if self.name.trim().is_empty() {
             return wrong("name", "a name", "an empty one".into());
         }
-        if training.epochs == 0 {
+        self.training.validate()?;
+        if let PredictionMethod::McDropout { mc_samples: 0 } = self.prediction.method {
+            return wrong("prediction.method.mc_samples", "at least 1", "0".into());
+        }
+        Ok(())
+    }
+}
+
+fn wrong(
+    setting: &'static str,
+    expected: &'static str,
+    found: String,
+) -> Result<(), InvalidSetting> {
+    Err(InvalidSetting {
+        setting,
+        expected,
+        found,
+    })
+}
+
+impl TrainingSettings {
+    fn validate(&self) -> Result<(), InvalidSetting> {
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        if self.epochs == 0 {
             return wrong("training.epochs", "at least 1", "0".into());
         }
-        if training.batch < 2 {
+        if self.batch < 2 {
             let expected = "at least 2, since batch norm needs more than one sweep";
-            return wrong("training.batch", expected, training.batch.to_string());
+            return wrong("training.batch", expected, self.batch.to_string());
         }
-        if !positive(training.learning_rate) {
+        if !positive(self.learning_rate) {
             return wrong(
                 "training.learning_rate",
                 "a positive number",
-                training.learning_rate.to_string(),
+                self.learning_rate.to_string(),
             );
         }
-        if !(training.l2.is_finite() && training.l2 >= 0.0) {
-            return wrong(
-                "training.l2",
-                "a number of at least 0",
-                training.l2.to_string(),
-            );
+        if !(self.l2.is_finite() && self.l2 >= 0.0) {
+            return wrong("training.l2", "a number of at least 0", self.l2.to_string());
         }
-        if let Some(drop) = training
+        if let Some(drop) = self
             .learning_rate_drops
             .iter()
             .find(|d| !positive(d.factor))
@@ -366,19 +376,19 @@ impl NetworkRecipe {
                 drop.factor.to_string(),
             );
         }
-        if let Some(OneCycle { warm_up }) = training.one_cycle {
+        if let Some(OneCycle { warm_up }) = self.one_cycle {
             if !(warm_up > 0.0 && warm_up < 1.0) {
                 let expected = "a share above 0 and below 1";
                 return wrong("training.one_cycle.warm_up", expected, warm_up.to_string());
             }
-            if !training.learning_rate_drops.is_empty() {
+            if !self.learning_rate_drops.is_empty() {
                 let expected = "none beside `one_cycle`";
-                let found = format!("{} drops", training.learning_rate_drops.len());
+                let found = format!("{} drops", self.learning_rate_drops.len());
                 return wrong("training.learning_rate_drops", expected, found);
             }
         }
-        training.augmentation.validate()?;
-        if let TrainingMethod::Adversarial { alpha, epsilon, .. } = training.method {
+        self.augmentation.validate()?;
+        if let TrainingMethod::Adversarial { alpha, epsilon, .. } = self.method {
             if !(0.0..=1.0).contains(&alpha) {
                 return wrong("training.method.alpha", "0 to 1", alpha.to_string());
             }
@@ -386,116 +396,9 @@ impl NetworkRecipe {
                 return wrong("training.method.epsilon", "at least 0", epsilon.to_string());
             }
         }
-        if let PredictionMethod::McDropout { mc_samples: 0 } = self.prediction.method {
-            return wrong("prediction.method.mc_samples", "at least 1", "0".into());
-        }
         Ok(())
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn few_sweeps_are_trained_on_for_more_epochs() {
-        let fast = NetworkRecipe::load("fast").unwrap();
-        let epochs = |sweeps| fast.for_sweeps(sweeps).training.epochs;
-        assert_eq!((epochs(2880), epochs(1000)), (12, 12));
-        // 96 sweeps give 3 batches per epoch, 20 sweeps give one.
-        assert_eq!((epochs(96), epochs(20)), (100, 300));
-        assert_eq!(fast.for_sweeps(20).training.least_steps, None);
-        let thesis = NetworkRecipe::load("thesis").unwrap();
-        assert_eq!(thesis.for_sweeps(20), thesis);
-    }
-
-    #[test]
-    fn built_in_recipes_parse_and_carry_their_name() {
-        for name in NetworkRecipe::built_in_names() {
-            let recipe = NetworkRecipe::load(name).unwrap();
-            assert_eq!(recipe.name, name);
-            assert_eq!(
-                NetworkRecipe::parse("again", &recipe.to_toml()).unwrap(),
-                recipe
-            );
-        }
-    }
-
-    #[test]
-    fn thesis_recipe_holds_the_published_setting() {
-        let recipe = NetworkRecipe::load("thesis").unwrap();
-        assert_eq!(recipe.network, Architecture::default());
-        assert_eq!((recipe.training.epochs, recipe.training.batch), (200, 36));
-        assert_eq!(recipe.learning_rate(0, 0, 80), 1e-4);
-        assert_eq!(recipe.learning_rate(169, 79, 80), 1e-4);
-        assert!((recipe.learning_rate(170, 0, 80) - 1e-5).abs() < 1e-18);
-        let adversarial = TrainingMethod::Adversarial {
-            alpha: 0.5,
-            epsilon: 0.1,
-            statistics: AdversarialStatistics::Clean,
-            mask: AdversarialMask::Own,
-            attack: AttackedLabel::True,
-        };
-        assert_eq!(recipe.training.method, adversarial);
-        assert_eq!(
-            recipe.prediction.method,
-            PredictionMethod::McDropout { mc_samples: 100 }
-        );
-    }
-
-    #[test]
-    fn one_cycle_rises_and_falls() {
-        let mut recipe = NetworkRecipe::load("thesis").unwrap();
-        recipe.training.epochs = 2;
-        recipe.training.learning_rate = 0.1;
-        recipe.training.learning_rate_drops.clear();
-        recipe.training.one_cycle = Some(OneCycle { warm_up: 0.25 });
-        let rates: Vec<f64> = (0..9).map(|b| recipe.learning_rate(0, b, 5)).collect();
-        assert!((rates[0] - 0.004).abs() < 1e-12);
-        assert!(rates[2] > rates[1] && rates[3] < rates[2], "{rates:?}");
-        assert!((recipe.learning_rate(1, 4, 5) - 4e-7).abs() < 1e-12);
-        assert!((OneCycle { warm_up: 0.5 }.factor(0.25) - 0.52).abs() < 1e-12);
-        let mut both = recipe.clone();
-        both.training.learning_rate_drops = vec![LearningRateDrop {
-            after_epoch: 1,
-            factor: 0.1,
-        }];
-        let refused = NetworkRecipe::parse("r.toml", &both.to_toml()).unwrap_err();
-        assert!(refused.to_string().contains("one_cycle"), "{refused}");
-    }
-
-    #[test]
-    fn mistakes_are_named_in_one_line() {
-        let thesis = BUILT_IN[2].1;
-        let message = |from: &str, to: &str| {
-            assert!(thesis.contains(from), "{from}");
-            NetworkRecipe::parse("r.toml", &thesis.replace(from, to))
-                .unwrap_err()
-                .to_string()
-        };
-        for (from, to, named) in [
-            ("epochs = 200", "epochs = 0", "training.epochs"),
-            ("epochs = 200", "epoch = 200", "unknown field `epoch`"),
-            (
-                "learning_rate = 1e-4",
-                "learning_rate = -1.0",
-                "training.learning_rate",
-            ),
-            ("alpha = 0.5", "alpha = 1.5", "alpha"),
-            ("mc_samples = 100", "mc_samples = 0", "mc_samples"),
-            ("\"digits\"", "\"volts\"", "volts"),
-        ] {
-            let message = message(from, to);
-            assert!(
-                message.contains(named) && message.contains("r.toml"),
-                "{message}"
-            );
-            assert!(!message.contains('\n'), "{message}");
-        }
-        let unknown = NetworkRecipe::load("tesis").unwrap_err().to_string();
-        assert!(
-            unknown.contains("tesis") && unknown.contains("fast, spectra, thesis"),
-            "{unknown}"
-        );
-    }
-}
+mod tests;

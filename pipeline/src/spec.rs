@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::{Dataset, Scheme, Seed};
+use tactnet_data::{DataError, Dataset, Fold, Scheme, Seed};
 use tactnet_models::Compute;
 
 use crate::{CalibrationTarget, Device, LabelOrder, MeanRemoval, ModelRecipe, PipelineError};
@@ -166,6 +166,19 @@ impl SplitKind {
 }
 
 impl TrainSpec {
+    /// Returns the fold of the training: that of its number, or a part of its training sweeps.
+    ///
+    /// # Errors
+    /// A fold that does not exist; too few sweeps.
+    pub fn fold_of<'a>(&self, dataset: &'a Dataset) -> Result<Fold<'a>, DataError> {
+        let (scheme, number) = (self.scheme(dataset), self.fold.unwrap_or(0));
+        let fold = Fold::new(dataset, scheme, self.seed, self.repeat, number)?;
+        match self.inner {
+            None => Ok(fold),
+            Some(part) => fold.nested(part),
+        }
+    }
+
     /// Returns the scheme that splits `dataset`.
     pub fn scheme(&self, dataset: &Dataset) -> Scheme {
         let scheme = match (self.split, self.fold, self.folds) {

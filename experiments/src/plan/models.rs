@@ -8,7 +8,7 @@ use tactnet_pipeline::ModelRecipe;
 use toml::{Table, Value};
 
 use super::{Plan, stem};
-use crate::recipe::Range;
+use crate::recipe::{Range, Search};
 use crate::settings::set;
 use crate::{ExperimentError, ExperimentRecipe};
 
@@ -72,24 +72,34 @@ pub(super) fn models(
     }
     if let Some(search) = &recipe.search {
         for trial in 0..search.trials {
-            let mut rng = Seed(recipe.seed).rng(("hyperparameters", trial));
-            let drawn: Vec<(&str, Value)> = search
-                .space
-                .iter()
-                .map(|(path, range)| (path.as_str(), draw(range, rng.random())))
-                .collect();
             let name = format!("trial{trial:02}");
-            let title = drawn.iter().fold(name.clone(), |title, (path, value)| {
-                let setting = path.rsplit('.').next().unwrap_or(path);
-                format!("{title}, {setting} {}", short(value))
-            });
-            let (text, made) = made_from(&name, &title, &search.base, drawn.into_iter())?;
+            let (text, made) = draw_trial(search, Seed(recipe.seed), trial, &name)?;
             let is_network = matches!(made, ModelRecipe::Network(_));
             let model = own(name, text, is_network);
             models.push(model);
         }
     }
     Ok(models)
+}
+
+/// Draws the settings of a trial; returns its recipe as TOML and parsed. The name inside the recipe lists the settings.
+fn draw_trial(
+    search: &Search,
+    seed: Seed,
+    trial: usize,
+    name: &str,
+) -> Result<(String, ModelRecipe), ExperimentError> {
+    let mut rng = seed.rng(("hyperparameters", trial));
+    let drawn: Vec<(&str, Value)> = search
+        .space
+        .iter()
+        .map(|(path, range)| (path.as_str(), draw(range, rng.random())))
+        .collect();
+    let title = drawn.iter().fold(name.to_string(), |title, (path, value)| {
+        let setting = path.rsplit('.').next().unwrap_or(path);
+        format!("{title}, {setting} {}", short(value))
+    });
+    made_from(name, &title, &search.base, drawn.into_iter())
 }
 
 /// Returns a recipe derived from `base`, as TOML and parsed.

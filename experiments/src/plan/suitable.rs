@@ -88,15 +88,7 @@ pub(super) fn leave_out_unsuitable(
             error.reason = format!("data `{}`: {}", spec.data, error.reason);
             error
         };
-        let (dataset, shared) = match known.entry(&spec.data) {
-            Entry::Occupied(entry) => entry.into_mut(),
-            Entry::Vacant(entry) => {
-                let read = spec.read_sweeps();
-                let dataset = read.map_err(|error| of_data(error.to_string().into()))?;
-                let shared = shared_within_blocks(&dataset);
-                entry.insert((dataset, shared))
-            }
-        };
+        let (dataset, shared) = read_once(&mut known, spec).map_err(of_data)?;
         match &task.job {
             Job::Train(spec) => {
                 has_fold(spec, dataset).map_err(of_data)?;
@@ -136,6 +128,24 @@ pub(super) fn leave_out_unsuitable(
     }
     tasks.retain(|task| !unmet.contains(&task.id));
     Ok(left_out.into_iter().collect())
+}
+
+/// Reads a data set unless it is `known`; returns it with the findings about sweeps that its blocks share.
+///
+/// # Errors
+/// A data set that cannot be read.
+fn read_once<'a, 'b>(
+    known: &'a mut BTreeMap<&'b str, (Dataset, Vec<Finding>)>,
+    spec: &'b TrainSpec,
+) -> Result<&'a mut (Dataset, Vec<Finding>), Unsuitable> {
+    match known.entry(&spec.data) {
+        Entry::Occupied(entry) => Ok(entry.into_mut()),
+        Entry::Vacant(entry) => {
+            let dataset = spec.read_sweeps().map_err(|error| error.to_string())?;
+            let shared = shared_within_blocks(&dataset);
+            Ok(entry.insert((dataset, shared)))
+        }
+    }
 }
 
 /// Returns the requirement of a model that the sweeps of a data set do not meet; `None` if they meet all.
@@ -200,26 +210,15 @@ fn names<'a>(asked: impl IntoIterator<Item = &'a Asked<'a>>) -> String {
 
 /// Returns the material that has too few training sweeps for a model, as part of a message; `None` if there is none.
 fn lacking(recipe: &ModelRecipe, spec: &TrainSpec, dataset: &Dataset) -> Option<String> {
-    let number = spec.fold.unwrap_or(0);
-    let fold = Fold::new(
-        dataset,
-        spec.scheme(dataset),
-        spec.seed,
-        spec.repeat,
-        number,
-    )
-    .ok()?;
-    let fold = match spec.inner {
-        None => fold,
-        Some(part) => fold.nested(part).ok()?,
-    };
+    let fold = spec.fold_of(dataset).ok()?;
     let counts = fold.train.sweeps_per_label();
     let (label, _) = recipe.starved(&counts)?;
     Some(format!(
-        "`{}` has {} training sweep{} in fold {number}, which is too few",
+        "`{}` has {} training sweep{} in fold {}, which is too few",
         dataset.labels().name(label),
         counts[label],
         if counts[label] == 1 { "" } else { "s" },
+        spec.fold.unwrap_or(0),
     ))
 }
 

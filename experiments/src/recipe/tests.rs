@@ -157,6 +157,10 @@ fn mistakes_are_named_in_one_line() {
         assert!(message.contains(named), "{setting}: {message}");
         assert!(!message.contains('\n'), "{message}");
     }
+}
+
+#[test]
+fn mistakes_in_the_settings_of_a_question_are_named() {
     for (study, setting, named) in [
         (
             "nshot",

@@ -196,18 +196,53 @@ fn record(id: &str) -> TaskRecord {
     }
 }
 
-/// Adds a contender with its rows and tasks.
-fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials: &[String]) {
-    let size = materials.len();
-    let right = (10.0 * accuracy) as usize;
-    let confusion = (0..size)
+/// Returns counts of ten sweeps of each material, of which `right` are predicted as it and the others as the next one.
+fn confusion(size: usize, right: usize) -> Vec<Vec<usize>> {
+    (0..size)
         .map(|truth| {
             let mut counts = vec![0; size];
             counts[truth] = right;
             counts[(truth + 1) % size] += 10 - right;
             counts
         })
-        .collect();
+        .collect()
+}
+
+fn reliability() -> Vec<ReliabilityBin> {
+    vec![
+        ReliabilityBin {
+            confidence: 0.5,
+            accuracy: 0.4,
+            count: 10,
+        },
+        ReliabilityBin {
+            confidence: 0.95,
+            accuracy: 0.9,
+            count: 40,
+        },
+    ]
+}
+
+fn risk(coverage: f64) -> RiskCoverage {
+    RiskCoverage {
+        coverage,
+        risk: 0.2 * coverage,
+    }
+}
+
+fn fold_records(task: &str, accuracies: &[f64]) -> Vec<FoldRecord> {
+    let record = |(fold, &one_sweep)| FoldRecord {
+        task: task.into(),
+        repeat: 0,
+        fold,
+        predictions: format!("tasks/{HOSTILE}/predictions.csv"),
+        one_sweep,
+    };
+    accuracies.iter().enumerate().map(record).collect()
+}
+
+/// Adds a contender with its rows and tasks.
+fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials: &[String]) {
     let folds = vec![accuracy - 0.01, accuracy + 0.01];
     let statistic = |mean: f64| Statistic::of(vec![mean, 1.1 * mean], 0.25);
     for (measure, sweeps, statistic) in [
@@ -247,44 +282,15 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
         n_train: 80,
         n_test: 20,
         sigma_test: 0.01,
-        confusion,
+        confusion: confusion(materials.len(), (10.0 * accuracy) as usize),
         fused_confusion: vec![],
-        reliability: vec![
-            ReliabilityBin {
-                confidence: 0.5,
-                accuracy: 0.4,
-                count: 10,
-            },
-            ReliabilityBin {
-                confidence: 0.95,
-                accuracy: 0.9,
-                count: 40,
-            },
-        ],
-        risk_coverage: (1..=20)
-            .map(|k| {
-                let coverage = k as f64 / 20.0;
-                RiskCoverage {
-                    coverage,
-                    risk: 0.2 * coverage,
-                }
-            })
-            .collect(),
+        reliability: reliability(),
+        risk_coverage: (1..=20).map(|k| risk(f64::from(k) / 20.0)).collect(),
         published: Some(PublishedContender {
             classifier: HOSTILE.into(),
             one_sweep: 86.3,
             three_sweeps: 95.0,
         }),
-        folds: folds
-            .iter()
-            .enumerate()
-            .map(|(fold, &one_sweep)| FoldRecord {
-                task: task.clone(),
-                repeat: 0,
-                fold,
-                predictions: format!("tasks/{HOSTILE}/predictions.csv"),
-                one_sweep,
-            })
-            .collect(),
+        folds: fold_records(&task, &folds),
     });
 }

@@ -17,13 +17,13 @@ mod spectral;
 use std::collections::BTreeMap;
 
 use prost::Message;
-use tactnet_models::{Compute, NORM_EPSILON, Weights};
+use tactnet_models::{Compute, NORM_EPSILON, NetworkConfig, Weights};
 
 use super::properties::{network_setup, properties};
-use crate::{Calibration, Classifier, ClassifierConfig, PipelineError};
+use crate::{Calibration, Classifier, ClassifierConfig, NetworkSetup, PipelineError};
 use builder::{Builder, Stored};
 use convolutions::convolutions;
-use message::{Attribute, IR_VERSION, Model, OPSET, OperatorSet, Property, Size, Value};
+use message::{Attribute, Graph, IR_VERSION, Model, OPSET, OperatorSet, Property, Size, Value};
 use spectral::spectral;
 
 /// Inputs of an exported network. ONNX has no optional inputs; ONNX Runtime warns at every load of an input with a default.
@@ -54,6 +54,25 @@ masks = (numpy.random.default_rng(1).random((100, FEATURES)) < KEEP).astype(nump
 print(labels[session.run(["mc_log_probability"], {"digits": digits, "masks": masks})[0][0].argmax()])
 
 A mask has KEPT with probability KEEP in each place, else 0; "mc_log_probability" is that of the mean over runs. "log_probability" is without dropout and takes any masks."#;
+
+/// Sizes of the exported network.
+struct Sizes {
+    steps: usize,
+    taxels: usize,
+    features: usize,
+    materials: usize,
+}
+
+impl Sizes {
+    fn of(config: &ClassifierConfig, network: &NetworkConfig) -> Self {
+        Self {
+            steps: config.shape.steps,
+            taxels: config.shape.taxels(),
+            features: network.features(),
+            materials: network.materials(),
+        }
+    }
+}
 
 impl Builder {
     /// Adds the layers from features `[sweeps, runs, features]` to log-probabilities `[sweeps, runs, materials]`, with names that begin with `prefix`.
@@ -151,6 +170,113 @@ impl Builder {
             vec![],
         );
     }
+
+    /// Adds the scaling of `digits`, `[sweeps, steps, taxels]`, to `maps0`, `[sweeps, 1, steps, taxels]`.
+    fn scaled_digits(&mut self, setup: &NetworkSetup, taxels: usize) {
+        let mut digits = "digits";
+        if setup.normalizer.needs_whole_sweep() {
+            self.node(
+                "ReduceMean",
+                &[digits],
+                "levels",
+                vec![Attribute::ints("axes", &[1]), Attribute::int("keepdims", 1)],
+            );
+            self.node("Sub", &[digits, "levels"], "without_levels", vec![]);
+            digits = "without_levels";
+        }
+        self.floats("offset", &[taxels], setup.normalizer.offset());
+        self.floats("gain", &[taxels], setup.normalizer.gain());
+        self.node("Sub", &[digits, "offset"], "centred", vec![]);
+        self.node("Mul", &["centred", "gain"], "scaled", vec![]);
+        self.integers("channel_axis", &[1]);
+        self.node("Unsqueeze", &["scaled", "channel_axis"], "maps0", vec![]);
+    }
+
+    /// Adds the weights of dense and output layer. Batch normalisation of the dense layer is folded, since ONNX's operator expects the channels
+    /// on the second axis.
+    fn head_weights<'a>(
+        &mut self,
+        tensor: impl Fn(&str) -> Result<Stored<'a>, PipelineError>,
+        sizes: &Sizes,
+    ) -> Result<(), PipelineError> {
+        let (shape, values) = tensor("hidden.weight")?;
+        let hidden = shape[0];
+        self.floats(
+            "hidden.weight_t",
+            &[sizes.features, hidden],
+            &transposed(shape, values),
+        );
+        let [gamma, beta, mean, variance] = ["gamma", "beta", "running_mean", "running_variance"]
+            .map(|what| tensor(&format!("hidden.{what}")));
+        let (gamma, beta, mean, variance) = (gamma?.1, beta?.1, mean?.1, variance?.1);
+        let scale: Vec<f32> = gamma
+            .iter()
+            .zip(variance)
+            .map(|(gamma, variance)| gamma / (variance + NORM_EPSILON as f32).sqrt())
+            .collect();
+        let shift: Vec<f32> = (0..hidden)
+            .map(|unit| beta[unit] - mean[unit] * scale[unit])
+            .collect();
+        self.floats("hidden.scale", &[hidden], &scale);
+        self.floats("hidden.shift", &[hidden], &shift);
+        let (shape, values) = tensor("output.weight")?;
+        self.floats(
+            "output.weight_t",
+            &[hidden, sizes.materials],
+            &transposed(shape, values),
+        );
+        self.floats("output.bias", &[sizes.materials], tensor("output.bias")?.1);
+        Ok(())
+    }
+
+    fn declare_inputs_and_outputs(&mut self, inputs: OnnxInputs, sizes: &Sizes) {
+        let sweeps = || Size::open("sweeps");
+        self.graph.input = vec![Value::floats(
+            "digits",
+            vec![sweeps(), Size::of(sizes.steps), Size::of(sizes.taxels)],
+            "digits, taxels row by row",
+        )];
+        let scores = || vec![sweeps(), Size::of(sizes.materials)];
+        self.graph.output = vec![Value::floats(
+            "log_probability",
+            scores(),
+            "without dropout, natural logarithm",
+        )];
+        if inputs == OnnxInputs::DigitsAndMasks {
+            self.graph.input.push(Value::floats(
+                "masks",
+                vec![Size::open("runs"), Size::of(sizes.features)],
+                "dropout: 1 / keep_probability or 0",
+            ));
+            self.graph.output.extend([
+                Value::floats(
+                    "mc_log_probability",
+                    scores(),
+                    "of the mean probability over masks, natural logarithm",
+                ),
+                Value::floats(
+                    "mutual_information",
+                    vec![sweeps()],
+                    "between material and mask, nats",
+                ),
+            ]);
+        }
+    }
+}
+
+/// Returns the documentation inside the file, with the sizes of its network.
+///
+/// - `keep`: probability with which dropout keeps a feature
+fn documentation(inputs: OnnxInputs, sizes: &Sizes, keep: f64) -> String {
+    match inputs {
+        OnnxInputs::Digits => USE,
+        OnnxInputs::DigitsAndMasks => USE_WITH_MASKS,
+    }
+    .replace("STEPS", &sizes.steps.to_string())
+    .replace("TAXELS", &sizes.taxels.to_string())
+    .replace("FEATURES", &sizes.features.to_string())
+    .replace("KEPT", &(1.0 / keep).to_string())
+    .replace("KEEP", &keep.to_string())
 }
 
 /// Returns the bytes of an ONNX file.
@@ -171,8 +297,7 @@ pub fn to_onnx(
     // Checks the sizes of the tensors.
     Classifier::new(config.clone(), weights, &Compute::Cpu.open()?)?;
     let mut builder = Builder::default();
-    let (steps, taxels) = (config.shape.steps, config.shape.taxels());
-    let (features, materials) = (network.features(), network.materials());
+    let sizes = Sizes::of(config, &network);
     let tensor = |name: &str| -> Result<Stored<'_>, PipelineError> {
         let found = weights
             .0
@@ -181,29 +306,12 @@ pub fn to_onnx(
         Ok((&found.shape, &found.values))
     };
 
-    let mut digits = "digits";
-    if setup.normalizer.needs_whole_sweep() {
-        builder.node(
-            "ReduceMean",
-            &[digits],
-            "levels",
-            vec![Attribute::ints("axes", &[1]), Attribute::int("keepdims", 1)],
-        );
-        builder.node("Sub", &[digits, "levels"], "without_levels", vec![]);
-        digits = "without_levels";
-    }
-    builder.floats("offset", &[taxels], setup.normalizer.offset());
-    builder.floats("gain", &[taxels], setup.normalizer.gain());
-    builder.node("Sub", &[digits, "offset"], "centred", vec![]);
-    builder.node("Mul", &["centred", "gain"], "scaled", vec![]);
-    builder.integers("channel_axis", &[1]);
-    builder.node("Unsqueeze", &["scaled", "channel_axis"], "maps0", vec![]);
-
+    builder.scaled_digits(setup, sizes.taxels);
     if let Some((kernel, pools)) = network.convolutions() {
         convolutions(&mut builder, tensor, kernel, pools)?;
     }
     if let Some(spectra) = network.spectra() {
-        spectral(&mut builder, tensor, spectra, taxels)?;
+        spectral(&mut builder, tensor, spectra, sizes.taxels)?;
     }
     builder.node(
         "Flatten",
@@ -212,102 +320,39 @@ pub fn to_onnx(
         vec![Attribute::int("axis", 1)],
     );
 
-    // Batch normalisation of the dense layer is folded, since ONNX's operator expects the channels on the second axis.
-    let (shape, values) = tensor("hidden.weight")?;
-    let hidden = shape[0];
-    builder.floats(
-        "hidden.weight_t",
-        &[features, hidden],
-        &transposed(shape, values),
-    );
-    let [gamma, beta, mean, variance] = ["gamma", "beta", "running_mean", "running_variance"]
-        .map(|what| tensor(&format!("hidden.{what}")));
-    let (gamma, beta, mean, variance) = (gamma?.1, beta?.1, mean?.1, variance?.1);
-    let scale: Vec<f32> = gamma
-        .iter()
-        .zip(variance)
-        .map(|(gamma, variance)| gamma / (variance + NORM_EPSILON as f32).sqrt())
-        .collect();
-    let shift: Vec<f32> = (0..hidden)
-        .map(|unit| beta[unit] - mean[unit] * scale[unit])
-        .collect();
-    builder.floats("hidden.scale", &[hidden], &scale);
-    builder.floats("hidden.shift", &[hidden], &shift);
-    let (shape, values) = tensor("output.weight")?;
-    builder.floats(
-        "output.weight_t",
-        &[hidden, materials],
-        &transposed(shape, values),
-    );
-    builder.floats("output.bias", &[materials], tensor("output.bias")?.1);
+    builder.head_weights(tensor, &sizes)?;
 
     builder.integers("run_axis", &[1]);
     builder.node("Unsqueeze", &["features", "run_axis"], "one_run", vec![]);
     let plain = builder.head("plain", "one_run");
     builder.node("Squeeze", &[&plain, "run_axis"], "log_probability", vec![]);
-
     if inputs == OnnxInputs::DigitsAndMasks {
         builder.monte_carlo();
     }
+    builder.declare_inputs_and_outputs(inputs, &sizes);
 
-    let sweeps = || Size::open("sweeps");
     builder.graph.name = setup.network.kind().into();
-    builder.graph.input = vec![Value::floats(
-        "digits",
-        vec![sweeps(), Size::of(steps), Size::of(taxels)],
-        "digits, taxels row by row",
-    )];
-    let scores = || vec![sweeps(), Size::of(materials)];
-    builder.graph.output = vec![Value::floats(
-        "log_probability",
-        scores(),
-        "without dropout, natural logarithm",
-    )];
-    let keep = setup.network.keep_probability;
-    let doc = match inputs {
-        OnnxInputs::Digits => USE,
-        OnnxInputs::DigitsAndMasks => USE_WITH_MASKS,
-    }
-    .replace("STEPS", &steps.to_string())
-    .replace("TAXELS", &taxels.to_string())
-    .replace("FEATURES", &features.to_string())
-    .replace("KEPT", &(1.0 / keep).to_string())
-    .replace("KEEP", &keep.to_string());
-    if inputs == OnnxInputs::DigitsAndMasks {
-        builder.graph.input.push(Value::floats(
-            "masks",
-            vec![Size::open("runs"), Size::of(features)],
-            "dropout: 1 / keep_probability or 0",
-        ));
-        builder.graph.output.extend([
-            Value::floats(
-                "mc_log_probability",
-                scores(),
-                "of the mean probability over masks, natural logarithm",
-            ),
-            Value::floats(
-                "mutual_information",
-                vec![sweeps()],
-                "between material and mask, nats",
-            ),
-        ]);
-    }
-    let model = Model {
+    let documentation = documentation(inputs, &sizes, setup.network.keep_probability);
+    let properties = properties(config, setup, calibration, about);
+    Ok(model(builder.graph, documentation, properties).encode_to_vec())
+}
+
+fn model(graph: Graph, doc_string: String, properties: BTreeMap<String, String>) -> Model {
+    Model {
         ir_version: IR_VERSION,
         producer_name: "tactnet".into(),
         producer_version: env!("CARGO_PKG_VERSION").into(),
-        doc_string: doc,
-        graph: Some(builder.graph),
+        doc_string,
+        graph: Some(graph),
         opset_import: vec![OperatorSet {
             domain: String::new(),
             version: OPSET,
         }],
-        metadata_props: properties(config, setup, calibration, about)
+        metadata_props: properties
             .into_iter()
             .map(|(key, value)| Property { key, value })
             .collect(),
-    };
-    Ok(model.encode_to_vec())
+    }
 }
 
 /// Transposes `[rows][columns]` to `[columns][rows]`.

@@ -169,32 +169,20 @@ impl<'a> StackedTraining<'a> {
             .collect();
         self.launch(&prepared);
 
-        let mut unread = Vec::new();
-        let mut reports = Vec::with_capacity(self.members.len());
-        for (member, goes) in on_their_way.iter().enumerate() {
-            if !goes {
-                reports.push(None);
-                continue;
-            }
+        let mut reports: Vec<_> = (0..self.members.len())
+            .map(|member| on_their_way[member].then(|| Ok(self.report(member))))
+            .collect();
+        let unread = (0..self.members.len()).filter(|member| on_their_way[*member]);
+        let unread = unread.map(|member| {
             let Position { epoch, batch, .. } = self.standings[member].position;
-            unread.push(Unread {
+            Unread {
                 member,
                 epoch,
                 batch,
                 sweeps: prepared[member].sweeps,
-            });
-            let batches = self.batches(member);
-            let recipe = self.members[member].recipe;
-            reports.push(Some(Ok(BatchReport {
-                epoch,
-                batch,
-                batches,
-                mean_loss: None,
-                accuracy: None,
-                adversarial_accuracy: None,
-                learning_rate: recipe.learning_rate(epoch, batch, batches),
-            })));
-        }
+            }
+        });
+        let unread = unread.collect();
         self.unread.push(unread);
         let ends = |report: &Option<Result<BatchReport, _>>| matches!(report, Some(Ok(report)) if report.ends_epoch());
         if reports.iter().any(ends) {
@@ -203,23 +191,45 @@ impl<'a> StackedTraining<'a> {
             }
         }
         for (member, report) in reports.iter_mut().enumerate() {
-            let Some(Ok(report)) = report else { continue };
-            let attacks = self.attacks(member);
-            let position = &mut self.standings[member].position;
-            position.batch += 1;
-            if report.ends_epoch() {
-                let mean = |sum: f64| Some(sum / position.sweeps as f64);
-                report.mean_loss = mean(position.loss_sum);
-                report.accuracy = mean(position.correct as f64);
-                let attacked = mean(position.adversarial_correct as f64);
-                report.adversarial_accuracy = attacked.filter(|_| attacks.is_some());
-                *position = Position {
-                    epoch: report.epoch + 1,
-                    ..Position::default()
-                };
+            if let Some(Ok(report)) = report {
+                self.advance(member, report);
             }
         }
         reports
+    }
+
+    /// Returns the report of a network's next batch, without measurements.
+    fn report(&self, member: usize) -> BatchReport {
+        let Position { epoch, batch, .. } = self.standings[member].position;
+        let batches = self.batches(member);
+        let recipe = self.members[member].recipe;
+        BatchReport {
+            epoch,
+            batch,
+            batches,
+            mean_loss: None,
+            accuracy: None,
+            adversarial_accuracy: None,
+            learning_rate: recipe.learning_rate(epoch, batch, batches),
+        }
+    }
+
+    /// Moves a network to its next batch; at the end of an epoch, adds the measurements to the report.
+    fn advance(&mut self, member: usize, report: &mut BatchReport) {
+        let attacks = self.attacks(member);
+        let position = &mut self.standings[member].position;
+        position.batch += 1;
+        if report.ends_epoch() {
+            let mean = |sum: f64| Some(sum / position.sweeps as f64);
+            report.mean_loss = mean(position.loss_sum);
+            report.accuracy = mean(position.correct as f64);
+            let attacked = mean(position.adversarial_correct as f64);
+            report.adversarial_accuracy = attacked.filter(|_| attacks.is_some());
+            *position = Position {
+                epoch: report.epoch + 1,
+                ..Position::default()
+            };
+        }
     }
 
     /// Submits the batches of all networks, in order, to the GPU.

@@ -264,32 +264,41 @@ impl<'a> Training<'a> {
         }
         self.net = Some(net);
 
-        let batches = self.batches();
-        if batch + 1 == batches {
+        if batch + 1 == self.batches() {
             self.wait()?;
         }
+        Ok(Some(self.advance(
+            learning_rate,
+            pass.adversarial_statistics.is_some(),
+        )))
+    }
+
+    /// Moves to the next batch; returns the report of the last one.
+    ///
+    /// - `is_adversarial`: true if the batch was also perturbed
+    fn advance(&mut self, learning_rate: f64, is_adversarial: bool) -> BatchReport {
+        let batches = self.batches();
         let position = &mut self.position;
         let is_read = self.unread.is_empty();
         let mean = |sum: f64| is_read.then(|| sum / position.sweeps as f64);
         let report = BatchReport {
-            epoch,
-            batch,
+            epoch: position.epoch,
+            batch: position.batch,
             batches,
             mean_loss: mean(position.loss_sum),
             accuracy: mean(position.correct as f64),
-            adversarial_accuracy: pass
-                .adversarial_statistics
-                .and_then(|_| mean(position.adversarial_correct as f64)),
+            adversarial_accuracy: mean(position.adversarial_correct as f64)
+                .filter(|_| is_adversarial),
             learning_rate,
         };
         position.batch += 1;
         if report.ends_epoch() {
             *position = Position {
-                epoch: epoch + 1,
+                epoch: report.epoch + 1,
                 ..Position::default()
             };
         }
-        Ok(Some(report))
+        report
     }
 
     /// Waits for all batches so far and reads their losses.

@@ -62,35 +62,51 @@ impl Predictions {
             )
         }));
         for (label, name) in names.iter().enumerate() {
-            let start = cell * label as f64;
-            let middle = start + cell / 2.0;
-            content.push_str(&format!(
-                "<path class=\"grid\" d=\"M{left:.1} {:.1}H{right:.1}M{:.1} {TOP:.1}V{bottom:.1}\"/>\
-                 <text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\
-                 <text class=\"middle\" x=\"{:.1}\" y=\"{:.1}\">{label}</text>\n",
-                TOP + start,
-                left + start,
-                left - 6.0,
-                TOP + middle + 4.0,
-                escape(name),
-                left + middle,
-                bottom + 14.0
-            ));
+            content.push_str(&lines_of(&map, label, name, side));
         }
         if counted {
-            for (truth, row) in confusion.iter().enumerate() {
-                for (predicted, &count) in row.iter().enumerate().filter(|(_, count)| **count > 0) {
-                    content.push_str(&format!(
-                        "<text class=\"middle\" x=\"{:.1}\" y=\"{:.1}\" pointer-events=\"none\">{count}</text>\n",
-                        left + cell * (predicted as f64 + 0.5),
-                        TOP + cell * (truth as f64 + 0.5) + 4.0,
-                    ));
-                }
-            }
+            content.push_str(&counts(&map, &confusion));
         }
         let width = (right + 20.0).max(20.0 + 1.2 * text_width(&[title]));
         stand_alone(width, bottom + 50.0, title, &content)
     }
+}
+
+/// Returns grid lines, names and number of a material, for its row and its column.
+///
+/// - `side`: extent of the map
+fn lines_of(map: &HeatMap, label: usize, name: &str, side: f64) -> String {
+    let &HeatMap { left, top, cell } = map;
+    let (right, bottom) = (left + side, top + side);
+    let start = cell * label as f64;
+    let middle = start + cell / 2.0;
+    format!(
+        "<path class=\"grid\" d=\"M{left:.1} {:.1}H{right:.1}M{:.1} {top:.1}V{bottom:.1}\"/>\
+         <text class=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\
+         <text class=\"middle\" x=\"{:.1}\" y=\"{:.1}\">{label}</text>\n",
+        top + start,
+        left + start,
+        left - 6.0,
+        top + middle + 4.0,
+        escape(name),
+        left + middle,
+        bottom + 14.0
+    )
+}
+
+/// Returns the numbers in the cells that are not 0.
+fn counts(map: &HeatMap, confusion: &[Vec<usize>]) -> String {
+    let mut content = String::new();
+    for (truth, row) in confusion.iter().enumerate() {
+        for (predicted, &count) in row.iter().enumerate().filter(|(_, count)| **count > 0) {
+            content.push_str(&format!(
+                "<text class=\"middle\" x=\"{:.1}\" y=\"{:.1}\" pointer-events=\"none\">{count}</text>\n",
+                map.left + map.cell * (predicted as f64 + 0.5),
+                map.top + map.cell * (truth as f64 + 0.5) + 4.0,
+            ));
+        }
+    }
+    content
 }
 
 #[cfg(test)]

@@ -232,23 +232,7 @@ pub fn enroll(
     sweeps: &SweepView<'_>,
     material: &str,
 ) -> Result<Enrolled, PipelineError> {
-    let refused = |reason: &str| PipelineError::Enroll {
-        material: material.into(),
-        reason: reason.into(),
-    };
-    let mut names = classifier.config().labels.names();
-    if names.any(|name| name == material) {
-        return Err(refused("the classifier knows a material of this name"));
-    }
-    if sweeps.is_empty() {
-        return Err(refused("no sweep to learn from"));
-    }
-    let rows = classifier.network()?.output_layer().weights;
-    if rows.windows(2).all(|pair| pair[0] == pair[1]) {
-        return Err(refused(
-            "the classifier's output layer is the same for every material; its weights are damaged",
-        ));
-    }
+    refuse_impossible(classifier, sweeps, material)?;
     let new = classifier.embed(sweeps)?;
     let fitted = |prior| with_row(classifier, known, &new, material, prior);
     let Some((calibration, held_out)) = thresholds
@@ -289,6 +273,35 @@ pub fn enroll(
         &judged,
     )?);
     Ok(enrolled)
+}
+
+/// Checks that the classifier can learn the material from these sweeps.
+///
+/// # Errors
+/// A name that is already known; no sweep; damaged weights; a model that is not a network.
+fn refuse_impossible(
+    classifier: &Classifier,
+    sweeps: &SweepView<'_>,
+    material: &str,
+) -> Result<(), PipelineError> {
+    let refused = |reason: &str| PipelineError::Enroll {
+        material: material.into(),
+        reason: reason.into(),
+    };
+    let mut names = classifier.config().labels.names();
+    if names.any(|name| name == material) {
+        return Err(refused("the classifier knows a material of this name"));
+    }
+    if sweeps.is_empty() {
+        return Err(refused("no sweep to learn from"));
+    }
+    let rows = classifier.network()?.output_layer().weights;
+    if rows.windows(2).all(|pair| pair[0] == pair[1]) {
+        return Err(refused(
+            "the classifier's output layer is the same for every material; its weights are damaged",
+        ));
+    }
+    Ok(())
 }
 
 /// Scores each fifth of the new sweeps by a classifier fitted to the other four; returns nothing for a single sweep.

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use tactnet_data::{Fold, sha256_hex};
 
 use crate::{
-    Classifier, PipelineError, PredictionSource, Provenance, RunConfig, RunDir, RunResult,
-    describe_split, evaluate_all_ways, peak_rss_mib,
+    Classifier, ModelRecipe, PipelineError, PredictionSource, Predictions, Provenance, RunConfig,
+    RunDir, RunResult, describe_split, evaluate_all_ways, peak_rss_mib,
 };
 
 /// Number of sweeps that are fused into one decision in a result.
@@ -47,31 +47,11 @@ pub fn evaluate_run(
     let dataset = fold.test.dataset();
     let mc_samples = own.mc_samples_or(MC_SAMPLES);
     let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.spec.seed)?;
-    let mut evaluations = BTreeMap::new();
-    for (predictions, evaluation) in ways {
-        let method = predictions.method;
-        let name = method.name();
-        let tsml = predictions.to_tsml(&PredictionSource {
-            dataset: dataset.name(),
-            classifier: &format!("{} ({name})", recipe.name()),
-            resample: fold.repeat() * 1000 + fold.fold(),
-            parameters: &command,
-        });
-        let file = RunDir::predictions_file(method, own);
-        run.write(&file, tsml.as_bytes())?;
-        if method == own {
-            let title = format!(
-                "{}: {:.1} % of {} test sweeps right (recipe {}, {name})",
-                dataset.name(),
-                100.0 * predictions.accuracy(),
-                fold.test.len(),
-                recipe.name()
-            );
-            let picture = predictions.confusion_svg(&title);
-            run.write("confusion.svg", picture.as_bytes())?;
-        }
-        evaluations.insert(method, evaluation);
-    }
+    let evaluations = ways.into_iter().map(|(predictions, evaluation)| {
+        write_predictions(run, recipe, fold, &predictions, &command)?;
+        Ok((predictions.method, evaluation))
+    });
+    let evaluations = evaluations.collect::<Result<BTreeMap<_, _>, PipelineError>>()?;
     let chosen = &evaluations[&own];
     let manifest = fold.manifest();
     let commits: BTreeSet<String> = sessions.iter().map(|session| session.git.clone()).collect();
@@ -101,4 +81,36 @@ pub fn evaluate_run(
         peak_rss_mib: peak_rss_mib(),
         provenance: sessions,
     })
+}
+
+/// Writes predictions into `run`, and the confusion matrix of the recipe's own method.
+fn write_predictions(
+    run: &RunDir,
+    recipe: &ModelRecipe,
+    fold: &Fold<'_>,
+    predictions: &Predictions,
+    command: &str,
+) -> Result<(), PipelineError> {
+    let dataset = fold.test.dataset();
+    let (method, own) = (predictions.method, recipe.method());
+    let name = method.name();
+    let tsml = predictions.to_tsml(&PredictionSource {
+        dataset: dataset.name(),
+        classifier: &format!("{} ({name})", recipe.name()),
+        resample: fold.repeat() * 1000 + fold.fold(),
+        parameters: command,
+    });
+    run.write(&RunDir::predictions_file(method, own), tsml.as_bytes())?;
+    if method == own {
+        let title = format!(
+            "{}: {:.1} % of {} test sweeps right (recipe {}, {name})",
+            dataset.name(),
+            100.0 * predictions.accuracy(),
+            fold.test.len(),
+            recipe.name()
+        );
+        let picture = predictions.confusion_svg(&title);
+        run.write("confusion.svg", picture.as_bytes())?;
+    }
+    Ok(())
 }

@@ -88,6 +88,14 @@ pub struct RuntimeSummary {
     pub max_us: f64,
 }
 
+/// Results on sweeps of known materials.
+#[derive(Default)]
+struct KnownSweeps {
+    evaluations: BTreeMap<PredictionMethod, Evaluation>,
+    runtimes: BTreeMap<PredictionMethod, RuntimeSummary>,
+    confusion: Option<Confusion>,
+}
+
 impl Reevaluation {
     /// Predicts the `tested` sweeps of `dataset` with the classifier of `run` and evaluates the predictions.
     ///
@@ -106,19 +114,16 @@ impl Reevaluation {
     ) -> Result<EvalResult, PipelineError> {
         let config = run.config()?;
         let seed = config.spec.seed;
-        let mc_samples = self
-            .mc_samples
-            .unwrap_or(config.recipe.method().mc_samples_or(100));
+        let usual = config.recipe.method().mc_samples_or(100);
+        let mc_samples = self.mc_samples.unwrap_or(usual);
         let (known, unknown) = classifier.by_known_material(&tested.view);
         let verdicts = match run.calibration()? {
             None => None,
-            Some(calibration) => Some(Verdicts::of(
-                &calibration,
-                &run.train_embeddings()?,
-                classifier,
-                &known,
-                &unknown,
-            )?),
+            Some(calibration) => {
+                let trained = run.train_embeddings()?;
+                let of = Verdicts::of(&calibration, &trained, classifier, &known, &unknown);
+                Some(of?)
+            }
         };
         // Only a calibrated classifier accepts materials that it does not know.
         let view = if verdicts.is_some() {
@@ -126,32 +131,15 @@ impl Reevaluation {
         } else {
             &tested.view
         };
-        let (mut evaluations, mut runtimes) = (BTreeMap::new(), BTreeMap::new());
-        let mut confusion = None;
-        let mut unknown_taken_for = BTreeMap::new();
-        if verdicts.is_some() && !unknown.is_empty() {
-            unknown_taken_for = taken_for(classifier, &unknown)?;
-        }
-        let meant = |name: &String| {
-            let mut known = classifier.config().labels.names();
-            let known = known.find(|known| is_same_name(known, name))?;
-            Some((name.clone(), known.to_string()))
+        let unknown_taken_for = match verdicts.is_some() && !unknown.is_empty() {
+            true => taken_for(classifier, &unknown)?,
+            false => BTreeMap::new(),
         };
-        let unknown_meant = unknown_taken_for.keys().filter_map(meant).collect();
-        if !view.is_empty() {
-            let ways = evaluate_all_ways(classifier, view, mc_samples, self.fused, seed)?;
-            for (burn, mut evaluation) in ways {
-                if let Some(kind) = self.runtime {
-                    let compared = compare_runtime(kind, classifier, view, &burn)?;
-                    evaluation = Evaluation::of(&compared.predictions, self.fused, seed);
-                    runtimes.insert(burn.method, RuntimeSummary::of(kind, &compared));
-                }
-                if burn.method == PredictionMethod::Plain {
-                    confusion = Some(Confusion::from(&burn));
-                }
-                evaluations.insert(burn.method, evaluation);
-            }
-        }
+        let unknown_meant = meant_by(classifier, unknown_taken_for.keys());
+        let known = match view.is_empty() {
+            true => KnownSweeps::default(),
+            false => self.known_sweeps(classifier, view, mc_samples, seed)?,
+        };
         Ok(EvalResult {
             schema_version: 1,
             run: run.path().display().to_string(),
@@ -163,9 +151,9 @@ impl Reevaluation {
             data_sha256: dataset.sha256().into(),
             n_test: tested.view.len(),
             tested: tested.description,
-            evaluations,
-            confusion,
-            runtimes,
+            evaluations: known.evaluations,
+            confusion: known.confusion,
+            runtimes: known.runtimes,
             verdicts,
             n_unknown: unknown.len(),
             unknown_taken_for,
@@ -176,6 +164,44 @@ impl Reevaluation {
                 .and_then(|known| known.caution(&tested.view)),
         })
     }
+
+    /// Evaluates sweeps of known materials by every method, and with the other runtime if one was named.
+    fn known_sweeps(
+        &self,
+        classifier: &Classifier,
+        view: &SweepView<'_>,
+        mc_samples: usize,
+        seed: Seed,
+    ) -> Result<KnownSweeps, PipelineError> {
+        let mut found = KnownSweeps::default();
+        let ways = evaluate_all_ways(classifier, view, mc_samples, self.fused, seed)?;
+        for (burn, mut evaluation) in ways {
+            if let Some(kind) = self.runtime {
+                let compared = compare_runtime(kind, classifier, view, &burn)?;
+                evaluation = Evaluation::of(&compared.predictions, self.fused, seed);
+                let summary = RuntimeSummary::of(kind, &compared);
+                found.runtimes.insert(burn.method, summary);
+            }
+            if burn.method == PredictionMethod::Plain {
+                found.confusion = Some(Confusion::from(&burn));
+            }
+            found.evaluations.insert(burn.method, evaluation);
+        }
+        Ok(found)
+    }
+}
+
+/// Returns the known material of the same name in another spelling, by name.
+fn meant_by<'a>(
+    classifier: &Classifier,
+    names: impl Iterator<Item = &'a String>,
+) -> BTreeMap<String, String> {
+    let meant = |name: &String| {
+        let mut known = classifier.config().labels.names();
+        let known = known.find(|known| is_same_name(known, name))?;
+        Some((name.clone(), known.to_string()))
+    };
+    names.filter_map(meant).collect()
 }
 
 /// Counts the most probable known materials of sweeps of unknown materials.

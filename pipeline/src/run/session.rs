@@ -7,7 +7,8 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use tactnet_data::{
-    DataSource, Dataset, Finding, Fold, TrainSplit, ValidationSplit, refuse_errors, refuse_leaks,
+    DataSource, Dataset, Finding, Fold, Seed, TrainSplit, ValidationSplit, refuse_errors,
+    refuse_leaks,
 };
 
 use super::free_folder::free_folder;
@@ -107,6 +108,24 @@ fn refuse_starved(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> Result<(), Pi
     })
 }
 
+/// Returns the classifier's configuration, with everything that is fitted to the training sweeps before training.
+///
+/// # Errors
+/// Settings that do not match the sweeps.
+fn fit_inputs(
+    recipe: &ModelRecipe,
+    train: &TrainSplit<'_>,
+    seed: Seed,
+) -> Result<ClassifierConfig, PipelineError> {
+    let model = match recipe {
+        ModelRecipe::Network(recipe) => ModelConfig::Network(NetworkSetup::fit(recipe, train)),
+        ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
+    };
+    let classifier = ClassifierConfig::new(model, train, seed);
+    classifier.validate()?;
+    Ok(classifier)
+}
+
 impl Session {
     /// Reads and splits the data, and writes everything that is known before training into a new folder.
     ///
@@ -127,18 +146,7 @@ impl Session {
         let findings = refuse_errors(&dataset, &spec.data)?;
         findings.iter().try_for_each(on_finding)?;
         refuse_leaks(&dataset, &findings, spec.scheme(&dataset), &spec.data)?;
-        let number = spec.fold.unwrap_or(0);
-        let fold = Fold::new(
-            &dataset,
-            spec.scheme(&dataset),
-            spec.seed,
-            spec.repeat,
-            number,
-        )?;
-        let fold = match spec.inner {
-            None => fold,
-            Some(part) => fold.nested(part)?,
-        };
+        let fold = spec.fold_of(&dataset)?;
         job.recipe().check_materials(dataset.labels())?;
         job.recipe()
             .check_sweeps(dataset.shape(), dataset.sample_rate_hz())?;
@@ -153,14 +161,7 @@ impl Session {
             }
             baseline => baseline.clone(),
         };
-        let model = match &recipe {
-            ModelRecipe::Network(recipe) => {
-                ModelConfig::Network(NetworkSetup::fit(recipe, &fitted.train))
-            }
-            ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
-        };
-        let classifier = ClassifierConfig::new(model, &fitted.train, spec.seed);
-        classifier.validate()?;
+        let classifier = fit_inputs(&recipe, &fitted.train, spec.seed)?;
         let config = RunConfig {
             schema_version: RunConfig::SCHEMA_VERSION,
             spec: TrainSpec {

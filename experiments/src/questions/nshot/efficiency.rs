@@ -35,27 +35,29 @@ pub struct SampleEfficiency {
     pub published_ratio: Option<f64>,
 }
 
+/// Returns the values of all draws by number of shots, of the method on the data and model of a row.
+fn curve(rows: &[Row], of: &Row, method: &str) -> Vec<(usize, Vec<f64>)> {
+    let mut points: Vec<(usize, Vec<f64>)> = rows
+        .iter()
+        .filter(|row| {
+            (&row.data, row.levels, row.steps, &row.model)
+                == (&of.data, of.levels, of.steps, &of.model)
+        })
+        .filter(|row| row.method == method)
+        .filter_map(|row| Some((row.shots?, row.statistic.values.clone())))
+        .collect();
+    points.sort_by_key(|(shots, _)| *shots);
+    points
+}
+
 /// Returns the sample efficiency for each data set with both curves.
 pub(crate) fn sample_efficiency(rows: &[Row], seed: Seed) -> Vec<SampleEfficiency> {
     let mut found = Vec::new();
-    let curve = |of: &Row, method: &str| -> Vec<(usize, Vec<f64>)> {
-        let mut points: Vec<(usize, Vec<f64>)> = rows
-            .iter()
-            .filter(|row| {
-                (&row.data, row.levels, row.steps, &row.model)
-                    == (&of.data, of.levels, of.steps, &of.model)
-            })
-            .filter(|row| row.method == method)
-            .filter_map(|row| Some((row.shots?, row.statistic.values.clone())))
-            .collect();
-        points.sort_by_key(|(shots, _)| *shots);
-        points
-    };
     for row in rows.iter().filter(|row| row.method == "ol-mean") {
         let Some(target) = row.shots.filter(|shots| TARGETS.contains(shots)) else {
             continue;
         };
-        let scratch = curve(row, "nk");
+        let scratch = curve(rows, row, "nk");
         // Only complete draws of both curves can be resampled together.
         if scratch.len() < 2
             || scratch

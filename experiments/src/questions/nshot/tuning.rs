@@ -302,24 +302,28 @@ mod tests {
         );
     }
 
+    /// Returns 20 noisy sweeps of each of four materials.
+    ///
+    /// - `apart`: distance of a material from the others, on an axis of its own
+    fn embedding(seed: u64, apart: f32) -> Embedding {
+        let mut rng = Seed(seed).rng("noise");
+        let labels: Vec<usize> = (0..80).map(|i| i % 4).collect();
+        let rows = labels.iter().flat_map(|&label| {
+            (0..4)
+                .map(|k| if k == label { apart } else { 0.0 } + noise(&mut rng))
+                .collect::<Vec<f32>>()
+        });
+        Embedding {
+            convolution: Features::new(1, vec![0.0; 80]),
+            hidden: Features::new(4, rows.collect()),
+            logits: Features::new(1, vec![0.0; 80]),
+            labels,
+        }
+    }
+
     /// The selection only depends on the held-out sweeps, not on the training sweeps.
     #[test]
     fn strengths_are_chosen_on_sweeps_that_the_network_was_not_trained_on() {
-        let embedding = |seed: u64, apart: f32| {
-            let mut rng = Seed(seed).rng("noise");
-            let labels: Vec<usize> = (0..80).map(|i| i % 4).collect();
-            let rows = labels.iter().flat_map(|&label| {
-                (0..4)
-                    .map(|k| if k == label { apart } else { 0.0 } + noise(&mut rng))
-                    .collect::<Vec<f32>>()
-            });
-            Embedding {
-                convolution: Features::new(1, vec![0.0; 80]),
-                hidden: Features::new(4, rows.collect()),
-                logits: Features::new(1, vec![0.0; 80]),
-                labels,
-            }
-        };
         let twin = tactnet_data::twin::generate(&tactnet_data::twin::TwinConfig {
             materials: 2,
             sweeps: 1,

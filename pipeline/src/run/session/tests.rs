@@ -1,8 +1,10 @@
 use std::cell::Cell;
+use std::collections::BTreeMap;
 
 use tactnet_data::format::Format;
 use tactnet_data::twin::{self, TwinConfig};
-use tactnet_data::{LabelSet, Remedy, Samples, Scheme, Seed, SweepRecord, SweepShape};
+use tactnet_data::{LabelSet, Remedy, Samples, Scheme, SweepRecord, SweepShape};
+use tactnet_models::Weights;
 
 use super::*;
 use crate::{EpochMetrics, SplitKind, TestSweeps};
@@ -302,6 +304,56 @@ fn a_run_names_the_spec_that_leads_to_it_again() {
     assert_eq!(again, asked);
 }
 
+/// Everything that a training fits.
+struct Fitted {
+    weights: Weights,
+    classifier: ClassifierConfig,
+    calibration: Calibration,
+    embeddings: TrainEmbeddings,
+    /// Weights and selected settings.
+    baselines: [(Weights, BTreeMap<String, f64>); 4],
+}
+
+/// Trains a calibrated network and baselines.
+fn fitted(folder: &Path, name: &str, dataset: &Dataset) -> Fitted {
+    let [data, recipe, run] = ["h5", "toml", "run"].map(|end| folder.join(format!("{name}.{end}")));
+    Format::TactMat.write(&data, dataset).unwrap();
+    std::fs::write(
+        &recipe,
+        format!("{RECIPE}\n[input]\nscaling = \"per-taxel\""),
+    )
+    .unwrap();
+    let spec = TrainSpec {
+        data: data.display().to_string(),
+        recipe: recipe.display().to_string(),
+        calibration: Some(CalibrationTarget {
+            false_alarms: 0.2,
+            coverage: 0.8,
+        }),
+        split: Some(SplitKind::KFold),
+        ..TrainSpec::default()
+    };
+    let job = TrainJob::try_from(spec).unwrap();
+    let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
+    session.train(|_| {}, || false).unwrap();
+    let run = session.run();
+    let fold = Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+    let baselines = ["lda", "svm-h", "knn-l", "minirocket"].map(|name| {
+        let ModelRecipe::Baseline(recipe) = ModelRecipe::load(name).unwrap() else {
+            panic!("{name} is a baseline");
+        };
+        let fit = fit_baseline(&recipe, &fold.train, Seed(1), |_| {}).unwrap();
+        (fit.weights, fit.chosen)
+    });
+    Fitted {
+        weights: run.weights().unwrap(),
+        classifier: run.config().unwrap().classifier,
+        calibration: run.calibration().unwrap().unwrap(),
+        embeddings: run.train_embeddings().unwrap(),
+        baselines,
+    }
+}
+
 /// Compares two recordings that differ only in their test sweeps.
 #[test]
 fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
@@ -336,52 +388,16 @@ fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
         Samples::U8(digits.into_iter().map(|x| x as u8).collect()),
     )
     .unwrap();
-    let fitted = |name: &str, dataset: &Dataset| {
-        let [data, recipe, run] =
-            ["h5", "toml", "run"].map(|end| folder.path().join(format!("{name}.{end}")));
-        Format::TactMat.write(&data, dataset).unwrap();
-        std::fs::write(
-            &recipe,
-            format!("{RECIPE}\n[input]\nscaling = \"per-taxel\""),
-        )
-        .unwrap();
-        let spec = TrainSpec {
-            data: data.display().to_string(),
-            recipe: recipe.display().to_string(),
-            calibration: Some(CalibrationTarget {
-                false_alarms: 0.2,
-                coverage: 0.8,
-            }),
-            split: Some(SplitKind::KFold),
-            ..TrainSpec::default()
-        };
-        let job = TrainJob::try_from(spec).unwrap();
-        let session = Session::begin(&job, Some(&run), program(), |_| Ok(())).unwrap();
-        session.train(|_| {}, || false).unwrap();
-        let run = session.run();
-        let parts = (
-            run.weights().unwrap(),
-            run.config().unwrap().classifier,
-            run.calibration().unwrap().unwrap(),
-            run.train_embeddings().unwrap(),
-        );
-        let fold = Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
-        let baselines = ["lda", "svm-h", "knn-l", "minirocket"].map(|name| {
-            let ModelRecipe::Baseline(recipe) = ModelRecipe::load(name).unwrap() else {
-                panic!("{name} is a baseline");
-            };
-            let fit = fit_baseline(&recipe, &fold.train, Seed(1), |_| {}).unwrap();
-            (fit.weights, fit.chosen)
-        });
-        (parts, baselines)
-    };
     assert_ne!(twin.sha256(), changed.sha256());
-    let (first, second) = (fitted("twin", &twin), fitted("changed", &changed));
-    assert_eq!(first.0.1, second.0.1, "normaliser");
-    assert_eq!(first.0.0, second.0.0, "weights");
-    assert_eq!(first.0.2, second.0.2, "calibration");
-    assert_eq!(first.0.3, second.0.3, "embeddings");
-    assert_eq!(first.1, second.1, "baselines");
+    let (first, second) = (
+        fitted(folder.path(), "twin", &twin),
+        fitted(folder.path(), "changed", &changed),
+    );
+    assert_eq!(first.classifier, second.classifier, "normaliser");
+    assert_eq!(first.weights, second.weights, "weights");
+    assert_eq!(first.calibration, second.calibration, "calibration");
+    assert_eq!(first.embeddings, second.embeddings, "embeddings");
+    assert_eq!(first.baselines, second.baselines, "baselines");
 }
 
 /// A moved or converted file holds the same test sweeps. Without the training data, overlap with other sweeps is unknown, and reported as such.
