@@ -55,6 +55,14 @@ impl Metrics {
         }
     }
 
+    /// Returns metrics with a first serving version.
+    pub(crate) fn serving(version: u64, model: &Path) -> Self {
+        let metrics = Self::default();
+        metrics.loaded(version, model);
+        metrics.serve(version);
+        metrics
+    }
+
     /// Records the run directory of a version, before it serves.
     pub(crate) fn loaded(&self, version: u64, model: &Path) {
         let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);

@@ -123,9 +123,7 @@ impl Service {
         let (served, damaged) = source.load_newest(config.mc_samples)?;
         let version = served.version();
         let names = Box::new(served.names(config.mc_samples));
-        let metrics = Arc::<Metrics>::default();
-        metrics.loaded(version, served.path());
-        metrics.serve(version);
+        let metrics = Arc::new(Metrics::serving(version, served.path()));
         let rate_assumed = served.classifier().config().sample_rate_assumed;
         let fingers = open_fingers(&served, &config)?;
         let skins = config

@@ -21,6 +21,18 @@ const NOT_NEEDED: [u8; 7] = [
     op::DATA_END,
 ];
 
+/// Returns a reader that verifies chunks and needs no end of the file.
+///
+/// - `limit`: maximum length of a record, in bytes
+fn reader_of(limit: usize) -> LinearReader {
+    LinearReader::new_with_options(
+        LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(limit),
+    )
+}
+
 /// Passes every record to `take`, except indices and statistics. Returns the reason and the number of lost bytes if the
 /// rest of the file is unreadable.
 ///
@@ -40,13 +52,7 @@ pub(crate) fn each_record(
     };
     let mut file = tactnet_data::open_file(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
-    let limit = length.max(LONGEST_RECORD) as usize;
-    let mut reader = LinearReader::new_with_options(
-        LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(limit),
-    );
+    let mut reader = reader_of(length.max(LONGEST_RECORD) as usize);
     let (mut unread, mut records) = (length, 0);
     let mut ended = false;
     // Up to the last chunk with a record that was read.

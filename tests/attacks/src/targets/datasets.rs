@@ -1,7 +1,7 @@
 //! Data sets in all supported formats.
 
 use std::io::{Cursor, Read, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use tactnet_data::format::{self, FileLayout, Format, ReadOptions, Span, Windows};
 use tactnet_data::twin::{TwinConfig, generate};
@@ -128,35 +128,62 @@ pub(super) fn npz_members() -> anyhow::Result<Target> {
     }))
 }
 
-/// Target: a folder of files, with the options of other people's folders. Names outside the folder are left out.
-pub(super) fn folders() -> anyhow::Result<Target> {
-    let fixtures = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/read/");
-    let file = |name: &str| {
-        Ok::<(String, Vec<u8>), std::io::Error>((
-            name.into(),
-            std::fs::read(fixtures.to_owned() + name)?,
-        ))
-    };
-    let lerobot_2 = |name: &str| file(&format!("lerobot_v2/{name}"));
-    let lerobot_3 = |name: &str| file(&format!("lerobot_v3/{name}"));
-    let mut seeds = vec![
-        vec![
-            lerobot_2("meta/info.json")?,
-            lerobot_2("meta/tasks.jsonl")?,
-            lerobot_2("data/chunk-000/episode_000000.parquet")?,
-            lerobot_2("data/chunk-000/episode_000001.parquet")?,
-        ],
-        vec![
-            lerobot_3("meta/info.json")?,
-            lerobot_3("meta/tasks.parquet")?,
-            lerobot_3("data/chunk-000/file-000.parquet")?,
-        ],
+/// Names and contents of files.
+type Files = Vec<(String, Vec<u8>)>;
+
+/// Returns the files of LeRobot data sets, version 2 and 3, with names relative to the data set.
+fn lerobot_folders() -> anyhow::Result<Vec<Files>> {
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/read");
+    let folders: [(&str, &[&str]); 2] = [
+        (
+            "lerobot_v2",
+            &[
+                "meta/info.json",
+                "meta/tasks.jsonl",
+                "data/chunk-000/episode_000000.parquet",
+                "data/chunk-000/episode_000001.parquet",
+            ],
+        ),
+        (
+            "lerobot_v3",
+            &[
+                "meta/info.json",
+                "meta/tasks.parquet",
+                "data/chunk-000/file-000.parquet",
+            ],
+        ),
     ];
-    for seed in &mut seeds {
-        for (name, _) in seed {
-            *name = name.split_once('/').map_or("", |(_, name)| name).to_owned();
+    let mut found = Vec::new();
+    for (folder, names) in folders {
+        let mut files = Vec::new();
+        for name in names {
+            let content = std::fs::read(fixtures.join(folder).join(name))?;
+            files.push((name.to_string(), content));
+        }
+        found.push(files);
+    }
+    Ok(found)
+}
+
+/// Writes the members of an input below a folder, except those with names that lead out of it or are long.
+fn write_members(folder: &Path, input: &[u8]) {
+    for (name, content) in members(input) {
+        let is_plain = |part: &str| !part.is_empty() && !part.starts_with('.');
+        let is_short = name.len() < 100 && name.split('/').count() < 6;
+        if !is_short || !name.split('/').all(is_plain) || name.contains('\0') {
+            continue;
+        }
+        let file = folder.join(name);
+        let made = file.parent().map(std::fs::create_dir_all);
+        if made.is_none_or(|made| made.is_err()) || std::fs::write(&file, content).is_err() {
+            continue;
         }
     }
+}
+
+/// Target: a folder of files, with the options of other people's folders. Names outside the folder are left out.
+pub(super) fn folders() -> anyhow::Result<Target> {
+    let mut seeds = lerobot_folders()?;
     let text = |sweep: usize| -> String {
         let line = |step: usize| format!("{step} {} {}\n", sweep * step % 7, (sweep + step) % 5);
         (0..12).map(line).collect()
@@ -187,19 +214,7 @@ pub(super) fn folders() -> anyhow::Result<Target> {
         move |input| {
             let path = folder.path().join("data");
             let _ = std::fs::remove_dir_all(&path);
-            for (name, content) in members(input) {
-                let is_plain = |part: &str| !part.is_empty() && !part.starts_with('.');
-                let is_short = name.len() < 100 && name.split('/').count() < 6;
-                if !is_short || !name.split('/').all(is_plain) || name.contains('\0') {
-                    continue;
-                }
-                let file = path.join(name);
-                let made = file.parent().map(std::fs::create_dir_all);
-                if made.is_none_or(|made| made.is_err()) || std::fs::write(&file, content).is_err()
-                {
-                    continue;
-                }
-            }
+            write_members(&path, input);
             let as_it_is = format::read(&path).is_ok();
             as_it_is | format::read_with(&path, &options).is_ok()
         },
