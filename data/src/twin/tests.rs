@@ -180,7 +180,8 @@ fn impossible_configs_are_refused_by_name() {
         ..TwinConfig::default()
     };
     assert!(generate(&good).is_ok());
-    let cases: [(fn(&mut TwinConfig), &str); 8] = [
+    type Change = fn(&mut TwinConfig);
+    let cases: [(Change, &str); 8] = [
         (
             |config| config.materials = 37,
             "materials: expected 1 to 36, found 37",

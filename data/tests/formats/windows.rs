@@ -1,6 +1,6 @@
 //! Tests of windows that are cut from continuous recordings, and of resampling.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use proptest::prelude::*;
 use tactnet_data::format::{self, ReadOptions, Span, Windows, npz};
