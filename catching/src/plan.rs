@@ -17,6 +17,7 @@
 pub(crate) mod bfgs;
 mod bodies;
 mod candidates;
+mod catch_motion;
 pub(crate) mod clearance;
 mod nearest;
 mod no_plan;
@@ -31,11 +32,12 @@ mod sqp;
 mod way;
 
 pub use bodies::{BODIES, Body};
+pub use catch_motion::{OtherArm, UNKNOWNS};
 pub use no_plan::{NoPlan, RequestError};
 pub use objective::Objective;
 pub(crate) use obstacles::TOO_NEAR_ALREADY;
 pub use obstacles::{ChestWay, ObstacleConfig, Surroundings};
 pub use planner::{CatchPlan, CatchPoint, Effort, PlanConditions, PlanConfig, PlanGoal, Planner};
-pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, UNKNOWNS, Violation};
+pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, Violation};
 pub use seeds::Grid;
-pub use way::{OtherArm, WayConfig};
+pub use way::WayConfig;

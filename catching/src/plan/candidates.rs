@@ -1,6 +1,6 @@
 //! Feasible points found by descents, and the choice among them.
 
-use super::problem::Point;
+use super::catch_motion::Point;
 use super::seeds::MAX_SEEDS;
 use super::sqp::Solution;
 

@@ -13,7 +13,8 @@
 
 use tactnet_catching_packets::ARM_JOINTS;
 
-use super::problem::{EQUALITIES, Linearised, Point, Problem, ROWS, UNKNOWNS};
+use super::catch_motion::{Point, UNKNOWNS};
+use super::problem::{EQUALITIES, Linearised, Problem, ROWS};
 use super::qp;
 use super::sqp::Solution;
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
 
-use super::problem::{Point, Problem, UNKNOWNS};
+use super::catch_motion::{CatchMotion, Point, UNKNOWNS};
 use crate::ramp::{Acceleration, LeastTime};
 
 /// Objective of a plan, which is minimised.
@@ -24,7 +24,7 @@ const STILL: f64 = 1e-3;
 
 impl Objective {
     /// Returns the cost of a point and its gradient.
-    pub(crate) fn cost(self, problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
+    pub(crate) fn cost(self, motion: &CatchMotion, x: &Point) -> (f64, [f64; UNKNOWNS]) {
         let n = ARM_JOINTS as f64;
         let t = x[ARM_JOINTS];
         let mut gradient = [0.0; UNKNOWNS];
@@ -36,13 +36,9 @@ impl Objective {
             Self::Soft => {
                 let mut sum = STILL * STILL;
                 for i in 0..ARM_JOINTS {
-                    let joint = &problem.joints[i];
-                    let shape = Acceleration::new(
-                        x[i] - problem.request.q0[i],
-                        t,
-                        problem.request.w0[i],
-                        joint.speed,
-                    );
+                    let joint = &motion.joints[i];
+                    let shape =
+                        Acceleration::new(x[i] - motion.q0[i], t, motion.w0[i], joint.speed);
                     let share = shape.a / joint.acceleration;
                     sum += share * share / n;
                     gradient[i] = share * shape.by_distance / joint.acceleration / n;
@@ -54,11 +50,8 @@ impl Objective {
             Self::Cool => {
                 let mut sum = 0.0;
                 for i in 0..ARM_JOINTS {
-                    let least = LeastTime::smooth(
-                        x[i] - problem.request.q0[i],
-                        problem.request.w0[i],
-                        &problem.joints[i],
-                    );
+                    let least =
+                        LeastTime::smooth(x[i] - motion.q0[i], motion.w0[i], &motion.joints[i]);
                     sum += least.t.powi(4) / n;
                     gradient[i] = least.t.powi(3) * least.by_distance / n;
                 }

@@ -6,8 +6,8 @@
 //!
 //! Here `d` is the distance of the map, positive in free space, at the centre `p` of a sphere of radius `r`. The thesis
 //! adds the sum of distances that are positive inside obstacles and writes 'maximise'; that sum must be minimised, as
-//! here. The ramps are sampled at equal fractions of their duration, so the gradient follows from [`Passing`],
-//! kinematics and map.
+//! here. The ramps are sampled at equal fractions of their duration, so the gradient follows from
+//! [`Passing`](super::passing::Passing), kinematics and map.
 //!
 //! A cost does not enforce a distance. [`Obstacles::clear_along`] checks the best motion on a fine walk along its
 //! ramps: no sphere may come closer than `hard`, or than at the start if the arm starts closer. Otherwise the motion is
@@ -17,11 +17,11 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
 
-use super::passing::Passing;
-use super::problem::{Point, Problem, UNKNOWNS, end_of_motion};
+use super::catch_motion::{CatchMotion, Point, UNKNOWNS};
 use crate::flight::FlightPath;
 use crate::map::{ARM_SPHERES, ArmSpheres, DistanceField};
 use crate::ramp::Ramp;
+use crate::robot::ArmKinematics;
 
 /// Amount by which an arm that starts too close may come closer, in m: a tenth of a voxel.
 pub(crate) const TOO_NEAR_ALREADY: f64 = 2e-3;
@@ -119,9 +119,9 @@ pub(crate) struct Obstacles<'a> {
 
 impl Obstacles<'_> {
     /// Returns the cost of the way to a point, and its gradient.
-    pub fn cost(&self, problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
+    pub fn cost(&self, motion: &CatchMotion, x: &Point) -> (f64, [f64; UNKNOWNS]) {
         let config = self.config;
-        let (end, end_by) = end_of_motion(problem, x);
+        let (end, end_by) = motion.end(x);
         let mut cost = 0.0;
         let mut gradient = [0.0; UNKNOWNS];
         if !end.is_finite() || end <= 0.0 {
@@ -132,11 +132,8 @@ impl Obstacles<'_> {
         let mut by_end = 0.0;
         for sample in 1..=samples {
             let share = sample as f64 / samples as f64;
-            let joints: [Passing; ARM_JOINTS] = std::array::from_fn(|i| {
-                let (q0, w0) = (problem.request.q0[i], problem.request.w0[i]);
-                Passing::new(q0, w0, x[i] - q0, end, problem.joints[i].speed, share)
-            });
-            let chain = problem.arm.chain(&joints.map(|joint| joint.q));
+            let joints = motion.passing(x, end, share);
+            let chain = motion.arm.chain(&joints.map(|joint| joint.q));
             let (chest, [platform, rate], turn_rate) = self.surroundings.chest.moving(share * end);
             for sphere in 0..ARM_SPHERES {
                 let centre = self.spheres.centre(sphere, &chain);
@@ -186,10 +183,10 @@ impl Obstacles<'_> {
     }
 
     /// Returns true if the arm keeps its distance along the ramps and at their end.
-    pub fn clear_along(&self, problem: &Problem, ramps: &[Ramp; ARM_JOINTS]) -> bool {
+    pub fn clear_along(&self, arm: &ArmKinematics, ramps: &[Ramp; ARM_JOINTS]) -> bool {
         let end = ramps.iter().map(|ramp| ramp.end).fold(0.0, f64::max);
         let at = |t: f64| {
-            let chain = problem.arm.chain(&ramps.map(|ramp| ramp.at(t).0));
+            let chain = arm.chain(&ramps.map(|ramp| ramp.at(t).0));
             let Surroundings { field, chest } = &self.surroundings;
             self.spheres.distance(&chain, &chest.at(t), field)
         };
@@ -210,6 +207,7 @@ mod tests {
     use crate::map::VoxelGrid;
     use crate::plan::bodies::Body;
     use crate::plan::clearance::Clearance;
+    use crate::plan::problem::Problem;
     use crate::plan::{CatchRequest, NoPlan, Objective, PlanConditions, PlanConfig, Planner};
     use crate::robot::Robot;
 
@@ -287,7 +285,7 @@ mod tests {
             let mut request = request(&robot, objective);
             request.w0 = w;
             let (bodies, clearance) = (Body::around_chest(0), Clearance::new(&robot, 0));
-            let mut problem = Problem::new(&request, robot.arm(0), &bodies, &clearance, 0.0);
+            let problem = Problem::new(&request, robot.arm(0), &bodies, &clearance, 0.0);
             // A coarse map whose trilinear cells cause no kinks within the arm's range.
             let grid = VoxelGrid { corner: [-20.0, -20.0, -20.0], voxel: 20.0, cells: [2, 2, 3] };
             let field = DistanceField::new(grid, &[true, false, false, false, false, false, false, true, false, false, false, false]);
@@ -300,14 +298,13 @@ mod tests {
                 chest: chest(),
             };
             let obstacles = Obstacles { surroundings: Surroundings { field: &field, chest: way }, spheres: &spheres, config: &config };
-            problem.obstacles = Some(obstacles);
             let x: Point = std::array::from_fn(|i| if i < 7 { request.q0[i] + 0.5 * q[i] } else { t });
             // Exclude motions with extreme accelerations.
-            prop_assume!((0..7).all(|i| crate::ramp::Acceleration::new(x[i] - request.q0[i], t, w[i], problem.joints[i].speed).a.abs() < 60.0));
-            let (cost, gradient) = obstacles.cost(&problem, &x);
+            prop_assume!((0..7).all(|i| crate::ramp::Acceleration::new(x[i] - request.q0[i], t, w[i], problem.motion.joints[i].speed).a.abs() < 60.0));
+            let (cost, gradient) = obstacles.cost(&problem.motion, &x);
             prop_assert!(cost > 0.0);
             for i in 0..UNKNOWNS {
-                let moved = |h: f64| { let mut y = x; y[i] += h; obstacles.cost(&problem, &y).0 };
+                let moved = |h: f64| { let mut y = x; y[i] += h; obstacles.cost(&problem.motion, &y).0 };
                 let h = 1e-5;
                 let (more, less) = (moved(h), moved(-h));
                 // The cost has kinks where another joint becomes the slowest or a part of a ramp starts at a sample.

@@ -5,11 +5,12 @@ use tactnet_catching_packets::ARM_JOINTS;
 
 use super::bodies::{BODIES, Body};
 use super::candidates::Candidates;
+use super::catch_motion::Point;
 use super::clearance::Clearance;
 use super::nearest::approach;
 use super::no_plan::{NoPlan, RequestError};
 use super::obstacles::{ObstacleConfig, Obstacles, Surroundings};
-use super::problem::{CatchRequest, Point, Problem, Violation};
+use super::problem::{CatchRequest, Problem, Violation};
 use super::seeds::{Grid, Seeds};
 use super::sqp::{Descent, Solution, descend};
 use super::way::{OwnBodies, WayConfig};
@@ -77,7 +78,7 @@ impl CatchPlan {
         Self {
             q: std::array::from_fn(|i| solution.x[i]),
             t: solution.x[ARM_JOINTS],
-            ramps: problem.ramps(&solution.x),
+            ramps: problem.motion.ramps(&solution.x),
             cost: solution.cost,
             violation: solution.violation,
             effort,
@@ -324,7 +325,8 @@ impl Planner {
 
     fn is_way_clear(&self, problem: &Problem, x: &Point) -> bool {
         let way = &self.config.way;
-        self.own.is_clear(way, problem, &problem.ramps(x))
+        self.own
+            .is_clear(way, &problem.motion, &problem.motion.ramps(x))
     }
 
     /// Returns the best catch on a grid, without descents and time limit, as a reference for planners.

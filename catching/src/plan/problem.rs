@@ -9,21 +9,20 @@
 //! catch, the whole arm keeps its distance from trunk and torso ([`Clearance`]).
 
 use nalgebra::Vector3;
-use tactnet_catching_packets::{ARM_JOINTS, Joint};
+use tactnet_catching_packets::ARM_JOINTS;
 
 use super::bodies::{BODIES, Body};
+use super::catch_motion::{CatchMotion, OtherArm, Point, UNKNOWNS};
 use super::clearance::Clearance;
 use super::no_plan::NoPlan;
 use super::objective::Objective;
 use super::obstacles::Obstacles;
 use super::qp::Row;
-use super::way::{OtherArm, OwnBodies, WayConfig};
+use super::way::{OwnBodies, WayConfig};
 use crate::flight::{Flight, FlightPath};
-use crate::ramp::{Acceleration, LeastTime, Ramp, Reach};
+use crate::ramp::{Acceleration, Reach};
 use crate::robot::ArmKinematics;
 
-/// Number of unknowns: joint angles and catch time.
-pub const UNKNOWNS: usize = ARM_JOINTS + 1;
 /// Number of equations: hand at the ball (3), hand against its flight (2).
 pub const EQUALITIES: usize = 5;
 /// Number of inequalities: ranges (14), times (2), least times (7), bodies (8).
@@ -33,9 +32,6 @@ pub const INEQUALITIES: usize = 2 * ARM_JOINTS + 2 + ARM_JOINTS + BODIES;
 pub(crate) const ROWS: usize = EQUALITIES + INEQUALITIES + 2 * ARM_JOINTS + 1 + 2 * UNKNOWNS;
 /// Distance beyond the required one above which the arm has no row, in m. It exceeds the effect of any step.
 const FAR: f64 = 0.3;
-
-/// Values of the unknowns: `q` and `t`.
-pub(crate) type Point = [f64; UNKNOWNS];
 
 /// Request of a catch, in the chest frame, which is assumed at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,8 +73,7 @@ impl Violation {
 /// Request with all quantities that stay constant during its solution.
 pub(crate) struct Problem<'a> {
     pub request: &'a CatchRequest,
-    pub arm: &'a ArmKinematics,
-    pub joints: &'a [Joint; ARM_JOINTS],
+    pub motion: CatchMotion<'a>,
     pub bodies: &'a [Body; BODIES],
     pub clearance: &'a Clearance,
     /// Minimum distance of the arm from trunk and torso at the catch, in m; 0 disables it.
@@ -115,8 +110,15 @@ impl<'a> Problem<'a> {
         let least = braking.fold(request.earliest.max(1e-3), f64::max);
         Self {
             request,
-            arm,
-            joints,
+            motion: CatchMotion {
+                arm,
+                joints,
+                q0: request.q0,
+                w0: request.w0,
+                earliest: least,
+                arrives_early: request.objective == Objective::Cool,
+                other: request.other,
+            },
             bodies,
             clearance,
             apart,
@@ -152,16 +154,16 @@ impl<'a> Problem<'a> {
     /// Returns the cost of a point and its gradient: the objective plus the costs of closeness to obstacles and to the
     /// robot itself.
     pub fn cost(&self, x: &Point) -> (f64, [f64; UNKNOWNS]) {
-        let (mut cost, mut gradient) = self.request.objective.cost(self, x);
+        let (mut cost, mut gradient) = self.request.objective.cost(&self.motion, x);
         let mut add = |(near, slope): (f64, [f64; UNKNOWNS])| {
             cost += near;
             gradient = std::array::from_fn(|i| gradient[i] + slope[i]);
         };
         if let Some(obstacles) = &self.obstacles {
-            add(obstacles.cost(self, x));
+            add(obstacles.cost(&self.motion, x));
         }
         if let Some((own, config)) = self.own {
-            add(own.cost(config, self, x));
+            add(own.cost(config, &self.motion, x));
         }
         (cost, gradient)
     }
@@ -170,40 +172,19 @@ impl<'a> Problem<'a> {
     pub fn is_clear(&self, x: &Point) -> bool {
         self.obstacles
             .as_ref()
-            .is_none_or(|obstacles| obstacles.clear_along(self, &self.ramps(x)))
+            .is_none_or(|obstacles| obstacles.clear_along(self.motion.arm, &self.motion.ramps(x)))
     }
 
     /// Returns the interval of joint `i` at time `t`: the intersection of its range and its reach. It is empty if the
     /// first value is greater.
     pub fn interval(&self, i: usize, t: f64) -> [f64; 2] {
-        let joint = &self.joints[i];
-        let q0 = self.request.q0[i];
-        let reach = Reach::new(t, self.request.w0[i], joint);
+        let joint = &self.motion.joints[i];
+        let q0 = self.motion.q0[i];
+        let reach = Reach::new(t, self.motion.w0[i], joint);
         [
             joint.range[0].max(q0 + reach.low),
             joint.range[1].min(q0 + reach.high),
         ]
-    }
-
-    /// Returns the ramps to a point. With [`Objective::Cool`] they end when the slowest joint can arrive, otherwise at
-    /// `t`.
-    pub fn ramps(&self, x: &Point) -> [Ramp; ARM_JOINTS] {
-        let request = self.request;
-        let mut end = x[ARM_JOINTS];
-        if request.objective == Objective::Cool {
-            let least = (0..ARM_JOINTS)
-                .map(|i| LeastTime::exact(x[i] - request.q0[i], request.w0[i], &self.joints[i]).t);
-            end = least.fold(self.times[0], f64::max).min(end);
-        }
-        std::array::from_fn(|i| {
-            Ramp::between(
-                request.q0[i],
-                request.w0[i],
-                x[i],
-                end,
-                self.joints[i].speed,
-            )
-        })
     }
 
     /// Returns the residuals of a point and its ramps.
@@ -211,14 +192,14 @@ impl<'a> Problem<'a> {
         let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
         let t = x[ARM_JOINTS];
         let ball = self.path.at(t);
-        let pose = self.arm.forward(&q);
+        let pose = self.motion.arm.forward(&q);
         let u = pose.rotation.transpose() * (-ball.v / ball.v.norm());
         let mut limits = (self.times[0] - t).max(t - self.times[1]);
         for i in 0..ARM_JOINTS {
             let [low, high] = self.interval(i, t);
             limits = limits.max(low - x[i]).max(x[i] - high);
         }
-        for (ramp, joint) in self.ramps(x).iter().zip(self.joints) {
+        for (ramp, joint) in self.motion.ramps(x).iter().zip(self.motion.joints) {
             let [low, high] = ramp.extent();
             limits = limits.max(joint.range[0] - low).max(high - joint.range[1]);
         }
@@ -250,7 +231,7 @@ impl<'a> Problem<'a> {
         let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
         let t = x[ARM_JOINTS];
         let ball = self.path.at(t);
-        let (pose, jacobian) = self.arm.jacobian(&q);
+        let (pose, jacobian) = self.motion.arm.jacobian(&q);
         let mut rows = Rows::new();
 
         let speed = ball.v.norm();
@@ -309,8 +290,8 @@ impl<'a> Problem<'a> {
         rows.inequality(t - self.times[0], |_| 0.0, 1.0);
         rows.inequality(self.times[1] - t, |_| 0.0, -1.0);
         for i in 0..ARM_JOINTS {
-            let joint = &self.joints[i];
-            let (q0, w0) = (self.request.q0[i], self.request.w0[i]);
+            let joint = &self.motion.joints[i];
+            let (q0, w0) = (self.motion.q0[i], self.motion.w0[i]);
             let own = |sign: f64| move |k: usize| if k == i { sign } else { 0.0 };
             rows.inequality(x[i] - joint.range[0], own(1.0), 0.0);
             rows.inequality(joint.range[1] - x[i], own(-1.0), 0.0);
@@ -345,7 +326,7 @@ impl<'a> Problem<'a> {
         let heading = ball.v / ball.v.norm();
         for _ in 0..3 {
             let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
-            let (pose, jacobian) = self.arm.jacobian(&q);
+            let (pose, jacobian) = self.motion.arm.jacobian(&q);
             let back = pose.rotation.transpose();
             let u = back * -heading;
             let apart = pose.position - ball.p;
@@ -377,27 +358,6 @@ impl<'a> Problem<'a> {
         }
         x
     }
-}
-
-/// Returns the end of the ramps to a point, in s, and its derivatives.
-pub(crate) fn end_of_motion(problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
-    let mut by = [0.0; UNKNOWNS];
-    let t = x[ARM_JOINTS];
-    by[ARM_JOINTS] = 1.0;
-    if problem.request.objective != Objective::Cool {
-        return (t, by);
-    }
-    let mut end = (problem.times[0], [0.0; UNKNOWNS]);
-    for i in 0..ARM_JOINTS {
-        let distance = x[i] - problem.request.q0[i];
-        let least = LeastTime::exact(distance, problem.request.w0[i], &problem.joints[i]);
-        if least.t > end.0 {
-            let mut by = [0.0; UNKNOWNS];
-            by[i] = least.by_distance;
-            end = (least.t, by);
-        }
-    }
-    if end.0 > t { (t, by) } else { end }
 }
 
 struct Rows {

@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
 
-use super::problem::{Point, Problem};
+use super::catch_motion::Point;
+use super::problem::Problem;
 use super::sqp::Solution;
 use crate::robot::{HandPose, rotation_towards};
 
@@ -125,13 +126,13 @@ impl Seeds {
                     position: ball.p,
                     rotation: rotation_towards(&axis, hand as f64 * TAU / grid.hands as f64),
                 };
-                let Some(circle) = problem.arm.elbow_circle(&pose) else {
+                let Some(circle) = problem.motion.arm.elbow_circle(&pose) else {
                     // Independent of the hand angle.
                     break;
                 };
                 for elbow in 0..grid.elbows {
                     circle.each(
-                        problem.arm,
+                        problem.motion.arm,
                         elbow as f64 * TAU / grid.elbows as f64,
                         &mut |q| {
                             let lack = q
@@ -174,7 +175,7 @@ impl Seeds {
             cost: f64::INFINITY,
         };
         if lack == 0.0 {
-            seed.cost = problem.request.objective.cost(problem, &x).0;
+            seed.cost = problem.request.objective.cost(&problem.motion, &x).0;
             if !seed.cost.is_finite() || turns_outside(problem, &x) {
                 return;
             }
@@ -193,7 +194,7 @@ impl Seeds {
                     if self.place_for(&seed).is_none() {
                         return;
                     }
-                    seed.cost += obstacles.cost(problem, &x).0;
+                    seed.cost += obstacles.cost(&problem.motion, &x).0;
                 }
             }
         }
@@ -228,11 +229,12 @@ impl Seeds {
 }
 
 fn turns_outside(problem: &Problem, x: &Point) -> bool {
-    problem.request.w0.iter().any(|w0| *w0 != 0.0)
+    problem.motion.w0.iter().any(|w0| *w0 != 0.0)
         && problem
+            .motion
             .ramps(x)
             .iter()
-            .zip(problem.joints)
+            .zip(problem.motion.joints)
             .any(|(ramp, joint)| {
                 let [low, high] = ramp.extent();
                 low < joint.range[0] || high > joint.range[1]
@@ -242,12 +244,12 @@ fn turns_outside(problem: &Problem, x: &Point) -> bool {
 /// Returns the first and the last time at which the ball is within reach of the shoulder.
 fn while_within_reach(problem: &Problem) -> Option<[f64; 2]> {
     let [least, most] = problem.times;
-    let reach = problem.arm.reach();
+    let reach = problem.motion.arm.reach();
     let mut span: Option<[f64; 2]> = None;
     let steps = 120;
     for i in 0..=steps {
         let t = least + (most - least) * f64::from(i) / f64::from(steps);
-        if (problem.path.at(t).p - problem.arm.shoulder()).norm() < reach {
+        if (problem.path.at(t).p - problem.motion.arm.shoulder()).norm() < reach {
             span = Some(span.map_or([t, t], |[first, _]| [first, t]));
         }
     }

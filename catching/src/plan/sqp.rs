@@ -4,8 +4,9 @@
 use tactnet_catching_packets::ARM_JOINTS;
 
 use super::bfgs::update;
+use super::catch_motion::{Point, UNKNOWNS};
 use super::objective::Objective;
-use super::problem::{EQUALITIES, Linearised, Point, Problem, ROWS, UNKNOWNS, Violation};
+use super::problem::{EQUALITIES, Linearised, Problem, ROWS, Violation};
 use super::qp;
 
 /// Feasible point with its cost.
@@ -235,11 +236,11 @@ fn initial_curvature(problem: &Problem, x: &Point, cost: f64) -> [[f64; UNKNOWNS
         let t = x[ARM_JOINTS];
         let n = ARM_JOINTS as f64;
         for i in 0..ARM_JOINTS {
-            let joint = &problem.joints[i];
+            let joint = &problem.motion.joints[i];
             let shape = crate::ramp::Acceleration::new(
-                x[i] - problem.request.q0[i],
+                x[i] - problem.motion.q0[i],
                 t,
-                problem.request.w0[i],
+                problem.motion.w0[i],
                 joint.speed,
             );
             let (d, dt) = (

@@ -18,8 +18,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Joint, joint};
 
+use super::catch_motion::{CatchMotion, OtherArm, Point, UNKNOWNS};
 use super::passing::Passing;
-use super::problem::{Point, Problem, UNKNOWNS, end_of_motion};
 use crate::ramp::Ramp;
 use crate::robot::{Chain, Robot};
 use crate::safety::{Bodies, Hull, nearest};
@@ -67,34 +67,6 @@ impl Default for WayConfig {
             starts: 3,
             iterations: 15,
         }
-    }
-}
-
-/// Motion of the other arm.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OtherArm {
-    /// Ramps of its joints.
-    pub ramps: [Ramp; ARM_JOINTS],
-    /// Time from the start of these ramps to the start of the planned motion, in s.
-    pub since: f64,
-}
-
-impl OtherArm {
-    /// Returns an arm at rest.
-    pub fn standing(q: &[f64; ARM_JOINTS]) -> Self {
-        Self {
-            ramps: q.map(Ramp::standing),
-            since: 0.0,
-        }
-    }
-
-    pub(crate) fn is_finite(&self) -> bool {
-        let ramps = self.ramps.iter();
-        ramps
-            .flat_map(|ramp| [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end])
-            .chain([self.since])
-            .all(f64::is_finite)
-            && self.ramps.iter().all(|ramp| ramp.end >= 0.0)
     }
 }
 
@@ -167,9 +139,8 @@ impl OwnBodies {
         self.bodies.arm(arm, &whole).map(Body::of)
     }
 
-    fn other(&self, problem: &Problem) -> OtherArm {
-        problem
-            .request
+    fn other(&self, motion: &CatchMotion) -> OtherArm {
+        motion
             .other
             .unwrap_or_else(|| OtherArm::standing(&self.other_waits))
     }
@@ -213,8 +184,13 @@ impl OwnBodies {
     }
 
     /// Returns the cost of the way to a point, and its gradient.
-    pub fn cost(&self, config: &WayConfig, problem: &Problem, x: &Point) -> (f64, [f64; UNKNOWNS]) {
-        let (end, end_by) = end_of_motion(problem, x);
+    pub fn cost(
+        &self,
+        config: &WayConfig,
+        motion: &CatchMotion,
+        x: &Point,
+    ) -> (f64, [f64; UNKNOWNS]) {
+        let (end, end_by) = motion.end(x);
         let mut cost = 0.0;
         let mut gradient = [0.0; UNKNOWNS];
         if !end.is_finite() || end <= 0.0 {
@@ -222,23 +198,20 @@ impl OwnBodies {
         }
         let samples = config.samples.max(1);
         let weight = config.weight / samples as f64;
-        let other = self.other(problem);
+        let other = self.other(motion);
         let mut by_end = 0.0;
         for sample in 1..=samples {
             let share = sample as f64 / samples as f64;
-            let joints: [Passing; ARM_JOINTS] = std::array::from_fn(|i| {
-                let (q0, w0) = (problem.request.q0[i], problem.request.w0[i]);
-                Passing::new(q0, w0, x[i] - q0, end, problem.joints[i].speed, share)
-            });
+            let joints = motion.passing(x, end, share);
             if !joints.iter().all(|joint| joint.q.is_finite()) {
                 return (f64::INFINITY, [0.0; UNKNOWNS]);
             }
             let others = self.other_at(&other, share * end, config.reaction);
-            for (posture, other) in postures(problem, &joints, config.reaction)
+            for (posture, other) in postures(motion, &joints, config.reaction)
                 .iter()
                 .zip(&others)
             {
-                let chain = problem.arm.chain(&posture.q);
+                let chain = motion.arm.chain(&posture.q);
                 self.each_near(
                     posture,
                     other,
@@ -305,22 +278,22 @@ impl OwnBodies {
     pub fn least(
         &self,
         config: &WayConfig,
-        problem: &Problem,
+        motion: &CatchMotion,
         ramps: &[Ramp; ARM_JOINTS],
         enough: f64,
     ) -> f64 {
         let end = ramps.iter().map(|ramp| ramp.end).fold(0.0, f64::max);
-        let other = self.other(problem);
+        let other = self.other(motion);
         let checks = config.checks.max(1);
         let mut least = enough;
         for check in 1..=checks {
             let t = end * check as f64 / checks as f64;
-            let motion = ramps.map(|ramp| ramp.at(t));
-            let most = |i: usize| problem.joints[i].acceleration;
+            let states = ramps.map(|ramp| ramp.at(t));
+            let most = |i: usize| motion.joints[i].acceleration;
             let stops =
-                std::array::from_fn(|i| stop(motion[i].0, motion[i].1, config.reaction, most(i)));
+                std::array::from_fn(|i| stop(states[i].0, states[i].1, config.reaction, most(i)));
             let others = self.other_at(&other, t, config.reaction);
-            for (q, other) in [motion.map(|(q, _)| q), stops].iter().zip(&others) {
+            for (q, other) in [states.map(|(q, _)| q), stops].iter().zip(&others) {
                 least = least.min(self.distance(q, &other.parts, least));
             }
         }
@@ -345,22 +318,21 @@ impl OwnBodies {
     pub fn is_clear(
         &self,
         config: &WayConfig,
-        problem: &Problem,
+        motion: &CatchMotion,
         ramps: &[Ramp; ARM_JOINTS],
     ) -> bool {
         if config.hard <= 0.0 {
             return true;
         }
-        let [at, stopped] = self.other_at(&self.other(problem), 0.0, config.reaction);
-        let request = problem.request;
+        let [at, stopped] = self.other_at(&self.other(motion), 0.0, config.reaction);
         let stops = std::array::from_fn(|i| {
-            let most = problem.joints[i].acceleration;
-            stop(request.q0[i], request.w0[i], config.reaction, most)
+            let most = motion.joints[i].acceleration;
+            stop(motion.q0[i], motion.w0[i], config.reaction, most)
         });
-        let begin = self.distance(&request.q0, &at.parts, config.hard + TOO_NEAR_ALREADY);
+        let begin = self.distance(&motion.q0, &at.parts, config.hard + TOO_NEAR_ALREADY);
         let begin = begin.min(self.distance(&stops, &stopped.parts, begin));
         let bound = config.hard.min(begin - TOO_NEAR_ALREADY);
-        self.least(config, problem, ramps, bound) >= bound
+        self.least(config, motion, ramps, bound) >= bound
     }
 }
 
@@ -379,8 +351,8 @@ fn stop_by_rate(w: f64, reaction: f64, most: f64) -> f64 {
 }
 
 /// Returns the pose of the joints, and their stopping pose.
-fn postures(problem: &Problem, joints: &[Passing; ARM_JOINTS], reaction: f64) -> [Posture; 2] {
-    let most = |i: usize| problem.joints[i].acceleration;
+fn postures(motion: &CatchMotion, joints: &[Passing; ARM_JOINTS], reaction: f64) -> [Posture; 2] {
+    let most = |i: usize| motion.joints[i].acceleration;
     let by_rate = |i: usize| stop_by_rate(joints[i].rate, reaction, most(i));
 
     [

@@ -57,12 +57,12 @@ proptest! {
                 prop_assert!((slope - here.rows[row].normal[i]).abs() < 1e-4 * (1.0 + slope.abs()), "row {row} unknown {i}: {slope} {}", here.rows[row].normal[i]);
             }
         }
-        let (cost, gradient) = Objective::Soft.cost(&problem, &x);
+        let (cost, gradient) = Objective::Soft.cost(&problem.motion, &x);
         prop_assume!(cost.is_finite());
         for objective in [Objective::Soft, Objective::Latest, Objective::Cool] {
-            let (_, gradient) = if objective == Objective::Soft { (cost, gradient) } else { objective.cost(&problem, &x) };
+            let (_, gradient) = if objective == Objective::Soft { (cost, gradient) } else { objective.cost(&problem.motion, &x) };
             for i in 0..UNKNOWNS {
-                let moved = |h: f64| { let mut y = x; y[i] += h; objective.cost(&problem, &y).0 };
+                let moved = |h: f64| { let mut y = x; y[i] += h; objective.cost(&problem.motion, &y).0 };
                 let slope = (8.0 * (moved(h) - moved(-h)) - (moved(2.0 * h) - moved(-2.0 * h))) / (12.0 * h);
                 prop_assert!((slope - gradient[i]).abs() < 1e-3 * (1.0 + slope.abs()), "{objective:?} {i}: {slope} {}", gradient[i]);
             }

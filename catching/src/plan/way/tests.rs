@@ -3,6 +3,7 @@ use tactnet_catching_packets::RobotDescription;
 
 use super::super::bodies::Body as ThesisBody;
 use super::super::clearance::Clearance;
+use super::super::problem::Problem;
 use super::*;
 use crate::flight::Flight;
 use crate::plan::{CatchRequest, Objective, PlanConditions, PlanConfig, Planner};
@@ -46,11 +47,11 @@ proptest! {
         let own = OwnBodies::new(&robot, 0);
         let config = WayConfig { soft: 0.4, weight: 1.0, ..WayConfig::default() };
         let x: Point = std::array::from_fn(|i| if i < ARM_JOINTS { request.q0[i] + 0.5 * q[i] } else { t });
-        prop_assume!((0..ARM_JOINTS).all(|i| crate::ramp::Acceleration::new(x[i] - request.q0[i], t, w[i], problem.joints[i].speed).a.abs() < 30.0));
-        let (cost, gradient) = own.cost(&config, &problem, &x);
+        prop_assume!((0..ARM_JOINTS).all(|i| crate::ramp::Acceleration::new(x[i] - request.q0[i], t, w[i], problem.motion.joints[i].speed).a.abs() < 30.0));
+        let (cost, gradient) = own.cost(&config, &problem.motion, &x);
         prop_assert!(cost > 0.0);
         for i in 0..UNKNOWNS {
-            let moved = |h: f64| { let mut y = x; y[i] += h; own.cost(&config, &problem, &y).0 };
+            let moved = |h: f64| { let mut y = x; y[i] += h; own.cost(&config, &problem.motion, &y).0 };
             let h = 1e-5;
             let (more, less) = (moved(h), moved(-h));
             // The cost has kinks where parts of ramps start at a sample or the closest corner of a hull changes.
@@ -87,13 +88,13 @@ fn a_plan_keeps_away_from_the_other_arms_way() {
         let mut with = asked;
         with.other = Some(OtherArm { ramps, since: 0.0 });
         let problem = Problem::new(&with, robot.arm(0), &bodies, &clearance, 0.0);
-        if own.is_clear(&config, &problem, &alone.ramps) {
+        if own.is_clear(&config, &problem.motion, &alone.ramps) {
             continue;
         }
         in_the_way += 1;
         if let Ok(plan) = planner.plan(&with, &PlanConditions::default(), || false) {
             gone_round += 1;
-            assert!(own.least(&config, &problem, &plan.ramps, 1.0) >= config.hard);
+            assert!(own.least(&config, &problem.motion, &plan.ramps, 1.0) >= config.hard);
             assert!(plan.violation.is_feasible());
         }
     }
