@@ -11,12 +11,14 @@
 
 mod assign;
 mod body;
+mod config;
 mod coordinator;
 mod neck;
 mod room;
 
 pub use assign::{Assignment, assign};
 pub use body::BodyMotion;
-pub use coordinator::{CatchState, Coordinator, CoordinatorConfig, PlanRequest, Planned};
+pub use config::CoordinatorConfig;
+pub use coordinator::{CatchState, Coordinator, PlanRequest, Planned};
 pub use neck::{GazeTargets, Neck};
 pub use room::Room;

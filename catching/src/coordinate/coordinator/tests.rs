@@ -2,7 +2,7 @@ use bytemuck::Zeroable;
 use tactnet_catching_packets::RobotDescription;
 
 use super::*;
-use crate::plan::{Effort, Violation};
+use crate::plan::{Effort, Objective, Violation};
 
 /// Returns a plan that reaches `q` at all joints after one second.
 fn planned(coordinator: &Coordinator, start_ns: u64, q: f64) -> Planned {
