@@ -25,7 +25,7 @@ const LEFT_NS: u64 = 150_000_000;
 
 /// Latest packets of all processes.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Seen {
+pub(crate) struct LatestPackets {
     pub hand: Option<HandState>,
     pub status: Option<CatchStatus>,
     pub controller: Option<ControllerState>,
@@ -33,9 +33,9 @@ pub(crate) struct Seen {
     pub felt: Option<u64>,
 }
 
-/// Next action.
+/// Next action of the thrower.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Do {
+pub(crate) enum ThrowAction {
     Nothing,
     /// Plan a throw.
     Plan {
@@ -47,21 +47,26 @@ pub(crate) enum Do {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum About {
+enum ThrowState {
     Empty,
     Waiting,
-    Throwing {
-        opening: HandOpening,
-        sent_ns: u64,
-        begun: bool,
-    },
+    Throwing(SentThrow),
     Dropping(HandOpening),
+}
+
+/// Throw whose path was sent to the controller.
+#[derive(Debug, Clone, Copy)]
+struct SentThrow {
+    opening: HandOpening,
+    sent_ns: u64,
+    /// True once the controller executes the path.
+    begun: bool,
 }
 
 /// Follows one ball after the other.
 #[derive(Debug)]
 pub(crate) struct ThrowDuty {
-    about: About,
+    state: ThrowState,
     tries: u32,
     grip: u64,
     tried: u32,
@@ -77,7 +82,7 @@ impl ThrowDuty {
     /// - `tries`: number of attempts per ball before it drops
     pub fn new(tries: u32) -> Self {
         Self {
-            about: About::Empty,
+            state: ThrowState::Empty,
             tries,
             grip: 0,
             tried: 0,
@@ -87,33 +92,33 @@ impl ThrowDuty {
     }
 
     /// Returns the current grip and phase.
-    pub fn about(&self) -> (u64, ThrowPhase) {
-        let phase = match self.about {
-            About::Empty => ThrowPhase::Empty,
-            About::Waiting => ThrowPhase::Waiting,
-            About::Throwing { .. } => ThrowPhase::Throwing,
-            About::Dropping(_) => ThrowPhase::Dropping,
+    pub fn phase(&self) -> (u64, ThrowPhase) {
+        let phase = match self.state {
+            ThrowState::Empty => ThrowPhase::Empty,
+            ThrowState::Waiting => ThrowPhase::Waiting,
+            ThrowState::Throwing(_) => ThrowPhase::Throwing,
+            ThrowState::Dropping(_) => ThrowPhase::Dropping,
         };
         (self.grip, phase)
     }
 
     /// Updates the state and returns the next action.
-    pub fn look(&mut self, now_ns: u64, seen: &Seen) -> Do {
+    pub fn next_action(&mut self, now_ns: u64, seen: &LatestPackets) -> ThrowAction {
         let fresh = |t_ns: u64| now_ns.saturating_sub(t_ns) < SILENT_NS;
         let held = seen
             .hand
             .filter(|hand| hand.holds == 1 && hand.arm < 2 && fresh(hand.t_ns));
         let controller = seen.controller.filter(|state| fresh(state.t_ns));
-        match self.about {
-            About::Empty | About::Waiting => {
+        match self.state {
+            ThrowState::Empty | ThrowState::Waiting => {
                 let Some(hand) = held else {
-                    self.about = About::Empty;
-                    return Do::Nothing;
+                    self.state = ThrowState::Empty;
+                    return ThrowAction::Nothing;
                 };
-                if hand.grip != self.grip || matches!(self.about, About::Empty) {
+                if hand.grip != self.grip || matches!(self.state, ThrowState::Empty) {
                     (self.grip, self.tried) = (hand.grip, 0);
                 }
-                self.about = About::Waiting;
+                self.state = ThrowState::Waiting;
                 let felt = seen.felt.is_none_or(|felt| felt == hand.grip);
                 let waits = seen.status.is_some_and(|status| {
                     status.phase() == Some(CatchPhase::Armed)
@@ -122,37 +127,28 @@ impl ThrowDuty {
                 });
                 let mode = controller.and_then(|state| state.mode());
                 if !(felt && waits && mode == Some(ControllerMode::Ready)) {
-                    return Do::Nothing;
+                    return ThrowAction::Nothing;
                 }
                 let arm = hand.arm as usize;
                 if self.tried < self.tries {
                     let grip = self.grip;
-                    return Do::Plan { arm, grip };
+                    return ThrowAction::Plan { arm, grip };
                 }
-                self.about = About::Dropping(HandOpening {
+                self.state = ThrowState::Dropping(HandOpening {
                     arm: arm as u64,
                     open_ns: now_ns + TOLD_NS,
                 });
-                Do::Nothing
+                ThrowAction::Nothing
             }
-            About::Throwing {
-                opening,
-                sent_ns,
-                begun,
-            } => self.follow(
-                now_ns,
-                held.is_some(),
-                controller,
-                (opening, sent_ns, begun),
-            ),
-            About::Dropping(opening) => {
+            ThrowState::Throwing(throw) => self.follow(now_ns, held.is_some(), controller, throw),
+            ThrowState::Dropping(opening) => {
                 if now_ns < opening.open_ns {
-                    return Do::Open(opening);
+                    return ThrowAction::Open(opening);
                 }
                 if held.is_none() || now_ns > opening.open_ns + LEFT_NS {
-                    self.about = About::Empty;
+                    self.state = ThrowState::Empty;
                 }
-                Do::Nothing
+                ThrowAction::Nothing
             }
         }
     }
@@ -162,55 +158,55 @@ impl ThrowDuty {
         now_ns: u64,
         holds: bool,
         controller: Option<ControllerState>,
-        (opening, sent_ns, begun): (HandOpening, u64, bool),
-    ) -> Do {
+        throw: SentThrow,
+    ) -> ThrowAction {
+        let opening = throw.opening;
         if !holds {
             if now_ns < opening.open_ns {
                 self.fail("the hand holds nothing any more");
             }
             // The ball is in the air.
-            self.about = About::Empty;
-            return Do::Nothing;
+            self.state = ThrowState::Empty;
+            return ThrowAction::Nothing;
         }
         if now_ns > opening.open_ns + LEFT_NS {
             self.fail("the hand did not let go");
-            return Do::Nothing;
+            return ThrowAction::Nothing;
         }
         let Some(controller) = controller else {
             self.fail("the controller is silent");
-            return Do::Nothing;
+            return ThrowAction::Nothing;
         };
         let throws = controller.mode() == Some(ControllerMode::Throwing);
-        if throws && !begun {
-            self.about = About::Throwing {
-                opening,
-                sent_ns,
+        if throws && !throw.begun {
+            self.state = ThrowState::Throwing(SentThrow {
                 begun: true,
-            };
+                ..throw
+            });
         }
-        if !throws && begun && now_ns < opening.open_ns {
+        if !throws && throw.begun && now_ns < opening.open_ns {
             self.fail(controller.reason.as_str());
-        } else if !throws && !begun && now_ns > sent_ns + TAKEN_NS {
+        } else if !throws && !throw.begun && now_ns > throw.sent_ns + TAKEN_NS {
             self.fail(&format!("not taken: {}", controller.reason.as_str()));
         } else if throws
             && (opening.open_ns.saturating_sub(TOLD_NS)..opening.open_ns).contains(&now_ns)
         {
-            return Do::Open(opening);
+            return ThrowAction::Open(opening);
         }
-        Do::Nothing
+        ThrowAction::Nothing
     }
 
     /// Records that a path was sent.
     pub fn sent(&mut self, now_ns: u64, path: &ThrowPath) {
         self.tried += 1;
-        self.about = About::Throwing {
+        self.state = ThrowState::Throwing(SentThrow {
             opening: HandOpening {
                 arm: path.arm,
                 open_ns: path.open_ns,
             },
             sent_ns: now_ns,
             begun: false,
-        };
+        });
     }
 
     /// Records that no throw is possible. A repetition would have the same result, so the ball drops.
@@ -222,7 +218,7 @@ impl ThrowDuty {
     fn fail(&mut self, why: &str) {
         self.failed += 1;
         self.reason = why.into();
-        self.about = About::Waiting;
+        self.state = ThrowState::Waiting;
     }
 }
 
@@ -236,8 +232,8 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     /// Returns packets of all processes at one time.
-    fn seen(now_ns: u64, grip: Option<u64>, mode: ControllerMode) -> Seen {
-        Seen {
+    fn seen(now_ns: u64, grip: Option<u64>, mode: ControllerMode) -> LatestPackets {
+        LatestPackets {
             hand: Some(HandState {
                 t_ns: now_ns,
                 arm: 1,
@@ -267,13 +263,13 @@ mod tests {
         }
     }
 
-    const PLAN: Do = Do::Plan { arm: 1, grip: 7 };
+    const PLAN: ThrowAction = ThrowAction::Plan { arm: 1, grip: 7 };
 
     /// Returns a duty that has sent a path with release at 5 s.
     fn sent() -> ThrowDuty {
         let mut duty = ThrowDuty::new(2);
         let ready = seen(1000 * MS, Some(7), ControllerMode::Ready);
-        assert_eq!(duty.look(1000 * MS, &ready), PLAN);
+        assert_eq!(duty.next_action(1000 * MS, &ready), PLAN);
         duty.sent(1000 * MS, &path(5000 * MS));
         duty
     }
@@ -282,35 +278,35 @@ mod tests {
     fn a_held_ball_is_thrown_once_the_robot_stands_and_the_hand_is_told_in_time() {
         let mut duty = ThrowDuty::new(2);
         let empty = seen(1000 * MS, None, ControllerMode::Ready);
-        assert_eq!(duty.look(1000 * MS, &empty), Do::Nothing);
+        assert_eq!(duty.next_action(1000 * MS, &empty), ThrowAction::Nothing);
         let mut moves = seen(1000 * MS, Some(7), ControllerMode::Ready);
         moves.status = moves.status.map(|status| CatchStatus {
             phase: CatchPhase::GoingBack as u64,
             ..status
         });
-        assert_eq!(duty.look(1000 * MS, &moves), Do::Nothing);
-        assert_eq!(duty.about(), (7, ThrowPhase::Waiting));
+        assert_eq!(duty.next_action(1000 * MS, &moves), ThrowAction::Nothing);
+        assert_eq!(duty.phase(), (7, ThrowPhase::Waiting));
         let mut unfelt = seen(1000 * MS, Some(7), ControllerMode::Ready);
         unfelt.felt = Some(6);
-        assert_eq!(duty.look(1000 * MS, &unfelt), Do::Nothing);
+        assert_eq!(duty.next_action(1000 * MS, &unfelt), ThrowAction::Nothing);
         let mut duty = sent();
         let opening = HandOpening {
             arm: 1,
             open_ns: 5000 * MS,
         };
         for (ms, expected) in [
-            (1100, Do::Nothing),
-            (4899, Do::Nothing),
-            (4900, Do::Open(opening)),
-            (4999, Do::Open(opening)),
-            (5000, Do::Nothing),
+            (1100, ThrowAction::Nothing),
+            (4899, ThrowAction::Nothing),
+            (4900, ThrowAction::Open(opening)),
+            (4999, ThrowAction::Open(opening)),
+            (5000, ThrowAction::Nothing),
         ] {
             let throws = seen(ms * MS, Some(7), ControllerMode::Throwing);
-            assert_eq!(duty.look(ms * MS, &throws), expected, "{ms}");
+            assert_eq!(duty.next_action(ms * MS, &throws), expected, "{ms}");
         }
         let left = seen(5030 * MS, None, ControllerMode::Throwing);
-        assert_eq!(duty.look(5030 * MS, &left), Do::Nothing);
-        assert_eq!(duty.about().1, ThrowPhase::Empty);
+        assert_eq!(duty.next_action(5030 * MS, &left), ThrowAction::Nothing);
+        assert_eq!(duty.phase().1, ThrowPhase::Empty);
         assert_eq!(duty.failed, 0);
     }
 
@@ -318,43 +314,43 @@ mod tests {
     fn a_throw_that_is_braked_keeps_its_ball_is_tried_again_and_dropped_in_the_end() {
         let mut duty = sent();
         let throws = seen(2000 * MS, Some(7), ControllerMode::Throwing);
-        duty.look(2000 * MS, &throws);
+        duty.next_action(2000 * MS, &throws);
         let brakes = seen(4950 * MS, Some(7), ControllerMode::Braking);
-        assert_eq!(duty.look(4950 * MS, &brakes), Do::Nothing);
+        assert_eq!(duty.next_action(4950 * MS, &brakes), ThrowAction::Nothing);
         assert_eq!(
             (duty.failed, duty.reason.as_str()),
             (1, "trunk and forearm")
         );
         // The robot still returns to its waiting pose.
-        assert_eq!(duty.look(4960 * MS, &brakes), Do::Nothing);
+        assert_eq!(duty.next_action(4960 * MS, &brakes), ThrowAction::Nothing);
         let ready = seen(9000 * MS, Some(7), ControllerMode::Ready);
-        assert_eq!(duty.look(9000 * MS, &ready), PLAN);
+        assert_eq!(duty.next_action(9000 * MS, &ready), PLAN);
         duty.sent(9000 * MS, &path(13_000 * MS));
         let refused = seen(9301 * MS, Some(7), ControllerMode::Ready);
-        duty.look(9301 * MS, &refused);
+        duty.next_action(9301 * MS, &refused);
         assert_eq!(
             (duty.failed, duty.reason.as_str()),
             (2, "not taken: trunk and forearm")
         );
-        assert_eq!(duty.look(9301 * MS, &refused), Do::Nothing);
-        assert_eq!(duty.about().1, ThrowPhase::Dropping);
-        let Do::Open(drop) = duty.look(9302 * MS, &refused) else {
+        assert_eq!(duty.next_action(9301 * MS, &refused), ThrowAction::Nothing);
+        assert_eq!(duty.phase().1, ThrowPhase::Dropping);
+        let ThrowAction::Open(drop) = duty.next_action(9302 * MS, &refused) else {
             panic!("it drops");
         };
         assert_eq!((drop.arm, drop.open_ns), (1, 9401 * MS));
         let gone = seen(9430 * MS, None, ControllerMode::Ready);
-        duty.look(9430 * MS, &gone);
-        assert_eq!(duty.about().1, ThrowPhase::Empty);
+        duty.next_action(9430 * MS, &gone);
+        assert_eq!(duty.phase().1, ThrowPhase::Empty);
     }
 
     #[test]
     fn without_a_plan_a_ball_is_dropped_at_once() {
         let mut duty = ThrowDuty::new(2);
         let ready = seen(1000 * MS, Some(7), ControllerMode::Ready);
-        assert_eq!(duty.look(1000 * MS, &ready), PLAN);
+        assert_eq!(duty.next_action(1000 * MS, &ready), PLAN);
         duty.no_plan("out of reach");
-        assert_eq!(duty.look(1001 * MS, &ready), Do::Nothing);
-        assert_eq!(duty.about().1, ThrowPhase::Dropping);
+        assert_eq!(duty.next_action(1001 * MS, &ready), ThrowAction::Nothing);
+        assert_eq!(duty.phase().1, ThrowPhase::Dropping);
         assert_eq!((duty.failed, duty.reason.as_str()), (1, "out of reach"));
     }
 
@@ -363,17 +359,17 @@ mod tests {
     fn a_ball_that_is_gone_a_hand_that_keeps_it_and_a_silent_controller_are_named() {
         let mut duty = sent();
         let gone = seen(3000 * MS, None, ControllerMode::Throwing);
-        duty.look(3000 * MS, &gone);
+        duty.next_action(3000 * MS, &gone);
         assert_eq!(duty.reason, "the hand holds nothing any more");
-        assert_eq!(duty.about().1, ThrowPhase::Empty);
+        assert_eq!(duty.phase().1, ThrowPhase::Empty);
         let mut duty = sent();
         let keeps = seen(5151 * MS, Some(7), ControllerMode::Throwing);
-        duty.look(5151 * MS, &keeps);
+        duty.next_action(5151 * MS, &keeps);
         assert_eq!(duty.reason, "the hand did not let go");
         let mut duty = sent();
         let mut silent = seen(2000 * MS, Some(7), ControllerMode::Throwing);
         silent.controller = None;
-        duty.look(2000 * MS, &silent);
+        duty.next_action(2000 * MS, &silent);
         assert_eq!(duty.reason, "the controller is silent");
         assert_eq!(duty.failed, 1);
     }

@@ -22,7 +22,7 @@ use crate::channels::{
 };
 use crate::latest_value::LatestValue;
 use crate::throw_back::ThrowBack;
-use crate::throw_duty::{Do, Seen, ThrowDuty};
+use crate::throw_duty::{LatestPackets, ThrowAction, ThrowDuty};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
@@ -55,12 +55,12 @@ pub(crate) fn run(
     while !stopped() {
         ports.look(&mut origins)?;
         let now = now_ns();
-        match duty.look(now, &ports.seen(throw.after_feeling)) {
-            Do::Nothing => {}
-            Do::Open(opening) => {
+        match duty.next_action(now, &ports.latest(throw.after_feeling)) {
+            ThrowAction::Nothing => {}
+            ThrowAction::Open(opening) => {
                 ports.releases.put_copy(&[opening])?;
             }
-            Do::Plan { arm, grip } => {
+            ThrowAction::Plan { arm, grip } => {
                 let target = throw.target(origins.of(arm));
                 match plan(&thrower, corrections.waiting(), &throw, arm, grip, target) {
                     Ok(path) => {
@@ -72,7 +72,7 @@ pub(crate) fn run(
                 times.push(now_ns() - now);
             }
         }
-        let (grip, phase) = duty.about();
+        let (grip, phase) = duty.phase();
         if told.0 != Some(phase) || told.1 != duty.failed || now > told.2 + TELL_NS {
             told = (Some(phase), duty.failed, now);
             ports.states.put_copy(&[ThrowStatus {
@@ -219,9 +219,9 @@ impl Ports {
         Ok(())
     }
 
-    fn seen(&self, after_feeling: bool) -> Seen {
+    fn latest(&self, after_feeling: bool) -> LatestPackets {
         let felt = self.felt.get().map_or(0, |felt| felt.grip);
-        Seen {
+        LatestPackets {
             hand: self.hand.get().copied(),
             status: self.status.get().copied(),
             controller: self.state,
