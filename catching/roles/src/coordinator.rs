@@ -1,19 +1,21 @@
 //! Coordinator: turns predictions into plan requests, paths and closing times.
 
+mod gaze;
+mod plan_requests;
+
 use std::time::Duration;
 
 use bytemuck::Zeroable;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Isometry3;
 use tactnet_catching::calibrate::Corrections;
-use tactnet_catching::coordinate::{CatchState, Coordinator, Planned};
-use tactnet_catching::flight::Flight;
+use tactnet_catching::coordinate::{CatchState, Coordinator};
 use tactnet_catching::ramp::Ramp;
+use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CatchPhase, CatchStatus, ControllerCommand, ControllerMode,
     ControllerOrder, ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanRequest,
     PlanResult, Text,
 };
-use tactnet_catching_packets::{ARMS, joint};
 use tactnet_channel::{Bus, Priority, PutPort, Start, Wait, now_ns};
 
 use crate::channels::{
@@ -22,17 +24,14 @@ use crate::channels::{
 };
 use crate::latest_value::LatestValue;
 use crate::times::Times;
-use crate::translate::{Origin, body_packet, flight_packet, isometry, planned, request_packet};
+use crate::translate::isometry;
 use crate::{RoleError, RoleReport, RoleSettings};
+use plan_requests::PendingPlans;
 
 /// Maximum sleep, which bounds the reaction time to closing times and phase changes.
 const BEAT: Wait = Wait::Block {
     timeout: Duration::from_millis(2),
 };
-/// Time before its start at which a path is sent, in ns. It exceeds the delay of the drives.
-const ON_THE_WAY_NS: u64 = 4_500_000;
-/// Maximum delay after that moment at which a path is still sent, in ns.
-const LATE_NS: u64 = 500_000;
 /// Time after sending a path until the controller's state takes it into account, in ns.
 const TAKEN_NS: u64 = 5_000_000;
 /// Timeout after which a silent controller or estimator counts as lost, in ns.
@@ -41,17 +40,8 @@ const SILENT_NS: u64 = 200_000_000;
 const GONE_NS: u64 = 500_000_000;
 /// Period at which the order to return to the waiting pose is repeated, in ns.
 const AGAIN_NS: u64 = 100_000_000;
-/// Window before the latest possible moment in which the last correction is requested, in ns: two cycles.
-const LAST_CHANCE_NS: u64 = 4_000_000;
-/// Delay between a catch and the head's turn towards the hand, in ns.
-const CAUGHT_NS: u64 = 20_000_000;
-/// Period at which the gaze target at the hand is repeated, in ns. A gaze follows a falling ball, so it drifts off a
-/// fixed point.
-const LOOK_AGAIN_NS: u64 = 10_000_000;
 /// Time for which the head looks at the hand, in s.
 const LOOKING: f64 = 0.6;
-/// Minimum distance of the gaze target ahead of the chest, in m.
-const AHEAD: f64 = 0.5;
 /// Period at which an unchanged phase is published, in ns.
 const TELL_NS: u64 = 100_000_000;
 
@@ -66,39 +56,39 @@ pub(crate) fn run(
     let results = bus.get_port::<PlanResult>(PLAN_RESULT, Start::Now)?;
     let states = bus.get_port::<ControllerState>(CONTROLLER_STATE, Start::Now)?;
     let mut joints = LatestValue::<JointState>::open(bus, JOINT_STATE)?;
-    let mut pose = LatestValue::<HeadPose>::open(bus, HEAD_POSE)?;
+    let mut head = LatestValue::<HeadPose>::open(bus, HEAD_POSE)?;
     let mut group = bus.sync_group(&[&predictions, &results, &states])?;
     let mut times = Times::at(25);
-    let mut live = CoordinatorTask::open(bus, settings, corrections)?;
+    let mut task = CoordinatorTask::open(bus, settings, corrections)?;
     ready();
     while !stopped() {
         group.wait(BEAT)?;
         joints.look()?;
-        pose.look()?;
+        head.look()?;
         while let Some(packet) = states.try_get()? {
             packet
                 .iter()
-                .for_each(|state| live.controller = Some(*state));
+                .for_each(|state| task.controller = Some(*state));
         }
-        live.follow_controller(now_ns())?;
+        task.follow_controller(now_ns())?;
         while let Some(packet) = predictions.try_get()? {
-            let (Some(seen), Some(joints), Some(pose)) = (packet.first(), joints.get(), pose.get())
+            let (Some(balls), Some(pose)) = (packet.first(), MeasuredPose::of(&joints, &head))
             else {
                 continue;
             };
             let begun = now_ns();
-            live.predictions([true; ARMS], begun, seen, joints, pose)?;
+            task.request_plans([true; ARMS], begun, balls, pose)?;
             times.push(now_ns() - begun);
         }
         while let Some(packet) = results.try_get()? {
-            packet.iter().for_each(|result| live.take(result));
+            packet.iter().for_each(|result| task.take(result));
         }
-        live.answer(now_ns())?;
-        if let (Some(joints), Some(pose)) = (joints.get(), pose.get()) {
-            live.correct_last(now_ns(), joints, pose)?;
-            live.look_at_hand(now_ns(), joints, pose)?;
+        task.answer(now_ns())?;
+        if let Some(pose) = MeasuredPose::of(&joints, &head) {
+            task.correct_last(now_ns(), pose)?;
+            task.look_at_hand(now_ns(), pose)?;
         }
-        live.tick(now_ns())?;
+        task.tick(now_ns())?;
     }
     Ok(RoleReport {
         lost: predictions.lost() + results.lost() + states.lost(),
@@ -116,12 +106,31 @@ struct Puts {
     status: PutPort<CatchStatus>,
 }
 
-/// Plan requests that wait for their results.
-struct Asked {
-    origin: Origin,
-    start_ns: u64,
-    count: usize,
-    answers: Vec<Planned>,
+/// Measured pose of the robot.
+#[derive(Clone, Copy)]
+struct MeasuredPose<'a> {
+    joints: &'a JointState,
+    head: &'a HeadPose,
+}
+
+impl<'a> MeasuredPose<'a> {
+    fn of(joints: &'a LatestValue<JointState>, head: &'a LatestValue<HeadPose>) -> Option<Self> {
+        Some(Self {
+            joints: joints.get()?,
+            head: head.get()?,
+        })
+    }
+
+    fn is_fresh(&self, now_ns: u64) -> bool {
+        now_ns.saturating_sub(self.head.t_ns) < SILENT_NS
+            && now_ns.saturating_sub(self.joints.sensor_ns) < SILENT_NS
+    }
+
+    /// Returns the pose of the chest in the inertial frame.
+    fn chest(&self, corrections: &Corrections) -> Isometry3<f64> {
+        let links = corrections.joints(self.joints).q;
+        isometry(self.head) * corrections.robot().head(&links).inverse()
+    }
 }
 
 struct CoordinatorTask {
@@ -131,9 +140,10 @@ struct CoordinatorTask {
     /// Present while the robot may catch.
     coordinator: Option<Coordinator>,
     controller: Option<ControllerState>,
-    asked: Option<Asked>,
+    pending: Option<PendingPlans>,
     /// Latest predictions of the current throw.
-    seen: Option<BallPredictions>,
+    predictions: Option<BallPredictions>,
+    /// Number of the last call of the planner.
     calls: u64,
     sent: [u64; ARMS],
     sent_ns: u64,
@@ -168,8 +178,8 @@ impl CoordinatorTask {
             settings: settings.clone(),
             coordinator: None,
             controller: None,
-            asked: None,
-            seen: None,
+            pending: None,
+            predictions: None,
             calls: now_ns(),
             sent: [0; ARMS],
             sent_ns: 0,
@@ -219,8 +229,8 @@ impl CoordinatorTask {
         if let Some(coordinator) = self.coordinator.take() {
             self.no_plans += coordinator.no_plans();
         }
-        self.asked = None;
-        self.seen = None;
+        self.pending = None;
+        self.predictions = None;
         self.hands = [None; ARMS];
     }
 
@@ -290,222 +300,6 @@ impl CoordinatorTask {
                 self.disarm();
                 self.enter(now_ns, CatchPhase::Stuck, state.reason.as_str())?;
             }
-        }
-        Ok(())
-    }
-
-    /// Requests plans for a prediction.
-    ///
-    /// - `arms`: arms to plan for
-    fn predictions(
-        &mut self,
-        arms: [bool; ARMS],
-        now_ns: u64,
-        seen: &BallPredictions,
-        joints: &JointState,
-        pose: &HeadPose,
-    ) -> Result<(), RoleError> {
-        let known = now_ns.saturating_sub(pose.t_ns) < SILENT_NS
-            && now_ns.saturating_sub(joints.sensor_ns) < SILENT_NS;
-        let Some(coordinator) = self.coordinator.as_mut().filter(|_| known) else {
-            return Ok(());
-        };
-        self.seen = Some(*seen);
-        let links = self.corrections.joints(joints).q;
-        let chest = isometry(pose) * self.corrections.robot().head(&links).inverse();
-        let before = coordinator.state();
-        let requests = coordinator.predictions_for(arms, now_ns, seen, &chest);
-        if coordinator.state() == CatchState::Armed {
-            return Ok(());
-        }
-        let valid = seen
-            .valid()
-            .iter()
-            .any(|ball| ball.existence >= self.settings.coordinator.existence);
-        if valid {
-            self.seen_ns = now_ns;
-        }
-        let body = coordinator.body();
-        if body.start_ns != self.body_ns && before == CatchState::Armed {
-            self.body_ns = body.start_ns;
-            self.puts.body.put_copy(&[body_packet(body)])?;
-        }
-        let mut gaze = Gaze::zeroed();
-        for (t_ns, flight) in coordinator.looked_at().iter().flatten() {
-            gaze.flights[gaze.count as usize] = flight_packet(*t_ns, flight);
-            gaze.count += 1;
-        }
-        if self.hand_to_look_at(now_ns).is_none() {
-            self.puts.gaze.put_copy(&[gaze])?;
-        }
-        let count = requests.iter().flatten().count();
-        if count > 0 {
-            self.calls += 1;
-            let origin = Origin {
-                call: self.calls,
-                exposure_ns: seen.exposure_ns,
-                head_ns: pose.t_ns,
-            };
-            let mut start_ns = 0;
-            for request in requests.iter().flatten() {
-                start_ns = request.start_ns;
-                self.puts
-                    .requests
-                    .put_copy(&[request_packet(request, origin)])?;
-            }
-            self.asked = Some(Asked {
-                origin,
-                start_ns,
-                count,
-                answers: Vec::with_capacity(count),
-            });
-        }
-        self.tell_hands()
-    }
-
-    /// Requests one last correction from the latest head pose, just before a path becomes final. Pictures arrive
-    /// every 40 ms, poses of the inertial unit much more often.
-    fn correct_last(
-        &mut self,
-        now_ns: u64,
-        joints: &JointState,
-        pose: &HeadPose,
-    ) -> Result<(), RoleError> {
-        let config = &self.settings.coordinator;
-        let nanoseconds = |seconds: f64| (seconds * 1e9) as u64;
-        let ahead = nanoseconds(config.plan_delay + config.last_correction);
-        let Some(seen) = self.seen.filter(|_| self.asked.is_none()) else {
-            return Ok(());
-        };
-        let Some(coordinator) = self
-            .coordinator
-            .as_ref()
-            .filter(|coordinator| coordinator.state() == CatchState::Reaching)
-        else {
-            return Ok(());
-        };
-        let due = std::array::from_fn(|arm| {
-            coordinator.target(arm).is_some_and(|(_, catch_ns)| {
-                let last = catch_ns.saturating_sub(ahead);
-                (last.saturating_sub(LAST_CHANCE_NS)..last).contains(&now_ns)
-            })
-        });
-        if due != [false; ARMS] {
-            self.predictions(due, now_ns, &seen, joints, pose)?;
-        }
-        Ok(())
-    }
-
-    /// Returns the arm that has just caught a ball if the head should look at it.
-    fn hand_to_look_at(&self, now_ns: u64) -> Option<usize> {
-        let coordinator = self.coordinator.as_ref()?;
-        let closed = coordinator.state() == CatchState::Closed;
-        let looks = closed && self.settings.calibration.is_some();
-        let over = |arm: &usize| {
-            let target = coordinator.target(*arm);
-            target.is_some_and(|(_, catch_ns)| now_ns > catch_ns + CAUGHT_NS)
-        };
-        (0..ARMS).find(|arm| looks && over(arm))
-    }
-
-    /// Turns the head to the wrist of the arm that has just caught. The slip watch uses the marker on the wrist to
-    /// check the calibration.
-    fn look_at_hand(
-        &mut self,
-        now_ns: u64,
-        joints: &JointState,
-        pose: &HeadPose,
-    ) -> Result<(), RoleError> {
-        let Some(arm) = self.hand_to_look_at(now_ns) else {
-            return Ok(());
-        };
-        if now_ns < self.looked_ns + LOOK_AGAIN_NS {
-            return Ok(());
-        }
-        self.looked_ns = now_ns;
-        let links = self.corrections.joints(joints).q;
-        let robot = self.corrections.robot();
-        let chest = isometry(pose) * robot.head(&links).inverse();
-        let own = joint::ARM[arm].start;
-        let [_, _, wrist, _] = robot
-            .arm(arm)
-            .points(&std::array::from_fn(|i| links[own + i]));
-        // The neck cannot look at points near the chest, so the target moves outwards along the same line.
-        let neck = Vector3::new(0.0, 0.0, robot.description().neck.height);
-        let farther = (AHEAD / wrist.x.max(0.05)).max(1.0);
-        let place = chest * Point3::from(neck + (wrist - neck) * farther);
-        let stands = Flight {
-            p: place.coords,
-            v: Vector3::zeros(),
-            k: 0.0,
-            lift: Vector3::zeros(),
-        };
-        let mut gaze = Gaze::zeroed();
-        (gaze.count, gaze.flights[0]) = (1, flight_packet(now_ns, &stands));
-        self.puts.gaze.put_copy(&[gaze])?;
-        Ok(())
-    }
-
-    fn take(&mut self, result: &PlanResult) {
-        let Some(asked) = self
-            .asked
-            .as_mut()
-            .filter(|asked| asked.origin.call == result.request.call)
-        else {
-            return;
-        };
-        asked.answers.extend(planned(result));
-    }
-
-    /// Decides once all plans have arrived or the time is over.
-    fn answer(&mut self, now_ns: u64) -> Result<(), RoleError> {
-        let latest = |asked: &Asked| asked.start_ns.saturating_sub(ON_THE_WAY_NS);
-        let Some(asked) = self
-            .asked
-            .take_if(|asked| asked.answers.len() >= asked.count || now_ns >= latest(asked))
-        else {
-            return Ok(());
-        };
-        let Some(coordinator) = &mut self.coordinator else {
-            return Ok(());
-        };
-        // Late paths are discarded.
-        let answers = if now_ns <= latest(&asked) + LATE_NS {
-            &asked.answers[..]
-        } else {
-            &[]
-        };
-        coordinator.planned(answers);
-        for arm in 0..ARMS {
-            let (start_ns, ramps) = coordinator.arm(arm);
-            let target = coordinator.target(arm);
-            let Some((ball, _)) = target.filter(|_| start_ns != self.sent[arm]) else {
-                continue;
-            };
-            self.sent[arm] = start_ns;
-            self.sent_ns = now_ns;
-            self.puts.arms.put_copy(&[ArmPath {
-                arm: arm as u64,
-                ball,
-                exposure_ns: asked.origin.exposure_ns,
-                head_ns: asked.origin.head_ns,
-                start_ns,
-                ramps: ramps.each_ref().map(Ramp::packet),
-            }])?;
-        }
-        self.tell_hands()
-    }
-
-    fn tell_hands(&mut self) -> Result<(), RoleError> {
-        let Some(coordinator) = &self.coordinator else {
-            return Ok(());
-        };
-        let wanted = *coordinator.hands();
-        for (told, hand) in self.hands.iter_mut().zip(wanted) {
-            if let Some(command) = hand.filter(|_| *told != hand) {
-                self.puts.hands.put_copy(&[command])?;
-            }
-            *told = hand;
         }
         Ok(())
     }

@@ -1,0 +1,88 @@
+//! Gaze of the head: at the balls, and at the hand after a catch.
+
+use bytemuck::Zeroable;
+use nalgebra::{Point3, Vector3};
+use tactnet_catching::coordinate::CatchState;
+use tactnet_catching::flight::Flight;
+use tactnet_catching_packets::packets::Gaze;
+use tactnet_catching_packets::{ARMS, joint};
+
+use super::{CoordinatorTask, MeasuredPose};
+use crate::RoleError;
+use crate::translate::flight_packet;
+
+/// Delay between a catch and the head's turn towards the hand, in ns.
+const CAUGHT_NS: u64 = 20_000_000;
+/// Period at which the gaze target at the hand is repeated, in ns. A gaze follows a falling ball, so it drifts off a
+/// fixed point.
+const LOOK_AGAIN_NS: u64 = 10_000_000;
+/// Minimum distance of the gaze target ahead of the chest, in m.
+const AHEAD: f64 = 0.5;
+
+impl CoordinatorTask {
+    /// Sends the gaze target at the predicted balls, unless the head looks at a hand.
+    pub(super) fn look_at_balls(&mut self, now_ns: u64) -> Result<(), RoleError> {
+        let Some(coordinator) = &self.coordinator else {
+            return Ok(());
+        };
+        if self.hand_to_look_at(now_ns).is_some() {
+            return Ok(());
+        }
+        let mut gaze = Gaze::zeroed();
+        for (t_ns, flight) in coordinator.looked_at().iter().flatten() {
+            gaze.flights[gaze.count as usize] = flight_packet(*t_ns, flight);
+            gaze.count += 1;
+        }
+        self.puts.gaze.put_copy(&[gaze])?;
+        Ok(())
+    }
+
+    /// Returns the arm that has just caught a ball if the head should look at it.
+    pub(super) fn hand_to_look_at(&self, now_ns: u64) -> Option<usize> {
+        let coordinator = self.coordinator.as_ref()?;
+        let closed = coordinator.state() == CatchState::Closed;
+        let looks = closed && self.settings.calibration.is_some();
+        let over = |arm: &usize| {
+            let target = coordinator.target(*arm);
+            target.is_some_and(|(_, catch_ns)| now_ns > catch_ns + CAUGHT_NS)
+        };
+        (0..ARMS).find(|arm| looks && over(arm))
+    }
+
+    /// Turns the head to the wrist of the arm that has just caught. The slip watch uses the marker on the wrist to
+    /// check the calibration.
+    pub(super) fn look_at_hand(
+        &mut self,
+        now_ns: u64,
+        pose: MeasuredPose,
+    ) -> Result<(), RoleError> {
+        let Some(arm) = self.hand_to_look_at(now_ns) else {
+            return Ok(());
+        };
+        if now_ns < self.looked_ns + LOOK_AGAIN_NS {
+            return Ok(());
+        }
+        self.looked_ns = now_ns;
+        let links = self.corrections.joints(pose.joints).q;
+        let chest = pose.chest(&self.corrections);
+        let robot = self.corrections.robot();
+        let own = joint::ARM[arm].start;
+        let [_, _, wrist, _] = robot
+            .arm(arm)
+            .points(&std::array::from_fn(|i| links[own + i]));
+        // The neck cannot look at points near the chest, so the target moves outwards along the same line.
+        let neck = Vector3::new(0.0, 0.0, robot.description().neck.height);
+        let farther = (AHEAD / wrist.x.max(0.05)).max(1.0);
+        let place = chest * Point3::from(neck + (wrist - neck) * farther);
+        let stands = Flight {
+            p: place.coords,
+            v: Vector3::zeros(),
+            k: 0.0,
+            lift: Vector3::zeros(),
+        };
+        let mut gaze = Gaze::zeroed();
+        (gaze.count, gaze.flights[0]) = (1, flight_packet(now_ns, &stands));
+        self.puts.gaze.put_copy(&[gaze])?;
+        Ok(())
+    }
+}
