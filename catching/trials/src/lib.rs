@@ -14,8 +14,6 @@ mod error;
 mod eyes;
 mod look;
 mod look_ahead;
-mod obstacles;
-mod page;
 mod peer_circles;
 mod perception;
 mod picture;
@@ -46,8 +44,6 @@ pub use calibration::{
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
 pub use error::TrialError;
 pub use look_ahead::{AHEAD, LookAhead};
-pub use obstacles::{ObstaclesReport, WithoutMap, obstacles_page};
-pub use page::series_page;
 pub use peer_circles::{
     PeerCameras, PeerCircles, PeerFilter, PeerPair, PeerPrediction, PeerState, PeerStep, PeerThrow,
     PeerTrack, peer_circles,
@@ -58,7 +54,7 @@ pub use problems::{PlanProblem, plan_problem};
 pub use quantiles::Quantiles;
 pub use rally::{Rally, RallyConfig, RallyFlight, RallyReport, rally_page};
 pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
-pub use series::{Series, SeriesReport};
+pub use series::{ObstaclesReport, Series, SeriesReport, WithoutMap, obstacles_page, series_page};
 pub use throw_aim::{AimRound, ThrowAim, ThrowAimReport};
 pub use throw_bench::{Goal, SpeedRow, ThrowBench, ThrowBenchConfig, ThrowReport};
 pub use throw_config::{Mapping, ThrowConfig};

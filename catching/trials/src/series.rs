@@ -1,5 +1,8 @@
 //! Series of throws and their statistics.
 
+mod obstacles;
+mod page;
+
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -14,13 +17,15 @@ use crate::ablation::Ablation;
 use crate::bound::Bound;
 use crate::error::TrialError;
 use crate::look_ahead::{Errors, LookAhead};
-use crate::obstacles::{ObstaclesReport, WithoutMap};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 use crate::trace::Trace;
 use tactnet_catching::CatchSpace;
 use tactnet_catching::ChainDelays;
 use tactnet_plot::wilson_of_counts;
+
+pub use obstacles::{ObstaclesReport, WithoutMap, obstacles_page};
+pub use page::series_page;
 
 /// A series of throws.
 #[derive(Debug, Clone)]

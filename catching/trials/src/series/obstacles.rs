@@ -8,12 +8,12 @@ use std::fmt;
 
 use serde::Serialize;
 
-pub use page::obstacles_page;
-
+use super::SeriesReport;
 use crate::quantiles::Quantiles;
-use crate::series::SeriesReport;
 use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 use tactnet_plot::wilson_of_counts;
+
+pub use page::obstacles_page;
 
 /// Additional results of a series among obstacles.
 #[derive(Debug, Clone, Serialize)]
@@ -66,6 +66,7 @@ pub struct WithoutMap {
     pub touched: Vec<u64>,
 }
 
+/// Returns true if the robot touched anything in a throw.
 fn touched(outcome: &ThrowOutcome) -> bool {
     outcome
         .obstacles
