@@ -23,6 +23,7 @@ mod run_recorder;
 mod run_report;
 mod throw_report;
 mod world_role;
+mod world_settings;
 
 pub use error::StageError;
 pub use held_report::HeldReport;
@@ -30,4 +31,5 @@ pub use pairs::PairReport;
 pub use run::{CatchRun, Feel, RunEvent};
 pub use run_report::{RecordingReport, RunReport, cause};
 pub use throw_report::{Misses, ThrowBackReport};
-pub use world_role::{SlipAt, WorldReport, WorldRole, WorldSettings, material_of_grip};
+pub use world_role::{WorldReport, WorldRole};
+pub use world_settings::{SlipAt, WorldSettings, material_of_grip};

@@ -13,7 +13,7 @@ use crate::{HeldReport, PairReport, ThrowBackReport};
 
 /// Packets that the report summarises.
 #[derive(Debug, Default)]
-pub(crate) struct LivePacket {
+pub(crate) struct HeardCatches {
     pub outcomes: Vec<CatchOutcome>,
     pub no_plans: u64,
     pub times: CatchTimes,
@@ -24,7 +24,7 @@ pub(crate) struct LivePacket {
     refusals: BTreeMap<String, u64>,
 }
 
-impl LivePacket {
+impl HeardCatches {
     pub fn braked(&mut self, why: &str) {
         *self.brakes.entry(why.into()).or_default() += 1;
     }
@@ -52,6 +52,18 @@ impl LivePacket {
         self.outcomes.push(*outcome);
         self.times.outcome(outcome);
     }
+}
+
+/// Parts of the report that do not come from packets.
+#[derive(Debug, Default)]
+pub(crate) struct FinishedRun {
+    pub processes: BTreeMap<&'static str, RoleReport>,
+    pub world: WorldReport,
+    /// Number of processes that were restarted.
+    pub restarts: u64,
+    /// Duration, in s.
+    pub seconds: f64,
+    pub recording: Option<RecordingReport>,
 }
 
 /// Results of a run in figures.
@@ -124,14 +136,7 @@ pub struct RunReport {
 }
 
 impl RunReport {
-    pub(crate) fn of(
-        heard: &LivePacket,
-        parts: Vec<(&'static str, RoleReport)>,
-        world: WorldReport,
-        restarts: u64,
-        seconds: f64,
-        recording: Option<RecordingReport>,
-    ) -> Self {
+    pub(crate) fn of(heard: &HeardCatches, run: FinishedRun) -> Self {
         let catchable: Vec<&CatchOutcome> = heard
             .outcomes
             .iter()
@@ -149,8 +154,7 @@ impl RunReport {
         let is_felt = |outcome: &&CatchOutcome| !outcome.felt.as_str().is_empty();
         let felt: Vec<&CatchOutcome> = heard.outcomes.iter().filter(is_felt).collect();
         let sweeps: u32 = felt.iter().map(|outcome| outcome.sweeps).sum();
-        let processes: BTreeMap<&'static str, RoleReport> = parts.into_iter().collect();
-        let of = |name: &str| processes.get(name).cloned().unwrap_or_default();
+        let of = |name: &str| run.processes.get(name).cloned().unwrap_or_default();
         let safety = of("safety");
         Self {
             balls: heard.outcomes.len(),
@@ -181,11 +185,11 @@ impl RunReport {
             paths_refused: heard.refused,
             refusals: heard.refusals.clone(),
             no_plans: heard.no_plans,
-            restarts,
-            seconds,
-            processes,
-            world,
-            recording,
+            restarts: run.restarts,
+            seconds: run.seconds,
+            processes: run.processes,
+            world: run.world,
+            recording: run.recording,
         }
     }
 }
@@ -225,7 +229,7 @@ mod tests {
 
     #[test]
     fn rates_are_of_the_catch_space_and_ages_of_the_path_that_was_followed() {
-        let mut heard = LivePacket::default();
+        let mut heard = HeardCatches::default();
         let path = |arm: u64, start_ns: u64| ArmPath {
             arm,
             start_ns,
@@ -266,7 +270,7 @@ mod tests {
         heard.refused(2, "a path that came 12 us late");
         heard.refused(3, "a path that came 345 us late");
         heard.refused(1, "a path of no arm");
-        let report = RunReport::of(&heard, Vec::new(), WorldReport::default(), 0, 1.0, None);
+        let report = RunReport::of(&heard, FinishedRun::default());
         assert_eq!(
             (
                 report.balls,

@@ -10,7 +10,7 @@ use tactnet_catching_packets::packets::{
     JointCommand, JointState, MarkerFeature, MarkerFeatures, ThrowPath,
 };
 use tactnet_catching_roles::RoleSettings;
-use tactnet_catching_world::{FlightSample, TICK_NS, TendonSlip, World, WorldConfig};
+use tactnet_catching_world::{FlightSample, TICK_NS, World};
 use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Ticker};
 
 use crate::StageError;
@@ -18,6 +18,7 @@ use crate::drive_watch::DriveWatch;
 use crate::hands::{Held, Letting};
 use crate::judge::{Judged, Over, judge};
 use crate::painter::{Exposure, paint};
+use crate::world_settings::{SlipAt, WorldSettings, material_of_grip};
 
 /// Delay between a controller cycle and the tick at which the drives take its command, in ns.
 const AFTER_BEAT_NS: u64 = 500_000;
@@ -28,74 +29,6 @@ const LONGEST_NS: u64 = 3_200_000_000;
 const LONGEST_HELD_NS: u64 = 30_000_000_000;
 /// Number of ticks between two packets about the hands.
 const HAND_STATE_EVERY: u64 = 20;
-
-/// Returns the index of the material of the ball of a grip, or `None` without materials. Each seed has its own order.
-pub fn material_of_grip(seed: u64, grip: u64, materials: usize) -> Option<usize> {
-    // SplitMix64 (Steele et al., 2014).
-    let mut mixed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ grip;
-    mixed = mixed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    mixed ^= mixed >> 31;
-    mixed
-        .checked_rem(materials as u64)
-        .map(|place| place as usize)
-}
-
-/// Settings of the world.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct WorldSettings {
-    /// Settings of the physics.
-    pub world: WorldConfig,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Number of balls per throw, 1 or 2.
-    pub balls: usize,
-    /// Time that the robot waits before a throw, in s.
-    pub rest: f64,
-    /// Time from the middle of an exposure to the picture's arrival in memory, in s.
-    pub camera: f64,
-    /// Duration of circle detection, in s. Circles that come straight from the true state arrive that much later than
-    /// pictures.
-    pub detection: f64,
-    /// Possible materials of the balls. A caught ball is held until it is explored; empty disables the exploration.
-    pub materials: Vec<String>,
-    /// Caught balls stay in the hand until a command opens it.
-    pub throw_back: bool,
-    /// Renders pictures; otherwise circles come straight from the true state, with noise, misses and clutter.
-    pub pixels: bool,
-    /// Tendon slip during the run.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub slip: Option<SlipAt>,
-}
-
-/// A tendon slip during a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SlipAt {
-    /// Number of the throw after the slip, counted from 1.
-    pub throw: u64,
-    /// Slipping tendon and amount.
-    pub tendon: TendonSlip,
-}
-
-impl Default for WorldSettings {
-    fn default() -> Self {
-        Self {
-            world: WorldConfig::default(),
-            seed: 1,
-            balls: 1,
-            rest: 3.0,
-            camera: 0.04,
-            detection: 0.0145,
-            materials: Vec::new(),
-            throw_back: false,
-            pixels: false,
-            slip: None,
-        }
-    }
-}
 
 /// Process of the world.
 #[derive(Debug, Clone)]
@@ -147,6 +80,32 @@ struct DetectedPorts {
     markers: PutPort<MarkerFeatures>,
 }
 
+impl Ports {
+    /// Opens the ports.
+    ///
+    /// - `pixels`: true if pictures are rendered
+    fn open(bus: &Bus, pixels: bool) -> Result<Self, StageError> {
+        Ok(Self {
+            commands: bus.get_port("joint/command", Start::Now)?,
+            targets: bus.get_port("hand/target", Start::Now)?,
+            status: bus.get_port("catch/state", Start::Now)?,
+            felt: bus.get_port("catch/felt", Start::Now)?,
+            openings: bus.get_port("hand/open", Start::Now)?,
+            throws: bus.get_port("throw/path", Start::Now)?,
+            hands: bus.put_port("hand/state", Priority::Normal)?,
+            joints: bus.put_port("joint/state", Priority::RealTime)?,
+            imu: bus.put_port("imu", Priority::High)?,
+            detected: match pixels {
+                true => None,
+                false => Some(DetectedPorts {
+                    circles: bus.put_port("ball/circles", Priority::High)?,
+                    markers: bus.put_port("marker/features", Priority::Normal)?,
+                }),
+            },
+        })
+    }
+}
+
 impl WorldRole {
     /// Opens the ports, calls `ready`, and runs until `stopped` returns true.
     ///
@@ -166,47 +125,20 @@ impl WorldRole {
             slip.tendon.check()?;
         }
         let world = World::new(robot.description(), &settings.world, settings.seed, &start)?;
-        let ports = Ports {
-            commands: bus.get_port("joint/command", Start::Now)?,
-            targets: bus.get_port("hand/target", Start::Now)?,
-            status: bus.get_port("catch/state", Start::Now)?,
-            felt: bus.get_port("catch/felt", Start::Now)?,
-            openings: bus.get_port("hand/open", Start::Now)?,
-            throws: bus.get_port("throw/path", Start::Now)?,
-            hands: bus.put_port("hand/state", Priority::Normal)?,
-            joints: bus.put_port("joint/state", Priority::RealTime)?,
-            imu: bus.put_port("imu", Priority::High)?,
-            detected: match settings.pixels {
-                true => None,
-                false => Some(DetectedPorts {
-                    circles: bus.put_port("ball/circles", Priority::High)?,
-                    markers: bus.put_port("marker/features", Priority::Normal)?,
-                }),
-            },
-        };
+        let ports = Ports::open(bus, settings.pixels)?;
         std::thread::scope(|scope| {
             let (over, throws) = channel::<Judged>();
             let judged = scope.spawn(|| {
                 let throws = throws;
                 judge(bus, &robot, &start, stack.coordinator.lower_body, &throws)
             });
-            let (exposures, painted) = match settings.pixels {
-                false => (None, None),
-                true => {
-                    let (exposures, moments) = sync_channel::<Exposure>(2);
-                    let robot = &robot;
-                    let painter = scope.spawn(move || {
-                        paint(
-                            bus,
-                            robot.description(),
-                            &settings.world,
-                            settings.seed,
-                            &moments,
-                        )
-                    });
-                    (Some(exposures), Some(painter))
-                }
-            };
+            let painting = settings.pixels.then(|| {
+                let (exposures, moments) = sync_channel::<Exposure>(2);
+                let (robot, world, seed) = (robot.description(), &settings.world, settings.seed);
+                let painter = scope.spawn(move || paint(bus, robot, world, seed, &moments));
+                (exposures, painter)
+            });
+            let (exposures, painted) = painting.unzip();
             ready();
             let mut live = LiveWorld {
                 drives: DriveWatch::new(*robot.joints(), &start),

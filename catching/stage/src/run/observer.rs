@@ -1,0 +1,172 @@
+//! Observer of a run: follows outcomes and states on the bus.
+
+use std::time::Instant;
+
+use tactnet_catching_packets::packets::{
+    ArmPath, CalibrationState, CatchOutcome, CatchPhase, CatchStatus, ControllerMode,
+    ControllerState, HandState, ThrowStatus, ThrownBack,
+};
+use tactnet_channel::{Bus, GetPort, Start};
+
+use super::RunEvent;
+use crate::StageError;
+use crate::run_report::HeardCatches;
+use crate::throw_report::HeardThrows;
+
+/// Packets received during a run.
+pub(super) struct RunObserver {
+    outcomes: GetPort<CatchOutcome>,
+    paths: GetPort<ArmPath>,
+    states: GetPort<ControllerState>,
+    status: GetPort<CatchStatus>,
+    hands: GetPort<HandState>,
+    throw_states: GetPort<ThrowStatus>,
+    backs: GetPort<ThrownBack>,
+    holds: GetPort<CalibrationState>,
+    pub catches: HeardCatches,
+    pub throws: HeardThrows,
+    /// Time of the last held ball or finished throw.
+    pub busy: Instant,
+    mode: Option<ControllerMode>,
+    phase: CatchStatus,
+}
+
+impl RunObserver {
+    /// Opens the channels of outcomes and states.
+    pub fn open(bus: &Bus) -> Result<Self, StageError> {
+        Ok(Self {
+            outcomes: bus.get_port("catch/outcome", Start::Now)?,
+            paths: bus.get_port("arm/path", Start::Now)?,
+            states: bus.get_port("controller/state", Start::Now)?,
+            status: bus.get_port("catch/state", Start::Now)?,
+            hands: bus.get_port("hand/state", Start::Now)?,
+            throw_states: bus.get_port("throw/state", Start::Now)?,
+            backs: bus.get_port("throw/outcome", Start::Now)?,
+            holds: bus.get_port("calibration/state", Start::Now)?,
+            catches: HeardCatches::default(),
+            throws: HeardThrows::default(),
+            busy: Instant::now(),
+            mode: None,
+            phase: bytemuck::Zeroable::zeroed(),
+        })
+    }
+
+    /// Takes all waiting packets. Returns true if a throw finished.
+    pub fn look(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<bool, StageError> {
+        let before = self.finished();
+        self.look_at_controller(on_event)?;
+        self.look_at_catches(on_event)?;
+        self.look_at_throws(on_event)?;
+        self.look_at_calibration(on_event)?;
+        let over = self.finished() > before;
+        let mut holds = false;
+        while let Some(packet) = self.hands.try_get()? {
+            holds |= packet.iter().any(|hand| hand.holds == 1);
+        }
+        if over || holds {
+            self.busy = Instant::now();
+        }
+        Ok(over)
+    }
+
+    /// Returns the number of finished throws, of the world and of the robot.
+    fn finished(&self) -> usize {
+        self.catches.outcomes.len() + self.throws.count()
+    }
+
+    fn look_at_controller(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
+        while let Some(packet) = self.paths.try_get()? {
+            let put_ns = packet.header().put_ns;
+            packet
+                .iter()
+                .for_each(|path| self.catches.times.path(put_ns, path));
+        }
+        while let Some(packet) = self.states.try_get()? {
+            for state in packet.iter() {
+                let mode = state.mode();
+                if mode == Some(ControllerMode::Braking) && self.mode != mode {
+                    let why = state.reason.as_str().to_string();
+                    self.catches.braked(&why);
+                    on_event(RunEvent::Braked(why));
+                }
+                self.catches.refused(state.refused, state.reason.as_str());
+                self.mode = mode;
+            }
+        }
+        Ok(())
+    }
+
+    fn look_at_catches(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
+        while let Some(packet) = self.status.try_get()? {
+            if let Some(status) = packet.first() {
+                self.phase = *status;
+                self.catches.no_plans = self.catches.no_plans.max(status.no_plans);
+            }
+        }
+        while let Some(packet) = self.outcomes.try_get()? {
+            for outcome in packet.iter() {
+                self.catches.outcome(outcome);
+                let outcomes = &self.catches.outcomes;
+                on_event(RunEvent::Thrown {
+                    throws: outcomes.len() as u64,
+                    caught: outcomes.iter().filter(|o| o.caught == 1).count() as u64,
+                    outcome: *outcome,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn look_at_throws(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
+        while let Some(packet) = self.throw_states.try_get()? {
+            for why in packet
+                .iter()
+                .filter_map(|status| self.throws.status(status))
+            {
+                on_event(RunEvent::NotThrown(why));
+            }
+        }
+        while let Some(packet) = self.backs.try_get()? {
+            for thrown in packet.iter() {
+                self.throws.thrown(thrown);
+                on_event(RunEvent::ThrownBack(*thrown));
+            }
+        }
+        Ok(())
+    }
+
+    fn look_at_calibration(
+        &mut self,
+        on_event: &mut dyn FnMut(RunEvent),
+    ) -> Result<(), StageError> {
+        let throws = self.catches.outcomes.len() as u64;
+        while let Some(packet) = self.holds.try_get()? {
+            for state in packet.iter() {
+                if self.catches.hold.take(state, throws) {
+                    on_event(RunEvent::NoLongerCalibrated(*state));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the error of a run without a throw for `seconds`, with the phase that the robot is in.
+    pub fn no_throw(&self, seconds: u64) -> StageError {
+        let phase = match self.phase.phase() {
+            None | Some(CatchPhase::Starting) => "is starting",
+            Some(CatchPhase::Armed) => "waits",
+            Some(CatchPhase::Tracking) => "sees a ball",
+            Some(CatchPhase::Reaching) => "reaches",
+            Some(CatchPhase::Closed) => "has closed its hands",
+            Some(CatchPhase::GoingBack) => "goes back",
+            Some(CatchPhase::Braking) => "brakes",
+            Some(CatchPhase::Stuck) => "is stuck",
+            Some(CatchPhase::Throwing) => "throws",
+        };
+        StageError::NoThrow {
+            seconds,
+            phase,
+            reason: self.phase.reason.as_str().into(),
+        }
+    }
+}
