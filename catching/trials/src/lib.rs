@@ -14,6 +14,7 @@ mod error;
 mod eyes;
 mod look;
 mod look_ahead;
+mod page_parts;
 mod peer_circles;
 mod perception;
 mod picture;
@@ -23,7 +24,7 @@ mod quantiles;
 mod rally;
 mod safety_bench;
 mod series;
-mod sheet;
+
 mod stepped_time;
 mod still_head;
 mod throw;

@@ -1,13 +1,12 @@
 //! HTML page of a calibration: hands before and after, residuals in pictures, value of the configurations, caught
 //! balls.
 
+use maud::{Markup, html};
 use std::collections::BTreeMap;
-use std::fmt::Write;
-
-use tactnet_plot::legend;
+use tactnet_plot::Page;
 
 use super::CalibrationReport;
-use crate::sheet::{Share, at_most, captioned, percent, shares, sheet, table};
+use crate::page_parts::{Share, at_most, captioned, legend, percent, shares, table};
 
 /// Goals for mean and maximum distance, in mm: the results of Agile Justin's calibration (arXiv 2311.08338).
 const GOAL_MM: [f64; 2] = [3.9, 9.1];
@@ -22,61 +21,50 @@ const DIRECTIONS: usize = 8;
 
 /// Returns a self-contained page.
 pub fn calibration_page(report: &CalibrationReport) -> String {
-    let mut html = String::new();
-    headline(&mut html, report);
-    html += &figures(report);
-    hands(&mut html, report);
-    features(&mut html, report);
-    configurations(&mut html, report);
-    determined(&mut html, report);
-    catches(&mut html, report);
-    sheet("Calibration", &html)
+    let content = html! {
+        (headline(report))
+        (figures(report))
+        (hands(report))
+        (features(report))
+        (configurations(report))
+        (determined(report))
+        (catches(report))
+    };
+    Page::new("Calibration", content).to_html()
 }
 
-fn headline(html: &mut String, report: &CalibrationReport) {
-    html.push_str("<p class=\"headline\">");
-    if report.unseen == 0 {
-        html.push_str("No unseen poses: nothing says how good the calibration is.");
-    } else {
-        let _ = write!(
-            html,
-            "Hands are {:.2} mm from where the calibrated stack puts them, {:.2} mm at the worst; before it was {:.1} mm and {:.1} mm.",
-            report.mean_mm, report.worst_mm, report.raw.mean_mm, report.raw.worst_mm,
-        );
+fn headline(report: &CalibrationReport) -> Markup {
+    let mm = |value: f64| format!("{value:.2} mm");
+    let [mean, worst] = GOAL_MM;
+    let met = report.mean_mm <= mean && report.worst_mm <= worst;
+    html! {
+        p.headline {
+            @if report.unseen == 0 {
+                "No unseen poses: nothing says how good the calibration is."
+            } @else {
+                "Hands are " (mm(report.mean_mm)) " from where the calibrated stack puts them, " (mm(report.worst_mm))
+                (format!(" at the worst; before it was {:.1} mm and {:.1} mm.", report.raw.mean_mm, report.raw.worst_mm))
+            }
+            @if let (Some(before), Some(after), Some(ci95_before), Some(ci95_after)) = (
+                report.catch_rate_before,
+                report.catch_rate_after,
+                report.catch_rate_before_ci95,
+                report.catch_rate_after_ci95,
+            ) {
+                " Balls caught: " (percent(before, ci95_before)) " before, " (percent(after, ci95_after)) " after."
+            }
+        }
+        p {
+            @if report.unseen > 0 {
+                "The goal of " (mean) " and " (worst) " mm is " (if met { "met" } else { "missed" }) ". Distances are over "
+                (report.unseen) " poses that the calibration has not seen, from both cameras. "
+            }
+            "A simulated robot with planted errors, seed " (report.seed) "; intervals are Wilson's, 95 %."
+        }
     }
-    if let (Some(before), Some(after), Some(ci95_before), Some(ci95_after)) = (
-        report.catch_rate_before,
-        report.catch_rate_after,
-        report.catch_rate_before_ci95,
-        report.catch_rate_after_ci95,
-    ) {
-        let _ = write!(
-            html,
-            " Balls caught: {} before, {} after.",
-            percent(before, ci95_before),
-            percent(after, ci95_after)
-        );
-    }
-    html.push_str("</p><p>");
-    if report.unseen > 0 {
-        let met = report.mean_mm <= GOAL_MM[0] && report.worst_mm <= GOAL_MM[1];
-        let _ = write!(
-            html,
-            "The goal of {} and {} mm is {}. Distances are over {} poses that the calibration has not seen, from both cameras. ",
-            GOAL_MM[0],
-            GOAL_MM[1],
-            if met { "met" } else { "missed" },
-            report.unseen,
-        );
-    }
-    let _ = write!(
-        html,
-        "A simulated robot with planted errors, seed {}; intervals are Wilson's, 95 %.</p>",
-        report.seed
-    );
 }
 
-fn figures(report: &CalibrationReport) -> String {
+fn figures(report: &CalibrationReport) -> Markup {
     let solved = &report.solved;
     let none = || "none".to_string();
     let mut rows = Vec::new();
@@ -119,7 +107,7 @@ fn figures(report: &CalibrationReport) -> String {
     table(["What", "Here", "Goal, or elsewhere"], &rows)
 }
 
-fn hands(html: &mut String, report: &CalibrationReport) {
+fn hands(report: &CalibrationReport) -> Markup {
     let samples = &report.samples;
     let title = format!(
         "Distances of hands at unseen poses: before {:.1} mm on average, after {:.2} mm, from random configurations {:.2} mm",
@@ -130,19 +118,20 @@ fn hands(html: &mut String, report: &CalibrationReport) {
         samples.found_mm.clone(),
         samples.random_mm.clone(),
     ];
-    if let Some(figure) = at_most(&title, "distance [mm]", &curves) {
-        let names = ["before", "after", "after, from random configurations"];
-        let caption = "How far hands are from where the stack puts them, in the cameras' frames: the share of poses and cameras at which it \
-                       is at most so much.";
-        let _ = write!(
-            html,
-            "<h2>Hands at unseen poses</h2>{}",
-            captioned(&figure, caption, &legend(&names))
-        );
+    html! {
+        @if let Some(figure) = at_most(&title, "distance [mm]", &curves) {
+            h2 { "Hands at unseen poses" }
+            (captioned(
+                &figure,
+                "How far hands are from where the stack puts them, in the cameras' frames: the share of poses and cameras at which it is \
+                 at most so much.",
+            ))
+            (legend(&["before", "after", "after, from random configurations"]))
+        }
     }
 }
 
-fn features(html: &mut String, report: &CalibrationReport) {
+fn features(report: &CalibrationReport) -> Markup {
     let samples = &report.samples;
     let noise = rayleigh(samples.noise_px);
     let curves = [
@@ -151,27 +140,26 @@ fn features(html: &mut String, report: &CalibrationReport) {
         noise,
     ];
     if samples.residuals_px.is_empty() {
-        return;
+        return html! {};
     }
     let title = format!(
         "Residuals of markers in pictures: the median is {:.2} times that of the noise, {:.1} % are more than five standard deviations off",
         report.solved.fit,
         100.0 * report.solved.outlying
     );
-    if let Some(figure) = at_most(&title, "residual [pixels]", &curves) {
-        let names = ["before", "after", "noise alone, as the stack assumes it"];
-        let caption = format!(
-            "How far markers are in pictures from where the model puts them. After calibration the median is {:.2} times that of noise of \
-             {} pixels each way; {:.1} % are more than five standard deviations off, most of them features that are something else.",
-            report.solved.fit,
-            samples.noise_px,
-            100.0 * report.solved.outlying
-        );
-        let _ = write!(
-            html,
-            "<h2>Markers in pictures</h2>{}",
-            captioned(&figure, &caption, &legend(&names))
-        );
+    let caption = format!(
+        "How far markers are in pictures from where the model puts them. After calibration the median is {:.2} times that of noise of {} \
+         pixels each way; {:.1} % are more than five standard deviations off, most of them features that are something else.",
+        report.solved.fit,
+        samples.noise_px,
+        100.0 * report.solved.outlying
+    );
+    html! {
+        @if let Some(figure) = at_most(&title, "residual [pixels]", &curves) {
+            h2 { "Markers in pictures" }
+            (captioned(&figure, &caption))
+            (legend(&["before", "after", "noise alone, as the stack assumes it"]))
+        }
     }
 }
 
@@ -183,7 +171,7 @@ fn rayleigh(sigma: f64) -> Vec<f64> {
         .collect()
 }
 
-fn configurations(html: &mut String, report: &CalibrationReport) {
+fn configurations(report: &CalibrationReport) -> Markup {
     let (solved, random) = (&report.solved, &report.random);
     let rows = [
         [
@@ -208,14 +196,13 @@ fn configurations(html: &mut String, report: &CalibrationReport) {
         ],
     ];
     let chosen = format!("Chosen from {}", report.candidates);
-    let _ = write!(
-        html,
-        "<h2>Chosen and random configurations</h2>{}",
-        table(["What", &chosen, "As many drawn ones"], &rows)
-    );
+    html! {
+        h2 { "Chosen and random configurations" }
+        (table(["What", &chosen, "As many drawn ones"], &rows))
+    }
 }
 
-fn determined(html: &mut String, report: &CalibrationReport) {
+fn determined(report: &CalibrationReport) -> Markup {
     let rows: Vec<[String; 2]> = report
         .solved
         .worst_determined
@@ -230,21 +217,19 @@ fn determined(html: &mut String, report: &CalibrationReport) {
             [parts.join("; "), format!("{:.3}", direction.left)]
         })
         .collect();
-    if rows.is_empty() {
-        return;
+    html! {
+        @if !rows.is_empty() {
+            h2 { "What is hardly determined" }
+            p {
+                "Directions of the 79 unknowns, measured in standard deviations of their priors, of which the session says least. 1: it says "
+                "nothing, and the prior decides."
+            }
+            (table(["Direction", "Standard deviation left, of that before"], &rows))
+        }
     }
-    let _ = write!(
-        html,
-        "<h2>What is hardly determined</h2><p>Directions of the 79 unknowns, measured in standard deviations of their priors, of which the \
-         session says least. 1: it says nothing, and the prior decides.</p>{}",
-        table(
-            ["Direction", "Standard deviation left, of that before"],
-            &rows
-        )
-    );
 }
 
-fn catches(html: &mut String, report: &CalibrationReport) {
+fn catches(report: &CalibrationReport) -> Markup {
     let rates = [
         (
             "before",
@@ -270,17 +255,11 @@ fn catches(html: &mut String, report: &CalibrationReport) {
         })
         .collect();
     if all.is_empty() {
-        return;
+        return html! {};
     }
     let caption = format!(
         "Caught of {} balls in the catch space ({} throws), with Wilson's 95 % intervals. The thesis gives no figures.",
         report.in_catch_space, report.throws
-    );
-    let figure = shares("Balls caught", "caught [%]", &all);
-    let _ = write!(
-        html,
-        "<h2>Balls caught</h2>{}",
-        captioned(&figure, &caption, "")
     );
     let mut causes: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
     for (column, misses) in [&report.misses_before, &report.misses_after]
@@ -291,14 +270,14 @@ fn catches(html: &mut String, report: &CalibrationReport) {
             causes.entry(cause).or_default()[column] = *count;
         }
     }
-    if !causes.is_empty() {
-        let rows: Vec<[String; 3]> = causes
-            .into_iter()
-            .map(|(cause, [before, after])| {
-                [cause.to_string(), before.to_string(), after.to_string()]
-            })
-            .collect();
-        *html += &table(["Missed because", "Balls before", "Balls after"], &rows);
+    let rows: Vec<[String; 3]> = causes
+        .into_iter()
+        .map(|(cause, [before, after])| [cause.to_string(), before.to_string(), after.to_string()])
+        .collect();
+    html! {
+        h2 { "Balls caught" }
+        (captioned(&shares("Balls caught", "caught [%]", &all), &caption))
+        @if !rows.is_empty() { (table(["Missed because", "Balls before", "Balls after"], &rows)) }
     }
 }
 
@@ -312,7 +291,7 @@ mod tests {
 
     use super::*;
     use crate::calibration::{CalibrationSamples, Distances, RandomFigures, SolveReport};
-    use crate::sheet::tests::assert_page;
+    use crate::page_parts::tests::assert_page;
 
     /// Returns the report of an empty session.
     fn nothing() -> CalibrationReport {

@@ -1,47 +1,45 @@
 //! HTML page of games of two robots: lengths, flights and causes of their ends.
 
+use maud::{Markup, html};
 use std::collections::BTreeMap;
-use std::fmt::Write;
-
-use tactnet_plot::{Axes, Axis, Series as Curve, figure, legend};
+use tactnet_plot::{Axis, Page, Series as Curve};
 
 use super::RallyReport;
 use super::flight::MOST_LATE;
-use crate::sheet::{LEFT, WIDTH, captioned, counts_table, percent, sheet, table};
+use crate::page_parts::{axes, captioned, chart, counts_table, legend, percent, table};
 
 /// Maximum throwing distance of the robot in the thesis, in m.
 const THESIS_M: f64 = 7.0;
 
 /// Returns a self-contained page.
 pub fn rally_page(report: &RallyReport) -> String {
-    let mut html = String::new();
-    headline(&mut html, report);
-    html += &figures(report);
-    flights(&mut html, report);
-    timing(&mut html, report);
-    games(&mut html, report);
-    causes(&mut html, report);
-    sheet("Two robots play catch", &html)
+    let content = html! {
+        (headline(report))
+        (figures(report))
+        (flights(report))
+        (timing(report))
+        (games(report))
+        (counts_table(["Missed because", "Balls"], &report.causes))
+        (counts_table(["Nothing thrown because", "Games"], &report.no_throw_causes))
+    };
+    Page::new("Two robots play catch", content).to_html()
 }
 
-fn headline(html: &mut String, report: &RallyReport) {
-    let _ = write!(
-        html,
-        "<p class=\"headline\">{} of {} throws were caught: {}. At most {} catches in a row, {:.1} on average over {} games.</p>\
-         <p>The robots stand {} m apart; a game ends with the first ball that is not caught. A simulation in stepped time, seed {}; the \
-         interval is Wilson's, 95 %. The thesis shows two robots at it and gives no count.</p>",
-        report.catches,
-        report.throws,
-        percent(report.rate, [report.ci95_low, report.ci95_high]),
-        report.longest,
-        report.mean,
-        report.rallies,
-        report.between_m,
-        report.seed
-    );
+fn headline(report: &RallyReport) -> Markup {
+    html! {
+        p.headline {
+            (report.catches) " of " (report.throws) " throws were caught: "
+            (percent(report.rate, [report.ci95_low, report.ci95_high])) ". At most " (report.longest) " catches in a row, "
+            (format!("{:.1}", report.mean)) " on average over " (report.rallies) " games."
+        }
+        p {
+            "The robots stand " (report.between_m) " m apart; a game ends with the first ball that is not caught. A simulation in stepped "
+            "time, seed " (report.seed) "; the interval is Wilson's, 95 %. The thesis shows two robots at it and gives no count."
+        }
+    }
 }
 
-fn figures(report: &RallyReport) -> String {
+fn figures(report: &RallyReport) -> Markup {
     let none = || "none".to_string();
     let mut rows = vec![[
         "Caught of throws that can be".into(),
@@ -79,22 +77,19 @@ fn figures(report: &RallyReport) -> String {
     table(["What", "Here", "The thesis"], &rows)
 }
 
-fn flights(html: &mut String, report: &RallyReport) {
+fn flights(report: &RallyReport) -> Markup {
     let points = || report.flights.iter().flat_map(|flight| &flight.path);
     let farthest = points().map(|[far, _]| *far).fold(0.0, f64::max);
     let highest = points().map(|[_, high]| *high).fold(0.0, f64::max);
     if farthest <= 0.0 {
-        return;
+        return html! {};
     }
-    let axes = Axes {
-        left: LEFT,
-        top: 12.0,
-        width: WIDTH - LEFT - 16.0,
-        height: 220.0,
-        horizontal: Axis::linear("from the release [m]", 0.0..=farthest.ceil(), 1.0),
-        vertical: Axis::linear("height [m]", 0.0..=(2.0 * highest).ceil() / 2.0, 0.5),
-    };
-    let mut lines = axes.grid();
+    let axes = axes(
+        220.0,
+        Axis::linear("from the release [m]", 0.0..=farthest.ceil(), 1.0),
+        Axis::linear("height [m]", 0.0..=(2.0 * highest).ceil() / 2.0, 0.5),
+    );
+    let mut lines = String::new();
     for flight in &report.flights {
         let path: Vec<(f64, f64)> = flight.path.iter().map(|[x, z]| (*x, *z)).collect();
         lines += &axes.path(Curve::nth(flight.look()), &path);
@@ -103,20 +98,17 @@ fn flights(html: &mut String, report: &RallyReport) {
         "{} flights from the side, up to {farthest:.2} m far and {highest:.2} m high",
         report.flights.len()
     );
-    let caption = "The first throws of the first games, as the balls truly flew or would have flown on, down to the height that they are \
-                   aimed at.";
-    let _ = write!(
-        html,
-        "<h2>Flights</h2>{}",
-        captioned(
-            &figure(WIDTH, 280.0, &title, &lines),
-            caption,
-            &legend(&["caught", "missed"])
-        )
-    );
+    html! {
+        h2 { "Flights" }
+        (captioned(
+            &chart(&title, &axes, &lines),
+            "The first throws of the first games, as the balls truly flew or would have flown on, down to the height that they are aimed at.",
+        ))
+        (legend(&["caught", "missed"]))
+    }
 }
 
-fn timing(html: &mut String, report: &RallyReport) {
+fn timing(report: &RallyReport) -> Markup {
     let most = report
         .flights
         .iter()
@@ -124,20 +116,17 @@ fn timing(html: &mut String, report: &RallyReport) {
         .map(|[_, nearer]| nearer.abs())
         .fold(0.0, f64::max);
     if most <= 0.0 {
-        return;
+        return html! {};
     }
     let step = 10f64.powf(most.log10().floor());
     let edge = (most / step).ceil() * step;
     let latest = f64::from(MOST_LATE);
-    let axes = Axes {
-        left: LEFT,
-        top: 12.0,
-        width: WIDTH - LEFT - 16.0,
-        height: 220.0,
-        horizontal: Axis::linear("fingers open late [ms]", -latest..=latest, 1.0),
-        vertical: Axis::linear("farther [mm]", -edge..=edge, edge / 2.0),
-    };
-    let mut lines = axes.grid();
+    let axes = axes(
+        220.0,
+        Axis::linear("fingers open late [ms]", -latest..=latest, 1.0),
+        Axis::linear("farther [mm]", -edge..=edge, edge / 2.0),
+    );
+    let mut lines = String::new();
     for flight in &report.flights {
         let points: Vec<(f64, f64)> = flight.timing.iter().map(|[t, near]| (*t, -near)).collect();
         lines += &axes.line(Curve::nth(flight.arm), &points, 1);
@@ -146,80 +135,66 @@ fn timing(html: &mut String, report: &RallyReport) {
     let title = format!(
         "How much farther balls come down if fingers open early or late; 2 ms cost {lost:.0} mm on average"
     );
-    let caption = "The same throws as planned, if fingers open early (to the left) or late: how much farther the ball comes down; less than \
-                   0: nearer.";
-    let _ = write!(
-        html,
-        "<h2>What a release early or late costs</h2>{}",
-        captioned(
-            &figure(WIDTH, 280.0, &title, &lines),
-            caption,
-            &legend(&["left arm", "right arm"])
-        )
-    );
+    html! {
+        h2 { "What a release early or late costs" }
+        (captioned(
+            &chart(&title, &axes, &lines),
+            "The same throws as planned, if fingers open early (to the left) or late: how much farther the ball comes down; less than 0: \
+             nearer.",
+        ))
+        (legend(&["left arm", "right arm"]))
+    }
 }
 
-fn games(html: &mut String, report: &RallyReport) {
+fn games(report: &RallyReport) -> Markup {
     let mut lengths: BTreeMap<usize, usize> = BTreeMap::new();
     for length in &report.lengths {
         *lengths.entry(*length).or_default() += 1;
-    }
-    if lengths.is_empty() {
-        return;
     }
     let rows: Vec<[String; 2]> = lengths
         .iter()
         .map(|(length, games)| [length.to_string(), games.to_string()])
         .collect();
-    html.push_str("<h2>Games by length</h2>");
-    if report.longest > 0 {
-        // Games with at least the given number of catches.
-        let lasted: Vec<(f64, f64)> = (0..=report.longest)
-            .map(|catches| {
-                let on = report.lengths.iter().filter(|length| **length >= catches);
-                (
-                    catches as f64,
-                    on.count() as f64 / report.lengths.len() as f64,
-                )
-            })
-            .collect();
-        let axes = Axes {
-            left: LEFT,
-            top: 12.0,
-            width: WIDTH - LEFT - 16.0,
-            height: 180.0,
-            horizontal: Axis::linear(
-                "catches in a row",
-                0.0..=report.longest as f64,
-                (report.longest as f64 / 10.0).ceil(),
-            ),
-            vertical: Axis::percent("games that lasted so long [%]", 1.0, 0.25),
-        };
-        let title = format!(
-            "Share of games by catches in a row: {:.1} on average, {} at most",
-            report.mean, report.longest
-        );
-        let lines = axes.grid() + &axes.path(Curve::nth(0), &lasted);
-        let caption = "The share of games with at least so many catches in a row.";
-        *html += &captioned(&figure(WIDTH, 240.0, &title, &lines), caption, "");
+    html! {
+        @if !rows.is_empty() {
+            h2 { "Games by length" }
+            @if report.longest > 0 {
+                (captioned(&lasting(report), "The share of games with at least so many catches in a row."))
+            }
+            (table(["Catches in a row", "Games"], &rows))
+        }
     }
-    *html += &table(["Catches in a row", "Games"], &rows);
 }
 
-fn causes(html: &mut String, report: &RallyReport) {
-    for (head, causes) in [
-        (["Missed because", "Balls"], &report.causes),
-        (["Nothing thrown because", "Games"], &report.no_throw_causes),
-    ] {
-        *html += &counts_table(head, causes);
-    }
+/// Draws the share of games with at least a number of catches.
+fn lasting(report: &RallyReport) -> String {
+    let lasted: Vec<(f64, f64)> = (0..=report.longest)
+        .map(|catches| {
+            let on = report.lengths.iter().filter(|length| **length >= catches);
+            (
+                catches as f64,
+                on.count() as f64 / report.lengths.len() as f64,
+            )
+        })
+        .collect();
+    let longest = report.longest as f64;
+    let axes = axes(
+        180.0,
+        Axis::linear("catches in a row", 0.0..=longest, (longest / 10.0).ceil()),
+        Axis::percent("games that lasted so long [%]", 1.0, 0.25),
+    );
+    let title = format!(
+        "Share of games by catches in a row: {:.1} on average, {} at most",
+        report.mean, report.longest
+    );
+    chart(&title, &axes, &axes.path(Curve::nth(0), &lasted))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::page_parts::tests::assert_page;
     use crate::rally::RallyFlight;
-    use crate::sheet::tests::assert_page;
 
     fn report(lengths: Vec<usize>) -> RallyReport {
         let catches = lengths.iter().sum::<usize>();

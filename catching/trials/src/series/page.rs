@@ -1,19 +1,18 @@
 //! HTML page of a series: rates, errors before the catch, one drawn throw.
 
-use std::fmt::Write;
-
+use maud::{Markup, html};
 use nalgebra::Vector3;
 use tactnet_catching::Robot;
 use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching_packets::joint;
-use tactnet_plot::{Axes, Axis, Series as Curve, escape, figure, legend};
+use tactnet_plot::{Axis, Page, Series as Curve};
 
+use super::{Series, SeriesReport};
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
 use crate::look_ahead::LookAhead;
+use crate::page_parts::{axes, captioned, chart, counts_table, legend, percent};
 use crate::picture::picture;
-use crate::series::{Series, SeriesReport};
-use crate::sheet::{LEFT, WIDTH, sheet};
 use crate::trace::{Trace, TraceTick};
 
 /// Minimum cost of plans that are not exact catches.
@@ -24,80 +23,60 @@ const NEAR_MISS: f64 = 10.0;
 /// # Errors
 /// Same as the series, because the drawn throw is simulated again.
 pub fn series_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
-    let mut html = String::new();
-    headline(&mut html, report);
-    if let Some(errors) = errors(series, report) {
-        let _ = write!(html, "<h2>How well flights are predicted</h2>{errors}");
-    }
-    if let Some((number, trace)) = series.drawn(report)? {
-        let _ = write!(
-            html,
-            "<h2>Throw {number}</h2>{}",
-            throw(&trace, &series.config.robot)
-        );
-    }
-    Ok(sheet("Balls caught", &html))
+    let drawn = series.drawn(report)?;
+    let content = html! {
+        (headline(report))
+        @if let Some(errors) = errors(series, report) {
+            h2 { "How well flights are predicted" }
+            (errors)
+        }
+        @if let Some((number, trace)) = drawn {
+            h2 { "Throw " (number) }
+            (throw(&trace, &series.config.robot))
+        }
+    };
+    Ok(Page::new("Balls caught", content).to_html())
 }
 
-fn headline(html: &mut String, report: &SeriesReport) {
+fn headline(report: &SeriesReport) -> Markup {
     let what = if report.balls == 1 {
         "balls"
     } else {
         "pairs of balls"
     };
-    let _ = write!(
-        html,
-        "<p class=\"headline\">{} of {} {what} in the catch space were caught: {:.1} % [{:.1}, {:.1}].</p>\
-         <p>That is {:.1} % of all {} throws (seed {}); a simulation in stepped time, {:.0} ms from exposure to path. The interval is \
-         Wilson's, 95 %.{}</p>",
-        report.caught,
-        report.in_catch_space,
-        100.0 * report.rate,
-        100.0 * report.ci95_low,
-        100.0 * report.ci95_high,
-        100.0 * report.over_all_throws,
-        report.throws,
-        report.seed,
-        1e3 * (report.timing.to_prediction() + report.timing.to_path()),
-        if report.perfect_perception {
-            " Head and balls were known from the truth."
-        } else {
-            ""
+    let rate = percent(report.rate, [report.ci95_low, report.ci95_high]);
+    let over_all = format!("{:.1} %", 100.0 * report.over_all_throws);
+    let delay = report.timing.to_prediction() + report.timing.to_path();
+    let delay = format!("{:.0} ms", 1e3 * delay);
+    let without: Vec<&str> = report.without.iter().map(|part| part.name()).collect();
+    html! {
+        p.headline {
+            (report.caught) " of " (report.in_catch_space) " " (what) " in the catch space were caught: " (rate) "."
         }
-    );
-    if let (Some(across), Some(along), Some(least), Some(least_along)) = (
-        report.across_mm_rms_200ms,
-        report.along_ms_rms_200ms,
-        report.across_mm_bound,
-        report.along_ms_bound,
-    ) {
-        let _ = write!(
-            html,
-            "<p>Predicted 200 ms before the catch: {across:.1} mm across the flight and {along:.2} ms along it (root mean squares). No \
-             filter could do better than {least:.1} mm and {least_along:.2} ms with a head that stands still and balls without spin.</p>"
-        );
-    }
-    if !report.without.is_empty() {
-        let parts: Vec<String> = report
-            .without
-            .iter()
-            .map(|part| part.name().to_string())
-            .collect();
-        let _ = write!(html, "<p>Left out: {}.</p>", escape(&parts.join(", ")));
-    }
-    if !report.misses.is_empty() {
-        html.push_str(
-            "<div class=\"scroll\" tabindex=\"0\"><table><tr><th>Missed because<th>Balls</tr>",
-        );
-        for (cause, count) in &report.misses {
-            let _ = write!(html, "<tr><td>{}<td>{count}</tr>", escape(cause));
+        p {
+            "That is " (over_all) " of all " (report.throws) " throws (seed " (report.seed) "); a simulation in stepped time, "
+            (delay) " from exposure to path. The interval is Wilson's, 95 %."
+            @if report.perfect_perception { " Head and balls were known from the truth." }
         }
-        html.push_str("</table></div>");
+        @if let (Some(across), Some(along), Some(least), Some(least_along)) = (
+            report.across_mm_rms_200ms,
+            report.along_ms_rms_200ms,
+            report.across_mm_bound,
+            report.along_ms_bound,
+        ) {
+            p {
+                "Predicted 200 ms before the catch: " (format!("{across:.1} mm")) " across the flight and " (format!("{along:.2} ms"))
+                " along it (root mean squares). No filter could do better than " (format!("{least:.1} mm")) " and "
+                (format!("{least_along:.2} ms")) " with a head that stands still and balls without spin."
+            }
+        }
+        @if !without.is_empty() { p { "Left out: " (without.join(", ")) "." } }
+        (counts_table(["Missed because", "Balls"], &report.misses))
     }
 }
 
 /// Draws the root mean square errors over the time to the catch, those according to the filter, and the bound.
-fn errors(series: &Series, report: &SeriesReport) -> Option<String> {
+fn errors(series: &Series, report: &SeriesReport) -> Option<Markup> {
     let all: Vec<&LookAhead> = report
         .outcomes
         .iter()
@@ -120,7 +99,8 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<String> {
             .filter_map(|left| Some((1e3 * left, rms(*left, of)?.max(1e-3))))
             .collect()
     };
-    if curve(&|a| a.across_mm).len() < 2 {
+    let errors_across = curve(&|a| a.across_mm);
+    if errors_across.len() < 2 {
         return None;
     }
     let bound = typical_bound(&series.config.robot);
@@ -132,7 +112,7 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<String> {
             .collect()
     };
     let across = [
-        curve(&|a| a.across_mm),
+        errors_across,
         curve(&|a| a.sigma_across_mm),
         of_bound(&|b| b.across_mm),
     ];
@@ -141,18 +121,16 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<String> {
         curve(&|a| a.sigma_along_ms),
         of_bound(&|b| b.along_ms),
     ];
-    let names = [
-        "error",
-        "what the filter says",
-        "bound of Cramer and Rao, still head, a typical throw",
-    ];
-    Some(format!(
-        "<figure>{}<figcaption>Root mean square of the prediction's error across the flight, over the time from its last picture to the \
-         catch.</figcaption></figure><figure>{}<figcaption>The same along the flight.</figcaption></figure>{}",
-        over_time("Error across the flight", "across [mm]", &across)?,
-        over_time("Error along the flight", "along [ms]", &along)?,
-        legend(&names)
-    ))
+    let across = over_time("Error across the flight", "across [mm]", &across)?;
+    let along = over_time("Error along the flight", "along [ms]", &along)?;
+    Some(html! {
+        (captioned(
+            &across,
+            "Root mean square of the prediction's error across the flight, over the time from its last picture to the catch.",
+        ))
+        (captioned(&along, "The same along the flight."))
+        (legend(&["error", "what the filter says", "bound of Cramer and Rao, still head, a typical throw"]))
+    })
 }
 
 /// Returns the bound of a throw from 5 m with 7 m/s.
@@ -169,32 +147,26 @@ fn typical_bound(robot: &Robot) -> Vec<Bound> {
 }
 
 fn over_time(title: &str, label: &str, curves: &[Vec<(f64, f64)>]) -> Option<String> {
-    let axes = Axes {
-        left: LEFT,
-        top: 12.0,
-        width: WIDTH - LEFT - 16.0,
-        height: 240.0,
-        horizontal: Axis::linear("time to the catch [ms]", 0.0..=650.0, 100.0),
-        vertical: Axis::decades(label, curves.iter().flatten().map(|(_, value)| *value))?,
-    };
+    let axes = axes(
+        240.0,
+        Axis::linear("time to the catch [ms]", 0.0..=650.0, 100.0),
+        Axis::decades(label, curves.iter().flatten().map(|(_, value)| *value))?,
+    );
     let lines: String = curves
         .iter()
         .enumerate()
         .map(|(i, points)| axes.line(Curve::nth(i), points, 1))
         .collect();
-    Some(figure(WIDTH, 300.0, title, &(axes.grid() + &lines)))
+    Some(chart(title, &axes, &lines))
 }
 
 /// Draws balls and hands from above, with a marker every 40 ms.
 fn from_above(trace: &Trace) -> String {
-    let axes = Axes {
-        left: LEFT,
-        top: 12.0,
-        width: WIDTH - LEFT - 16.0,
-        height: 200.0,
-        horizontal: Axis::linear("before the robot [m]", -0.5..=6.5, 1.0),
-        vertical: Axis::linear("to the left [m]", -1.5..=1.5, 0.5),
-    };
+    let axes = axes(
+        200.0,
+        Axis::linear("before the robot [m]", -0.5..=6.5, 1.0),
+        Axis::linear("to the left [m]", -1.5..=1.5, 0.5),
+    );
     let way = |of: &dyn Fn(&TraceTick) -> Option<Vector3<f64>>| -> Vec<(f64, f64)> {
         let places = trace.ticks.iter().filter_map(of);
         places.step_by(10).map(|place| (place.x, place.y)).collect()
@@ -211,33 +183,51 @@ fn from_above(trace: &Trace) -> String {
         .filter(|(_, line)| !line.is_empty())
         .map(|(i, line)| axes.line(Curve::nth(i), line, 4))
         .collect();
-    figure(WIDTH, 260.0, "Ball and hands", &(axes.grid() + &lines))
+    chart("Ball and hands", &axes, &lines)
 }
 
-fn throw(trace: &Trace, robot: &Robot) -> String {
+fn throw(trace: &Trace, robot: &Robot) -> Markup {
     let Some(last) = trace.ticks.last() else {
-        return String::new();
+        return html! {};
     };
-    let end = (last.t * 10.0).ceil() / 10.0;
     let arm = trace.plans.last().map_or(0, |plan| plan.arm);
-    let mut html = String::new();
-    let _ = write!(
-        html,
-        "<figure>{}<figcaption>Robot and balls from the side, faint when thrown and on the way, a ball every 40 ms,</figcaption></figure>\
-         <figure>{}<figcaption>and ball and hands from above.</figcaption></figure>{}",
-        picture(trace).unwrap_or_default(),
-        from_above(trace),
-        legend(&["ball", "left hand", "right hand"])
-    );
-    let rates = Axes {
-        left: LEFT,
-        top: 12.0,
-        width: WIDTH - LEFT - 16.0,
-        height: 240.0,
-        horizontal: Axis::linear("time since the throw [s]", 0.0..=end, 0.2),
-        vertical: Axis::linear("joint rate [rad/s]", -3.0..=3.0, 1.0),
+    let time = || {
+        let end = (last.t * 10.0).ceil() / 10.0;
+        Axis::linear("time since the throw [s]", 0.0..=end, 0.2)
     };
-    let mut lines = rates.grid();
+    let names: Vec<String> = (1..=robot.arm(arm).joints().len())
+        .map(|i| format!("joint {i}"))
+        .collect();
+    html! {
+        (captioned(
+            &picture(trace).unwrap_or_default(),
+            "Robot and balls from the side, faint when thrown and on the way, a ball every 40 ms,",
+        ))
+        (captioned(&from_above(trace), "and ball and hands from above."))
+        (legend(&["ball", "left hand", "right hand"]))
+        (captioned(
+            &joint_rates(trace, arm, time()),
+            "Joint rates of the arm that catches: commanded, and faintly as measured. Kinks are corrections.",
+        ))
+        (legend(&names))
+        @if let Some(costs) = plan_costs(trace, arm, time()) {
+            (captioned(
+                &costs,
+                "What each plan that was carried out cost: with the soft objective, the share of its acceleration that the arm needs. \
+                 Plans that could only come near are left out.",
+            ))
+        }
+    }
+}
+
+/// Draws the commanded and, faintly, the measured joint rates of an arm.
+fn joint_rates(trace: &Trace, arm: usize, time: Axis) -> String {
+    let axes = axes(
+        240.0,
+        time,
+        Axis::linear("joint rate [rad/s]", -3.0..=3.0, 1.0),
+    );
+    let mut lines = String::new();
     for (i, index) in joint::ARM[arm].clone().enumerate() {
         let of = |rates: fn(&TraceTick) -> &[f64]| -> Vec<(f64, f64)> {
             trace
@@ -247,46 +237,35 @@ fn throw(trace: &Trace, robot: &Robot) -> String {
                 .map(|tick| (tick.t, rates(tick)[index]))
                 .collect()
         };
-        lines += &rates.path(Curve::nth(i), &of(|tick| &tick.commanded));
+        lines += &axes.path(Curve::nth(i), &of(|tick| &tick.commanded));
         lines += &format!(
             "<g class=\"faint\">{}</g>",
-            rates.path(Curve::nth(i), &of(|tick| &tick.measured))
+            axes.path(Curve::nth(i), &of(|tick| &tick.measured))
         );
     }
-    let names: Vec<String> = (1..=robot.arm(arm).joints().len())
-        .map(|i| format!("joint {i}"))
-        .collect();
-    let _ = write!(
-        html,
-        "<figure>{}<figcaption>Joint rates of the arm that catches: commanded, and faintly as measured. Kinks are corrections.</figcaption>\
-         </figure>{}",
-        figure(WIDTH, 300.0, "Joint rates", &lines),
-        legend(&names)
-    );
+    chart("Joint rates", &axes, &lines)
+}
+
+/// Draws the costs of the exact plans of an arm; `None` for fewer than two.
+fn plan_costs(trace: &Trace, arm: usize, time: Axis) -> Option<String> {
     let costs: Vec<(f64, f64)> = trace
         .plans
         .iter()
         .filter(|plan| plan.arm == arm && plan.cost < NEAR_MISS)
         .map(|plan| (plan.t, plan.cost))
         .collect();
-    if costs.len() > 1 {
-        let most = costs.iter().map(|(_, cost)| *cost).fold(0.1, f64::max);
-        let axes = Axes {
-            vertical: Axis::linear("cost of the plan", 0.0..=(most * 5.0).ceil() / 5.0, 0.2),
-            height: 140.0,
-            ..rates
-        };
-        let _ = write!(
-            html,
-            "<figure>{}<figcaption>What each plan that was carried out cost: with the soft objective, the share of its acceleration that the \
-             arm needs. Plans that could only come near are left out.</figcaption></figure>",
-            figure(
-                WIDTH,
-                200.0,
-                "Cost of plans",
-                &(axes.grid() + &axes.line(Curve::nth(0), &costs, 1))
-            )
-        );
+    if costs.len() < 2 {
+        return None;
     }
-    html
+    let most = costs.iter().map(|(_, cost)| *cost).fold(0.1, f64::max);
+    let axes = axes(
+        140.0,
+        time,
+        Axis::linear("cost of the plan", 0.0..=(most * 5.0).ceil() / 5.0, 0.2),
+    );
+    Some(chart(
+        "Cost of plans",
+        &axes,
+        &axes.line(Curve::nth(0), &costs, 1),
+    ))
 }

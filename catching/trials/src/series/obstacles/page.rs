@@ -1,18 +1,16 @@
 //! HTML page of throws among obstacles: with and without the map, one catch in the map, times.
 
-use std::fmt::Write;
-
-use tactnet_plot::{legend, wilson_of_counts};
+use maud::{Markup, html};
+use tactnet_plot::{Page, wilson_of_counts};
 
 use super::scene::Scene;
 use super::{ObstaclesReport, touched};
 use crate::error::TrialError;
+use crate::page_parts::{Share, at_most, captioned, counts_table, legend, percent, shares, table};
 use crate::series::{Series, SeriesReport};
-use crate::sheet::{Share, at_most, captioned, counts_table, percent, shares, sheet, table};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 
-const TITLE: &str = "Catching among obstacles";
 /// Goal for the time from depth pictures to plans, in ms.
 const GOAL_MS: f64 = 1000.0;
 
@@ -24,51 +22,59 @@ const GOAL_MS: f64 = 1000.0;
 /// # Errors
 /// Same as the series, because the drawn throw is simulated again.
 pub fn obstacles_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
-    let Some(obstacles) = &report.obstacles else {
-        let body = format!(
-            "<p class=\"headline\">The robot did not look about in any of {} throws.</p>",
-            report.throws
-        );
-        return Ok(sheet(TITLE, &body));
+    let content = match &report.obstacles {
+        Some(obstacles) => content(series, report, obstacles)?,
+        None => html! {
+            p.headline { "The robot did not look about in any of " (report.throws) " throws." }
+        },
     };
-    let mut html = String::new();
-    headline(&mut html, report, obstacles);
-    side_by_side(&mut html, report, obstacles);
-    if let Some(number) = telling(report, obstacles) {
-        let config = ThrowConfig {
-            mapping: Mapping::Depth,
-            ..series.config.clone()
-        };
-        let trace = Series { config, ..*series }.again(number)?;
-        if let Some(scene) = Scene::of(&trace, &series.config.robot) {
-            draw(&mut html, number, &scene);
-        }
-    }
-    times(&mut html, report, obstacles);
-    causes(&mut html, report, obstacles);
-    Ok(sheet(TITLE, &html))
+    Ok(Page::new("Catching among obstacles", content).to_html())
 }
 
-fn headline(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) {
+fn content(
+    series: &Series,
+    report: &SeriesReport,
+    obstacles: &ObstaclesReport,
+) -> Result<Markup, TrialError> {
+    let drawn = telling(report, obstacles)
+        .map(|number| {
+            let config = ThrowConfig {
+                mapping: Mapping::Depth,
+                ..series.config.clone()
+            };
+            let trace = Series { config, ..*series }.again(number)?;
+            let scene = Scene::of(&trace, &series.config.robot);
+            Ok::<_, TrialError>(scene.map(|scene| draw(number, &scene)))
+        })
+        .transpose()?
+        .flatten();
+    Ok(html! {
+        (headline(report, obstacles))
+        h2 { "With and without the map" }
+        (side_by_side(report, obstacles))
+        @if report.throws > 0 { (rates(report, obstacles)) }
+        @if let Some(drawn) = drawn { (drawn) }
+        (times(report, obstacles))
+        (counts_table(["Missed because", "Balls"], &report.misses))
+        (counts_table(["Touched deepest by", "Throws"], &obstacles.contact_parts))
+    })
+}
+
+fn headline(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
     let rate = obstacles.contacts as f64 / report.throws.max(1) as f64;
-    let without = match &obstacles.without_map {
-        Some(without) => format!(", without a map in {}", without.contacts_without_map),
-        None => String::new(),
-    };
-    let _ = write!(
-        html,
-        "<p class=\"headline\">With a map the robot touched something in {} of {} throws{without}; it caught {} of {} balls in the catch \
-         space.</p><p>Touched: {}. Caught: {}. Intervals are Wilson's, 95 %; seed {}. A simulation in stepped time: what stands about is put \
-         elsewhere before each throw, the robot looks with a depth camera in its head, and the same throws are then thrown to a robot that \
-         does not look.</p>",
-        obstacles.contacts,
-        report.throws,
-        report.caught,
-        report.in_catch_space,
-        percent(rate, obstacles.contacts_ci95),
-        percent(report.rate, [report.ci95_low, report.ci95_high]),
-        report.seed
-    );
+    html! {
+        p.headline {
+            "With a map the robot touched something in " (obstacles.contacts) " of " (report.throws) " throws"
+            @if let Some(without) = &obstacles.without_map { ", without a map in " (without.contacts_without_map) }
+            "; it caught " (report.caught) " of " (report.in_catch_space) " balls in the catch space."
+        }
+        p {
+            "Touched: " (percent(rate, obstacles.contacts_ci95)) ". Caught: "
+            (percent(report.rate, [report.ci95_low, report.ci95_high])) ". Intervals are Wilson's, 95 %; seed " (report.seed)
+            ". A simulation in stepped time: what stands about is put elsewhere before each throw, the robot looks with a depth camera in "
+            "its head, and the same throws are then thrown to a robot that does not look."
+        }
+    }
 }
 
 fn counted(name: &str, look: usize, count: usize, of: usize) -> Share {
@@ -80,7 +86,8 @@ fn counted(name: &str, look: usize, count: usize, of: usize) -> Share {
     }
 }
 
-fn side_by_side(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) {
+/// Returns the table of all results beside those without the map and the goals.
+fn side_by_side(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
     let throws = report.throws;
     let without = obstacles.without_map.as_ref();
     let of = |count: usize, of: usize| {
@@ -126,42 +133,43 @@ fn side_by_side(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesR
             "reported".into(),
         ],
     ];
-    let _ = write!(
-        html,
-        "<h2>With and without the map</h2>{}",
-        table(["What", "With the map", "Without", "Goal"], &rows)
-    );
-    if throws == 0 {
-        return;
-    }
+    table(["What", "With the map", "Without", "Goal"], &rows)
+}
+
+/// Draws the rates beside those without the map.
+fn rates(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
+    let throws = report.throws;
+    let of_throws = |count: usize| (count, throws);
+    let without = obstacles.without_map.as_ref();
     let mut all = Vec::new();
-    let touching = (obstacles.contacts, throws);
-    let caught = (report.caught, report.in_catch_space);
-    let untouched = (obstacles.untouched_catches, throws);
     for (name, (count, of), blind) in [
         (
             "touched",
-            touching,
-            without.map(|w| (w.contacts_without_map, throws)),
+            of_throws(obstacles.contacts),
+            without.map(|w| of_throws(w.contacts_without_map)),
         ),
         (
             "caught",
-            caught,
+            (report.caught, report.in_catch_space),
             without.map(|w| (w.caught, w.in_catch_space)),
         ),
         (
             "untouched catch",
-            untouched,
-            without.map(|w| (w.untouched_catches_without_map, throws)),
+            of_throws(obstacles.untouched_catches),
+            without.map(|w| of_throws(w.untouched_catches_without_map)),
         ),
     ] {
         all.push(counted(name, 0, count, of));
         all.extend(blind.map(|(count, of)| counted("no map", 1, count, of)));
     }
-    let figure = shares("Shares with and without the map", "share [%]", &all);
-    let caption = "Shares of throws that touched anything, of balls in the catch space that were caught, and of throws with a catch and no \
-                   contact; each beside the robot that does not look. Bars are Wilson's 95 % intervals.";
-    *html += &captioned(&figure, caption, &legend(&["with the map", "without"]));
+    html! {
+        (captioned(
+            &shares("Shares with and without the map", "share [%]", &all),
+            "Shares of throws that touched anything, of balls in the catch space that were caught, and of throws with a catch and no \
+             contact; each beside the robot that does not look. Bars are Wilson's 95 % intervals.",
+        ))
+        (legend(&["with the map", "without"]))
+    }
 }
 
 /// Returns the most instructive throw: caught without contact with the map, contact without it, both arms lowered.
@@ -181,36 +189,32 @@ fn telling(report: &SeriesReport, obstacles: &ObstaclesReport) -> Option<u64> {
     Some(best.number)
 }
 
-fn draw(html: &mut String, number: u64, scene: &Scene) {
-    let truly = match scene.true_clearance {
-        Some(clearance) => format!(
-            ", and {:.0} mm from what truly stands there",
-            1e3 * clearance
-        ),
-        None => String::new(),
-    };
+fn draw(number: u64, scene: &Scene) -> Markup {
+    let millimetres = |clearance: f64| format!("{:.0} mm", 1e3 * clearance);
     let legend = legend(&["ball", "arms, as spheres", "what truly stands there"]);
-    let _ = write!(
-        html,
-        "<h2>Throw {number}</h2><p>When the ball is nearest to the hand, the arms are {:.0} mm from what the map shows{truly}. Shades: the \
-         map's distance to obstacles, dark inside, none from 30 cm on. What the camera saw only from behind counts as an obstacle.</p>{}{}",
-        1e3 * scene.clearance,
-        captioned(
+    html! {
+        h2 { "Throw " (number) }
+        p {
+            "When the ball is nearest to the hand, the arms are " (millimetres(scene.clearance)) " from what the map shows"
+            @if let Some(clearance) = scene.true_clearance {
+                ", and " (millimetres(clearance)) " from what truly stands there"
+            }
+            ". Shades: the map's distance to obstacles, dark inside, none from 30 cm on. What the camera saw only from behind counts as an "
+            "obstacle."
+        }
+        (captioned(
             &scene.plan_view(),
             "From above, cut through what the map shows nearest to the arms. Boxes and arms are darker where the cut goes through them.",
-            &legend
-        ),
-        captioned(
-            &scene.side_view(),
-            "From the side, cut through the same place.",
-            &legend
-        )
-    );
+        ))
+        (legend)
+        (captioned(&scene.side_view(), "From the side, cut through the same place."))
+        (legend)
+    }
 }
 
-fn times(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) {
+fn times(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
     let Some(quantiles) = obstacles.look_to_plan_ms else {
-        return;
+        return html! {};
     };
     let among = || {
         let all = report.outcomes.iter();
@@ -238,25 +242,13 @@ fn times(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) 
         ),
         format!("less than {GOAL_MS:.0}; less than 3000 in the thesis, on graphics processors"),
     ]];
-    html.push_str("<h2>From looking to planning</h2>");
-    if let Some(figure) = at_most(&title, "time [ms]", &curves) {
-        let names = [
-            "pictures to plans",
-            "of that, the map",
-            "of that, the plans",
-        ];
-        let caption = "The share of throws in which it takes at most so long, on this machine.";
-        *html += &captioned(&figure, caption, &legend(&names));
-    }
-    *html += &table(["What", "Here", "Goal"], &rows);
-}
-
-fn causes(html: &mut String, report: &SeriesReport, obstacles: &ObstaclesReport) {
-    for (head, counts) in [
-        (["Missed because", "Balls"], &report.misses),
-        (["Touched deepest by", "Throws"], &obstacles.contact_parts),
-    ] {
-        *html += &counts_table(head, counts);
+    html! {
+        h2 { "From looking to planning" }
+        @if let Some(figure) = at_most(&title, "time [ms]", &curves) {
+            (captioned(&figure, "The share of throws in which it takes at most so long, on this machine."))
+            (legend(&["pictures to plans", "of that, the map", "of that, the plans"]))
+        }
+        (table(["What", "Here", "Goal"], &rows))
     }
 }
 
@@ -267,7 +259,7 @@ mod tests {
     use tactnet_catching_world::{DepthConfig, ObstaclesConfig, WorldConfig};
 
     use super::*;
-    use crate::sheet::tests::assert_page;
+    use crate::page_parts::tests::assert_page;
     use tactnet_catching::ChainDelays;
 
     fn series(throws: u64) -> Series {

@@ -11,7 +11,7 @@ use tactnet_catching_packets::{ARMS, joint};
 use tactnet_catching_world::StandingBox;
 use tactnet_plot::{Axes, Axis, HeatMap, Series as Curve, figure};
 
-use crate::sheet::LEFT;
+use crate::page_parts::LEFT;
 use crate::trace::{Trace, TraceTick};
 
 /// Edge length of a drawn cell, in m.

@@ -1,75 +1,78 @@
-//! Common parts of the pages: style, tables, shares with their intervals.
+//! Common parts of the pages: tables, figures, shares with their intervals.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use tactnet_plot::{
-    Axes, Axis, STYLE as FIGURE_STYLE, Scale, Series as Curve, Tick, escape, figure, theme,
-};
-
-const STYLE: &str = "
-html{color-scheme:light dark}
-body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--ground);max-width:60rem;margin:2rem auto;padding:0 1rem}
-.headline{font-size:1.25rem}figure{margin:1rem 0}figcaption{color:var(--muted);font-size:.9rem}
-.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.9rem}td,th{padding:.15rem .8rem .15rem 0;text-align:left;border-bottom:1px solid var(--rule)}";
+use maud::{Markup, PreEscaped, html};
+use tactnet_plot::{Axes, Axis, Scale, Series as Curve, Tick, figure};
 
 /// Width of figures, in user units.
-pub(crate) const WIDTH: f64 = 640.0;
+const WIDTH: f64 = 640.0;
 /// Space for labels left of the axes, in user units.
 pub(crate) const LEFT: f64 = 56.0;
 
-/// Returns a self-contained page.
-///
-/// - `body`: HTML
-pub(crate) fn sheet(title: &str, body: &str) -> String {
-    let title = escape(title);
-    format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"/>\
-         <title>{title}</title><style>{}{FIGURE_STYLE}{STYLE}</style></head><body><h1>{title}</h1>\n{body}</body></html>\n",
-        theme()
-    )
-}
-
 /// Returns a table of counts, or nothing if there are none.
-pub(crate) fn counts_table(head: [&str; 2], counts: &BTreeMap<String, usize>) -> String {
+pub(crate) fn counts_table(head: [&str; 2], counts: &BTreeMap<String, usize>) -> Markup {
     let rows: Vec<[String; 2]> = counts
         .iter()
         .map(|(name, count)| [name.clone(), count.to_string()])
         .collect();
-    if rows.is_empty() {
-        return String::new();
-    }
-    table(head, &rows)
+    html! { @if !rows.is_empty() { (table(head, &rows)) } }
 }
 
-/// Returns a table that scrolls on narrow screens; the cells are escaped here.
-pub(crate) fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> String {
-    let mut html = String::from("<div class=\"scroll\" tabindex=\"0\"><table><thead><tr>");
-    for cell in head {
-        let _ = write!(html, "<th scope=\"col\">{}</th>", escape(cell));
-    }
-    html.push_str("</tr></thead><tbody>");
-    for row in rows {
-        html.push_str("<tr>");
-        for (column, cell) in row.iter().enumerate() {
-            let cell = escape(cell);
-            let _ = match column {
-                0 => write!(html, "<th scope=\"row\">{cell}</th>"),
-                _ => write!(html, "<td>{cell}</td>"),
-            };
+/// Returns a table that scrolls on narrow screens.
+pub(crate) fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> Markup {
+    html! {
+        div.scroll tabindex="0" {
+            table {
+                thead {
+                    tr { @for cell in head { th scope="col" { (cell) } } }
+                }
+                tbody {
+                    @for (name, cells) in rows.iter().filter_map(|row| row.split_first()) {
+                        tr {
+                            th scope="row" { (name) }
+                            @for cell in cells { td { (cell) } }
+                        }
+                    }
+                }
+            }
         }
-        html.push_str("</tr>");
     }
-    html.push_str("</tbody></table></div>\n");
-    html
 }
 
-/// Returns a figure with its caption, which is escaped here, and the content below it, such as a legend.
-pub(crate) fn captioned(figure: &str, caption: &str, below: &str) -> String {
-    format!(
-        "<figure>{figure}<figcaption>{}</figcaption></figure>{below}",
-        escape(caption)
-    )
+/// Returns a figure with its caption.
+pub(crate) fn captioned(figure: &str, caption: &str) -> Markup {
+    html! {
+        figure {
+            (PreEscaped(figure))
+            figcaption { (caption) }
+        }
+    }
+}
+
+/// Returns the legend of the series from the first on.
+pub(crate) fn legend<S: AsRef<str>>(names: &[S]) -> Markup {
+    PreEscaped(tactnet_plot::legend(names))
+}
+
+/// Returns axes across the whole width of a figure.
+pub(crate) fn axes(height: f64, horizontal: Axis, vertical: Axis) -> Axes {
+    Axes {
+        left: LEFT,
+        top: 12.0,
+        width: WIDTH - LEFT - 16.0,
+        height,
+        horizontal,
+        vertical,
+    }
+}
+
+/// Returns the figure of axes and the lines in them.
+///
+/// - `title`: description for screen readers
+pub(crate) fn chart(title: &str, axes: &Axes, lines: &str) -> String {
+    figure(WIDTH, axes.height + 60.0, title, &(axes.grid() + lines))
 }
 
 /// Returns a share with its interval, in percent.
@@ -87,20 +90,17 @@ pub(crate) fn percent(share: f64, [low, high]: [f64; 2]) -> String {
 /// - `title`: description for screen readers
 /// - `label`: name and unit of the values
 pub(crate) fn at_most(title: &str, label: &str, curves: &[Vec<f64>]) -> Option<String> {
-    let axes = Axes {
-        left: LEFT,
-        top: 12.0,
-        width: WIDTH - LEFT - 16.0,
-        height: 240.0,
-        horizontal: Axis::decades(label, curves.iter().flatten().copied())?,
-        vertical: Axis::percent("share that is at most so great [%]", 1.0, 0.2),
-    };
+    let axes = axes(
+        240.0,
+        Axis::decades(label, curves.iter().flatten().copied())?,
+        Axis::percent("share that is at most so great [%]", 1.0, 0.2),
+    );
     let lines: String = curves
         .iter()
         .enumerate()
         .map(|(number, values)| axes.path(Curve::nth(number), &steps(values)))
         .collect();
-    Some(figure(WIDTH, 300.0, title, &(axes.grid() + &lines)))
+    Some(chart(title, &axes, &lines))
 }
 
 /// A share with its interval and its name.
@@ -117,23 +117,17 @@ pub(crate) struct Share {
 /// numbers.
 pub(crate) fn shares(what: &str, label: &str, all: &[Share]) -> String {
     let places = || (1..).map(f64::from).zip(all);
-    let axes = Axes {
-        left: LEFT,
-        top: 12.0,
-        width: WIDTH - LEFT - 16.0,
-        height: 160.0,
-        horizontal: Axis {
-            label: String::new(),
-            scale: Scale::Linear(0.5..=all.len() as f64 + 0.5),
-            ticks: places()
-                .map(|(value, one)| Tick {
-                    value,
-                    label: one.name.clone(),
-                })
-                .collect(),
-        },
-        vertical: Axis::percent(label, 1.0, 0.25),
+    let names = Axis {
+        label: String::new(),
+        scale: Scale::Linear(0.5..=all.len() as f64 + 0.5),
+        ticks: places()
+            .map(|(value, one)| Tick {
+                value,
+                label: one.name.clone(),
+            })
+            .collect(),
     };
+    let axes = axes(160.0, names, Axis::percent(label, 1.0, 0.25));
     let mut svg = axes.grid();
     let mut title = what.to_string();
     for (x, one) in places() {
@@ -162,11 +156,21 @@ fn steps(values: &[f64]) -> Vec<(f64, f64)> {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use tactnet_plot::Page;
+
     use super::*;
+
+    /// Elements without content, in the head of a page.
+    const VOID: [&str; 2] = ["meta", "link"];
+    /// Parts of the head that name a protocol or a reference but load nothing.
+    const HEAD: [&str; 2] = [
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'\">",
+        "<link rel=\"icon\" href=\"data:,\">",
+    ];
 
     /// Panics unless elements are closed in order, entities are known, and nothing is loaded from elsewhere.
     pub(crate) fn assert_page(page: &str) {
-        let mut rest = page.strip_prefix("<!doctype html>").expect("a page");
+        let mut rest = page.strip_prefix("<!DOCTYPE html>").expect("a page");
         let mut open: Vec<&str> = Vec::new();
         while let Some(at) = rest.find('<') {
             let end = at + rest[at..].find('>').expect("an end of a tag");
@@ -177,8 +181,9 @@ pub(crate) mod tests {
                 continue;
             }
             assert_eq!(tag.matches('"').count() % 2, 0, "{tag}");
-            if !tag.ends_with('/') {
-                open.push(tag.split(' ').next().expect("a name"));
+            let name = tag.split(' ').next().expect("a name");
+            if !tag.ends_with('/') && !VOID.contains(&name) {
+                open.push(name);
             }
         }
         assert!(open.is_empty(), "{open:?} stay open");
@@ -189,8 +194,13 @@ pub(crate) mod tests {
                 "{entity:.20}"
             );
         }
+        let mut content = page.to_string();
+        for part in HEAD {
+            assert_eq!(content.matches(part).count(), 1, "{part}");
+            content = content.replace(part, "");
+        }
         for outside in ["http", "url(", "@import", "src=", "href"] {
-            assert!(!page.contains(outside), "{outside}");
+            assert!(!content.contains(outside), "{outside}");
         }
         for nothing in ["NaN", ">inf", " inf", "None"] {
             assert!(!page.contains(nothing), "{nothing}");
@@ -203,20 +213,24 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_sheet_is_whole_and_text_stays_text() {
+    fn a_page_is_whole_and_text_stays_text() {
         let rows = [["a < b".to_string(), "1".to_string()]];
-        let page = sheet("Hands & balls", &table(["what", "mm"], &rows));
-        assert_page(&page);
-        assert!(page.contains("<h1>Hands &amp; balls</h1>"));
-        assert!(page.contains("<th scope=\"row\">a &lt; b</th><td>1</td>"));
+        let page = |content| Page::new("Hands & balls", content).to_html();
+        let whole = page(table(["what", "mm"], &rows));
+        assert_page(&whole);
+        assert!(whole.contains("<h1>Hands &amp; balls</h1>"));
+        assert!(whole.contains("<th scope=\"row\">a &lt; b</th><td>1</td>"));
         for wrong in [
-            "<!doctype html><h1></h2>",
-            "<!doctype html><p>a & b</p>",
-            "<!doctype html><img src=\"http:\"/>",
-            "<!doctype html><p>NaN</p>",
+            "<p></h2>",
+            "<p>a & b</p>",
+            "<img src=\"http:\"/>",
+            "<p>NaN</p>",
+            "<h1></h1>",
+            HEAD[1],
         ] {
+            let wrong = page(PreEscaped(wrong.into()));
             assert!(
-                std::panic::catch_unwind(|| assert_page(wrong)).is_err(),
+                std::panic::catch_unwind(|| assert_page(&wrong)).is_err(),
                 "{wrong}"
             );
         }
