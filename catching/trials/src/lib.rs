@@ -25,6 +25,7 @@ mod rally;
 mod safety_bench;
 mod series;
 
+mod stepped_stack;
 mod stepped_time;
 mod still_head;
 mod throw;

@@ -1,26 +1,23 @@
 //! One throw in stepped time: world and stack tick by tick, with all delays.
 
-use std::collections::VecDeque;
-use std::time::Instant;
-
-use tactnet_catching::coordinate::{CatchState, Coordinator, PlanRequest, Planned, Room};
-use tactnet_catching::plan::{NoPlan, ObstacleConfig, PlanConditions, Planner, Surroundings};
-use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching::CatchSpace;
+use tactnet_catching::calibrate::Corrections;
+use tactnet_catching::coordinate::{Coordinator, Planned, Room};
+use tactnet_catching::plan::{ObstacleConfig, Planner};
+use tactnet_catching_packets::packets::{HandCommand, JointCommand};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{FlightSample, TICK_NS, World};
 
-use crate::ablation::Ablation;
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
-use crate::look::begin;
+use crate::look::{Looked, begin};
 use crate::look_ahead::{AHEAD, LookAhead, SAME_BALL, TimedPrediction, as_flight, true_at};
-use crate::perception::Perception;
+use crate::stepped_stack::SteppedStack;
 use crate::stepped_time::{nanoseconds, ticks, world_seed};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 use crate::trace::{Trace, TracePlan};
-use crate::watch::Watch;
-use tactnet_catching::CatchSpace;
+use crate::watch::{Braked, Watch};
 
 /// Standstill before the throw in s, in which the pose estimator determines the bias of the inertial unit.
 const REST: f64 = 1.0;
@@ -29,17 +26,18 @@ const REST_AFTER_LOOK: f64 = 2.5;
 /// Maximum time after a throw until its verdict, in s.
 const LONGEST: f64 = 2.5;
 
-pub(crate) struct Answers {
-    pub due_ns: u64,
-    pub answers: Vec<Planned>,
-}
-
-/// A finished throw.
-struct Finished<'a> {
-    world: &'a World,
-    perception: &'a Perception,
-    coordinator: &'a Coordinator,
-    said: &'a [TimedPrediction],
+/// World and stack during a throw.
+struct SimulatedThrow<'a> {
+    config: &'a ThrowConfig,
+    corrections: Corrections,
+    world: World,
+    /// Result of looking around.
+    looked: Looked,
+    /// Joint positions before the throw.
+    ready: [f64; JOINTS],
+    planners: [Planner; ARMS],
+    stack: SteppedStack,
+    trace: Option<&'a mut Trace>,
 }
 
 impl ThrowConfig {
@@ -79,24 +77,38 @@ impl ThrowConfig {
         number: u64,
         ready: &[f64; JOINTS],
         oracle: &CatchSpace,
-        mut trace: Option<&mut Trace>,
+        trace: Option<&mut Trace>,
     ) -> Result<ThrowOutcome, TrialError> {
-        let seed = world_seed(seed, number);
-        let corrections = self.corrections();
+        let mut throw = SimulatedThrow::new(self, world_seed(seed, number), ready, trace)?;
+        let braked = throw.run()?;
+        Ok(ThrowOutcome {
+            number,
+            balls: (0..self.balls as u64)
+                .map(|ball| throw.outcome(ball, oracle))
+                .collect(),
+            no_plans: throw.stack.coordinator.no_plans(),
+            obstacles: (self.mapping != Mapping::Off).then(|| throw.among_obstacles()),
+            braked,
+        })
+    }
+}
+
+impl<'a> SimulatedThrow<'a> {
+    /// Creates the world and lets the robot look around if required.
+    fn new(
+        config: &'a ThrowConfig,
+        seed: u64,
+        ready: &[f64; JOINTS],
+        mut trace: Option<&'a mut Trace>,
+    ) -> Result<Self, TrialError> {
+        let corrections = config.corrections();
         let known = corrections.robot();
-        let start = corrections.sensors(ready);
-        let (mut world, looked) = begin(self, seed, &start)?;
-        let ready = &match self.mapping {
+        let (world, looked) = begin(config, seed, &corrections.sensors(ready))?;
+        let ready = match config.mapping {
             Mapping::Off => *ready,
             Mapping::Blind | Mapping::Depth => looked.joints,
         };
-        let rest = match self.mapping {
-            Mapping::Off => REST,
-            Mapping::Blind | Mapping::Depth => REST_AFTER_LOOK,
-        };
-        let mut perception = Perception::new(self, seed)?;
-        let planners = self.planners(known);
-        let mut coordinator = Coordinator::new(known.clone(), self.coordination(), *ready);
+        let mut coordinator = Coordinator::new(known.clone(), config.coordination(), ready);
         if let Some(field) = &looked.field {
             let apart = ObstacleConfig::default().hard;
             coordinator.stay_in(Room::new(known, field.clone(), apart));
@@ -105,133 +117,116 @@ impl ThrowConfig {
             trace.field.clone_from(&looked.field);
             trace.boxes = world.boxes().to_vec();
         }
-        let (mut obstructed, mut first_plan) = (0, None);
-        let mut answers: VecDeque<Answers> = VecDeque::new();
-        let mut said: Vec<TimedPrediction> = Vec::new();
-        let first_tick = world.time_ns() / TICK_NS;
-        let (rest_ticks, ticks) = (first_tick + ticks(rest), first_tick + ticks(rest + LONGEST));
-        let ahead_ns = nanoseconds(self.timing.drives);
-        let mut watch = self.watch.then(|| Watch::new(&self.robot, ready));
-        for tick in first_tick..ticks {
-            let now_ns = tick * TICK_NS;
-            if tick == rest_ticks {
-                world.throw(self.balls);
-            }
-            let since = (tick - first_tick) as f64 * 1e-3 - rest;
-            while let Some(due) = answers.pop_front_if(|answer| answer.due_ns <= now_ns) {
-                coordinator.planned(&due.answers);
-                if let Some(trace) = &mut trace {
-                    trace.plans.extend(
-                        due.answers
-                            .iter()
-                            .filter_map(|answer| carried_out(answer, &coordinator, since)),
-                    );
-                }
-            }
-            while let Some(seen) = perception.predictions(now_ns)? {
-                said.extend(seen.said());
-                let requests = coordinator.predictions(now_ns, &seen.predictions, &seen.chest);
-                let begun = Instant::now();
-                let asked: Vec<Planned> = requests
-                    .iter()
-                    .flatten()
-                    .map(|request| {
-                        let among = looked.field.as_deref().map(|field| Surroundings {
-                            field,
-                            chest: coordinator.chest_way(request.start_ns),
-                        });
-                        let near = !self.is_without(Ablation::NearMiss);
-                        answer(&planners, request, among.as_ref(), near)
-                    })
-                    .collect();
-                if !asked.is_empty() {
-                    first_plan.get_or_insert_with(|| begun.elapsed().as_secs_f64());
-                    let none = |answer: &&Planned| answer.plan == Err(NoPlan::Obstructed);
-                    obstructed += asked.iter().filter(none).count() as u64;
-                    answers.push_back(Answers {
-                        due_ns: now_ns + nanoseconds(self.timing.to_path()),
-                        answers: asked,
-                    });
-                }
-            }
-            // For the time at which the command takes effect.
-            let (q, dq) = coordinator.tick(now_ns + ahead_ns);
-            let command = JointCommand {
-                number: tick,
-                command_ns: now_ns,
-                q,
-                dq,
-            };
-            if let Some(watch) = &mut watch {
-                watch.look(&command, since);
-            }
-            let mut hands = *coordinator.hands();
-            for hand in hands.iter_mut().flatten() {
-                hand.catch_ns = hand
-                    .catch_ns
-                    .saturating_add_signed((self.closing_error * 1e9) as i64);
-            }
-            let sensed = *world.step(&corrections.command(&command), &hands);
-            if let Some(trace) = trace.as_mut().filter(|_| tick >= rest_ticks) {
-                trace.tick(since, &self.robot, &world.truth(), &command, &sensed);
-            }
-            perception.sense(
-                &sensed,
-                &world.truth(),
-                coordinator.state() == CatchState::Armed,
-            )?;
-            if tick > rest_ticks && world.verdicts().len() == self.balls {
-                break;
-            }
-        }
-        let braked =
-            watch.and_then(|watch| watch.end(&mut coordinator, world.time_ns() + ahead_ns));
-        let balls = (0..self.balls as u64)
-            .map(|ball| {
-                let run = Finished {
-                    world: &world,
-                    perception: &perception,
-                    coordinator: &coordinator,
-                    said: &said,
-                };
-                self.outcome(&run, ball, ready, oracle)
-            })
-            .collect();
-        Ok(ThrowOutcome {
-            number,
-            balls,
-            no_plans: coordinator.no_plans(),
-            obstacles: (self.mapping != Mapping::Off).then(|| AmongObstacles {
-                contacts: *world.contacts(),
-                obstructed,
-                arms_held_up: (0..ARMS)
-                    .filter(|arm| {
-                        let own = joint::ARM[*arm].clone();
-                        ready[own] != self.robot.ready(*arm)
-                    })
-                    .count(),
-                look_seconds: looked.seconds,
-                plan_seconds: first_plan,
-            }),
-            braked,
+        Ok(Self {
+            config,
+            planners: config.planners(known),
+            stack: SteppedStack::new(config, coordinator, seed)?,
+            corrections,
+            world,
+            looked,
+            ready,
+            trace,
         })
     }
 
-    fn outcome(
-        &self,
-        run: &Finished<'_>,
-        ball: u64,
-        ready: &[f64; JOINTS],
-        oracle: &CatchSpace,
-    ) -> BallOutcome {
-        let Finished {
-            world,
+    /// Runs until all balls are judged. Returns the first command at which the monitor would have braked.
+    fn run(&mut self) -> Result<Option<Braked>, TrialError> {
+        let config = self.config;
+        let rest = match config.mapping {
+            Mapping::Off => REST,
+            Mapping::Blind | Mapping::Depth => REST_AFTER_LOOK,
+        };
+        let first_tick = self.world.time_ns() / TICK_NS;
+        let (rest_ticks, ticks) = (first_tick + ticks(rest), first_tick + ticks(rest + LONGEST));
+        let ahead_ns = nanoseconds(config.timing.drives);
+        let mut watch = config.watch.then(|| Watch::new(&config.robot, &self.ready));
+        for tick in first_tick..ticks {
+            if tick == rest_ticks {
+                self.world.throw(config.balls);
+            }
+            let since = (tick - first_tick) as f64 * 1e-3 - rest;
+            let command = self.decide(tick, since)?;
+            if let Some(watch) = &mut watch {
+                watch.look(&command, since);
+            }
+            let hands = self.closing_hands();
+            let sensed = *self.world.step(&self.corrections.command(&command), &hands);
+            let truth = self.world.truth();
+            if let Some(trace) = self.trace.as_mut().filter(|_| tick >= rest_ticks) {
+                trace.tick(since, &config.robot, &truth, &command, &sensed);
+            }
+            self.stack.sense(&sensed, &truth)?;
+            if tick > rest_ticks && self.world.verdicts().len() == config.balls {
+                break;
+            }
+        }
+        let end_ns = self.world.time_ns() + ahead_ns;
+        Ok(watch.and_then(|watch| watch.end(&mut self.stack.coordinator, end_ns)))
+    }
+
+    /// Returns the joint command of a tick.
+    fn decide(&mut self, tick: u64, since: f64) -> Result<JointCommand, TrialError> {
+        let now_ns = tick * TICK_NS;
+        let trace = &mut self.trace;
+        self.stack.take_plans(now_ns, |answers, coordinator| {
+            if let Some(trace) = trace {
+                let carried_out = answers
+                    .iter()
+                    .filter_map(|answer| carried_out(answer, coordinator, since));
+                trace.plans.extend(carried_out);
+            }
+        });
+        let field = self.looked.field.as_deref();
+        self.stack.plan(now_ns, &self.planners, field)?;
+        // For the time at which the command takes effect.
+        let effect_ns = now_ns + nanoseconds(self.config.timing.drives);
+        let (q, dq) = self.stack.coordinator.tick(effect_ns);
+        Ok(JointCommand {
+            number: tick,
+            command_ns: now_ns,
+            q,
+            dq,
+        })
+    }
+
+    /// Returns the closing commands of the hands with their configured error.
+    fn closing_hands(&self) -> [Option<HandCommand>; ARMS] {
+        let mut hands = *self.stack.coordinator.hands();
+        for hand in hands.iter_mut().flatten() {
+            hand.catch_ns = hand
+                .catch_ns
+                .saturating_add_signed((self.config.closing_error * 1e9) as i64);
+        }
+        hands
+    }
+
+    fn among_obstacles(&self) -> AmongObstacles {
+        AmongObstacles {
+            contacts: *self.world.contacts(),
+            obstructed: self.stack.obstructed,
+            arms_held_up: (0..ARMS)
+                .filter(|arm| {
+                    let own = joint::ARM[*arm].clone();
+                    self.ready[own] != self.config.robot.ready(*arm)
+                })
+                .count(),
+            look_seconds: self.looked.seconds,
+            plan_seconds: self.stack.first_plan,
+        }
+    }
+
+    fn outcome(&self, ball: u64, oracle: &CatchSpace) -> BallOutcome {
+        let (config, world) = (self.config, &self.world);
+        let SteppedStack {
             perception,
             coordinator,
             said,
-        } = run;
+            ..
+        } = &self.stack;
         let flight = world.true_flight(ball).unwrap_or_default();
-        let reaction = self.timing.reaction(self.robot.description().cameras.rate);
+        let reaction = config
+            .timing
+            .reaction(config.robot.description().cameras.rate);
         let verdict = world
             .verdicts()
             .iter()
@@ -258,9 +253,9 @@ impl ThrowConfig {
             .copied();
         let bound = ahead
             .zip(catch)
-            .and_then(|(ahead, (at_ns, _))| self.bound(&ahead, flight.first()?, at_ns, ready));
+            .and_then(|(ahead, (at_ns, _))| self.bound(&ahead, flight.first()?, at_ns));
         BallOutcome {
-            arms: oracle.arms_of(flight.iter().map(as_flight), reaction, ready),
+            arms: oracle.arms_of(flight.iter().map(as_flight), reaction, &self.ready),
             tracked: !own.is_empty(),
             planned: own
                 .iter()
@@ -272,17 +267,12 @@ impl ThrowConfig {
         }
     }
 
-    fn bound(
-        &self,
-        ahead: &LookAhead,
-        release: &FlightSample,
-        catch_ns: u64,
-        ready: &[f64; JOINTS],
-    ) -> Option<Bound> {
-        let cameras = &self.robot.description().cameras;
+    fn bound(&self, ahead: &LookAhead, release: &FlightSample, catch_ns: u64) -> Option<Bound> {
+        let robot = &self.config.robot;
+        let cameras = &robot.description().cameras;
         let seconds = (catch_ns - release.t_ns) as f64 * 1e-9;
         let first = (seconds - ahead.left).rem_euclid(1.0 / cameras.rate);
-        let head = self.robot.chest(ready) * self.robot.head(ready);
+        let head = robot.chest(&self.ready) * robot.head(&self.ready);
         bounds(&as_flight(release), first, seconds, &head, cameras)
             .into_iter()
             .find(|bound| (bound.left - ahead.left).abs() < 0.5 / cameras.rate)
@@ -310,30 +300,4 @@ fn carried_out(answer: &Planned, coordinator: &Coordinator, since: f64) -> Optio
         cost: plan.cost,
         catch: since + plan.t,
     })
-}
-
-pub(crate) fn answer(
-    planners: &[Planner; ARMS],
-    request: &PlanRequest,
-    among: Option<&Surroundings<'_>>,
-    near: bool,
-) -> Planned {
-    let planner = &planners[request.arm];
-    let conditions = PlanConditions {
-        surroundings: among.copied(),
-        last: request.last,
-        ..PlanConditions::default()
-    };
-    let plan = planner.plan(&request.catch, &conditions, || false);
-    Planned {
-        request: *request,
-        plan: plan.or_else(|no_plan| {
-            if !near {
-                return Err(no_plan);
-            }
-            let miss = planner.plan(&request.catch, &conditions.nearest_miss(), || false);
-            // With a map, the reason of the exact plan is reported.
-            miss.map_err(|missed| if among.is_some() { no_plan } else { missed })
-        }),
-    }
 }

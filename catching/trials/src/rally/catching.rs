@@ -1,21 +1,17 @@
 //! Catching of the other robot's throws, with the same parts as in series of throws.
 
-use std::collections::VecDeque;
-
 use nalgebra::Vector2;
-use tactnet_catching::coordinate::{CatchState, Coordinator, Planned};
+use tactnet_catching::coordinate::Coordinator;
 use tactnet_catching::throw::Landing;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_world::{Released, TICK_NS, Verdict};
 
 use super::player::Player;
-use crate::ablation::Ablation;
 use crate::error::TrialError;
-use crate::look_ahead::{TimedPrediction, as_flight};
-use crate::perception::Perception;
+use crate::look_ahead::as_flight;
 use crate::series::cause;
+use crate::stepped_stack::SteppedStack;
 use crate::stepped_time::{nanoseconds, ticks};
-use crate::throw::{Answers, answer};
 use tactnet_catching::CatchSpace;
 
 /// Standstill before the throw in s, in which the pose estimator determines the bias of the inertial unit.
@@ -53,11 +49,8 @@ impl Player {
     ) -> Result<Catch, TrialError> {
         let ready = self.config.ready();
         let robot = self.config.robot.clone();
-        let mut perception = Perception::new(&self.config, 0)?;
-        let mut coordinator = Coordinator::new(robot, self.config.coordination(), ready);
-        let mut answers: VecDeque<Answers> = VecDeque::new();
-        let mut said: Vec<TimedPrediction> = Vec::new();
-        let near = !self.config.is_without(Ablation::NearMiss);
+        let coordinator = Coordinator::new(robot, self.config.coordination(), ready);
+        let mut stack = SteppedStack::new(&self.config, coordinator, 0)?;
         let ahead_ns = nanoseconds(self.config.timing.drives);
         let before = self.world.verdicts().len();
         let mut left = ticks(LONGEST);
@@ -72,31 +65,11 @@ impl Player {
             } else if tick < ticks(REST) {
                 left = ticks(LONGEST);
             }
-            while let Some(due) = answers.pop_front_if(|answer| answer.due_ns <= now_ns) {
-                coordinator.planned(&due.answers);
-            }
-            while let Some(seen) = perception.predictions(now_ns)? {
-                said.extend(seen.said());
-                let requests = coordinator.predictions(now_ns, &seen.predictions, &seen.chest);
-                let asked: Vec<Planned> = requests
-                    .iter()
-                    .flatten()
-                    .map(|request| answer(&self.planners, request, None, near))
-                    .collect();
-                if !asked.is_empty() {
-                    answers.push_back(Answers {
-                        due_ns: now_ns + nanoseconds(self.config.timing.to_path()),
-                        answers: asked,
-                    });
-                }
-            }
-            let command = coordinator.tick(now_ns + ahead_ns);
-            let sensed = self.step(command, coordinator.hands());
-            perception.sense(
-                &sensed,
-                &self.world.truth(),
-                coordinator.state() == CatchState::Armed,
-            )?;
+            stack.take_plans(now_ns, |_, _| ());
+            stack.plan(now_ns, &self.planners, None)?;
+            let command = stack.coordinator.tick(now_ns + ahead_ns);
+            let sensed = self.step(command, stack.coordinator.hands());
+            stack.sense(&sensed, &self.world.truth())?;
             if self.world.verdicts().len() > before {
                 left = left.min(ticks(STANDS));
             }
@@ -104,14 +77,13 @@ impl Player {
         }
         // The last commands continue until the joints stand still.
         let verdict = self.world.verdicts().get(before).copied();
-        Ok(self.judge(verdict, &coordinator, &said, released, target, oracle))
+        Ok(self.judge(verdict, &stack, released, target, oracle))
     }
 
     fn judge(
         &self,
         verdict: Option<Verdict>,
-        coordinator: &Coordinator,
-        said: &[TimedPrediction],
+        stack: &SteppedStack,
         released: &Released,
         target: &[f64; 3],
         oracle: &CatchSpace,
@@ -119,7 +91,8 @@ impl Player {
         let flight = self.world.flight_of(released);
         let cameras = &self.config.robot.description().cameras;
         let reaction = self.config.timing.reaction(cameras.rate);
-        let planned = (0..ARMS).any(|arm| coordinator.target(arm).is_some());
+        let said = &stack.said;
+        let planned = (0..ARMS).any(|arm| stack.coordinator.target(arm).is_some());
         // The last predictions are of a ball that is already below that height.
         let beside = said.iter().rev().find_map(|said| {
             let ball = Some(&said.prediction).filter(|ball| ball.frames >= SEEN)?;
