@@ -6,10 +6,9 @@
 use std::io::Write;
 
 use serde_json::json;
-use tactnet_catching::ChainDelays;
 use tactnet_catching::Robot;
 use tactnet_catching_packets::RobotDescription;
-use tactnet_catching_trials::{Mapping, Series, ThrowConfig};
+use tactnet_catching_trials::{Series, ThrowConfig};
 use tactnet_catching_world::WorldConfig;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -22,17 +21,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let series = Series {
         config: ThrowConfig {
-            robot: Robot::new(RobotDescription::nominal()),
-            calibration: None,
-            world: WorldConfig::default(),
-            timing: ChainDelays::ours(),
-            without: Vec::new(),
             balls: usize::try_from(balls)?,
-            perfect_perception: false,
-            pixels: false,
             watch: true,
-            mapping: Mapping::Off,
-            closing_error: 0.0,
+            ..ThrowConfig::new(
+                Robot::new(RobotDescription::nominal()),
+                WorldConfig::default(),
+            )
         },
         throws,
         seed,

@@ -26,11 +26,10 @@ pub use samples::CalibrationSamples;
 pub use unseen::Distances;
 
 use crate::error::TrialError;
-use crate::series::Series;
-use crate::throw_config::{Mapping, ThrowConfig};
+use crate::series::{Series, SeriesReport};
+use crate::throw_config::ThrowConfig;
 use rehearsal::{candidates, rehearse};
 use samples::{millimetres, residuals};
-use tactnet_catching::ChainDelays;
 use tactnet_plot::wilson_of_counts;
 use unseen::{Standing, distances};
 
@@ -198,6 +197,14 @@ impl SolveReport {
     }
 }
 
+/// Chosen configurations, and as many random ones.
+struct Configurations {
+    chosen: Vec<Candidate>,
+    log_det: f64,
+    random: Vec<Candidate>,
+    random_log_det: f64,
+}
+
 impl CalibrationTrial {
     /// Runs session, solver, held-out poses and throws.
     ///
@@ -206,16 +213,10 @@ impl CalibrationTrial {
     pub fn run(&self, progress: impl Fn(Progress) + Sync) -> Result<CalibrationReport, TrialError> {
         let model = Model::new(&self.robot);
         progress(Progress::Choosing);
-        let drawn = candidates(&model, &self.config, self.seed, self.candidates)?;
-        let views = self.routine.sweep.views(VIEWS);
-        let chosen = choose(&model, &self.config, &drawn, &views, self.of_each_arm)?;
-        let configurations: Vec<Candidate> =
-            chosen.numbers.iter().map(|number| drawn[*number]).collect();
-        // Candidates alternate between both arms.
-        let random: Vec<Candidate> = drawn[..ARMS * self.of_each_arm].to_vec();
+        let configurations = self.choose(&model)?;
         progress(Progress::Moving);
         let world = self.world();
-        let sessions: Vec<Session> = [&configurations, &random]
+        let sessions: Vec<Session> = [&configurations.chosen, &configurations.random]
             .into_par_iter()
             .map(|of| rehearse(&model, &world, &self.routine, of, self.seed))
             .collect::<Result<_, _>>()?;
@@ -229,15 +230,6 @@ impl CalibrationTrial {
         let (found, found_random) = (Distances::of(&all_found), Distances::of(&all_random));
         let (before_px, residuals_px) =
             residuals(&model, &self.config, &sessions[0], &solved.unknowns)?;
-        let samples = CalibrationSamples {
-            raw_mm: millimetres(&raw),
-            found_mm: millimetres(&all_found),
-            random_mm: millimetres(&all_random),
-            before_px,
-            residuals_px,
-            noise_px: self.config.noise.feature,
-        };
-        let log_det_random = gain(&model, &self.config, &random, &views)?;
         let mut all = CalibrationReport {
             seed: self.seed,
             mean_mm: found.mean_mm,
@@ -246,10 +238,10 @@ impl CalibrationTrial {
             unseen: self.unseen,
             solved: report,
             candidates: self.candidates,
-            log_det: chosen.log_det,
+            log_det: configurations.log_det,
             random: RandomFigures {
-                log_det: log_det_random,
-                log_det_gain: chosen.log_det - log_det_random,
+                log_det: configurations.random_log_det,
+                log_det_gain: configurations.log_det - configurations.random_log_det,
                 mean_mm: found_random.mean_mm,
                 worst_mm: found_random.worst_mm,
                 robot_seconds: sessions[1].robot_seconds,
@@ -263,22 +255,53 @@ impl CalibrationTrial {
             misses_before: BTreeMap::new(),
             misses_after: BTreeMap::new(),
             session: sessions.into_iter().next().unwrap_or_default(),
-            samples,
+            samples: CalibrationSamples {
+                raw_mm: millimetres(&raw),
+                found_mm: millimetres(&all_found),
+                random_mm: millimetres(&all_random),
+                before_px,
+                residuals_px,
+                noise_px: self.config.noise.feature,
+            },
         };
-        if self.throws > 0 {
-            let throwing = || progress(Progress::Throwing);
-            let before = self.series(None).run(throwing)?;
-            let calibration = all.solved.calibration.clone();
-            let after = self.series(Some(calibration)).run(throwing)?;
-            all.in_catch_space = before.in_catch_space;
-            all.catch_rate_before = Some(before.rate);
-            all.catch_rate_after = Some(after.rate);
-            all.catch_rate_before_ci95 =
-                Some(wilson_of_counts(before.caught, before.in_catch_space));
-            all.catch_rate_after_ci95 = Some(wilson_of_counts(after.caught, after.in_catch_space));
-            (all.misses_before, all.misses_after) = (before.misses, after.misses);
-        }
+        self.throw_balls(&mut all, || progress(Progress::Throwing))?;
         Ok(all)
+    }
+
+    fn choose(&self, model: &Model) -> Result<Configurations, TrialError> {
+        let drawn = candidates(model, &self.config, self.seed, self.candidates)?;
+        let views = self.routine.sweep.views(VIEWS);
+        let chosen = choose(model, &self.config, &drawn, &views, self.of_each_arm)?;
+        // Candidates alternate between both arms.
+        let random = drawn[..ARMS * self.of_each_arm].to_vec();
+        Ok(Configurations {
+            chosen: chosen.numbers.iter().map(|number| drawn[*number]).collect(),
+            log_det: chosen.log_det,
+            random_log_det: gain(model, &self.config, &random, &views)?,
+            random,
+        })
+    }
+
+    /// Throws balls before and after the calibration, if there are any throws.
+    fn throw_balls(
+        &self,
+        report: &mut CalibrationReport,
+        done: impl Fn() + Sync,
+    ) -> Result<(), TrialError> {
+        if self.throws == 0 {
+            return Ok(());
+        }
+        let before = self.series(None).run(&done)?;
+        let calibration = report.solved.calibration.clone();
+        let after = self.series(Some(calibration)).run(&done)?;
+        let ci95 = |of: &SeriesReport| Some(wilson_of_counts(of.caught, of.in_catch_space));
+        report.in_catch_space = before.in_catch_space;
+        report.catch_rate_before = Some(before.rate);
+        report.catch_rate_after = Some(after.rate);
+        report.catch_rate_before_ci95 = ci95(&before);
+        report.catch_rate_after_ci95 = ci95(&after);
+        (report.misses_before, report.misses_after) = (before.misses, after.misses);
+        Ok(())
     }
 
     /// Returns the world with the same robot in all runs.
@@ -299,17 +322,8 @@ impl CalibrationTrial {
     fn series(&self, calibration: Option<Calibration>) -> Series {
         Series {
             config: ThrowConfig {
-                mapping: Mapping::Off,
-                robot: self.robot.clone(),
                 calibration,
-                world: self.world(),
-                timing: ChainDelays::ours(),
-                without: Vec::new(),
-                balls: 1,
-                perfect_perception: false,
-                pixels: false,
-                watch: false,
-                closing_error: 0.0,
+                ..ThrowConfig::new(self.robot.clone(), self.world())
             },
             throws: self.throws,
             seed: self.seed,

@@ -23,7 +23,7 @@ use tactnet_catching_world::{BallState, Released, WorldConfig};
 
 use crate::error::TrialError;
 use crate::stepped_time::world_seed;
-use crate::throw_config::{Mapping, ThrowConfig};
+use crate::throw_config::ThrowConfig;
 pub use flight::RallyFlight;
 use flight::{landings, profile};
 pub use page::rally_page;
@@ -205,17 +205,8 @@ impl Rally {
 
     fn player(&self, seed: u64) -> Result<Player, TrialError> {
         let config = ThrowConfig {
-            mapping: Mapping::Off,
-            calibration: None,
-            robot: self.robot.clone(),
-            world: self.world.clone(),
             timing: self.timing,
-            without: Vec::new(),
-            balls: 1,
-            perfect_perception: false,
-            pixels: false,
-            watch: false,
-            closing_error: 0.0,
+            ..ThrowConfig::new(self.robot.clone(), self.world.clone())
         };
         let description = with_turn(self.robot.description(), self.config.wheels)?;
         Player::new(&config, &description, self.config.throws, seed)
@@ -288,6 +279,20 @@ impl Rally {
         Ok(found)
     }
 
+    /// Returns both robots of a game, with their learnt offsets.
+    fn players(
+        &self,
+        number: u64,
+        learnt: &[[Learnt; ARMS]; 2],
+    ) -> Result<[Player; 2], TrialError> {
+        let seed = |side: u64| world_seed(self.seed, 2 * number + side);
+        let mut players = [self.player(seed(0))?, self.player(seed(1))?];
+        for (player, learnt) in players.iter_mut().zip(learnt) {
+            player.learnt = *learnt;
+        }
+        Ok(players)
+    }
+
     fn play(
         &self,
         number: u64,
@@ -295,13 +300,9 @@ impl Rally {
         oracle: &CatchSpace,
         done: &(impl Fn() + Sync),
     ) -> Result<Game, TrialError> {
-        let mut players = [
-            self.player(world_seed(self.seed, 2 * number))?,
-            self.player(world_seed(self.seed, 2 * number + 1))?,
-        ];
-        for (player, learnt) in players.iter_mut().zip(learnt) {
-            player.learnt = *learnt;
-        }
+        let mut players = self.players(number, learnt)?;
+        let [x, y, height] = self.config.target;
+        let target = Vector2::new(x, y);
         let mut game = Game::default();
         let mut arm = (number % ARMS as u64) as usize;
         let mut thrower = 0;
@@ -319,26 +320,24 @@ impl Rally {
             let released = self.handed_over(&throw.released);
             let catch = catcher.catch(&released, &self.config.target, oracle)?;
             let flight = catcher.world.flight_of(&released);
-            let height = self.config.target[2];
+            let robot = players[thrower].throwing();
             let begin = released.state.position.xy();
             let down = down_to(&flight, height).unwrap_or(begin);
-            let target = Vector2::new(self.config.target[0], self.config.target[1]);
             game.exchanges.push(Exchange {
                 caught: catch.arm.is_some(),
                 cause: catch.cause,
                 in_catch_space: catch.in_catch_space,
                 distance: (down - begin).norm(),
                 beside: (down - target).norm(),
-                at_2ms: lost(&throw.plan, players[thrower].throwing(), height),
+                at_2ms: lost(&throw.plan, robot, height),
             });
             if number < GAMES_KEPT && game.flights.len() < THROWS_KEPT {
-                let timing = landings(&throw.plan, players[thrower].throwing(), height);
                 game.flights.push(RallyFlight {
                     game: number,
                     arm: throw.plan.arm,
                     caught: catch.arm.is_some(),
                     path: profile(&flight, height),
-                    timing,
+                    timing: landings(&throw.plan, robot, height),
                 });
             }
             done();

@@ -15,7 +15,7 @@ use crate::error::TrialError;
 use crate::quantiles::Quantiles;
 use crate::rally::{Player, lost, with_turn};
 use crate::stepped_time::world_seed;
-use crate::throw_config::{Mapping, ThrowConfig};
+use crate::throw_config::ThrowConfig;
 use tactnet_catching::ChainDelays;
 
 /// Delay or advance of the release, in s.
@@ -143,16 +143,8 @@ impl ThrowBench {
     /// # Errors
     /// Invalid settings, or an impossible throw.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<ThrowReport, TrialError> {
-        let ThrowBenchConfig { height, goal, .. } = self.config;
-        for (setting, value) in [("height", height), ("goal", goal)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(TrialError::Setting {
-                    setting,
-                    expected: "a number greater than 0, m",
-                    found: value.to_string(),
-                });
-            }
-        }
+        self.check()?;
+        let height = self.config.height;
         let description = with_turn(self.robot.description(), self.config.wheels)?;
         let robot = Robot::new(description.clone());
         let plan = self.plan(&description, ARMS - 1)?;
@@ -172,6 +164,7 @@ impl ThrowBench {
         let mean = |of: &dyn Fn(&Flown) -> f64| {
             usual.iter().map(of).sum::<f64>() / self.throws.max(1) as f64
         };
+        let most = |of: &dyn Fn(&Flown) -> f64| usual.iter().map(of).fold(0.0, f64::max);
         let worst = |of: &dyn Fn(&Flown) -> f64| exact[1..].iter().map(of).fold(0.0, f64::max);
         Ok(ThrowReport {
             throws: self.throws,
@@ -190,25 +183,38 @@ impl ThrowBench {
                 lengths().fold(0.0, f64::max),
             ],
             speed_m_s: mean(&|flown| flown.speed),
-            torques_nm: std::array::from_fn(|i| {
-                usual
-                    .iter()
-                    .map(|flown| flown.torques[i])
-                    .fold(0.0, f64::max)
-            }),
+            torques_nm: std::array::from_fn(|i| most(&|flown| flown.torques[i])),
             planned_lost_mm_at_2ms: 1e3 * lost(&plan, &robot, height)[0],
             distance_lost_mm_at_2ms: 1e3 * worst(&|flown| exact[0].down.x - flown.down.x),
             displaced_mm_at_2ms: 1e3 * worst(&|flown| (exact[0].down - flown.down).norm()),
             plan_ms: Quantiles::of(flown.iter().map(|flown| flown.plan_ms).collect()),
             speeds: self.speeds()?,
-            goal: Goal {
-                goal_m: goal,
-                arm_times: self.times_for_goal(|times| faster_arms(&description, times)),
-                turn_deg_s: self
-                    .times_for_goal(|times| faster_turn(&description, times))
-                    .map(|times| times * description.torso.joints[0].speed.to_degrees()),
-            },
+            goal: self.goal(&description),
         })
+    }
+
+    fn check(&self) -> Result<(), TrialError> {
+        let ThrowBenchConfig { height, goal, .. } = self.config;
+        for (setting, value) in [("height", height), ("goal", goal)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(TrialError::Setting {
+                    setting,
+                    expected: "a number greater than 0, m",
+                    found: value.to_string(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn goal(&self, description: &RobotDescription) -> Goal {
+        Goal {
+            goal_m: self.config.goal,
+            arm_times: self.times_for_goal(|times| faster_arms(description, times)),
+            turn_deg_s: self
+                .times_for_goal(|times| faster_turn(description, times))
+                .map(|times| times * description.torso.joints[0].speed.to_degrees()),
+        }
     }
 
     fn plan(&self, description: &RobotDescription, arm: usize) -> Result<ThrowPlan, TrialError> {
@@ -243,17 +249,8 @@ impl ThrowBench {
         // The last three are the same throw.
         let (draw, arm) = (number.min(self.throws), number.min(self.throws) % ARMS);
         let config = ThrowConfig {
-            mapping: Mapping::Off,
-            calibration: None,
-            robot: self.robot.clone(),
-            world,
             timing: self.timing,
-            without: Vec::new(),
-            balls: 1,
-            perfect_perception: false,
-            pixels: false,
-            watch: false,
-            closing_error: 0.0,
+            ..ThrowConfig::new(self.robot.clone(), world)
         };
         let seed = world_seed(self.seed, draw as u64);
         let mut player = Player::new(&config, description, self.config.throws, seed)?;

@@ -51,6 +51,23 @@ pub struct ThrowConfig {
 }
 
 impl ThrowConfig {
+    /// Returns the settings of throws of one ball to the whole stack, without calibration and map.
+    pub fn new(robot: Robot, world: WorldConfig) -> Self {
+        Self {
+            robot,
+            calibration: None,
+            world,
+            timing: ChainDelays::ours(),
+            without: Vec::new(),
+            balls: 1,
+            perfect_perception: false,
+            pixels: false,
+            watch: false,
+            mapping: Mapping::Off,
+            closing_error: 0.0,
+        }
+    }
+
     /// Returns true if the part is disabled.
     pub fn is_without(&self, ablation: Ablation) -> bool {
         self.without.contains(&ablation)

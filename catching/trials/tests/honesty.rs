@@ -1,26 +1,14 @@
 //! Checks that judge and stack depend on each part: each test breaks one part and expects missed balls.
 #![allow(clippy::unwrap_used)]
 
-use tactnet_catching::ChainDelays;
 use tactnet_catching::Robot;
 use tactnet_catching_packets::RobotDescription;
-use tactnet_catching_trials::{Ablation, Mapping, Series, SeriesReport, ThrowConfig};
+use tactnet_catching_trials::{Ablation, Series, SeriesReport, ThrowConfig};
 use tactnet_catching_world::{ObstaclesConfig, Stiffness, WorldConfig};
 
 fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
-    let mut config = ThrowConfig {
-        robot: Robot::new(RobotDescription::nominal()),
-        calibration: None,
-        world: WorldConfig::default(),
-        timing: ChainDelays::ours(),
-        without: Vec::new(),
-        balls: 1,
-        perfect_perception: false,
-        pixels: false,
-        watch: false,
-        mapping: Mapping::Off,
-        closing_error: 0.0,
-    };
+    let robot = Robot::new(RobotDescription::nominal());
+    let mut config = ThrowConfig::new(robot, WorldConfig::default());
     change(&mut config);
     Series {
         config,

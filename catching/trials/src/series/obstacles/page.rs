@@ -260,32 +260,24 @@ mod tests {
 
     use super::*;
     use crate::page_parts::tests::assert_page;
-    use tactnet_catching::ChainDelays;
 
     fn series(throws: u64) -> Series {
+        let world = WorldConfig {
+            obstacles: ObstaclesConfig::table_and_box(),
+            // A sixth of the camera's width and height.
+            depth: DepthConfig {
+                width: 136,
+                height: 102,
+                focal: DepthConfig::default().focal / 6.0,
+                ..DepthConfig::default()
+            },
+            ..WorldConfig::default()
+        };
         Series {
             config: ThrowConfig {
-                robot: Robot::new(RobotDescription::nominal()),
-                calibration: None,
-                world: WorldConfig {
-                    obstacles: ObstaclesConfig::table_and_box(),
-                    // A sixth of the camera's width and height.
-                    depth: DepthConfig {
-                        width: 136,
-                        height: 102,
-                        focal: DepthConfig::default().focal / 6.0,
-                        ..DepthConfig::default()
-                    },
-                    ..WorldConfig::default()
-                },
-                timing: ChainDelays::ours(),
-                without: Vec::new(),
-                balls: 1,
                 perfect_perception: true,
-                pixels: false,
-                watch: false,
                 mapping: Mapping::Depth,
-                closing_error: 0.0,
+                ..ThrowConfig::new(Robot::new(RobotDescription::nominal()), world)
             },
             throws,
             seed: 1,
