@@ -33,7 +33,7 @@ pub fn bounds(
     cameras: &Cameras,
 ) -> Vec<Bound> {
     let to_head = head.inverse();
-    let state = SVector::<f64, 7>::from([
+    let state = State::from([
         release.p.x,
         release.p.y,
         release.p.z,
@@ -42,47 +42,11 @@ pub fn bounds(
         release.v.z,
         release.k,
     ]);
-    let flight = |state: &SVector<f64, 7>, t: f64| {
-        Flight {
-            p: state.fixed_rows::<3>(0).into_owned(),
-            v: state.fixed_rows::<3>(3).into_owned(),
-            k: state[6],
-            lift: Vector3::zeros(),
-        }
-        .after(t)
-    };
-    let circles = |state: &SVector<f64, 7>, t: f64| {
-        let seen =
-            (to_head * Point3::from(flight(state, t).p)).coords - Vector3::from(cameras.centre);
-        let mut numbers = SVector::<f64, 6>::zeros();
-        for (camera, side) in [0.5, -0.5].into_iter().enumerate() {
-            let p = seen - Vector3::new(0.0, side * cameras.baseline, 0.0);
-            numbers[3 * camera] = -cameras.focal * p.y / p.x / CENTRE;
-            numbers[3 * camera + 1] = -cameras.focal * p.z / p.x / CENTRE;
-            numbers[3 * camera + 2] = cameras.focal * BALL_RADIUS / p.x / RADIUS;
-        }
-        numbers
-    };
-    let slopes = |of: &dyn Fn(&SVector<f64, 7>) -> SVector<f64, 6>| {
-        let mut slopes = SMatrix::<f64, 6, 7>::zeros();
-        for i in 0..7 {
-            let h = 1e-5;
-            let (mut more, mut less) = (state, state);
-            more[i] += h;
-            less[i] -= h;
-            slopes.set_column(i, &((of(&more) - of(&less)) / (2.0 * h)));
-        }
-        slopes
-    };
     let mut information = SMatrix::<f64, 7, 7>::identity() * 1e-9;
     information[(6, 6)] += (DRAG_PRIOR * release.k).powi(-2);
-    let caught = flight(&state, seconds);
+    let caught = flight_of(&state).after(seconds);
     let heading = caught.v / caught.v.norm();
-    let at_catch = slopes(&|state| {
-        let p = flight(state, seconds).p;
-        SVector::<f64, 6>::from([p.x, p.y, p.z, 0.0, 0.0, 0.0])
-    });
-    let at_catch = at_catch.fixed_rows::<3>(0).into_owned();
+    let at_catch = slopes(&state, |state| flight_of(state).after(seconds).p);
     let mut found = Vec::new();
     let frame = 1.0 / cameras.rate;
     for picture in 0.. {
@@ -90,7 +54,10 @@ pub fn bounds(
         if t >= seconds {
             break;
         }
-        let seen = slopes(&|state| circles(state, t));
+        let seen = slopes(&state, |state| {
+            let ball = to_head * Point3::from(flight_of(state).after(t).p);
+            circles(&ball, cameras)
+        });
         information += seen.transpose() * seen;
         if picture == 0 {
             continue;
@@ -107,6 +74,49 @@ pub fn bounds(
         });
     }
     found
+}
+
+/// Position, velocity and drag of a ball.
+type State = SVector<f64, 7>;
+
+fn flight_of(state: &State) -> Flight {
+    Flight {
+        p: state.fixed_rows::<3>(0).into_owned(),
+        v: state.fixed_rows::<3>(3).into_owned(),
+        k: state[6],
+        lift: Vector3::zeros(),
+    }
+}
+
+/// Returns centre and radius of a ball in the pictures of both cameras, in standard deviations.
+///
+/// - `ball`: position in the frame of the head, in m
+fn circles(ball: &Point3<f64>, cameras: &Cameras) -> SVector<f64, 6> {
+    let seen = ball.coords - Vector3::from(cameras.centre);
+    let mut numbers = SVector::<f64, 6>::zeros();
+    for (camera, side) in [0.5, -0.5].into_iter().enumerate() {
+        let p = seen - Vector3::new(0.0, side * cameras.baseline, 0.0);
+        numbers[3 * camera] = -cameras.focal * p.y / p.x / CENTRE;
+        numbers[3 * camera + 1] = -cameras.focal * p.z / p.x / CENTRE;
+        numbers[3 * camera + 2] = cameras.focal * BALL_RADIUS / p.x / RADIUS;
+    }
+    numbers
+}
+
+/// Returns the central differences of a function of the state.
+fn slopes<const N: usize>(
+    state: &State,
+    of: impl Fn(&State) -> SVector<f64, N>,
+) -> SMatrix<f64, N, 7> {
+    let mut slopes = SMatrix::<f64, N, 7>::zeros();
+    for i in 0..7 {
+        let h = 1e-5;
+        let (mut more, mut less) = (*state, *state);
+        more[i] += h;
+        less[i] -= h;
+        slopes.set_column(i, &((of(&more) - of(&less)) / (2.0 * h)));
+    }
+    slopes
 }
 
 #[cfg(test)]

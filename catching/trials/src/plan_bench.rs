@@ -59,115 +59,145 @@ pub struct PlanReport {
     pub cost_gap_p99: f64,
 }
 
+/// Problem with the solutions of the dense grid.
 struct Judged {
     problem: PlanProblem,
+    number: u64,
     on_grid: bool,
     best_cost: Option<f64>,
+}
+
+/// Planners of both arms, and planners with a dense grid and 32 descents.
+struct Planners {
+    own: [Planner; 2],
+    oracles: [Planner; 2],
+    grid: Grid,
+}
+
+/// Times and numbers so far.
+#[derive(Default)]
+struct Tally {
+    first_ms: Vec<f64>,
+    replan_ms: Vec<f64>,
+    gaps: Vec<f64>,
+    done: usize,
+    missed: usize,
+    beyond_oracle: usize,
+    replans_missed: usize,
 }
 
 impl PlanBench {
     /// Runs the benchmark. `progress` receives the number of finished problems.
     pub fn run(&self, robot: &Robot, mut progress: impl FnMut(usize)) -> PlanReport {
-        let planners: [Planner; 2] =
-            std::array::from_fn(|arm| Planner::new(robot, arm, self.config));
-        let oracle_config = PlanConfig {
-            first: Grid {
-                times: 40,
-                hands: 36,
-                elbows: 36,
-            },
-            starts: 32,
-            iterations: 100,
-            ..self.config
-        };
-        let oracles: [Planner; 2] =
-            std::array::from_fn(|arm| Planner::new(robot, arm, oracle_config));
-        let mut first = Vec::new();
-        let mut again = Vec::new();
-        let mut gaps = Vec::new();
-        let (mut done, mut drawn, mut missed, mut beyond_oracle, mut replans_missed) =
-            (0, 0, 0, 0, 0);
-        while done < self.problems {
-            let from = drawn;
-            let wanted = (self.problems - done).min(200);
-            let judged: Vec<Judged> = (from..from + wanted)
+        let planners = self.planners(robot);
+        let mut tally = Tally::default();
+        let mut drawn = 0;
+        while tally.done < self.problems {
+            let wanted = (self.problems - tally.done).min(200);
+            let judged: Vec<Judged> = (drawn..drawn + wanted)
                 .into_par_iter()
-                .map(|number| {
-                    let problem = plan_problem(robot, self.objective, self.seed, number as u64);
-                    let oracle = &oracles[problem.arm];
-                    let on_grid = oracle
-                        .best_on_grid(&problem.request, oracle_config.first)
-                        .is_ok();
-                    let best = oracle
-                        .plan(&problem.request, &PlanConditions::default(), || false)
-                        .ok();
-                    Judged {
-                        problem,
-                        on_grid,
-                        best_cost: best.map(|plan| plan.cost),
-                    }
-                })
+                .map(|number| self.judge(robot, &planners, number as u64))
                 .collect();
             drawn += wanted;
             // Sequential, because it is timed.
-            for (offset, judged) in judged.iter().enumerate() {
-                let PlanProblem { arm, request } = &judged.problem;
-                let planner = &planners[*arm];
-                let begun = Instant::now();
-                let plan = planner.plan(request, &PlanConditions::default(), || false);
-                let took = begun.elapsed().as_secs_f64() * 1e3;
-                let Ok(plan) = plan else {
-                    if judged.on_grid {
-                        first.push(took);
-                        missed += 1;
-                        done += 1;
-                    }
-                    continue;
-                };
-                first.push(took);
-                done += 1;
-                beyond_oracle += usize::from(!judged.on_grid);
-                if let Some(best) = judged.best_cost {
-                    gaps.push(((plan.cost - best) / best.abs()).max(0.0));
-                }
-                if plan.t < 2.0 * FRAME {
-                    continue;
-                }
-                let moved = self.moved_by_a_picture(request, &plan.ramps, (from + offset) as u64);
-                let conditions = PlanConditions {
-                    last: Some(CatchPoint {
-                        q: plan.q,
-                        t: plan.t - FRAME,
-                    }),
-                    ..PlanConditions::default()
-                };
-                let begun = Instant::now();
-                let next = planner.plan(&moved, &conditions, || false);
-                again.push(begun.elapsed().as_secs_f64() * 1e3);
-                let possible = || oracles[*arm].plan(&moved, &conditions, || false).is_ok();
-                replans_missed += usize::from(next.is_err() && possible());
+            for judged in &judged {
+                self.time(&planners, judged, &mut tally);
             }
-            progress(done);
+            progress(tally.done);
         }
-        let gap = Quantiles::of(gaps).unwrap_or(Quantiles {
+        let gap = Quantiles::of(tally.gaps).unwrap_or(Quantiles {
             p50: 0.0,
             p99: 0.0,
             max: 0.0,
         });
         PlanReport {
-            problems: done,
+            problems: tally.done,
             drawn,
             seed: self.seed,
             objective: self.objective,
-            first_plan_ms: Quantiles::of(first).expect("at least one problem was solved"),
-            replan_ms: Quantiles::of(again),
-            missed,
-            missed_of_feasible: missed as f64 / done as f64,
-            beyond_oracle,
-            replans_missed,
+            first_plan_ms: Quantiles::of(tally.first_ms).expect("at least one problem was solved"),
+            replan_ms: Quantiles::of(tally.replan_ms),
+            missed: tally.missed,
+            missed_of_feasible: tally.missed as f64 / tally.done as f64,
+            beyond_oracle: tally.beyond_oracle,
+            replans_missed: tally.replans_missed,
             cost_gap_p50: gap.p50,
             cost_gap_p99: gap.p99,
         }
+    }
+
+    fn planners(&self, robot: &Robot) -> Planners {
+        let grid = Grid {
+            times: 40,
+            hands: 36,
+            elbows: 36,
+        };
+        let oracle = PlanConfig {
+            first: grid,
+            starts: 32,
+            iterations: 100,
+            ..self.config
+        };
+        Planners {
+            own: std::array::from_fn(|arm| Planner::new(robot, arm, self.config)),
+            oracles: std::array::from_fn(|arm| Planner::new(robot, arm, oracle)),
+            grid,
+        }
+    }
+
+    fn judge(&self, robot: &Robot, planners: &Planners, number: u64) -> Judged {
+        let problem = plan_problem(robot, self.objective, self.seed, number);
+        let oracle = &planners.oracles[problem.arm];
+        let on_grid = oracle.best_on_grid(&problem.request, planners.grid).is_ok();
+        let best = oracle.plan(&problem.request, &PlanConditions::default(), || false);
+        Judged {
+            problem,
+            number,
+            on_grid,
+            best_cost: best.ok().map(|plan| plan.cost),
+        }
+    }
+
+    /// Times the first plan of a problem and its correction one picture later.
+    fn time(&self, planners: &Planners, judged: &Judged, tally: &mut Tally) {
+        let PlanProblem { arm, request } = &judged.problem;
+        let planner = &planners.own[*arm];
+        let begun = Instant::now();
+        let plan = planner.plan(request, &PlanConditions::default(), || false);
+        let took = begun.elapsed().as_secs_f64() * 1e3;
+        let Ok(plan) = plan else {
+            if judged.on_grid {
+                tally.first_ms.push(took);
+                tally.missed += 1;
+                tally.done += 1;
+            }
+            return;
+        };
+        tally.first_ms.push(took);
+        tally.done += 1;
+        tally.beyond_oracle += usize::from(!judged.on_grid);
+        if let Some(best) = judged.best_cost {
+            tally.gaps.push(((plan.cost - best) / best.abs()).max(0.0));
+        }
+        if plan.t < 2.0 * FRAME {
+            return;
+        }
+        let moved = self.moved_by_a_picture(request, &plan.ramps, judged.number);
+        let conditions = PlanConditions {
+            last: Some(CatchPoint {
+                q: plan.q,
+                t: plan.t - FRAME,
+            }),
+            ..PlanConditions::default()
+        };
+        let begun = Instant::now();
+        let next = planner.plan(&moved, &conditions, || false);
+        tally.replan_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        let possible = || {
+            let oracle = &planners.oracles[*arm];
+            oracle.plan(&moved, &conditions, || false).is_ok()
+        };
+        tally.replans_missed += usize::from(next.is_err() && possible());
     }
 
     /// Returns the request one picture later: the arm has moved along its path, and the ball is seen slightly

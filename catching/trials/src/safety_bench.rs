@@ -213,31 +213,9 @@ impl SafetyBench {
             sum += distance(&a, &b);
             swept += begun.elapsed().as_secs_f64() * 1e6;
         }
-        // Joints swing about the centres of their ranges, with a tick of 1 ms.
-        let swing = |tick: usize| {
-            let t = 1e-3 * tick as f64;
-            let of = |i: usize| {
-                let [low, high] = joints[i].range;
-                let (middle, half) = (0.5 * (low + high), 0.2 * (high - low));
-                let pace = 0.8 * joints[i].speed / half * (1.0 - 0.02 * i as f64);
-                (middle, half, pace)
-            };
-            JointCommand {
-                number: tick as u64,
-                command_ns: 0,
-                q: std::array::from_fn(|i| {
-                    let (middle, half, pace) = of(i);
-                    middle + half * (pace * t).sin()
-                }),
-                dq: std::array::from_fn(|i| {
-                    let (_, half, pace) = of(i);
-                    half * pace * (pace * t).cos()
-                }),
-            }
-        };
-        let mut monitor = Monitor::new(bodies.clone(), *joints, self.config, &swing(0).q);
+        let mut monitor = Monitor::new(bodies.clone(), *joints, self.config, &swing(joints, 0).q);
         let watched = (0..WATCHED).map(|tick| {
-            let command = swing(tick);
+            let command = swing(joints, tick);
             let begun = Instant::now();
             sum += monitor.judge(&command).bound;
             begun.elapsed().as_secs_f64() * 1e6
@@ -259,6 +237,29 @@ impl SafetyBench {
             distance_us: distances / timed.max(1) as f64,
             swept_us: swept / timed.max(1) as f64,
         }
+    }
+}
+
+/// Returns the command at a tick of 1 ms while all joints swing about the centres of their ranges.
+fn swing(joints: &[Joint; JOINTS], tick: usize) -> JointCommand {
+    let t = 1e-3 * tick as f64;
+    let of = |i: usize| {
+        let [low, high] = joints[i].range;
+        let (middle, half) = (0.5 * (low + high), 0.2 * (high - low));
+        let pace = 0.8 * joints[i].speed / half * (1.0 - 0.02 * i as f64);
+        (middle, half, pace)
+    };
+    JointCommand {
+        number: tick as u64,
+        command_ns: 0,
+        q: std::array::from_fn(|i| {
+            let (middle, half, pace) = of(i);
+            middle + half * (pace * t).sin()
+        }),
+        dq: std::array::from_fn(|i| {
+            let (_, half, pace) = of(i);
+            half * pace * (pace * t).cos()
+        }),
     }
 }
 

@@ -20,6 +20,7 @@ use crate::look_ahead::{Errors, LookAhead};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 use crate::trace::Trace;
+use crate::watch::Braked;
 use tactnet_catching::CatchSpace;
 use tactnet_catching::ChainDelays;
 use tactnet_plot::wilson_of_counts;
@@ -222,52 +223,26 @@ impl Series {
     }
 
     fn report(&self, outcomes: Vec<ThrowOutcome>) -> SeriesReport {
-        let mut misses = BTreeMap::new();
-        let (mut in_space, mut caught, mut over_all) = (0, 0, 0);
-        for outcome in &outcomes {
-            let all = outcome.balls.iter().all(BallOutcome::caught);
-            over_all += usize::from(all);
-            if !both_possible(&outcome.balls) {
-                continue;
-            }
-            in_space += 1;
-            caught += usize::from(all);
-            let among = outcome.obstacles.as_ref();
-            for ball in outcome.balls.iter().filter(|ball| !ball.caught()) {
-                let cause = match cause(ball.verdict.as_ref(), ball.tracked, ball.planned) {
-                    "no plan" if among.is_some_and(|among| among.obstructed > 0) => {
-                        "obstacles in every way"
-                    }
-                    cause => cause,
-                };
-                *misses.entry(cause.to_string()).or_insert(0) += 1;
-            }
-        }
-        let ahead: Vec<LookAhead> = outcomes
-            .iter()
-            .flat_map(|outcome| &outcome.balls)
-            .filter_map(|ball| ball.ahead)
-            .collect();
+        let counts = CatchCounts::of(&outcomes);
+        let balls = || outcomes.iter().flat_map(|outcome| &outcome.balls);
+        let ahead: Vec<LookAhead> = balls().filter_map(|ball| ball.ahead).collect();
         let errors = Errors::of(&ahead);
         // The true state has no covariance.
         let known = errors.filter(|_| !self.config.perfect_perception);
-        let bounds: Vec<&Bound> = outcomes
-            .iter()
-            .flat_map(|outcome| &outcome.balls)
-            .filter_map(|ball| ball.bound.as_ref())
-            .collect();
+        let bounds: Vec<&Bound> = balls().filter_map(|ball| ball.bound.as_ref()).collect();
         let least = |of: fn(&Bound) -> f64| {
             (!bounds.is_empty()).then(|| {
                 let squares = bounds.iter().map(|bound| of(bound).powi(2)).sum::<f64>();
                 (squares / bounds.len() as f64).sqrt()
             })
         };
-        let brakes = || {
-            outcomes
-                .iter()
-                .filter_map(|outcome| outcome.braked.as_ref())
+        let brakes = |of: &dyn Fn(&Braked) -> bool| {
+            let braked = outcomes.iter().filter_map(|one| one.braked.as_ref());
+            let count = || braked.filter(|braked| of(braked)).count();
+            self.config.watch.then(count)
         };
-        let [ci95_low, ci95_high] = wilson_of_counts(caught, in_space);
+        let throws = outcomes.len().max(1) as f64;
+        let [ci95_low, ci95_high] = wilson_of_counts(counts.caught, counts.in_space);
         SeriesReport {
             throws: outcomes.len(),
             balls: self.config.balls,
@@ -276,17 +251,17 @@ impl Series {
             without: self.config.without.clone(),
             perfect_perception: self.config.perfect_perception,
             pixels: self.config.pixels,
-            in_catch_space: in_space,
-            caught,
-            rate: if in_space == 0 {
+            in_catch_space: counts.in_space,
+            caught: counts.caught,
+            rate: if counts.in_space == 0 {
                 0.0
             } else {
-                caught as f64 / in_space as f64
+                counts.caught as f64 / counts.in_space as f64
             },
             ci95_low,
             ci95_high,
-            over_all_throws: over_all as f64 / outcomes.len().max(1) as f64,
-            misses,
+            over_all_throws: counts.caught_of_all as f64 / throws,
+            misses: counts.misses,
             across_mm_rms_200ms: errors.map(|errors| errors.across_mm_rms),
             along_ms_rms_200ms: errors.map(|errors| errors.along_ms_rms),
             across_mm_bound: least(|bound| bound.across_mm),
@@ -295,23 +270,50 @@ impl Series {
             nees_band: known.map(|errors| errors.nees_band),
             nees_in_band: known.map(|errors| errors.nees_in_band()),
             predictions: ahead.len(),
-            no_plans: outcomes
-                .iter()
-                .map(|outcome| outcome.no_plans as f64)
-                .sum::<f64>()
-                / outcomes.len().max(1) as f64,
-            braked: self.config.watch.then(|| brakes().count()),
-            braked_in_vain: self
-                .config
-                .watch
-                .then(|| brakes().filter(|braked| braked.in_vain).count()),
-            false_brakes: self
-                .config
-                .watch
-                .then(|| brakes().filter(|braked| braked.is_false()).count()),
+            no_plans: outcomes.iter().map(|of| of.no_plans as f64).sum::<f64>() / throws,
+            braked: brakes(&|_| true),
+            braked_in_vain: brakes(&|braked| braked.in_vain),
+            false_brakes: brakes(&Braked::is_false),
             obstacles: ObstaclesReport::of(&outcomes),
             outcomes,
         }
+    }
+}
+
+/// Numbers of throws whose balls were all caught, and causes of misses.
+#[derive(Default)]
+struct CatchCounts {
+    in_space: usize,
+    /// Caught throws in the catch space.
+    caught: usize,
+    caught_of_all: usize,
+    /// Missed balls in the catch space.
+    misses: BTreeMap<String, usize>,
+}
+
+impl CatchCounts {
+    fn of(outcomes: &[ThrowOutcome]) -> Self {
+        let mut counts = Self::default();
+        for outcome in outcomes {
+            let all = outcome.balls.iter().all(BallOutcome::caught);
+            counts.caught_of_all += usize::from(all);
+            if !both_possible(&outcome.balls) {
+                continue;
+            }
+            counts.in_space += 1;
+            counts.caught += usize::from(all);
+            let among = outcome.obstacles.as_ref();
+            for ball in outcome.balls.iter().filter(|ball| !ball.caught()) {
+                let cause = match cause(ball.verdict.as_ref(), ball.tracked, ball.planned) {
+                    "no plan" if among.is_some_and(|among| among.obstructed > 0) => {
+                        "obstacles in every way"
+                    }
+                    cause => cause,
+                };
+                *counts.misses.entry(cause.to_string()).or_insert(0) += 1;
+            }
+        }
+        counts
     }
 }
 
