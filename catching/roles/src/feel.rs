@@ -50,41 +50,35 @@ pub(crate) fn run(
         let (belief, rejected) = ports.look(motion, last_stage)?;
         let now = now_ns();
         let held = ports.hand.get().filter(|hand| hand.holds == 1).copied();
-        let Some(going_on) = &mut grip else {
+        let Some(current) = &mut grip else {
             if let Some(hand) = held.filter(|hand| hand.grip > felt && ports.stands()) {
-                let begins = Grip::begin(hand.grip, now);
-                // The fused belief of the previous ball is kept until a new grip begins.
-                ports.command(Command::Reset, begins.motion())?;
-                ports.command(Command::Start, begins.motion())?;
-                grip = Some(begins);
+                grip = Some(ports.begin(hand.grip, now)?);
             }
             continue;
         };
-        let motion = going_on.motion();
-        if held.is_none_or(|hand| hand.grip != going_on.number) {
+        let motion = current.motion();
+        if held.is_none_or(|hand| hand.grip != current.number) {
             // The ball left the hand.
             ports.command(Command::Stop, motion)?;
             grip = None;
             continue;
         }
         if let Some(belief) = belief {
-            let probability = belief.fused.get(belief.fused_label as usize);
-            going_on.best = probability.map(|sure| (belief.fused_label, *sure));
-            going_on.sweeps = belief.fused_sweeps;
-        } else if !rejected && now - going_on.asked_ns < LONGEST_SWEEP_NS {
+            current.update(&belief);
+        } else if !rejected && now - current.asked_ns < LONGEST_SWEEP_NS {
             continue;
         }
         ports.command(Command::Stop, motion)?;
         let sure = |(_, sure): (u32, f32)| f64::from(sure) >= settings.sure;
-        if going_on.best.is_some_and(sure) || going_on.tried >= settings.most_sweeps {
-            ports.answer(going_on)?;
-            felt = going_on.number;
-            times.push(now - going_on.begun_ns);
+        if current.best.is_some_and(sure) || current.tried >= settings.most_sweeps {
+            ports.answer(current)?;
+            felt = current.number;
+            times.push(now - current.begun_ns);
             grip = None;
         } else {
-            going_on.tried += 1;
-            going_on.asked_ns = now;
-            ports.command(Command::Start, going_on.motion())?;
+            current.tried += 1;
+            current.asked_ns = now;
+            ports.command(Command::Start, current.motion())?;
         }
     }
     Ok(RoleReport {
@@ -117,6 +111,13 @@ impl Grip {
             begun_ns: now_ns,
             best: None,
         }
+    }
+
+    /// Takes the belief on the ball after a sweep.
+    fn update(&mut self, belief: &TactileBelief) {
+        let probability = belief.fused.get(belief.fused_label as usize);
+        self.best = probability.map(|sure| (belief.fused_label, *sure));
+        self.sweeps = belief.fused_sweeps;
     }
 
     /// Returns the number of the current motion.
@@ -179,6 +180,15 @@ impl Ports {
     fn stands(&self) -> bool {
         let phase = self.status.get().and_then(CatchStatus::phase);
         phase == Some(CatchPhase::Armed)
+    }
+
+    /// Starts the first sweep over the ball of a grip.
+    fn begin(&self, grip: u64, now_ns: u64) -> Result<Grip, RoleError> {
+        let grip = Grip::begin(grip, now_ns);
+        // The fused belief of the previous ball is kept until a new grip begins.
+        self.command(Command::Reset, grip.motion())?;
+        self.command(Command::Start, grip.motion())?;
+        Ok(grip)
     }
 
     fn command(&self, command: Command, motion: u64) -> Result<(), RoleError> {

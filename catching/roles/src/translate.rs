@@ -195,9 +195,14 @@ pub(crate) fn isometry(pose: &HeadPose) -> Isometry3<f64> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn questions_and_answers_survive_the_way() {
-        let asked = PlanRequest {
+    const ORIGIN: Origin = Origin {
+        call: 3,
+        exposure_ns: 40,
+        head_ns: 90,
+    };
+
+    fn asked() -> PlanRequest {
+        PlanRequest {
             ball: 7,
             arm: 1,
             start_ns: 1_000_000_123,
@@ -222,17 +227,26 @@ mod tests {
                     since: 0.25,
                 }),
             },
-        };
-        let origin = Origin {
-            call: 3,
-            exposure_ns: 40,
-            head_ns: 90,
-        };
-        let packet = request_packet(&asked, origin);
+        }
+    }
+
+    #[test]
+    fn plan_requests_survive_the_way() {
+        let asked = asked();
+        let packet = request_packet(&asked, ORIGIN);
         assert_eq!(request(&packet), Some(asked));
         let mut alone = asked;
         alone.catch.other = None;
-        assert_eq!(request(&request_packet(&alone, origin)), Some(alone));
+        assert_eq!(request(&request_packet(&alone, ORIGIN)), Some(alone));
+        let mut nobody = packet;
+        nobody.arm = 2;
+        assert_eq!(request(&nobody), None);
+    }
+
+    #[test]
+    fn plan_results_survive_the_way() {
+        let asked = asked();
+        let packet = request_packet(&asked, ORIGIN);
         for failure in [
             NoPlan::OutOfReach,
             NoPlan::NoCatch,
@@ -263,8 +277,5 @@ mod tests {
         let mut spoilt = result_packet(&packet, &Ok(plan));
         spoilt.ramps[6].a = f64::NAN;
         assert_eq!(planned(&spoilt), None);
-        let mut nobody = packet;
-        nobody.arm = 2;
-        assert_eq!(request(&nobody), None);
     }
 }
