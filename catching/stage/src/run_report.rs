@@ -227,9 +227,50 @@ mod tests {
 
     use super::*;
 
+    fn outcome(caught: u32, cause: u32, arms: u32, crossing_ns: u64) -> CatchOutcome {
+        CatchOutcome {
+            caught,
+            cause,
+            arms,
+            arm: 1,
+            crossing_ns,
+            ..CatchOutcome::zeroed()
+        }
+    }
+
+    fn report(catches: &HeardCatches) -> RunReport {
+        RunReport::of(catches, FinishedRun::default())
+    }
+
     #[test]
-    fn rates_are_of_the_catch_space_and_ages_of_the_path_that_was_followed() {
-        let mut heard = HeardCatches::default();
+    fn rates_are_of_the_catch_space_and_materials_of_all_caught_balls() {
+        let mut catches = HeardCatches::default();
+        catches.outcome(&CatchOutcome {
+            material: Text::new("cork"),
+            felt: Text::new("cork"),
+            sweeps: 2,
+            ..outcome(1, 0, 2, 1_150_000_000)
+        });
+        catches.outcome(&outcome(0, 3, 1, 9_150_000_000));
+        catches.outcome(&outcome(0, 1, 0, 0));
+        catches.outcome(&CatchOutcome {
+            material: Text::new("cork"),
+            felt: Text::new("felt"),
+            sweeps: 3,
+            ..outcome(1, 0, 0, 19_150_000_000)
+        });
+        let report = report(&catches);
+        assert_eq!((report.balls, report.catchable), (4, 2));
+        assert_eq!((report.caught, report.caught_of_all), (1, 2));
+        assert_eq!(report.misses, [("across", 1)].into());
+        let materials = (report.beliefs_after_catch, report.correct_materials);
+        assert_eq!(materials, (2, 1));
+        assert_eq!(report.sweeps_a_ball, Some(2.5));
+    }
+
+    #[test]
+    fn ages_are_of_the_path_that_was_followed() {
+        let mut catches = HeardCatches::default();
         let path = |arm: u64, start_ns: u64| ArmPath {
             arm,
             start_ns,
@@ -237,64 +278,35 @@ mod tests {
             head_ns: start_ns - 16_000_000,
             ..ArmPath::zeroed()
         };
-        let outcome = |caught: u32, cause: u32, arms: u32, crossing_ns: u64| CatchOutcome {
-            caught,
-            cause,
-            arms,
-            arm: 1,
-            crossing_ns,
-            ..CatchOutcome::zeroed()
-        };
-        heard.times.path(1_055_000_000, &path(1, 1_060_000_000));
-        heard.times.path(1_095_000_000, &path(1, 1_100_000_000));
+        let times = &mut catches.times;
+        times.path(1_055_000_000, &path(1, 1_060_000_000));
+        times.path(1_095_000_000, &path(1, 1_100_000_000));
         // Correction from the same picture.
         let corrected = ArmPath {
             exposure_ns: 1_030_000_000,
             ..path(1, 1_116_000_000)
         };
-        heard.times.path(1_111_000_000, &corrected);
-        heard.outcome(&CatchOutcome {
-            material: Text::new("cork"),
-            felt: Text::new("cork"),
-            sweeps: 2,
-            ..outcome(1, 0, 2, 1_150_000_000)
-        });
-        heard.outcome(&outcome(0, 3, 1, 9_150_000_000));
-        heard.outcome(&outcome(0, 1, 0, 0));
-        heard.outcome(&CatchOutcome {
-            material: Text::new("cork"),
-            felt: Text::new("felt"),
-            sweeps: 3,
-            ..outcome(1, 0, 0, 19_150_000_000)
-        });
-        heard.refused(2, "a path that came 12 us late");
-        heard.refused(3, "a path that came 345 us late");
-        heard.refused(1, "a path of no arm");
-        let report = RunReport::of(&heard, FinishedRun::default());
-        assert_eq!(
-            (
-                report.balls,
-                report.catchable,
-                report.caught,
-                report.caught_of_all
-            ),
-            (4, 2, 1, 2)
-        );
-        assert_eq!(report.misses, [("across", 1)].into());
-        assert_eq!(
-            (report.beliefs_after_catch, report.correct_materials),
-            (2, 1)
-        );
-        assert_eq!(report.sweeps_a_ball, Some(2.5));
-        assert_eq!(
-            report.exposure_to_path_ms.map(|ms| (ms.count, ms.max)),
-            Some((2, 65.0))
-        );
-        assert_eq!(
-            report.last_picture_age_ms.map(|ms| (ms.count, ms.max)),
-            Some((1, 120.0))
-        );
+        times.path(1_111_000_000, &corrected);
+        catches.outcome(&outcome(1, 0, 2, 1_150_000_000));
+        catches.outcome(&outcome(0, 3, 1, 9_150_000_000));
+        catches.outcome(&outcome(0, 1, 0, 0));
+        catches.outcome(&outcome(1, 0, 0, 19_150_000_000));
+        let report = report(&catches);
+        let count_and_max = |ms: Option<Milliseconds>| ms.map(|ms| (ms.count, ms.max));
+        let first_path = count_and_max(report.exposure_to_path_ms);
+        assert_eq!(first_path, Some((2, 65.0)));
+        let picture = count_and_max(report.last_picture_age_ms);
+        assert_eq!(picture, Some((1, 120.0)));
         assert_eq!(report.last_measurement_age_ms.map(|ms| ms.p50), Some(50.0));
+    }
+
+    #[test]
+    fn refusals_are_counted_by_reason_and_controllers_begin_again() {
+        let mut catches = HeardCatches::default();
+        catches.refused(2, "a path that came 12 us late");
+        catches.refused(3, "a path that came 345 us late");
+        catches.refused(1, "a path of no arm");
+        let report = report(&catches);
         assert_eq!(report.paths_refused, 4);
         let refusals = [("a path of no arm", 1), ("a path that came late", 3)];
         assert_eq!(

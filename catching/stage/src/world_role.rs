@@ -128,10 +128,8 @@ impl WorldRole {
         let ports = Ports::open(bus, settings.pixels)?;
         std::thread::scope(|scope| {
             let (over, throws) = channel::<Judged>();
-            let judged = scope.spawn(|| {
-                let throws = throws;
-                judge(bus, &robot, &start, stack.coordinator.lower_body, &throws)
-            });
+            let (judge_robot, lower_body) = (&robot, stack.coordinator.lower_body);
+            let judged = scope.spawn(move || judge(bus, judge_robot, &start, lower_body, &throws));
             let painting = settings.pixels.then(|| {
                 let (exposures, moments) = sync_channel::<Exposure>(2);
                 let (robot, world, seed) = (robot.description(), &settings.world, settings.seed);

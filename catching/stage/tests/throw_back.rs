@@ -1,6 +1,8 @@
 //! Live catching and throwing back: one thread per process, on channels, in the simulated world.
+#![allow(clippy::unwrap_used)]
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::Scope;
 use std::time::{Duration, Instant};
 
 use tactnet_catching_packets::packets::{CatchOutcome, ThrowStatus, ThrownBack};
@@ -11,6 +13,34 @@ use tactnet_channel::{Bus, Domain, Hub, Start, Table, remove_bus};
 /// Timeout of the test, far above its usual duration.
 const PATIENCE: Duration = Duration::from_secs(120);
 
+/// Starts the world and all processes of the stack that catches and throws.
+fn start_all<'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    table: &'scope Table,
+    stopped: &'scope (impl Fn() -> bool + Sync),
+) {
+    scope.spawn(move || {
+        let world = WorldRole {
+            settings: WorldSettings {
+                seed: 3,
+                throw_back: true,
+                ..WorldSettings::default()
+            },
+        };
+        let bus = Bus::open(Domain::Host, table).unwrap();
+        world.run(&bus, &|| (), stopped).unwrap();
+    });
+    for role in Role::ALL {
+        if matches!(role, Role::Eyes | Role::Feel | Role::SlipWatch) {
+            continue;
+        }
+        scope.spawn(move || {
+            let bus = Bus::open(Domain::Host, table).unwrap();
+            role.run(&bus, &|| (), stopped).unwrap();
+        });
+    }
+}
+
 #[test]
 fn a_caught_ball_is_thrown_back_and_comes_down_near_its_target() {
     let mut stack = RoleSettings::default();
@@ -20,13 +50,6 @@ fn a_caught_ball_is_thrown_back_and_comes_down_near_its_target() {
     let hub = Hub::spawn(&table).unwrap();
     let stop = AtomicBool::new(false);
     let stopped = || stop.load(Ordering::Relaxed);
-    let world = WorldRole {
-        settings: WorldSettings {
-            seed: 3,
-            throw_back: true,
-            ..WorldSettings::default()
-        },
-    };
     let bus = Bus::open(Domain::Host, &table).unwrap();
     let outcomes = bus
         .get_port::<CatchOutcome>("catch/outcome", Start::Now)
@@ -39,19 +62,7 @@ fn a_caught_ball_is_thrown_back_and_comes_down_near_its_target() {
         .unwrap();
     let (mut caught, mut thrown, mut failed) = (0, Vec::new(), Vec::new());
     std::thread::scope(|scope| {
-        let (table, stopped) = (&table, &stopped);
-        scope.spawn(move || {
-            let bus = Bus::open(Domain::Host, table).unwrap();
-            world.run(&bus, &|| (), stopped).unwrap();
-        });
-        let roles = Role::ALL.into_iter();
-        for role in roles.filter(|role| !matches!(role, Role::Eyes | Role::Feel | Role::SlipWatch))
-        {
-            scope.spawn(move || {
-                let bus = Bus::open(Domain::Host, table).unwrap();
-                role.run(&bus, &|| (), stopped).unwrap();
-            });
-        }
+        start_all(scope, &table, &stopped);
         let begun = Instant::now();
         let mut reasons = 0;
         while thrown.is_empty() && begun.elapsed() < PATIENCE {

@@ -43,6 +43,45 @@ pub(crate) struct Body {
     pub(crate) inertia: Vector3<f64>,
 }
 
+impl Body {
+    /// Returns a body whose joint is at `translation` in the parent's frame, without rotation.
+    fn on(parent: usize, axis: Axis, translation: Vector3<f64>, link: &Link) -> Self {
+        Self {
+            parent: Some(parent),
+            rotation: Matrix3::identity(),
+            translation,
+            axis,
+            mass: link.mass,
+            centre: link.centre.into(),
+            inertia: link.inertia.into(),
+        }
+    }
+}
+
+fn up(height: f64) -> Vector3<f64> {
+    Vector3::new(0.0, 0.0, height)
+}
+
+/// Returns platform, torso, neck and head, parents before children.
+fn torso_and_head(robot: &RobotDescription) -> Vec<Body> {
+    let (torso, neck) = (&robot.torso, &robot.neck);
+    let [first, second, lower, upper] = &torso.links;
+    let zero = Vector3::zeros();
+    let platform = Body {
+        parent: None,
+        ..Body::on(0, Axis::SlideY, zero, &robot.platform.link)
+    };
+    vec![
+        platform,
+        Body::on(0, Axis::TurnZ, up(torso.lower_pitch_height), first),
+        Body::on(1, Axis::TurnY, zero, second),
+        Body::on(2, Axis::TurnY, up(torso.lower_length), lower),
+        Body::on(3, Axis::TurnY, up(torso.upper_length), upper),
+        Body::on(CHEST, Axis::TurnZ, up(neck.height), &neck.links[0]),
+        Body::on(5, Axis::TurnY, zero, &neck.links[1]),
+    ]
+}
+
 /// Pose of a body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
@@ -75,61 +114,7 @@ impl Tree {
     /// Builds the tree. Each arm is displaced by `mount_errors` (chest frame, in m) from its place in the
     /// description.
     pub(crate) fn new(robot: &RobotDescription, mount_errors: &[Vector3<f64>; ARMS]) -> Self {
-        let up = |height: f64| Vector3::new(0.0, 0.0, height);
-        let straight = Matrix3::identity();
-        let body = |parent: usize, axis, translation, rotation, link: &Link| Body {
-            parent: Some(parent),
-            rotation,
-            translation,
-            axis,
-            mass: link.mass,
-            centre: link.centre.into(),
-            inertia: link.inertia.into(),
-        };
-        let torso = &robot.torso;
-        let neck = &robot.neck;
-        let mut bodies = vec![
-            Body {
-                parent: None,
-                ..body(
-                    0,
-                    Axis::SlideY,
-                    Vector3::zeros(),
-                    straight,
-                    &robot.platform.link,
-                )
-            },
-            body(
-                0,
-                Axis::TurnZ,
-                up(torso.lower_pitch_height),
-                straight,
-                &torso.links[0],
-            ),
-            body(1, Axis::TurnY, Vector3::zeros(), straight, &torso.links[1]),
-            body(
-                2,
-                Axis::TurnY,
-                up(torso.lower_length),
-                straight,
-                &torso.links[2],
-            ),
-            body(
-                3,
-                Axis::TurnY,
-                up(torso.upper_length),
-                straight,
-                &torso.links[3],
-            ),
-            body(
-                CHEST,
-                Axis::TurnZ,
-                up(neck.height),
-                straight,
-                &neck.links[0],
-            ),
-            body(5, Axis::TurnY, Vector3::zeros(), straight, &neck.links[1]),
-        ];
+        let mut bodies = torso_and_head(robot);
         for (arm, error) in robot.arms.iter().zip(mount_errors) {
             let lean = Rotation3::from_axis_angle(&Vector3::x_axis(), arm.lean).into_inner();
             let shoulder = Vector3::from(arm.position) + error + lean * up(arm.base_to_shoulder);
@@ -139,25 +124,17 @@ impl Tree {
                     3 => Axis::TurnY,
                     _ => Axis::TurnZ,
                 };
-                let link = &arm.links[joint];
-                bodies.push(match joint {
-                    0 => body(CHEST, axis, shoulder, lean, link),
-                    3 => body(
-                        bodies.len() - 1,
-                        axis,
-                        up(arm.shoulder_to_elbow),
-                        straight,
-                        link,
-                    ),
-                    5 => body(
-                        bodies.len() - 1,
-                        axis,
-                        up(arm.elbow_to_wrist),
-                        straight,
-                        link,
-                    ),
-                    _ => body(bodies.len() - 1, axis, Vector3::zeros(), straight, link),
-                });
+                let (parent, place) = match joint {
+                    0 => (CHEST, shoulder),
+                    3 => (bodies.len() - 1, up(arm.shoulder_to_elbow)),
+                    5 => (bodies.len() - 1, up(arm.elbow_to_wrist)),
+                    _ => (bodies.len() - 1, Vector3::zeros()),
+                };
+                let mut body = Body::on(parent, axis, place, &arm.links[joint]);
+                if joint == 0 {
+                    body.rotation = lean;
+                }
+                bodies.push(body);
             }
         }
         Self {

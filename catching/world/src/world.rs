@@ -156,6 +156,11 @@ pub struct World {
     sensed: Sensed,
 }
 
+fn check_rate(name: &'static str, rate: f64) -> Result<(), WorldError> {
+    let a_tick = [f64::MIN_POSITIVE, 1.0 / TICK];
+    within(name, rate, a_tick, "at most one in a tick, 1000 Hz")
+}
+
 impl World {
     /// Creates a robot at rest at `start` (rad or m, within the ranges), at time 0, without balls.
     ///
@@ -169,20 +174,8 @@ impl World {
         start: &[f64; JOINTS],
     ) -> Result<Self, WorldError> {
         config.check()?;
-        let a_tick = [f64::MIN_POSITIVE, 1.0 / TICK];
-        let expected = "at most one in a tick, 1000 Hz";
-        within(
-            "description.imu.rate",
-            description.imu.rate,
-            a_tick,
-            expected,
-        )?;
-        within(
-            "description.cameras.rate",
-            description.cameras.rate,
-            a_tick,
-            expected,
-        )?;
+        check_rate("description.imu.rate", description.imu.rate)?;
+        check_rate("description.cameras.rate", description.cameras.rate)?;
         let robot = Robot::new(description, config, seed, start)?;
         let sensed = Sensed {
             joints: JointState {

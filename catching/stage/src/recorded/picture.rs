@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use tactnet_plot::{escape, stand_alone};
 
-use super::Timing;
+use super::{Step, Timing};
 
 const WIDTH: f64 = 760.0;
 /// Left end of the time axis, in pixels.
@@ -24,13 +24,48 @@ impl Timing {
     pub fn picture(&self) -> String {
         let slowest = self.steps.iter().map(|step| step.ends_ms.p99);
         let most = slowest.fold(THESIS_MS, f64::max) / TICK;
-        let most = (most.floor() + 1.0) * TICK;
-        let x = |ms: f64| LEFT + (RIGHT - LEFT) * ms / most;
-        let bottom = TOP + ROW * self.steps.len() as f64;
+        let axis = TimeAxis {
+            most: (most.floor() + 1.0) * TICK,
+            bottom: TOP + ROW * self.steps.len() as f64,
+        };
+        let mut svg = axis.grid();
+        svg += &axis.mark(THESIS_MS, 1, "path in the thesis, at worst: 152 ms");
+        let mut begins = 0.0;
+        for (row, step) in self.steps.iter().enumerate() {
+            svg += &axis.bar(row, begins, step);
+            begins = step.ends_ms.p50;
+        }
+        let _ = writeln!(
+            svg,
+            "<text class=\"label middle\" x=\"{:.0}\" y=\"{:.0}\">ms after the middle of the exposure ({} paths)</text>",
+            (LEFT + RIGHT) / 2.0,
+            axis.bottom + 36.0,
+            self.paths
+        );
+        let title = "From an exposure to the path that follows from it, step by step";
+        stand_alone(WIDTH, axis.bottom + 50.0, title, &svg)
+    }
+}
+
+/// Axis from the exposure on.
+struct TimeAxis {
+    /// End, in ms.
+    most: f64,
+    /// Position of the axis, in pixels.
+    bottom: f64,
+}
+
+impl TimeAxis {
+    fn x(&self, ms: f64) -> f64 {
+        LEFT + (RIGHT - LEFT) * ms / self.most
+    }
+
+    fn grid(&self) -> String {
+        let bottom = self.bottom;
         let mut svg = String::new();
         let mut tick = 0.0;
-        while tick <= most {
-            let at = x(tick);
+        while tick <= self.most {
+            let at = self.x(tick);
             let _ = write!(
                 svg,
                 "<path class=\"grid\" d=\"M{at:.1} {TOP}V{bottom:.0}\"/><text class=\"label middle\" x=\"{at:.1}\" y=\"{:.0}\">{tick:.0}</text>",
@@ -38,57 +73,44 @@ impl Timing {
             );
             tick += TICK;
         }
-        let mark = |svg: &mut String, ms: f64, series: usize, says: &str| {
-            let at = x(ms);
-            let _ = write!(
-                svg,
-                "<g class=\"series s{series}\"><polyline points=\"{at:.1},{:.0} {at:.1},{bottom:.0}\"/></g><text class=\"end\" x=\"{:.1}\" y=\"{:.0}\">{}</text>",
-                TOP - 12.0,
-                at - 5.0,
-                TOP - 8.0,
-                escape(says)
-            );
-        };
-        mark(
-            &mut svg,
-            THESIS_MS,
-            1,
-            "path in the thesis, at worst: 152 ms",
-        );
-        let mut begins = 0.0;
-        for (row, step) in self.steps.iter().enumerate() {
-            let middle = TOP + ROW * (row as f64 + 0.5);
-            let (from, to, late) = (x(begins), x(step.ends_ms.p50), x(step.ends_ms.p99));
-            let _ = write!(
-                svg,
-                "<text class=\"end\" x=\"{:.0}\" y=\"{:.1}\">{}</text><text class=\"label end\" x=\"{:.0}\" y=\"{:.1}\">{}</text>\
-                 <g class=\"series s0\"><rect x=\"{from:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"14\"/>\
-                 <path class=\"range\" fill=\"none\" d=\"M{to:.1} {middle:.1}H{late:.1}M{late:.1} {:.1}v8\"/></g>\
-                 <text x=\"{:.1}\" y=\"{:.1}\">{:.1} ms, 99 % {:.1}</text>",
-                LEFT - 10.0,
-                middle - 2.0,
-                escape(step.name),
-                LEFT - 10.0,
-                middle + 12.0,
-                escape(step.process),
-                middle - 7.0,
-                (to - from).max(1.0),
-                middle - 4.0,
-                late + 7.0,
-                middle + 4.0,
-                step.takes_ms.p50,
-                step.takes_ms.p99,
-            );
-            begins = step.ends_ms.p50;
-        }
-        let _ = writeln!(
-            svg,
-            "<text class=\"label middle\" x=\"{:.0}\" y=\"{:.0}\">ms after the middle of the exposure ({} paths)</text>",
-            (LEFT + RIGHT) / 2.0,
-            bottom + 36.0,
-            self.paths
-        );
-        let title = "From an exposure to the path that follows from it, step by step";
-        stand_alone(WIDTH, bottom + 50.0, title, &svg)
+        svg
+    }
+
+    /// Draws a vertical line with a text.
+    fn mark(&self, ms: f64, series: usize, text: &str) -> String {
+        let at = self.x(ms);
+        format!(
+            "<g class=\"series s{series}\"><polyline points=\"{at:.1},{:.0} {at:.1},{:.0}\"/></g><text class=\"end\" x=\"{:.1}\" y=\"{:.0}\">{}</text>",
+            TOP - 12.0,
+            self.bottom,
+            at - 5.0,
+            TOP - 8.0,
+            escape(text)
+        )
+    }
+
+    /// Draws a step that begins at `begins` ms.
+    fn bar(&self, row: usize, begins: f64, step: &Step) -> String {
+        let middle = TOP + ROW * (row as f64 + 0.5);
+        let [from, to, late] = [begins, step.ends_ms.p50, step.ends_ms.p99].map(|ms| self.x(ms));
+        format!(
+            "<text class=\"end\" x=\"{:.0}\" y=\"{:.1}\">{}</text><text class=\"label end\" x=\"{:.0}\" y=\"{:.1}\">{}</text>\
+             <g class=\"series s0\"><rect x=\"{from:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"14\"/>\
+             <path class=\"range\" fill=\"none\" d=\"M{to:.1} {middle:.1}H{late:.1}M{late:.1} {:.1}v8\"/></g>\
+             <text x=\"{:.1}\" y=\"{:.1}\">{:.1} ms, 99 % {:.1}</text>",
+            LEFT - 10.0,
+            middle - 2.0,
+            escape(step.name),
+            LEFT - 10.0,
+            middle + 12.0,
+            escape(step.process),
+            middle - 7.0,
+            (to - from).max(1.0),
+            middle - 4.0,
+            late + 7.0,
+            middle + 4.0,
+            step.takes_ms.p50,
+            step.takes_ms.p99,
+        )
     }
 }

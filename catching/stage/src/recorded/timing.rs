@@ -78,36 +78,26 @@ pub fn timing(recording: &Recording) -> Result<Timing, RecordedError> {
     let commands = packets_of::<JointCommand>(recording, None)?;
     let beat_to_command: Vec<f64> = commands
         .iter()
-        .map(|put| milliseconds(put.ns.saturating_sub(put.packet.command_ns)))
+        .map(|put| between(put.packet.command_ns, put.ns))
         .collect();
     let periods: Vec<f64> = states
         .windows(2)
         .filter(|pair| pair[1].packet.number == pair[0].packet.number + 1)
-        .map(|pair| milliseconds(pair[1].ns.saturating_sub(pair[0].ns)))
+        .map(|pair| between(pair[0].ns, pair[1].ns))
         .collect();
-    let samples: HashMap<u64, u64> = packets_of::<ImuSample>(recording, None)?
+    let samples = packets_of::<ImuSample>(recording, None)?
         .iter()
         .map(|put| (sample(&put.packet), put.ns))
         .collect();
-    let poses: Vec<f64> = packets_of::<HeadPose>(recording, None)?
-        .iter()
-        .filter_map(|put| {
-            Some(milliseconds(
-                put.ns.saturating_sub(*samples.get(&put.packet.t_ns)?),
-            ))
-        })
-        .collect();
-    let commanded: HashMap<u64, u64> = commands
+    let poses = packets_of::<HeadPose>(recording, None)?;
+    let poses = delays(&samples, poses.iter().map(|put| (put.packet.t_ns, put.ns)));
+    let commanded = commands
         .iter()
         .map(|put| (put.packet.command_ns, put.ns))
         .collect();
-    let judged: Vec<f64> = packets_of::<SafetyState>(recording, None)?
-        .iter()
-        .filter_map(|put| {
-            let commanded = commanded.get(&put.packet.command_ns)?;
-            Some(milliseconds(put.ns.saturating_sub(*commanded)))
-        })
-        .collect();
+    let judged = packets_of::<SafetyState>(recording, None)?;
+    let judged = judged.iter().map(|put| (put.packet.command_ns, put.ns));
+    let judged = delays(&commanded, judged);
     let ends = [recording.entries.first(), recording.entries.last()];
     let [first, last] = ends.map(|entry| entry.map_or(0, |entry| entry.time_ns));
     Ok(Timing {
@@ -173,6 +163,20 @@ fn catch_times(recording: &Recording) -> Result<CatchTimes, RecordedError> {
     }
     outcomes.for_each(|outcome| times.outcome(&outcome.packet));
     Ok(times)
+}
+
+/// Returns the times from packets to those that follow from them, in ms. Packets without a predecessor are skipped.
+///
+/// - `before`: time of each packet by its stamp
+/// - `after`: stamp of the predecessor and time of each packet
+fn delays(before: &HashMap<u64, u64>, after: impl Iterator<Item = (u64, u64)>) -> Vec<f64> {
+    after
+        .filter_map(|(stamp, ns)| Some(between(*before.get(&stamp)?, ns)))
+        .collect()
+}
+
+fn between(from_ns: u64, to_ns: u64) -> f64 {
+    milliseconds(to_ns.saturating_sub(from_ns))
 }
 
 fn milliseconds(ns: u64) -> f64 {
