@@ -8,6 +8,7 @@ mod role;
 mod run;
 mod skin;
 mod throw;
+mod throw_progress;
 mod throw_series;
 #[cfg(feature = "rerun")]
 mod view_calibration;
@@ -17,7 +18,7 @@ mod view_rally;
 mod view_throw;
 mod viewer;
 
-pub use throw::throw_progress;
+pub use throw_progress::throw_progress;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -49,6 +49,16 @@ pub fn text(result: &EvalResult) -> String {
     if let Some(verdicts) = &result.verdicts {
         let _ = write!(text, "\n{}", rates(verdicts));
     }
+    text += &unknown_text(result);
+    if let Some(values) = &result.values {
+        let _ = write!(text, "\nwarning: {values}");
+    }
+    text
+}
+
+/// Returns a line for each unknown material with the predicted labels, the most frequent first.
+fn unknown_text(result: &EvalResult) -> String {
+    let mut text = String::new();
     for (material, predicted) in &result.unknown_taken_for {
         let mut predicted: Vec<_> = predicted.iter().collect();
         predicted.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
@@ -67,9 +77,6 @@ pub fn text(result: &EvalResult) -> String {
                 "; if it is the known `{known}`, use the same spelling"
             );
         }
-    }
-    if let Some(values) = &result.values {
-        let _ = write!(text, "\nwarning: {values}");
     }
     text
 }

@@ -65,13 +65,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     if arguments.print_table {
         return print_table(arguments.run.as_deref());
     }
-    let source = match (&arguments.run, &arguments.models) {
-        (Some(run), None) => ModelSource::Run(run.clone()),
-        (None, Some(folder)) => ModelSource::Versions(folder.clone()),
-        _ => anyhow::bail!(
-            "no model: name a run directory with `--run`, or a folder of versions with `--models`"
-        ),
-    };
+    let source = source(arguments)?;
     let Some(path) = &arguments.table else {
         anyhow::bail!(
             "no channels: name a table with `--table`; `tactnet serve --print-table` prints one"
@@ -122,6 +116,16 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
         say!("{}", summary(&report));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn source(arguments: &ServeArgs) -> anyhow::Result<ModelSource> {
+    match (&arguments.run, &arguments.models) {
+        (Some(run), None) => Ok(ModelSource::Run(run.clone())),
+        (None, Some(folder)) => Ok(ModelSource::Versions(folder.clone())),
+        _ => anyhow::bail!(
+            "no model: name a run directory with `--run`, or a folder of versions with `--models`"
+        ),
+    }
 }
 
 /// Prints a channel table whose settings follow a run's training sweeps.

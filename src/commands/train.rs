@@ -29,34 +29,7 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let stop = Stop::listen()?;
-    let session = match &arguments.resume {
-        Some(folder) => {
-            if let Some(option) = arguments.named_array() {
-                bail!("{option}: expected only for a new run, found --resume");
-            }
-            let data = arguments.data.as_deref();
-            let begun_with = RunDir::open(folder)?.config()?.spec.data;
-            source::announce(data.unwrap_or(&begun_with));
-            Session::resume(folder, data, program())?
-        }
-        None => {
-            let mut spec = arguments.spec();
-            if arguments.keeps_shortest() {
-                spec.steps = Some(source::shortest(&spec)?);
-            }
-            if arguments.selects_device() {
-                spec.device = device_times::fastest()?;
-            }
-            let job = TrainJob::try_from(spec)?;
-            if let Some(model) = arguments.model() {
-                refuse_other_model(&job, model)?;
-            }
-            source::announce(&job.spec().data);
-            let review =
-                |finding: &Finding| source::review(None, finding, arguments.axes_are_right);
-            Session::begin(&job, arguments.out(), program(), review)?
-        }
-    };
+    let session = begin(arguments)?;
     let config = session.run().config()?;
     if config.spec.device == Compute::Vulkan
         && let Ok(adapter) = Compute::vulkan_adapter()
@@ -83,6 +56,33 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         }
     }
     Ok(code)
+}
+
+/// Begins a run, or continues one with `--resume`.
+fn begin(arguments: &TrainArgs) -> anyhow::Result<Session> {
+    if let Some(folder) = &arguments.resume {
+        if let Some(option) = arguments.named_array() {
+            bail!("{option}: expected only for a new run, found --resume");
+        }
+        let data = arguments.data.as_deref();
+        let begun_with = RunDir::open(folder)?.config()?.spec.data;
+        source::announce(data.unwrap_or(&begun_with));
+        return Ok(Session::resume(folder, data, program())?);
+    }
+    let mut spec = arguments.spec();
+    if arguments.keeps_shortest() {
+        spec.steps = Some(source::shortest(&spec)?);
+    }
+    if arguments.selects_device() {
+        spec.device = device_times::fastest()?;
+    }
+    let job = TrainJob::try_from(spec)?;
+    if let Some(model) = arguments.model() {
+        refuse_other_model(&job, model)?;
+    }
+    source::announce(&job.spec().data);
+    let review = |finding: &Finding| source::review(None, finding, arguments.axes_are_right);
+    Ok(Session::begin(&job, arguments.out(), program(), review)?)
 }
 
 /// Returns the description of this program for the run directory.

@@ -102,6 +102,11 @@ fn print(report: &ThrowReport) -> anyhow::Result<()> {
             times.p50, times.max
         ))?;
     }
+    print_speeds(report)
+}
+
+/// Prints planned throws with other speed limits, and those that reach the goal.
+fn print_speeds(report: &ThrowReport) -> anyhow::Result<()> {
     output::print("planned with other speed limits:")?;
     for row in &report.speeds {
         output::print(format_args!(

@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
@@ -15,8 +13,8 @@ use tactnet_catching_trials::{
 };
 use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
+use super::throw_progress::throw_progress;
 use super::viewer::ViewerArgs;
-use crate::commands::progress_line::about;
 use crate::output;
 
 #[derive(Args)]
@@ -135,30 +133,12 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
         unseen: 200,
         throws: arguments.throws,
     };
-    let (thrown, said) = (AtomicU64::new(0), AtomicU64::new(2));
-    let begun = Instant::now();
+    let thrown = throw_progress(2 * arguments.throws);
     let report = trial.run(|progress| match progress {
         Progress::Choosing => say!("choosing configurations"),
         Progress::Moving => say!("simulating the session"),
         Progress::Solving => say!("solving"),
-        Progress::Throwing => {
-            let done = thrown.fetch_add(1, Ordering::Relaxed) + 1;
-            let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
-            let once = || {
-                said.compare_exchange(
-                    next,
-                    elapsed.as_secs() + 2,
-                    Ordering::Relaxed,
-                    Ordering::Relaxed,
-                )
-                .is_ok()
-            };
-            let all = 2 * arguments.throws;
-            if elapsed.as_secs() >= next && once() {
-                let left = elapsed.mul_f64((all - done) as f64 / done as f64);
-                say!("{done} of {all} throws, {} to go", about(left));
-            }
-        }
+        Progress::Throwing => thrown(),
     })?;
     if let Some(path) = &arguments.record {
         write_session(path, &report.session)?;

@@ -2,16 +2,14 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
 use tactnet_catching::ChainDelays;
 use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, rally_page};
 
+use super::throw_progress::every_two_seconds;
 use super::viewer::ViewerArgs;
-use crate::commands::progress_line::about;
 use crate::output;
 
 #[derive(Args)]
@@ -82,22 +80,11 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
         rallies: arguments.rallies as usize,
         seed: arguments.seed,
     };
-    let begun = Instant::now();
-    let (thrown, said) = (AtomicU64::new(0), AtomicU64::new(2));
     // Games end at the first missed ball, so this is the maximum of the remaining throws.
     let all = u64::from(arguments.rallies) * most;
-    let report = rally.run(|| {
-        let thrown = thrown.fetch_add(1, Ordering::Relaxed) + 1;
-        let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
-        if elapsed.as_secs() >= next
-            && said
-                .compare_exchange(next, next + 2, Ordering::Relaxed, Ordering::Relaxed)
-                .is_ok()
-        {
-            let left = elapsed.mul_f64(all.saturating_sub(thrown) as f64 / thrown as f64);
-            say!("{thrown} throws, at most {} to go", about(left));
-        }
-    })?;
+    let report = rally.run(every_two_seconds(all, |thrown, left| {
+        say!("{thrown} throws, at most {left} to go");
+    }))?;
     if let Some(path) = &arguments.page {
         std::fs::write(path, rally_page(&report)).with_context(|| path.display().to_string())?;
     }

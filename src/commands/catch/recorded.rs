@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::Args;
 use tactnet_catching_roles::Milliseconds;
-use tactnet_catching_stage::recorded::{Compared, replay, timing};
+use tactnet_catching_stage::recorded::{Compared, Timing, replay, timing};
 use tactnet_recording::Recording;
 
 use crate::output;
@@ -36,8 +36,13 @@ pub fn run_timing(arguments: &TimingArgs) -> anyhow::Result<ExitCode> {
     }
     if arguments.json {
         output::print_json(&timing)?;
-        return Ok(ExitCode::SUCCESS);
+    } else {
+        print(&timing)?;
     }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(timing: &Timing) -> anyhow::Result<()> {
     output::print(format_args!(
         "{:.0} s, {} paths that follow from a picture{}",
         timing.seconds,
@@ -94,7 +99,7 @@ pub fn run_timing(arguments: &TimingArgs) -> anyhow::Result<ExitCode> {
             ))?;
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 #[derive(Args)]

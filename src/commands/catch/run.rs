@@ -116,26 +116,7 @@ fn absolute(path: Option<&PathBuf>) -> std::io::Result<Option<PathBuf>> {
 
 /// Runs the command.
 pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
-    let mut stack = RoleSettings {
-        robot: absolute(arguments.robot.as_ref())?,
-        calibration: absolute(arguments.calibration.as_ref())?,
-        brakes: !arguments.watch,
-        ..RoleSettings::default()
-    };
-    if arguments.pixels {
-        stack.clutter = CLUTTER_OF_PICTURES;
-    }
-    // With two balls only the arms move, as in the thesis.
-    stack.coordinator.lower_body = arguments.balls == 1;
-    stack.throw.at = arguments.throw_back.flatten();
-    stack.throw.beside = super::throw::hands(&arguments.aim_beside)?;
-    stack.throw.after_feeling = arguments.feel.is_some();
-    if arguments.throw_back.is_some() && arguments.balls > 1 {
-        bail!("--throw-back: a hand throws one ball; expected `--balls 1`");
-    }
-    // Invalid files are reported before the processes start.
-    super::robot(arguments.robot.as_ref())?;
-    stack.kept()?;
+    let stack = stack(arguments)?;
     if arguments.feel.is_some() && arguments.balls > 1 {
         bail!("--feel: with two balls no hand is free; expected `--balls 1`");
     }
@@ -144,22 +125,7 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         .as_ref()
         .map(|run| felt(run, arguments))
         .transpose()?;
-    let world = WorldSettings {
-        materials: felt
-            .iter()
-            .flat_map(|felt| felt.materials.clone())
-            .collect(),
-        world: super::planted(arguments.world.as_deref(), arguments.planted)?,
-        seed: arguments.seed,
-        balls: usize::from(arguments.balls),
-        throw_back: arguments.throw_back.is_some(),
-        pixels: arguments.pixels,
-        slip: arguments.slip_at.map(|throw| SlipAt {
-            throw,
-            tendon: SLIP,
-        }),
-        ..WorldSettings::default()
-    };
+    let world = world(arguments, felt.as_ref())?;
     if let Some(path) = arguments.record.as_ref().filter(|path| path.exists()) {
         bail!(
             "{}: exists already; name another file with `--record`",
@@ -199,6 +165,46 @@ pub fn run(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the settings of the stack. Invalid files are reported before the processes start.
+fn stack(arguments: &RunArgs) -> anyhow::Result<RoleSettings> {
+    let mut stack = RoleSettings {
+        robot: absolute(arguments.robot.as_ref())?,
+        calibration: absolute(arguments.calibration.as_ref())?,
+        brakes: !arguments.watch,
+        ..RoleSettings::default()
+    };
+    if arguments.pixels {
+        stack.clutter = CLUTTER_OF_PICTURES;
+    }
+    // With two balls only the arms move, as in the thesis.
+    stack.coordinator.lower_body = arguments.balls == 1;
+    stack.throw.at = arguments.throw_back.flatten();
+    stack.throw.beside = super::throw::hands(&arguments.aim_beside)?;
+    stack.throw.after_feeling = arguments.feel.is_some();
+    if arguments.throw_back.is_some() && arguments.balls > 1 {
+        bail!("--throw-back: a hand throws one ball; expected `--balls 1`");
+    }
+    super::robot(arguments.robot.as_ref())?;
+    stack.kept()?;
+    Ok(stack)
+}
+
+fn world(arguments: &RunArgs, felt: Option<&SkinSettings>) -> anyhow::Result<WorldSettings> {
+    Ok(WorldSettings {
+        materials: felt.map_or_else(Vec::new, |felt| felt.materials.clone()),
+        world: super::planted(arguments.world.as_deref(), arguments.planted)?,
+        seed: arguments.seed,
+        balls: usize::from(arguments.balls),
+        throw_back: arguments.throw_back.is_some(),
+        pixels: arguments.pixels,
+        slip: arguments.slip_at.map(|throw| SlipAt {
+            throw,
+            tendon: SLIP,
+        }),
+        ..WorldSettings::default()
+    })
 }
 
 /// Returns the settings of a skin with sweeps of all materials of a run.
@@ -374,6 +380,20 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
     if let Some(throws) = &report.throw_back {
         print_throws(throws)?;
     }
+    print_times(report)?;
+    if let (Some(recording), Some(path)) = (&report.recording, file) {
+        output::print(format_args!(
+            "{}: {} packets, {} lost; `tactnet catch timing {0}` draws what takes how long",
+            path.display(),
+            recording.messages,
+            recording.lost
+        ))?;
+    }
+    Ok(())
+}
+
+/// Prints delays and the outcome of the safety monitor.
+fn print_times(report: &RunReport) -> anyhow::Result<()> {
     let times = |name: &str, times: Option<Milliseconds>| {
         times.map_or(format!("{name}: none"), |t| {
             format!(
@@ -394,16 +414,7 @@ fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
     output::print(format_args!(
         "1 kHz loop: 99.9 % of commands within {:.0} us of their beat; brakes by the monitor: {}, {} of them false stops",
         report.loop_p999_us, report.monitor_brakes, report.false_brakes
-    ))?;
-    if let (Some(recording), Some(path)) = (&report.recording, file) {
-        output::print(format_args!(
-            "{}: {} packets, {} lost; `tactnet catch timing {0}` draws what takes how long",
-            path.display(),
-            recording.messages,
-            recording.lost
-        ))?;
-    }
-    Ok(())
+    ))
 }
 
 fn print_throws(report: &ThrowBackReport) -> anyhow::Result<()> {

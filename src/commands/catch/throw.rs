@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
 
 use anyhow::bail;
 use clap::Args;
@@ -12,7 +10,7 @@ use tactnet_catching_packets::ARMS;
 use tactnet_catching_trials::{ThrowAim, ThrowAimReport};
 
 use super::place::place;
-use crate::commands::progress_line::about;
+use super::throw_progress::throw_progress;
 use crate::output;
 
 #[derive(Args)]
@@ -84,24 +82,6 @@ pub fn hands(aim_beside: &[[f64; 3]]) -> anyhow::Result<[[f64; 3]; ARMS]> {
             "--aim-beside: given {} times; expected once, or for the left and the right hand",
             aim_beside.len()
         ),
-    }
-}
-
-/// Returns a callback that counts finished throws and reports them every two seconds.
-pub fn throw_progress(all: u64) -> impl Fn() + Sync {
-    let begun = Instant::now();
-    let (done, said) = (AtomicU64::new(0), AtomicU64::new(2));
-    move || {
-        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
-        if elapsed.as_secs() >= next
-            && said
-                .compare_exchange(next, next + 2, Ordering::Relaxed, Ordering::Relaxed)
-                .is_ok()
-        {
-            let left = elapsed.mul_f64(all.saturating_sub(done) as f64 / done as f64);
-            say!("{done} of {all} throws, {} to go", about(left));
-        }
     }
 }
 

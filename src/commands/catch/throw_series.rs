@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
@@ -13,8 +11,8 @@ use tactnet_catching_trials::{
 };
 use tactnet_catching_world::ObstaclesConfig;
 
+use super::throw_progress::throw_progress;
 use super::viewer::ViewerArgs;
-use crate::commands::progress_line::about;
 use crate::output;
 
 #[derive(Args)]
@@ -134,69 +132,16 @@ impl From<AblationChoice> for Ablation {
 /// Runs the command.
 pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     arguments.viewer.check()?;
-    let mut world = super::planted(arguments.world.as_deref(), arguments.planted)?;
-    if arguments.obstacles && world.obstacles.boxes.is_empty() {
-        world.obstacles = ObstaclesConfig::table_and_box();
-    }
     // Before a long computation.
     for file in arguments.page.iter().chain(&arguments.picture) {
         super::check_folder(file)?;
     }
-    let mut without: Vec<Ablation> = arguments
-        .without
-        .iter()
-        .map(|choice| (*choice).into())
-        .collect();
-    without.sort();
-    without.dedup();
-    let robot = super::robot(arguments.robot.as_ref())?;
-    let calibration = super::calibrate::calibration(arguments.calibration.as_deref(), &robot)?;
-    let series = Series {
-        config: ThrowConfig {
-            robot,
-            calibration: calibration.map(|kept| kept.parameters),
-            world,
-            timing: match arguments.timing {
-                TimingChoice::Ours => ChainDelays::ours(),
-                TimingChoice::Thesis => ChainDelays::thesis(),
-            },
-            without,
-            balls: arguments.balls.into(),
-            perfect_perception: arguments.perfect_perception,
-            pixels: arguments.pixels,
-            watch: arguments.watch,
-            mapping: match arguments.obstacles {
-                true => Mapping::Depth,
-                false => Mapping::Off,
-            },
-            closing_error: 1e-3 * arguments.closing_error,
-        },
-        throws: arguments.throws,
-        seed: arguments.seed,
-    };
-    let begun = Instant::now();
-    let (done, said) = (AtomicU64::new(0), AtomicU64::new(2));
-    // Among obstacles, every throw is simulated twice.
-    let runs = match arguments.obstacles {
-        true => 2 * arguments.throws,
-        false => arguments.throws,
-    };
-    let progress = || {
-        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        let (elapsed, next) = (begun.elapsed(), said.load(Ordering::Relaxed));
-        if elapsed.as_secs() >= next
-            && said
-                .compare_exchange(next, next + 2, Ordering::Relaxed, Ordering::Relaxed)
-                .is_ok()
-        {
-            let left = elapsed.mul_f64((runs - done) as f64 / done as f64);
-            say!("{done} of {runs} throws, {} to go", about(left));
-        }
-    };
+    let series = series(arguments)?;
     let report = if arguments.obstacles {
-        series.run_with_and_without_map(progress)?
+        // Every throw is simulated twice.
+        series.run_with_and_without_map(throw_progress(2 * arguments.throws))?
     } else {
-        series.run(progress)?
+        series.run(throw_progress(arguments.throws))?
     };
     if let Some(path) = &arguments.page {
         let page = match arguments.obstacles {
@@ -221,4 +166,42 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
         output::print(&report)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn series(arguments: &ThrowSeriesArgs) -> anyhow::Result<Series> {
+    let mut world = super::planted(arguments.world.as_deref(), arguments.planted)?;
+    if arguments.obstacles && world.obstacles.boxes.is_empty() {
+        world.obstacles = ObstaclesConfig::table_and_box();
+    }
+    let mut without: Vec<Ablation> = arguments
+        .without
+        .iter()
+        .map(|choice| (*choice).into())
+        .collect();
+    without.sort();
+    without.dedup();
+    let robot = super::robot(arguments.robot.as_ref())?;
+    let calibration = super::calibrate::calibration(arguments.calibration.as_deref(), &robot)?;
+    Ok(Series {
+        config: ThrowConfig {
+            calibration: calibration.map(|kept| kept.parameters),
+            timing: match arguments.timing {
+                TimingChoice::Ours => ChainDelays::ours(),
+                TimingChoice::Thesis => ChainDelays::thesis(),
+            },
+            without,
+            balls: arguments.balls.into(),
+            perfect_perception: arguments.perfect_perception,
+            pixels: arguments.pixels,
+            watch: arguments.watch,
+            mapping: match arguments.obstacles {
+                true => Mapping::Depth,
+                false => Mapping::Off,
+            },
+            closing_error: 1e-3 * arguments.closing_error,
+            ..ThrowConfig::new(robot, world)
+        },
+        throws: arguments.throws,
+        seed: arguments.seed,
+    })
 }

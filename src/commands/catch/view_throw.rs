@@ -23,7 +23,25 @@ pub fn view(series: &Series, report: &SeriesReport, target: &Target) -> anyhow::
 
 fn motion(trace: &Trace) -> Motion {
     let ticks: Vec<&TraceTick> = trace.ticks.iter().step_by(EVERY).collect();
-    let time_ns = |t: f64| (t * 1e9).round() as i64;
+    Motion {
+        times_ns: ticks.iter().map(|tick| time_ns(tick.t)).collect(),
+        capsules: capsules(&ticks),
+        balls: balls(&ticks),
+        points: trace.field.iter().map(|field| surface(field)).collect(),
+        lines: vec![Lines {
+            name: "boxes".into(),
+            strips: trace.boxes.iter().flat_map(edges).collect(),
+        }],
+        curves: curves(trace, &ticks),
+    }
+}
+
+fn time_ns(t: f64) -> i64 {
+    (t * 1e9).round() as i64
+}
+
+/// Returns the bodies of the robot.
+fn capsules(ticks: &[&TraceTick]) -> Vec<Capsule> {
     let capsule = |name: &str, radius: f32, ends: &dyn Fn(&TraceTick) -> [[f64; 3]; 2]| Capsule {
         name: name.into(),
         radius,
@@ -61,7 +79,11 @@ fn motion(trace: &Trace) -> Motion {
             }));
         }
     }
-    let balls = (0..2)
+    capsules
+}
+
+fn balls(ticks: &[&TraceTick]) -> Vec<Ball> {
+    (0..2)
         .filter(|ball| ticks.iter().any(|tick| tick.balls[*ball].is_some()))
         .map(|ball| Ball {
             name: format!("{}", ball + 1),
@@ -71,8 +93,11 @@ fn motion(trace: &Trace) -> Motion {
                 .map(|tick| tick.balls[ball].map(|p| p.into()))
                 .collect(),
         })
-        .collect();
-    // The arm that catches, or the left one.
+        .collect()
+}
+
+/// Returns the joint rates of the arm that catches, or of the left one, and the costs of its plans.
+fn curves(trace: &Trace, ticks: &[&TraceTick]) -> Vec<Curves> {
     let arm = trace.plans.last().map_or(0, |plan| plan.arm);
     let rates = joint::ARM[arm].clone().enumerate().map(|(i, index)| {
         let rates = ticks
@@ -82,26 +107,16 @@ fn motion(trace: &Trace) -> Motion {
     });
     let costs = trace.plans.iter().filter(|plan| plan.arm == arm);
     let costs = costs.map(|plan| (time_ns(plan.t), plan.cost)).collect();
-    Motion {
-        times_ns: ticks.iter().map(|tick| time_ns(tick.t)).collect(),
-        capsules,
-        balls,
-        points: trace.field.iter().map(|field| surface(field)).collect(),
-        lines: vec![Lines {
-            name: "boxes".into(),
-            strips: trace.boxes.iter().flat_map(edges).collect(),
-        }],
-        curves: vec![
-            Curves {
-                name: "joint rates, rad/s".into(),
-                lines: rates.collect(),
-            },
-            Curves {
-                name: "cost of plans".into(),
-                lines: vec![("cost".into(), costs)],
-            },
-        ],
-    }
+    vec![
+        Curves {
+            name: "joint rates, rad/s".into(),
+            lines: rates.collect(),
+        },
+        Curves {
+            name: "cost of plans".into(),
+            lines: vec![("cost".into(), costs)],
+        },
+    ]
 }
 
 /// Returns the cells at the surface of the mapped obstacles.

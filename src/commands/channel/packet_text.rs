@@ -19,14 +19,7 @@ impl fmt::Display for PacketText<'_> {
                 values,
             } => {
                 write!(f, "frame {frame} at {sensor_time_ms:.1} ms:")?;
-                for value in values.iter().take(PRINTED_VALUES) {
-                    // Three decimals are enough to compare by eye.
-                    write!(f, " {}", (value * 1e3).round() / 1e3)?;
-                }
-                match values.len().saturating_sub(PRINTED_VALUES) {
-                    0 => Ok(()),
-                    more => write!(f, " … ({more} more)"),
-                }
+                write_values(f, values)
             }
             ReadablePacket::SweepCommand {
                 command,
@@ -72,6 +65,18 @@ impl fmt::Display for PacketText<'_> {
                 materials.join(", ")
             ),
         }
+    }
+}
+
+/// Writes the first values of a frame.
+fn write_values(f: &mut fmt::Formatter<'_>, values: &[f32]) -> fmt::Result {
+    for value in values.iter().take(PRINTED_VALUES) {
+        // Three decimals are enough to compare by eye.
+        write!(f, " {}", (value * 1e3).round() / 1e3)?;
+    }
+    match values.len().saturating_sub(PRINTED_VALUES) {
+        0 => Ok(()),
+        more => write!(f, " … ({more} more)"),
     }
 }
 
