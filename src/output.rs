@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
+use std::process::ExitCode;
 
 use anyhow::bail;
 use tactnet_data::is_control;
@@ -68,6 +69,19 @@ impl OutputFormat {
     /// Returns `Json` if `--json` was given.
     pub fn from_flag(json: bool) -> Self {
         if json { Self::Json } else { Self::Table }
+    }
+
+    /// Prints the result of a successful command: one JSON document, or its text with `print`.
+    pub fn report<T: serde::Serialize>(
+        self,
+        result: &T,
+        print: impl FnOnce(&T) -> anyhow::Result<()>,
+    ) -> anyhow::Result<ExitCode> {
+        match self {
+            Self::Json => print_json(result)?,
+            Self::Table => print(result)?,
+        }
+        Ok(ExitCode::SUCCESS)
     }
 }
 

@@ -12,6 +12,7 @@ use tactnet_pipeline::{
 use super::choices::{DeviceChoice, RuntimeChoice, rate};
 use super::eval_text;
 use super::run_choice::RunChoice;
+use crate::output::OutputFormat;
 use crate::{GIT, output, source};
 
 #[derive(Args)]
@@ -97,12 +98,8 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let result = evaluation
         .of(&run, &classifier, &dataset, tested, GIT)
         .map_err(in_file)?;
-    if arguments.json {
-        output::print_json(&result)?;
-    } else {
-        output::print(eval_text::text(&result))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json)
+        .report(&result, |result| output::print(eval_text::text(result)))
 }
 
 /// Notes that the run's test sweeps contain no enrolled material.

@@ -85,12 +85,8 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
         write_whole(out, text.as_bytes())?;
         say!("probabilities: {}", out.display());
     }
-    if arguments.json {
-        output::print_json(&found)?;
-    } else {
-        output::print(classified_text::table(&found))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json)
+        .report(&found, |found| output::print(classified_text::table(found)))
 }
 
 /// Returns the format for a file name.

@@ -12,7 +12,7 @@ use tactnet_pipeline::{ClassifiedSweeps, SameMaterial, quoted};
 use super::choices::{DeviceChoice, rate};
 use super::run_classifier::RunClassifier;
 use super::{classified_text, same_text};
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(override_usage = "tactnet same [OPTIONS] <RUN> <FIRST> <SECOND>")]
@@ -109,10 +109,6 @@ pub fn run(arguments: &SameArgs) -> anyhow::Result<ExitCode> {
         say!("note: `{first}` and `{second}` are the same sweeps");
     }
     let same = SameMaterial::of(both).context("both were classified as one object")?;
-    if arguments.json {
-        output::print_json(&same)?;
-    } else {
-        output::print(same_text::text(&same))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json)
+        .report(&same, |same| output::print(same_text::text(same)))
 }

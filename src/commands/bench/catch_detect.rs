@@ -10,7 +10,7 @@ use tactnet_catching_trials::{DetectBench, DetectFigures, DetectReport};
 
 use crate::commands::catch;
 use crate::commands::progress_line::about;
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -55,12 +55,7 @@ pub fn run(arguments: &DetectBenchArgs) -> anyhow::Result<ExitCode> {
         }
     };
     let report = bench.run(&robot, progress, |_| ())?;
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 
 fn print(report: &DetectReport) -> anyhow::Result<()> {

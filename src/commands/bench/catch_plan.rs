@@ -10,7 +10,7 @@ use tactnet_catching_trials::{PlanBench, PlanReport};
 
 use crate::commands::catch::{self, ObjectiveChoice};
 use crate::commands::progress_line::about;
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -55,12 +55,7 @@ pub fn run(arguments: &PlanBenchArgs) -> anyhow::Result<ExitCode> {
             say!("{done} of {problems} problems, {} to go", about(left));
         }
     });
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 
 fn print(report: &PlanReport) -> anyhow::Result<()> {

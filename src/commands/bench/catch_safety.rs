@@ -8,7 +8,7 @@ use tactnet_catching::safety::MonitorConfig;
 use tactnet_catching_trials::{SafetyBench, SafetyReport};
 
 use crate::commands::catch;
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -43,12 +43,7 @@ pub fn run(arguments: &SafetyBenchArgs) -> anyhow::Result<ExitCode> {
             say!("{done} of {} motions", bench.motions);
         }
     });
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 
 fn print(report: &SafetyReport) -> anyhow::Result<()> {

@@ -8,7 +8,7 @@ use tactnet_catching::ChainDelays;
 use tactnet_catching_trials::{ThrowBench, ThrowBenchConfig, ThrowReport};
 
 use crate::commands::catch::{self, throw_progress};
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -54,12 +54,7 @@ pub fn run(arguments: &ThrowBenchArgs) -> anyhow::Result<ExitCode> {
         seed: arguments.seed,
     };
     let report = bench.run(throw_progress(u64::from(arguments.throws)))?;
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 
 fn print(report: &ThrowReport) -> anyhow::Result<()> {

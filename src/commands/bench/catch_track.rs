@@ -10,7 +10,7 @@ use tactnet_catching_trials::{TrackBench, TrackFigures, TrackReport};
 
 use crate::commands::catch;
 use crate::commands::progress_line::about;
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -53,12 +53,7 @@ pub fn run(arguments: &TrackBenchArgs) -> anyhow::Result<ExitCode> {
         config,
     };
     let report = bench.run(&robot, progress)?;
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 
 fn print(report: &TrackReport) -> anyhow::Result<()> {

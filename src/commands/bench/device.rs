@@ -11,7 +11,7 @@ use tactnet_models::Compute;
 
 use crate::commands::choices::DeviceChoice;
 use crate::device_times::{self, Times};
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -120,12 +120,7 @@ pub fn run(arguments: &DeviceArgs) -> anyhow::Result<ExitCode> {
         }
         report.batch = batch;
     }
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        output::print(table(&report)?)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, |report| output::print(table(report)?))
 }
 
 /// Returns a device with its name.

@@ -15,7 +15,7 @@ use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
 use super::throw_progress::throw_progress;
 use super::viewer::ViewerArgs;
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -102,12 +102,7 @@ fn solve(arguments: &CalibrateArgs, path: &Path) -> anyhow::Result<ExitCode> {
     if let Some(out) = &arguments.out {
         keep_calibration(out, &report.kept)?;
     }
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print_solved(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print_solved)
 }
 
 fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
@@ -154,12 +149,7 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     if let Some(target) = arguments.viewer.target() {
         super::view_calibration::view(&report, &target)?;
     }
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 
 fn print(report: &CalibrationReport) -> anyhow::Result<()> {

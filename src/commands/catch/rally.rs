@@ -10,7 +10,7 @@ use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, rally_page};
 
 use super::throw_progress::every_two_seconds;
 use super::viewer::ViewerArgs;
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -92,12 +92,7 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
     if let Some(target) = arguments.viewer.target() {
         super::view_rally::view(&report, &target)?;
     }
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 
 fn print(report: &RallyReport) -> anyhow::Result<()> {

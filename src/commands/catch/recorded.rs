@@ -9,7 +9,7 @@ use tactnet_catching_roles::Milliseconds;
 use tactnet_catching_stage::recorded::{Compared, Timing, replay, timing};
 use tactnet_recording::Recording;
 
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -34,12 +34,7 @@ pub fn run_timing(arguments: &TimingArgs) -> anyhow::Result<ExitCode> {
         std::fs::write(path, timing.picture()).with_context(|| path.display().to_string())?;
         say!("{}", path.display());
     }
-    if arguments.json {
-        output::print_json(&timing)?;
-    } else {
-        print(&timing)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&timing, print)
 }
 
 fn print(timing: &Timing) -> anyhow::Result<()> {

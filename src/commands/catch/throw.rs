@@ -11,7 +11,7 @@ use tactnet_catching_trials::{ThrowAim, ThrowAimReport};
 
 use super::place::place;
 use super::throw_progress::throw_progress;
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -64,12 +64,7 @@ pub fn run(arguments: &ThrowArgs) -> anyhow::Result<ExitCode> {
     };
     let rounds = u64::from(arguments.practice) + 1;
     let report = aim.run(throw_progress(u64::from(arguments.throws) * rounds))?;
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        print_aim(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, print_aim)
 }
 
 /// Returns the offsets of the aim for the left and the right hand from the values of `--aim-beside`.

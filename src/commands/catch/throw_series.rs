@@ -13,7 +13,7 @@ use tactnet_catching_world::ObstaclesConfig;
 
 use super::throw_progress::throw_progress;
 use super::viewer::ViewerArgs;
-use crate::output;
+use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -160,12 +160,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     if let Some(target) = arguments.viewer.target() {
         super::view_throw::view(&series, &report, &target)?;
     }
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        output::print(&report)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, |report| output::print(report))
 }
 
 fn series(arguments: &ThrowSeriesArgs) -> anyhow::Result<Series> {

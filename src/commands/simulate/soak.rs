@@ -14,6 +14,7 @@ use tactnet_simulation::{
 };
 
 use super::unseen_by;
+use crate::output::OutputFormat;
 use crate::stop::Stop;
 use crate::{GIT, output, source};
 
@@ -134,12 +135,7 @@ pub fn run(arguments: &SoakArgs) -> anyhow::Result<ExitCode> {
         |turn, turns| say!("turn {turn} of {turns}"),
         &|| stop.asked(),
     )?;
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        output::print(summary(&report))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    OutputFormat::from_flag(arguments.json).report(&report, |report| output::print(summary(report)))
 }
 
 /// Returns the main results in one line.
