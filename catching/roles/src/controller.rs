@@ -14,7 +14,7 @@ use crate::channels::{
     ARM_PATH, BODY_PATH, CONTROLLER_COMMAND, CONTROLLER_STATE, HEAD_GAZE, JOINT_COMMAND,
     JOINT_STATE, SAFETY_STATE, THROW_PATH,
 };
-use crate::latest_value::{LatestValue, PATIENCE};
+use crate::latest_value::{LatestValue, PATIENCE, drain};
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
@@ -128,40 +128,26 @@ impl ControllerTask<'_> {
         ports.verdict.look()?;
         let silent = self.is_monitor_silent(&ports.verdict);
         let controller = &mut self.controller;
-        while let Some(packet) = ports.orders.try_get()? {
-            for order in packet.iter() {
-                match order.order() {
-                    Some(ControllerOrder::Brake) => controller.brake(order.reason.as_str()),
-                    // The robot moves only while the safety monitor is alive.
-                    Some(ControllerOrder::GoBack) if !silent => controller.go_back(),
-                    _ => {}
-                }
-            }
-        }
+        drain(&ports.orders, |order| match order.order() {
+            Some(ControllerOrder::Brake) => controller.brake(order.reason.as_str()),
+            // The robot moves only while the safety monitor is alive.
+            Some(ControllerOrder::GoBack) if !silent => controller.go_back(),
+            _ => {}
+        })?;
         let mut came = false;
-        while let Some(packet) = ports.paths.try_get()? {
-            for path in packet.iter() {
-                // The state packet reports a refusal.
-                let _ = controller.arm_path(effect_ns, path);
-                came = true;
-            }
-        }
-        while let Some(packet) = ports.throws.try_get()? {
-            for path in packet.iter() {
-                let _ = controller.throw_path(effect_ns, path);
-                came = true;
-            }
-        }
-        while let Some(packet) = ports.body_paths.try_get()? {
-            packet.iter().for_each(|path| {
-                controller.body_path(path);
-            });
-        }
-        while let Some(packet) = ports.gazes.try_get()? {
-            packet
-                .iter()
-                .for_each(|gaze| controller.gaze(effect_ns, gaze));
-        }
+        drain(&ports.paths, |path| {
+            // The state packet reports a refusal.
+            let _ = controller.arm_path(effect_ns, path);
+            came = true;
+        })?;
+        drain(&ports.throws, |path| {
+            let _ = controller.throw_path(effect_ns, path);
+            came = true;
+        })?;
+        drain(&ports.body_paths, |path| {
+            controller.body_path(path);
+        })?;
+        drain(&ports.gazes, |gaze| controller.gaze(effect_ns, gaze))?;
         self.obey_monitor(silent, ports.verdict.get());
         Ok(came)
     }

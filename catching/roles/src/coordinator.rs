@@ -22,7 +22,7 @@ use crate::channels::{
     ARM_PATH, BODY_PATH, CATCH_STATE, CONTROLLER_COMMAND, CONTROLLER_STATE, HAND_COMMAND,
     HEAD_GAZE, HEAD_POSE, JOINT_STATE, PLAN_REQUEST, PLAN_RESULT, PREDICTION,
 };
-use crate::latest_value::LatestValue;
+use crate::latest_value::{LatestValue, drain};
 use crate::times::Times;
 use crate::translate::isometry;
 use crate::{RoleError, RoleReport, RoleSettings};
@@ -65,11 +65,7 @@ pub(crate) fn run(
         group.wait(BEAT)?;
         joints.look()?;
         head.look()?;
-        while let Some(packet) = states.try_get()? {
-            packet
-                .iter()
-                .for_each(|state| task.controller = Some(*state));
-        }
+        drain(&states, |state| task.controller = Some(*state))?;
         task.follow_controller(now_ns())?;
         while let Some(packet) = predictions.try_get()? {
             let (Some(balls), Some(pose)) = (packet.first(), MeasuredPose::of(&joints, &head))
@@ -80,9 +76,7 @@ pub(crate) fn run(
             task.request_plans([true; ARMS], begun, balls, pose)?;
             times.push(now_ns() - begun);
         }
-        while let Some(packet) = results.try_get()? {
-            packet.iter().for_each(|result| task.take(result));
-        }
+        drain(&results, |result| task.take(result))?;
         task.answer(now_ns())?;
         if let Some(pose) = MeasuredPose::of(&joints, &head) {
             task.correct_last(now_ns(), pose)?;

@@ -1,4 +1,4 @@
-//! Get-ports that keep only the latest packet.
+//! Reading of waiting packets: all of them, or only the latest.
 
 use std::time::Duration;
 
@@ -8,6 +8,17 @@ use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Received, Start, Wait}
 pub(crate) const PATIENCE: Wait = Wait::Block {
     timeout: Duration::from_millis(50),
 };
+
+/// Calls `take` for each element of all waiting packets.
+///
+/// # Errors
+/// The same as [`GetPort::try_get`].
+pub fn drain<T: Packet>(port: &GetPort<T>, mut take: impl FnMut(&T)) -> Result<(), ChannelError> {
+    while let Some(packet) = port.try_get()? {
+        packet.iter().for_each(&mut take);
+    }
+    Ok(())
+}
 
 /// Latest packet of a channel.
 pub(crate) struct LatestValue<T> {

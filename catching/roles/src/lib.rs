@@ -44,6 +44,7 @@ mod translate;
 pub use catch_times::CatchTimes;
 pub use channels::{PICTURE_HEAD, catching_channels};
 pub use error::RoleError;
+pub use latest_value::drain;
 pub use milliseconds::Milliseconds;
 pub use picture::PictureHead;
 pub use planner::{answer, planning_ends_ns};

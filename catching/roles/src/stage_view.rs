@@ -12,7 +12,7 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Start, Table, now_ns};
 
 use crate::channels::{CATCH_OUTCOME, CATCH_STATE, HAND_STATE, JOINT_STATE, PREDICTION};
-use crate::latest_value::LatestValue;
+use crate::latest_value::{LatestValue, drain};
 use crate::{RoleError, RoleSettings};
 
 /// Age of a prediction after which its ball is no longer drawn, in ns.
@@ -91,9 +91,7 @@ impl StageView {
         self.predictions.look()?;
         self.hand.look()?;
         self.status.look()?;
-        while let Some(packet) = self.outcomes.try_get()? {
-            packet.iter().for_each(|outcome| self.stage.take(outcome));
-        }
+        drain(&self.outcomes, |outcome| self.stage.take(outcome))?;
         if let Some(state) = self.joints.get() {
             let links = self.corrections.joints(state).q;
             (self.stage.body, self.stage.arms) = limbs(self.corrections.robot(), &links);

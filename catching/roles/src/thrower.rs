@@ -20,7 +20,7 @@ use crate::channels::{
     ARM_PATH, CATCH_FELT, CATCH_STATE, CONTROLLER_STATE, HAND_RELEASE, HAND_STATE, PREDICTION,
     THROW_PATH, THROW_STATE,
 };
-use crate::latest_value::LatestValue;
+use crate::latest_value::{LatestValue, drain};
 use crate::throw_back::ThrowBack;
 use crate::throw_duty::{LatestPackets, ThrowAction, ThrowDuty};
 use crate::times::Times;
@@ -210,12 +210,8 @@ impl Ports {
         self.hand.look()?;
         self.status.look()?;
         self.felt.look()?;
-        while let Some(packet) = self.predictions.try_get()? {
-            packet.iter().for_each(|seen| origins.seen(seen));
-        }
-        while let Some(packet) = self.arms.try_get()? {
-            packet.iter().for_each(|path| origins.reached(path));
-        }
+        drain(&self.predictions, |seen| origins.seen(seen))?;
+        drain(&self.arms, |path| origins.reached(path))?;
         Ok(())
     }
 

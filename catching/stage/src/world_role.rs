@@ -9,7 +9,7 @@ use tactnet_catching_packets::packets::{
     CatchPhase, CatchStatus, Circles, FeltMaterial, HandCommand, HandOpening, HandState, ImuSample,
     JointCommand, JointState, MarkerFeature, MarkerFeatures, ThrowPath,
 };
-use tactnet_catching_roles::RoleSettings;
+use tactnet_catching_roles::{RoleSettings, drain};
 use tactnet_catching_world::{FlightSample, TICK_NS, World};
 use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Ticker};
 
@@ -230,27 +230,23 @@ impl LiveWorld<'_> {
             newest = packet.first().copied().or(newest);
         }
         let mut hands = [None; ARMS];
-        while let Some(packet) = self.ports.targets.try_get()? {
-            for target in packet.iter().filter(|target| target.arm < ARMS as u64) {
-                hands[target.arm as usize] = Some(HandCommand {
+        drain(&self.ports.targets, |target| {
+            if let Some(hand) = hands.get_mut(target.arm as usize) {
+                *hand = Some(HandCommand {
                     arm: target.arm,
                     catch_ns: target.catch_ns.saturating_sub(self.epoch_ns),
                 });
             }
-        }
+        })?;
         while let Some(packet) = self.ports.status.try_get()? {
             if let Some(status) = packet.first() {
                 let phase = status.phase().unwrap_or(CatchPhase::Starting);
                 self.phase = (phase, status.since_ns);
             }
         }
-        while let Some(packet) = self.ports.throws.try_get()? {
-            packet.iter().for_each(|path| self.letting.plan(path));
-        }
+        drain(&self.ports.throws, |path| self.letting.plan(path))?;
         let now = self.now_ns();
-        while let Some(packet) = self.ports.openings.try_get()? {
-            packet.iter().for_each(|told| self.letting.tell(now, told));
-        }
+        drain(&self.ports.openings, |told| self.letting.tell(now, told))?;
         self.throw()?;
         self.letting.open(&mut self.world, self.epoch_ns);
         let command = *self.drives.tick(newest.as_ref());

@@ -6,6 +6,7 @@ use tactnet_catching_packets::packets::{
     ArmPath, CalibrationState, CatchOutcome, CatchPhase, CatchStatus, ControllerMode,
     ControllerState, HandState, ThrowStatus, ThrownBack,
 };
+use tactnet_catching_roles::drain;
 use tactnet_channel::{Bus, GetPort, Start};
 
 use super::RunEvent;
@@ -60,9 +61,7 @@ impl RunObserver {
         self.look_at_calibration(on_event)?;
         let over = self.finished() > before;
         let mut holds = false;
-        while let Some(packet) = self.hands.try_get()? {
-            holds |= packet.iter().any(|hand| hand.holds == 1);
-        }
+        drain(&self.hands, |hand| holds |= hand.holds == 1)?;
         if over || holds {
             self.busy = Instant::now();
         }
@@ -81,18 +80,16 @@ impl RunObserver {
                 .iter()
                 .for_each(|path| self.catches.times.path(put_ns, path));
         }
-        while let Some(packet) = self.states.try_get()? {
-            for state in packet.iter() {
-                let mode = state.mode();
-                if mode == Some(ControllerMode::Braking) && self.mode != mode {
-                    let why = state.reason.as_str().to_string();
-                    self.catches.braked(&why);
-                    on_event(RunEvent::Braked(why));
-                }
-                self.catches.refused(state.refused, state.reason.as_str());
-                self.mode = mode;
+        drain(&self.states, |state| {
+            let mode = state.mode();
+            if mode == Some(ControllerMode::Braking) && self.mode != mode {
+                let why = state.reason.as_str().to_string();
+                self.catches.braked(&why);
+                on_event(RunEvent::Braked(why));
             }
-        }
+            self.catches.refused(state.refused, state.reason.as_str());
+            self.mode = mode;
+        })?;
         Ok(())
     }
 
@@ -103,35 +100,28 @@ impl RunObserver {
                 self.catches.no_plans = self.catches.no_plans.max(status.no_plans);
             }
         }
-        while let Some(packet) = self.outcomes.try_get()? {
-            for outcome in packet.iter() {
-                self.catches.outcome(outcome);
-                let outcomes = &self.catches.outcomes;
-                on_event(RunEvent::Thrown {
-                    throws: outcomes.len() as u64,
-                    caught: outcomes.iter().filter(|o| o.caught == 1).count() as u64,
-                    outcome: *outcome,
-                });
-            }
-        }
+        drain(&self.outcomes, |outcome| {
+            self.catches.outcome(outcome);
+            let outcomes = &self.catches.outcomes;
+            on_event(RunEvent::Thrown {
+                throws: outcomes.len() as u64,
+                caught: outcomes.iter().filter(|o| o.caught == 1).count() as u64,
+                outcome: *outcome,
+            });
+        })?;
         Ok(())
     }
 
     fn look_at_throws(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
-        while let Some(packet) = self.throw_states.try_get()? {
-            for why in packet
-                .iter()
-                .filter_map(|status| self.throws.status(status))
-            {
+        drain(&self.throw_states, |status| {
+            if let Some(why) = self.throws.status(status) {
                 on_event(RunEvent::NotThrown(why));
             }
-        }
-        while let Some(packet) = self.backs.try_get()? {
-            for thrown in packet.iter() {
-                self.throws.thrown(thrown);
-                on_event(RunEvent::ThrownBack(*thrown));
-            }
-        }
+        })?;
+        drain(&self.backs, |thrown| {
+            self.throws.thrown(thrown);
+            on_event(RunEvent::ThrownBack(*thrown));
+        })?;
         Ok(())
     }
 
@@ -140,13 +130,11 @@ impl RunObserver {
         on_event: &mut dyn FnMut(RunEvent),
     ) -> Result<(), StageError> {
         let throws = self.catches.outcomes.len() as u64;
-        while let Some(packet) = self.holds.try_get()? {
-            for state in packet.iter() {
-                if self.catches.hold.take(state, throws) {
-                    on_event(RunEvent::NoLongerCalibrated(*state));
-                }
+        drain(&self.holds, |state| {
+            if self.catches.hold.take(state, throws) {
+                on_event(RunEvent::NoLongerCalibrated(*state));
             }
-        }
+        })?;
         Ok(())
     }
 
