@@ -29,8 +29,6 @@ pub mod at {
     pub const TURN: usize = 5;
     /// Offset within a camera: position minus the described one, in the head frame, in m.
     pub const SHIFT: usize = 8;
-    /// Number of unknowns per camera.
-    pub const OF_CAMERA: usize = 11;
     /// Index of the marker position in the frame of the arm's last link (3), in m.
     pub const fn marker(arm: usize) -> usize {
         22 + 3 * arm

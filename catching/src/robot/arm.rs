@@ -244,13 +244,6 @@ impl ArmKinematics {
             bend: cos.acos(),
         })
     }
-
-    /// Returns true if all joints are within their ranges.
-    pub fn within_ranges(&self, q: &[f64; ARM_JOINTS]) -> bool {
-        q.iter()
-            .zip(&self.joints)
-            .all(|(q, joint)| (joint.range[0]..=joint.range[1]).contains(q))
-    }
 }
 
 /// Joint axes and positions of an arm.
