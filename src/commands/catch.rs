@@ -18,7 +18,7 @@ mod view_rally;
 mod view_throw;
 mod viewer;
 
-pub use throw_progress::throw_progress;
+pub use throw_progress::{progress_of, throw_progress};
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -2,14 +2,12 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
 
 use clap::Args;
 use tactnet_catching::circles::CircleConfig;
 use tactnet_catching_trials::{DetectBench, DetectFigures, DetectReport};
 
-use crate::commands::catch;
-use crate::commands::progress_line::about;
+use crate::commands::catch::{self, progress_of};
 use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
@@ -42,18 +40,7 @@ pub fn run(arguments: &DetectBenchArgs) -> anyhow::Result<ExitCode> {
         world: catch::world(arguments.world.as_deref())?,
         config: CircleConfig::default(),
     };
-    let (begun, mut said) = (Instant::now(), Instant::now());
-    let progress = |done: usize| {
-        if said.elapsed().as_secs_f64() > 2.0 {
-            said = Instant::now();
-            let left = (bench.throws - done) as f64 / done as f64;
-            say!(
-                "{done} of {} throws, {} to go",
-                bench.throws,
-                about(begun.elapsed().mul_f64(left))
-            );
-        }
-    };
+    let progress = progress_of(bench.throws, "throws");
     let report = bench.run(&robot, progress, |_| ())?;
     OutputFormat::from_flag(arguments.json).report(&report, print)
 }

@@ -2,14 +2,12 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
 
 use clap::Args;
 use tactnet_catching::plan::PlanConfig;
 use tactnet_catching_trials::{PlanBench, PlanReport};
 
-use crate::commands::catch::{self, ObjectiveChoice};
-use crate::commands::progress_line::about;
+use crate::commands::catch::{self, ObjectiveChoice, progress_of};
 use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
@@ -44,17 +42,7 @@ pub fn run(arguments: &PlanBenchArgs) -> anyhow::Result<ExitCode> {
         objective: arguments.objective.into(),
         config: PlanConfig::default(),
     };
-    let begun = Instant::now();
-    let mut said = begun;
-    let report = bench.run(&robot, |done| {
-        if said.elapsed().as_secs_f64() > 2.0 {
-            said = Instant::now();
-            let left = begun
-                .elapsed()
-                .mul_f64((problems - done.min(problems)) as f64 / done.max(1) as f64);
-            say!("{done} of {problems} problems, {} to go", about(left));
-        }
-    });
+    let report = bench.run(&robot, progress_of(problems, "problems"));
     OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 

@@ -2,14 +2,12 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
 
 use clap::Args;
 use tactnet_catching::track::TrackConfig;
 use tactnet_catching_trials::{TrackBench, TrackFigures, TrackReport};
 
-use crate::commands::catch;
-use crate::commands::progress_line::about;
+use crate::commands::catch::{self, progress_of};
 use crate::output::{self, OutputFormat};
 
 #[derive(Args)]
@@ -36,23 +34,12 @@ pub fn run(arguments: &TrackBenchArgs) -> anyhow::Result<ExitCode> {
     let robot = catch::robot(arguments.robot.as_ref())?;
     let throws = arguments.throws as usize;
     let config = TrackConfig::default();
-    let begun = Instant::now();
-    let mut said = begun;
-    let progress = |done: usize| {
-        if said.elapsed().as_secs_f64() > 2.0 {
-            said = Instant::now();
-            let left = begun
-                .elapsed()
-                .mul_f64((throws - done) as f64 / done.max(1) as f64);
-            say!("{done} of {throws} throws, {} to go", about(left));
-        }
-    };
     let bench = TrackBench {
         throws,
         seed: arguments.seed,
         config,
     };
-    let report = bench.run(&robot, progress)?;
+    let report = bench.run(&robot, progress_of(throws, "throws"))?;
     OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 

@@ -1,4 +1,4 @@
-//! Progress of throws that are simulated on all cores.
+//! Progress of throws and benchmarks.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -28,6 +28,22 @@ pub fn every_two_seconds(all: u64, report: impl Fn(u64, &str) + Sync) -> impl Fn
         {
             let left = elapsed.mul_f64(all.saturating_sub(done) as f64 / done as f64);
             report(done, &about(left));
+        }
+    }
+}
+
+/// Returns a callback that receives the number of finished parts and reports it every two seconds.
+///
+/// - `parts`: noun of the parts, in the plural
+pub fn progress_of(all: usize, parts: &str) -> impl FnMut(usize) {
+    let begun = Instant::now();
+    let mut said = begun;
+    move |done| {
+        if said.elapsed().as_secs_f64() > 2.0 {
+            said = Instant::now();
+            let left = all.saturating_sub(done) as f64 / done.max(1) as f64;
+            let left = about(begun.elapsed().mul_f64(left));
+            say!("{done} of {all} {parts}, {left} to go");
         }
     }
 }
