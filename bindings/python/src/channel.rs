@@ -1,14 +1,12 @@
 //! The robot's channels: frames, commands and beliefs.
 
 use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::Mutex;
 
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use tactnet_channel::{
-    Domain, GetPort, HubThread, PacketType, Priority, PutPort, Start, Table, Wait, now_ns,
-    remove_bus,
+    Domain, GetPort, HubThread, PacketType, Priority, PutPort, Start, Table, now_ns, remove_bus,
 };
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{
@@ -16,15 +14,8 @@ use tactnet_skin::packets::{
 };
 
 use crate::error::{TactnetError, raised};
-use crate::packet_ports::{RawGetPort, RawPutPort, deadline};
+use crate::packet_ports::{RawGetPort, RawPutPort, locked, wait_for};
 use crate::words::belief_in_words;
-
-/// Maximum sleep of a wait, which bounds the reaction time to Ctrl-C.
-pub(crate) const PATIENCE: Duration = Duration::from_millis(100);
-
-pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// Holds a bus in this process, for tests and small setups. On a robot the hub is a separate program.
 #[pyclass(frozen, module = "tactnet.channel")]
@@ -337,36 +328,21 @@ impl BeliefPort {
     /// Waits for the next belief. Returns it as a JSON document, or None after `timeout` seconds.
     #[pyo3(signature = (timeout=None))]
     fn get_json(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Option<String>> {
-        let deadline = deadline(timeout)?;
-        loop {
-            let left = deadline.map_or(PATIENCE, |end| {
-                end.saturating_duration_since(Instant::now())
-            });
-            let found = py.detach(|| {
-                let mut inner = locked(&self.inner);
-                let wait = Wait::Block {
-                    timeout: left.min(PATIENCE),
-                };
-                let belief = inner.beliefs.get(wait)?.map(|belief| belief[0]);
-                while let Some(model) = inner.models.try_get()? {
-                    inner.names = Some(model[0]);
-                }
-                Ok::<_, tactnet_channel::ChannelError>(belief.and_then(|belief| {
-                    let names = inner
-                        .names
-                        .as_ref()
-                        .filter(|names| names.version == belief.model_version);
-                    belief_in_words(&belief, names)
-                }))
-            });
-            if let Some(belief) = found.map_err(raised)? {
-                return Ok(Some(belief.to_string()));
+        let belief = wait_for(py, timeout, |wait| {
+            let mut inner = locked(&self.inner);
+            let belief = inner.beliefs.get(wait)?.map(|belief| belief[0]);
+            while let Some(model) = inner.models.try_get()? {
+                inner.names = Some(model[0]);
             }
-            py.check_signals()?;
-            if deadline.is_some_and(|end| Instant::now() >= end) {
-                return Ok(None);
-            }
-        }
+            Ok(belief.and_then(|belief| {
+                let names = inner
+                    .names
+                    .as_ref()
+                    .filter(|names| names.version == belief.model_version);
+                belief_in_words(&belief, names)
+            }))
+        })?;
+        Ok(belief.map(|belief| belief.to_string()))
     }
 
     /// Number of lost packets.

@@ -1,14 +1,20 @@
 //! Ports for packets of any type, as bytes.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use tactnet_channel::{ChannelError, GetPort, PutPort, Wait};
 
-use crate::channel::{PATIENCE, locked};
 use crate::error::{TactnetError, raised};
+
+/// Maximum sleep of a wait, which bounds the reaction time to Ctrl-C.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Puts packets as bytes.
 #[pyclass(frozen, module = "tactnet.channel")]
@@ -50,28 +56,11 @@ impl RawGetPort {
         py: Python<'py>,
         timeout: Option<f64>,
     ) -> PyResult<Option<(Bound<'py, PyBytes>, u64)>> {
-        let deadline = deadline(timeout)?;
-        loop {
-            let left = deadline.map_or(PATIENCE, |end| {
-                end.saturating_duration_since(Instant::now())
-            });
-            let found = py.detach(|| {
-                let wait = Wait::Block {
-                    timeout: left.min(PATIENCE),
-                };
-                let packet = locked(&self.port).get(wait)?;
-                Ok::<_, ChannelError>(
-                    packet.map(|packet| (packet.to_vec(), packet.header().put_ns)),
-                )
-            });
-            if let Some((items, put_ns)) = found.map_err(raised)? {
-                return Ok(Some((PyBytes::new(py, &items), put_ns)));
-            }
-            py.check_signals()?;
-            if deadline.is_some_and(|end| Instant::now() >= end) {
-                return Ok(None);
-            }
-        }
+        let packet = wait_for(py, timeout, |wait| {
+            let packet = locked(&self.port).get(wait)?;
+            Ok(packet.map(|packet| (packet.to_vec(), packet.header().put_ns)))
+        })?;
+        Ok(packet.map(|(items, put_ns)| (PyBytes::new(py, &items), put_ns)))
     }
 
     /// Number of lost packets.
@@ -81,8 +70,32 @@ impl RawGetPort {
     }
 }
 
+/// Waits until `get` returns a value, or `timeout` seconds are over. Signals interrupt it.
+pub(crate) fn wait_for<T: Send>(
+    py: Python<'_>,
+    timeout: Option<f64>,
+    get: impl Fn(Wait) -> Result<Option<T>, ChannelError> + Sync,
+) -> PyResult<Option<T>> {
+    let deadline = deadline(timeout)?;
+    loop {
+        let left = deadline.map_or(PATIENCE, |end| {
+            end.saturating_duration_since(Instant::now())
+        });
+        let wait = Wait::Block {
+            timeout: left.min(PATIENCE),
+        };
+        if let Some(found) = py.detach(|| get(wait)).map_err(raised)? {
+            return Ok(Some(found));
+        }
+        py.check_signals()?;
+        if deadline.is_some_and(|end| Instant::now() >= end) {
+            return Ok(None);
+        }
+    }
+}
+
 /// Returns the time at which to stop waiting; `None`: never.
-pub(crate) fn deadline(timeout: Option<f64>) -> PyResult<Option<Instant>> {
+fn deadline(timeout: Option<f64>) -> PyResult<Option<Instant>> {
     match timeout.map(Duration::try_from_secs_f64) {
         None => Ok(None),
         Some(Ok(timeout)) => Ok(Instant::now().checked_add(timeout)),
