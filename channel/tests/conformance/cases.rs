@@ -5,7 +5,8 @@ mod waiting;
 
 use bytemuck::{Pod, Zeroable};
 use tactnet_channel::{
-    ChannelConfig, ChannelError, ChannelId, GetPort, Packet, Priority, Start, now_ns,
+    AsChannelId, Bus, ChannelConfig, ChannelError, ChannelId, GetPort, Packet, Priority, PutPort,
+    Start, now_ns,
 };
 
 use crate::world::{SOON, World};
@@ -40,6 +41,15 @@ fn reading(number: u64) -> Reading {
     }
 }
 
+fn putter(bus: &Bus, channel: &str) -> PutPort<Reading> {
+    bus.put_port(channel, Priority::Normal).unwrap()
+}
+
+/// Returns a port that gets the packets from now on.
+fn getter(bus: &Bus, channel: impl AsChannelId) -> GetPort<Reading> {
+    bus.get_port(channel, Start::Now).unwrap()
+}
+
 /// Gets all available packets and returns their numbers.
 fn numbers(port: &GetPort<Reading>) -> Vec<u64> {
     std::iter::from_fn(|| port.try_get().unwrap().map(|packet| packet[0].number)).collect()
@@ -69,11 +79,8 @@ pub fn packets_of_a_sender_arrive_in_their_order(world: &World) {
             ..normal()
         },
     )]);
-    let get = ends.far.get_port::<Reading>("a", Start::Now).unwrap();
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let get = getter(&ends.far, "a");
+    let put = putter(&ends.near, "a");
     ends.settle();
     for number in 0..1000 {
         let mut packet = put.loan(2).unwrap();
@@ -144,10 +151,7 @@ pub fn a_late_joiner_gets_the_history_it_asks_for(world: &World) {
             ..normal()
         },
     )]);
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let put = putter(&ends.near, "a");
     for number in 0..9 {
         put.put_copy(&[reading(number)]).unwrap();
     }
@@ -190,12 +194,9 @@ pub fn who_starts_now_gets_nothing_old(world: &World) {
             ..normal()
         },
     )]);
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let put = putter(&ends.near, "a");
     put.put_copy(&[reading(1)]).unwrap();
-    let get = ends.near.get_port::<Reading>("a", Start::Now).unwrap();
+    let get = getter(&ends.near, "a");
     put.put_copy(&[reading(2)]).unwrap();
     assert_eq!(wait_for(&get, 1), [2]);
 }
@@ -209,11 +210,8 @@ pub fn a_full_ring_keeps_the_newest_and_counts_the_loss(world: &World) {
         },
     )]);
     // In the distributed domain several rings lose packets; the near end has a single one.
-    let get = ends.near.get_port::<Reading>("a", Start::Now).unwrap();
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let get = getter(&ends.near, "a");
+    let put = putter(&ends.near, "a");
     ends.settle();
     put.put_copy(&[reading(0)]).unwrap();
     assert_eq!(wait_for(&get, 1), [0]);
@@ -234,14 +232,11 @@ pub fn an_id_can_be_sent_over_a_channel(world: &World) {
         .near
         .put_port::<ChannelId>("where", Priority::Normal)
         .unwrap();
-    let put = ends
-        .near
-        .put_port::<Reading>("there", Priority::Normal)
-        .unwrap();
+    let put = putter(&ends.near, "there");
     ends.settle();
     tell.put_copy(&[put.id()]).unwrap();
     let id = get.get(SOON).unwrap().unwrap()[0];
-    let there = ends.far.get_port::<Reading>(id, Start::Now).unwrap();
+    let there = getter(&ends.far, id);
     ends.settle();
     put.put_copy(&[reading(3)]).unwrap();
     assert_eq!(wait_for(&there, 1), [3]);
@@ -249,7 +244,7 @@ pub fn an_id_can_be_sent_over_a_channel(world: &World) {
 
 pub fn priorities_and_times_come_with_the_packet(world: &World) {
     let ends = world.with(&[("a", normal())]);
-    let get = ends.far.get_port::<Reading>("a", Start::Now).unwrap();
+    let get = getter(&ends.far, "a");
     let put = ends
         .near
         .put_port::<Reading>("a", Priority::RealTime)

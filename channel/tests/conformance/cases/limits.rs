@@ -3,22 +3,19 @@
 use bytemuck::{Pod, Zeroable};
 use tactnet_channel::{ChannelConfig, ChannelError, Packet, Priority, Start};
 
-use super::{Reading, normal, reading, wait_for};
+use super::{Reading, getter, normal, putter, reading, wait_for};
 use crate::world::{SOON, World};
 
 pub fn packets_that_are_too_large_are_refused(world: &World) {
     let ends = world.with(&[("a", normal())]);
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let put = putter(&ends.near, "a");
     let error = put.loan(5).unwrap_err();
     assert_eq!(
         error.to_string(),
         "channel `a`: expected at most 4 items in a packet, found 5"
     );
     // Packets of maximum size and empty packets arrive.
-    let get = ends.far.get_port::<Reading>("a", Start::Now).unwrap();
+    let get = getter(&ends.far, "a");
     ends.settle();
     put.put_copy(&[reading(1); 4]).unwrap();
     put.put_copy(&[]).unwrap();
@@ -78,20 +75,14 @@ pub fn ports_beyond_the_table_are_refused_until_one_is_dropped(world: &World) {
 
 pub fn a_packet_outlives_its_ports(world: &World) {
     let ends = world.with(&[("a", normal())]);
-    let get = ends.far.get_port::<Reading>("a", Start::Now).unwrap();
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let get = getter(&ends.far, "a");
+    let put = putter(&ends.near, "a");
     ends.settle();
     put.put_copy(&[reading(5)]).unwrap();
     let packet = get.get(SOON).unwrap().unwrap();
     drop(put);
     drop(get);
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let put = putter(&ends.near, "a");
     put.put_copy(&[reading(6)]).unwrap();
     assert_eq!(packet[0], reading(5));
 }
@@ -105,11 +96,8 @@ pub fn more_packets_than_allowed_cannot_be_held_or_loaned(world: &World) {
             ..normal()
         },
     )]);
-    let get = ends.far.get_port::<Reading>("a", Start::Now).unwrap();
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let get = getter(&ends.far, "a");
+    let put = putter(&ends.near, "a");
     ends.settle();
     for number in 0..4 {
         put.put_copy(&[reading(number)]).unwrap();

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use tactnet_channel::{ChannelConfig, Priority, Start, Wait};
 
-use super::{Reading, normal, numbers, reading, wait_for};
+use super::{Reading, getter, normal, numbers, putter, reading, wait_for};
 use crate::world::{SOON, World};
 
 fn group_of(ports: usize, world: &World) {
@@ -100,17 +100,11 @@ pub fn a_busy_port_does_not_starve_the_group(world: &World) {
         ),
         ("calm", normal()),
     ]);
-    let busy = ends.far.get_port::<Reading>("busy", Start::Now).unwrap();
-    let calm = ends.far.get_port::<Reading>("calm", Start::Now).unwrap();
+    let busy = getter(&ends.far, "busy");
+    let calm = getter(&ends.far, "calm");
     let mut group = ends.far.sync_group(&[&busy, &calm]).unwrap();
-    let put = ends
-        .near
-        .put_port::<Reading>("busy", Priority::Normal)
-        .unwrap();
-    let seldom = ends
-        .near
-        .put_port::<Reading>("calm", Priority::Normal)
-        .unwrap();
+    let put = putter(&ends.near, "busy");
+    let seldom = putter(&ends.near, "calm");
     ends.settle();
     for number in 0..50 {
         put.put_copy(&[reading(number)]).unwrap();
@@ -128,11 +122,8 @@ pub fn a_busy_port_does_not_starve_the_group(world: &World) {
 
 pub fn blocking_gets_wake_up_and_time_out(world: &World) {
     let ends = world.with(&[("a", normal())]);
-    let get = ends.far.get_port::<Reading>("a", Start::Now).unwrap();
-    let put = ends
-        .near
-        .put_port::<Reading>("a", Priority::Normal)
-        .unwrap();
+    let get = getter(&ends.far, "a");
+    let put = putter(&ends.near, "a");
     ends.settle();
     let begun = Instant::now();
     let timeout = Duration::from_millis(30);
@@ -156,17 +147,9 @@ pub fn blocking_gets_wake_up_and_time_out(world: &World) {
 pub fn no_wake_up_is_lost(world: &World) {
     const ROUNDS: u64 = 2000;
     let ends = world.with(&[("there", normal()), ("back", normal())]);
-    let there = ends
-        .near
-        .put_port::<Reading>("there", Priority::Normal)
-        .unwrap();
-    let back = ends.near.get_port::<Reading>("back", Start::Now).unwrap();
-    let (got, answer) = (
-        ends.far.get_port::<Reading>("there", Start::Now).unwrap(),
-        ends.far
-            .put_port::<Reading>("back", Priority::Normal)
-            .unwrap(),
-    );
+    let there = putter(&ends.near, "there");
+    let back = getter(&ends.near, "back");
+    let (got, answer) = (getter(&ends.far, "there"), putter(&ends.far, "back"));
     ends.settle();
     std::thread::scope(|scope| {
         scope.spawn(move || {
