@@ -1,23 +1,15 @@
 //! The GPU block compared with the CPU block: outputs and all gradients.
 #![cfg(feature = "vulkan")]
 
+mod noise;
+
 use cubecl::client::Client;
 use cubecl::prelude::*;
 use cubecl::server::Handle;
 use tactnet_conv::{AdamStep, Block as CpuBlock, BlockShape, Weight};
 use tactnet_conv_gpu::Block;
 
-fn noise(len: usize, seed: u64) -> Vec<f32> {
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    (0..len)
-        .map(|_| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
-        })
-        .collect()
-}
+use noise::noise;
 
 fn upload(client: &Client, values: &[f32]) -> Handle {
     client.create_from_slice(f32::as_bytes(values))

@@ -1,6 +1,8 @@
 //! Networks that train together compared with each network alone.
 #![cfg(feature = "vulkan")]
 
+mod noise;
+
 use cubecl::client::Client;
 use tactnet_conv::AdamStep;
 use tactnet_conv_gpu::{
@@ -8,17 +10,7 @@ use tactnet_conv_gpu::{
     StackState, StackSweeps,
 };
 
-fn noise(len: usize, seed: u64) -> Vec<f32> {
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    (0..len)
-        .map(|_| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
-        })
-        .collect()
-}
+use noise::noise;
 
 /// Maximum number of sweeps in a batch. The second network has one less in every other step, the third has none in the last steps.
 const BATCH: usize = 4;
