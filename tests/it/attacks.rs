@@ -11,7 +11,7 @@ use tactnet_channel::{Start, Wait};
 use tactnet_models::Weights;
 use tactnet_skin::packets::{Event, TactileBelief, TactileStatus};
 
-use crate::command::{Lab, RecipeChange, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, expect, json, stderr, tactnet};
 use crate::robot::{Robot, Running, STEPS};
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -137,14 +137,9 @@ fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
     let robot = Robot::new("changed");
     let lab = &robot.lab;
     let data = lab.path("five.h5").display().to_string();
-    let steps = STEPS.to_string();
-    let twin = ["data", "twin", "--materials", "5", "--sweeps", "5"];
-    expect(
-        0,
-        tactnet(twin.iter().chain(&["--steps", &steps, "--out", &data])),
-    );
-    let info = stdout(&expect(0, tactnet(["data", "info", "--json", &data])));
-    let info: Value = serde_json::from_str(&info).unwrap();
+    let size = format!("--materials 5 --sweeps 5 --steps {STEPS}");
+    lab.twin("five.h5", &size);
+    let info = json(tactnet(["data", "info", "--json", &data]));
     let new = info["materials"][4]["name"].as_str().unwrap();
     let run = lab.path("models/1").display().to_string();
     let again = lab.path("again").display().to_string();

@@ -97,18 +97,7 @@ fn baselines_do_not_depend_on_the_number_of_threads() {
 #[test]
 fn ridge_classifiers_of_many_sweeps_do_not_depend_on_the_number_of_threads() {
     let lab = Lab::new();
-    let mut twin = tactnet([
-        "data",
-        "twin",
-        "--materials",
-        "10",
-        "--sweeps",
-        "60",
-        "--steps",
-        "40",
-    ]);
-    twin.arg("--out").arg(lab.path("many.h5"));
-    expect(0, twin);
+    lab.twin("many.h5", "--materials 10 --sweeps 60 --steps 40");
     for threads in ["1", "2", "4"] {
         let mut command = tactnet(["train", "--model", "minirocket", "--data"]);
         command

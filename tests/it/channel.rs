@@ -62,21 +62,31 @@ impl Robot {
         Running(child)
     }
 
+    /// Starts a process whose output is dropped.
+    fn quiet(&self, arguments: &[&str]) -> Running {
+        let mut command = self.command(arguments);
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        command.spawn().map(Running).unwrap()
+    }
+
+    /// Starts a measurement of channel `a`, and waits until its port is open.
+    fn start_hz(&self, seconds: &str) -> Child {
+        let mut hz = self.command(&["hz", "a", "--json", "--seconds", seconds]);
+        let hz = hz.stdout(Stdio::piped()).spawn().unwrap();
+        self.wait_for_ports(1, 1);
+        hz
+    }
+
     fn hub(&self) -> Running {
         self.start(&["hub"])
     }
 
     fn hz(&self, channel: &str, seconds: &str) -> Value {
-        let output = expect(
-            0,
-            self.command(&["hz", channel, "--json", "--seconds", seconds]),
-        );
-        serde_json::from_str(&stdout(&output)).unwrap()
+        json(self.command(&["hz", channel, "--json", "--seconds", seconds]))
     }
 
     fn list(&self) -> Value {
-        let output = expect(0, self.command(&["list", "--json"]));
-        serde_json::from_str(&stdout(&output)).unwrap()
+        json(self.command(&["list", "--json"]))
     }
 
     /// Waits until channel 0 of the list has this many ports.
@@ -203,18 +213,8 @@ fn a_killed_getter_and_a_stuck_one_do_not_harm_the_others() {
     let robot = Robot::new(ONE);
     let _hub = robot.hub();
     let _putter = robot.start(&["put", "a"]);
-    let killed = robot
-        .command(&["echo", "a"])
-        .stdout(Stdio::null())
-        .spawn()
-        .map(Running)
-        .unwrap();
-    let stuck = robot
-        .command(&["echo", "a"])
-        .stdout(Stdio::null())
-        .spawn()
-        .map(Running)
-        .unwrap();
+    let killed = robot.quiet(&["echo", "a"]);
+    let stuck = robot.quiet(&["echo", "a"]);
     robot.wait_for_ports(1, 2);
     signal("STOP", stuck.0.id());
     drop(killed);
@@ -228,16 +228,9 @@ fn getters_killed_while_they_open_do_not_harm_a_running_putter_and_its_getter() 
     let robot = Robot::new(&ONE.replace("get_ports = 3", "get_ports = 100"));
     let _hub = robot.hub();
     let putter = robot.start(&["put", "a"]);
-    let hz = robot
-        .command(&["hz", "a", "--json", "--seconds", "3"])
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    robot.wait_for_ports(1, 1);
+    let hz = robot.start_hz("3");
     for half_milliseconds in 0..60 {
-        let mut getter = robot.command(&["echo", "a"]);
-        getter.stdout(Stdio::null()).stderr(Stdio::null());
-        let getter = getter.spawn().map(Running).unwrap();
+        let getter = robot.quiet(&["echo", "a"]);
         std::thread::sleep(Duration::from_micros(500 * half_milliseconds));
         drop(getter);
     }
@@ -253,12 +246,7 @@ fn a_killed_hub_is_not_missed_and_the_next_one_takes_over() {
     let robot = Robot::new(ONE);
     let hub = robot.hub();
     let _putter = robot.start(&["put", "a"]);
-    let hz = robot
-        .command(&["hz", "a", "--json", "--seconds", "1.5"])
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    robot.wait_for_ports(1, 1);
+    let hz = robot.start_hz("1.5");
     drop(hub);
     std::thread::sleep(Duration::from_millis(300));
     let hub = robot.hub();
@@ -278,9 +266,7 @@ fn hubs_and_clients_killed_while_they_begin_leave_nothing_that_stops_the_next() 
         .collect();
     let robot = Robot::new(&format!("{ONE}{channels}"));
     let begin_and_kill = |arguments: &[&str], milliseconds: u64| {
-        let mut command = robot.command(arguments);
-        command.stdout(Stdio::null()).stderr(Stdio::null());
-        let running = command.spawn().map(Running).unwrap();
+        let running = robot.quiet(arguments);
         std::thread::sleep(Duration::from_millis(milliseconds));
         drop(running);
     };
@@ -305,12 +291,7 @@ fn an_amok_putter_does_not_disturb_another_channel() {
     let _hub = robot.hub();
     let _putter = robot.start(&["put", "a"]);
     let _amok = robot.start(&["put", "b", "--rate", "0"]);
-    let stuck = robot
-        .command(&["echo", "b"])
-        .stdout(Stdio::null())
-        .spawn()
-        .map(Running)
-        .unwrap();
+    let stuck = robot.quiet(&["echo", "b"]);
     signal("STOP", stuck.0.id());
     is_steady(&robot.hz("a", "0.7"));
 }

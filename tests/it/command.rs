@@ -74,11 +74,15 @@ impl Lab {
         let lab = Self {
             folder: TempDir::new().unwrap(),
         };
-        let size = ["--materials", "4", "--sweeps", "10", "--steps", "120"];
-        let mut twin = tactnet(["data", "twin", "--out"]);
-        twin.arg(lab.path("twin.h5")).args(size);
-        expect(0, twin);
+        lab.twin("twin.h5", "--materials 4 --sweeps 10 --steps 120");
         lab
+    }
+
+    /// Writes a twin with these options, which contain no spaces.
+    pub fn twin(&self, name: &str, options: &str) {
+        let mut twin = tactnet(["data", "twin", "--out"]);
+        twin.arg(self.path(name)).args(options.split(' '));
+        expect(0, twin);
     }
 
     pub fn path(&self, name: &str) -> PathBuf {

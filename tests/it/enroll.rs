@@ -10,22 +10,6 @@ use tactnet_models::{NamedTensor, Weights};
 
 use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
 
-/// Generates a small twin with `materials` materials and `sweeps` sweeps each.
-fn twin(lab: &Lab, name: &str, materials: &str, sweeps: &str) {
-    let mut twin = tactnet([
-        "data",
-        "twin",
-        "--steps",
-        "120",
-        "--materials",
-        materials,
-        "--sweeps",
-        sweeps,
-    ]);
-    twin.arg("--out").arg(lab.path(name));
-    expect(0, twin);
-}
-
 fn enroll(lab: &Lab, run: &str, data: &str, material: &str, out: &str, more: &[&str]) -> Command {
     let mut command = tactnet(["enroll"]);
     command
@@ -154,7 +138,7 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
         epochs: Some(12),
         ..RecipeChange::default()
     });
-    twin(&lab, "three.h5", "3", "60");
+    lab.twin("three.h5", "--materials 3 --sweeps 60 --steps 120");
     let aside = train_calibrated(&lab);
     let own = eval(&lab, "run", None);
     for share in ["false_alarms", "coverage"] {
@@ -164,7 +148,7 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     assert!(own["verdicts"]["set_size"].as_f64().unwrap() >= 1.0);
 
     let new = assert_unknown_material_is_detected(&lab);
-    twin(&lab, "four.h5", "4", "60");
+    lab.twin("four.h5", "--materials 4 --sweeps 60 --steps 120");
     assert_enrolment_fits_thresholds_again(&lab, &new, aside);
     // A run that did not keep the sweeps behind its thresholds prints a warning.
     std::fs::remove_file(lab.path("run/held_out.safetensors")).unwrap();
@@ -202,8 +186,8 @@ fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
          [training]\nepochs = 60\nbatch = 8\nlearning_rate = 0.005\nl2 = 1e-4\nmethod = { kind = \"base\" }\n",
     )
     .unwrap();
-    twin(&lab, "few.h5", "4", "12");
-    twin(&lab, "five.h5", "5", "20");
+    lab.twin("few.h5", "--materials 4 --sweeps 12 --steps 120");
+    lab.twin("five.h5", "--materials 5 --sweeps 20 --steps 120");
     let new = &materials(&lab, "five.h5")[4];
     let (mut before, mut after, mut claimed) = (0, 0, 0);
     for seed in ["1", "2", "3", "4", "5"] {
@@ -339,7 +323,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
         ..RecipeChange::default()
     });
     expect(0, lab.train(&recipe, "run"));
-    twin(&lab, "five.h5", "5", "20");
+    lab.twin("five.h5", "--materials 5 --sweeps 20 --steps 120");
     let new = materials(&lab, "five.h5")[4].clone();
     let new = new.as_str();
 
@@ -439,10 +423,7 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
     let meant = format!("did you mean `{first}`?");
     let nan = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/h5/bad_nan.h5");
     std::fs::copy(nan, lab.path("nan.h5")).unwrap();
-    let mut longer = tactnet(["data", "twin", "--materials", "5", "--sweeps", "3"]);
-    longer.args(["--steps", "130", "--out"]);
-    longer.arg(lab.path("longer.h5"));
-    expect(0, longer);
+    lab.twin("longer.h5", "--materials 5 --sweeps 3 --steps 130");
     let fifth = materials(&lab, "longer.h5")[4].clone();
     let (first, typed, fifth) = (first.as_str(), typed.as_str(), fifth.as_str());
     let eleven = &["--sweeps", "11"][..];

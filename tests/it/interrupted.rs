@@ -206,10 +206,8 @@ fn a_changed_data_set_is_noticed_on_resume() {
     let lab = Lab::new();
     let recipe = long_recipe(&lab, 60);
     interrupt(lab.train(&recipe, "run"));
-    let mut twin = tactnet(["data", "twin", "--force", "--seed", "99", "--out"]);
-    twin.arg(lab.path("twin.h5"))
-        .args(["--materials", "4", "--sweeps", "10", "--steps", "120"]);
-    expect(0, twin);
+    let other = "--force --seed 99 --materials 4 --sweeps 10 --steps 120";
+    lab.twin("twin.h5", other);
     let message = stderr(&expect(2, resume(&lab, "run")));
     assert!(
         message.contains("has changed since the run began"),

@@ -298,10 +298,7 @@ fn experiments_refuse_what_does_not_suit_them_before_the_first_task() {
     own_sweeps(&lab, "wide", ["cork", "felt"], 6, 130);
     own_sweeps(&lab, "few", ["cork", "felt"], 3, 4);
     own_sweeps(&lab, "two", ["cork", "felt"], 6, 4);
-    let mut four = tactnet(["data", "twin", "--materials", "4", "--sweeps", "6"]);
-    four.args(["--steps", "60", "--out"])
-        .arg(lab.path("four.h5"));
-    expect(0, four);
+    lab.twin("four.h5", "--materials 4 --sweeps 6 --steps 60");
     let refused = |name: &str, data: &str, options: &[&str]| {
         let out = lab.path("out").display().to_string();
         let verb = ["experiment", "run", name, "--out", &out, "--data"];

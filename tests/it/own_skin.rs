@@ -222,10 +222,7 @@ fn folds_and_grids_that_own_data_does_not_have_are_named_before_anything_is_trai
     };
     let blocks = experiment("own.npz", "folds=1");
     assert!(blocks.contains("`blocks` of data set `own`"), "{blocks}");
-    let mut twin = tactnet(["data", "twin", "--materials", "2", "--sweeps", "20"]);
-    twin.args(["--steps", "60", "--out"]);
-    twin.arg(lab.path("blocks.h5"));
-    expect(0, twin);
+    lab.twin("blocks.h5", "--materials 2 --sweeps 20 --steps 60");
     let many = experiment("blocks.h5", "folds=50");
     assert!(many.contains("expected `folds` of at most"), "{many}");
     assert!(!lab.path("out").exists(), "nothing was planned");

@@ -61,10 +61,8 @@ impl Robot {
             epochs: Some(4),
             ..RecipeChange::default()
         });
-        let mut twin = tactnet(["data", "twin", "--materials", "4", "--sweeps", "40"]);
-        twin.args(["--steps", &STEPS.to_string(), "--out"]);
-        twin.arg(lab.path("data.h5"));
-        expect(0, twin);
+        let size = format!("--materials 4 --sweeps 40 --steps {STEPS}");
+        lab.twin("data.h5", &size);
         let mut train = tactnet(["train", "--calibrate", "--data"]);
         train.arg(lab.path("data.h5")).arg("--recipe").arg(&recipe);
         train.arg("--out").arg(lab.path("models/1"));

@@ -10,10 +10,7 @@ fn trained(levels: &str, layers: &'static str) -> Lab {
         layers,
         ..RecipeChange::default()
     });
-    let mut twin = tactnet(["data", "twin", "--materials", "4", "--sweeps", "20"]);
-    twin.args(["--steps", "125", "--out"])
-        .arg(lab.path("data.h5"));
-    expect(0, twin);
+    lab.twin("data.h5", "--materials 4 --sweeps 20 --steps 125");
     let mut train = tactnet(["train", "--levels", levels, "--data"]);
     train.arg(lab.path("data.h5")).arg("--recipe").arg(&recipe);
     train.arg("--out").arg(lab.path("run"));

@@ -14,19 +14,7 @@ use crate::command::{Lab, RecipeChange, SPECTRA, expect, json, signal, stderr, t
 /// A twin of eight materials with thirty sweeps each, and a small recipe.
 fn lab() -> Lab {
     let lab = Lab::new();
-    let mut twin = tactnet([
-        "data",
-        "twin",
-        "--materials",
-        "8",
-        "--sweeps",
-        "30",
-        "--steps",
-        "120",
-        "--out",
-    ]);
-    twin.arg(lab.path("eight.h5"));
-    expect(0, twin);
+    lab.twin("eight.h5", "--materials 8 --sweeps 30 --steps 120");
     lab.recipe(RecipeChange {
         epochs: Some(8),
         ..RecipeChange::default()

@@ -146,17 +146,7 @@ fn equal_seeds_give_equal_weights_whatever_the_number_of_threads() {
 #[test]
 fn the_full_size_network_ignores_the_number_of_threads() {
     let lab = Lab::new();
-    let mut twin = tactnet([
-        "data",
-        "twin",
-        "--materials",
-        "4",
-        "--sweeps",
-        "10",
-        "--out",
-    ]);
-    twin.arg(lab.path("long.h5"));
-    expect(0, twin);
+    lab.twin("long.h5", "--materials 4 --sweeps 10");
     for threads in ["1", "4"] {
         let mut command = tactnet(["train", "--recipe", "thesis", "--epochs", "1", "--data"]);
         command
@@ -205,19 +195,7 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
 fn a_copy_of_the_training_sweeps_is_recognised_in_any_format() {
     let lab = Lab::new();
     expect(0, lab.train(&lab.recipe(RecipeChange::default()), "run"));
-    let mut export = tactnet([
-        "data",
-        "twin",
-        "--materials",
-        "4",
-        "--sweeps",
-        "12",
-        "--steps",
-        "120",
-        "--out",
-    ]);
-    export.arg(lab.path("more.npz"));
-    expect(0, export);
+    lab.twin("more.npz", "--materials 4 --sweeps 12 --steps 120");
     let mut eval = tactnet(["eval", "--json", "--data"]);
     eval.arg(lab.path("more.npz")).arg(lab.path("run"));
     let result = json(eval);
