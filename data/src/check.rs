@@ -68,7 +68,7 @@ mod sweeps_per_material;
 mod taxel_limits;
 mod taxel_names;
 
-pub use blocks::confounded as confounded_blocks;
+pub use blocks::Confounding;
 pub use leaks::{refuse_leaks, shared_within_blocks};
 pub use lengths::check_lengths;
 

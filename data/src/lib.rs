@@ -46,7 +46,7 @@ mod value_range;
 mod write_whole;
 
 pub use check::{
-    check, check_lengths, check_unlabelled, confounded_blocks, refuse_errors, refuse_leaks,
+    Confounding, check, check_lengths, check_unlabelled, refuse_errors, refuse_leaks,
     shared_within_blocks,
 };
 pub use checked_dataset::{CheckedDataset, Folds};

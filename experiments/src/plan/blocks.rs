@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use tactnet_data::format::ReadOptions;
-use tactnet_data::{DataSource, Scheme, confounded_blocks};
+use tactnet_data::{Confounding, DataSource, Scheme};
 use tactnet_pipeline::SplitKind;
 
 use crate::ExperimentRecipe;
@@ -34,12 +34,12 @@ impl Blocks {
             let scheme = Scheme::group_folds_of(&dataset);
             let is_usual =
                 !dataset.origin().is_comparable_to_published() && !dataset.has_test_flag();
-            let warning = confounded_blocks(&dataset);
+            let warning = Confounding::of(&dataset);
             let of = OfData {
                 group_folds: scheme
                     .filter(|_| is_usual)
                     .and_then(|scheme| scheme.folds(&dataset).ok()),
-                warning: warning.map(|found| format!("{data}: {}.", found.message)),
+                warning: warning.map(|found| format!("{data}: {}.", found.message(&dataset))),
             };
             Some((data.clone(), of))
         });
