@@ -58,7 +58,7 @@ pub use local::{LocalPool, run_locally, run_task};
 pub use measure::{Measure, Measurement, Unit, method_name};
 pub use mlflow::export_mlflow;
 pub use part::Part;
-pub use plan::{Job, LeftOut, Plan, QuestionTask, Task};
+pub use plan::{Job, LeftOut, Plan, QuestionTask, RecipeWithData, Task};
 pub use probe::Probe;
 pub use published::{PUBLISHED, PublishedAccuracy, published_for};
 pub use questions::{

@@ -1,6 +1,6 @@
 //! Expands a recipe into a list of idempotent tasks.
 
-mod blocks;
+mod data;
 mod grid;
 mod models;
 mod suitable;
@@ -10,13 +10,11 @@ use std::fmt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::DataSource;
-use tactnet_data::format::is_folder_of_sweeps;
 use tactnet_pipeline::{ModelRecipe, TrainSpec};
 use toml::{Table, Value};
 
 use crate::{ExperimentError, ExperimentRecipe, Part, Probe, Question};
-use blocks::Blocks;
+pub use data::RecipeWithData;
 use grid::Grid;
 use suitable::{Unsuitable, leave_out_unsuitable};
 
@@ -115,35 +113,24 @@ impl Plan {
     /// Prefix of the file name of a recipe that belongs to the experiment.
     pub(crate) const OWN_RECIPE: &str = "recipes:";
 
-    /// Plans `recipe`.
+    /// Plans a recipe.
     ///
     /// - `command`: command that repeats the experiment
     ///
     /// # Errors
-    /// A missing data set; an invalid recipe of a model; two models with the same name.
-    pub fn new(recipe: &ExperimentRecipe, command: &str) -> Result<Self, ExperimentError> {
+    /// An invalid recipe of a model; two models with the same name; data that is unsuitable.
+    pub fn new(data: &RecipeWithData<'_>, command: &str) -> Result<Self, ExperimentError> {
+        let recipe = data.recipe;
         let refused = |reason: String| ExperimentError::Recipe {
             origin: recipe.name.clone(),
             reason,
         };
-        for data in recipe.data.iter().filter(|data| !DataSource::is_twin(data)) {
-            let path = Path::new(data);
-            if !path.exists() {
-                return Err(refused(format!("data `{data}`: no such file")));
-            }
-            if path.is_dir() && !is_folder_of_sweeps(path) {
-                return Err(refused(format!(
-                    "data `{data}`: expected a file or a folder of sweeps, found another folder"
-                )));
-            }
-        }
         let mut recipes = BTreeMap::new();
         let models = models::models(recipe, &mut recipes)?;
-        let blocks = Blocks::of(recipe);
         let grid = Grid {
             recipe,
             models: &models,
-            blocks: &blocks,
+            data,
         };
         let mut tasks = grid.tasks().map_err(refused)?;
         let mut names: Vec<&str> = tasks.iter().map(|task| task.id.as_str()).collect();
@@ -154,7 +141,7 @@ impl Plan {
                 twice[0]
             )));
         }
-        let suited = leave_out_unsuitable(&mut tasks, |spec| recipe_of(&recipes, spec));
+        let suited = leave_out_unsuitable(&mut tasks, data, |spec| recipe_of(&recipes, spec));
         let left_out =
             suited.map_err(
                 |Unsuitable { reason, settings }| ExperimentError::Unsuitable {
@@ -169,7 +156,7 @@ impl Plan {
             command: command.into(),
             recipes,
             tasks,
-            data_warnings: blocks.warnings(),
+            data_warnings: data.warnings(),
             left_out,
         })
     }

@@ -17,7 +17,7 @@ use tactnet_pipeline::RunDir;
 use tactnet_process::without_prefix;
 
 use crate::plan::{Plan, Task};
-use crate::{ExperimentError, ExperimentRecipe, Job, QuestionResult};
+use crate::{ExperimentError, Job, QuestionResult, RecipeWithData};
 
 /// Lock file, held while the plan is written.
 const LOCK: &str = ".lock";
@@ -70,16 +70,20 @@ impl ExperimentDir {
     ///
     /// # Errors
     /// An invalid recipe of a model.
-    pub fn place_in(parent: &Path, recipe: &ExperimentRecipe) -> Result<PathBuf, ExperimentError> {
+    pub fn place_in(
+        parent: &Path,
+        recipe: &RecipeWithData<'_>,
+    ) -> Result<PathBuf, ExperimentError> {
         let plan = Plan::new(recipe, "")?;
         let is_other = |path: &Path| {
             let holds = path.join("experiment.json").exists();
             holds && !Self::open(path).is_ok_and(|known| known.plan.difference(&plan).is_none())
         };
-        let numbered = (2..).map(|number| parent.join(format!("{}-{number}", recipe.name)));
-        let mut places = std::iter::once(parent.join(&recipe.name)).chain(numbered);
+        let name = &plan.recipe.name;
+        let numbered = (2..).map(|number| parent.join(format!("{name}-{number}")));
+        let mut places = std::iter::once(parent.join(name)).chain(numbered);
         let free = places.find(|path| !is_other(path));
-        Ok(free.unwrap_or_else(|| parent.join(&recipe.name)))
+        Ok(free.unwrap_or_else(|| parent.join(name)))
     }
 
     /// Plans `recipe` in a folder, or opens the folder if it contains the same plan.
@@ -90,7 +94,7 @@ impl ExperimentDir {
     /// A folder with another experiment or other files; an invalid recipe of a model.
     pub fn create(
         path: &Path,
-        recipe: &ExperimentRecipe,
+        recipe: &RecipeWithData<'_>,
         command: &str,
     ) -> Result<Self, ExperimentError> {
         let plan = Plan::new(recipe, command)?;

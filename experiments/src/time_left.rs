@@ -233,7 +233,9 @@ mod tests {
         let settings = ["data=twin", "models=[\"knn-l\", \"fast\"]", "probes=[]"];
         let settings: Vec<String> = settings.map(String::from).into();
         let recipe = ExperimentRecipe::load("crossval_baselines", &settings).unwrap();
-        let dir = ExperimentDir::create(&folder.path().join("out"), &recipe, "").unwrap();
+        let dir =
+            ExperimentDir::create(&folder.path().join("out"), &recipe.with_data().unwrap(), "")
+                .unwrap();
         let of = |model: &str| -> Vec<Task> {
             let tasks = dir.plan.tasks.iter();
             tasks

@@ -158,11 +158,12 @@ fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
         *data = DataSource::from_anywhere(data);
     }
     recipe.measure_lengths()?;
+    let recipe = recipe.with_data()?;
     let out = match &arguments.out {
         Some(out) => out.clone(),
         None => ExperimentDir::place_in(Path::new("experiments-out"), &recipe)?,
     };
-    recipe.review_data(|dataset, finding| {
+    recipe.review(|dataset, finding| {
         let name = dataset.name();
         if finding.kind == FindingKind::AssumedRate {
             let rate_hz = dataset.sample_rate_hz();

@@ -1,11 +1,9 @@
 //! The grid of a recipe: all data sets, treatments of levels and lengths of sweeps.
 
-use super::blocks::Blocks;
-use std::path::Path;
-
-use tactnet_data::{DataSource, Seed};
+use tactnet_data::Seed;
 use tactnet_pipeline::{LabelOrder, MeanRemoval, SplitKind, TrainSpec};
 
+use super::data::{RecipeWithData, absolute};
 use super::models::Model;
 use super::{Job, QuestionTask, Task, stem};
 use crate::questions::{Ask, Crossval, Question};
@@ -15,7 +13,7 @@ use crate::{ExperimentRecipe, Part, Probe};
 pub(super) struct Grid<'a> {
     pub(super) recipe: &'a ExperimentRecipe,
     pub(super) models: &'a [Model],
-    pub(super) blocks: &'a Blocks,
+    pub(super) data: &'a RecipeWithData<'a>,
 }
 
 /// A data set with a treatment of levels and a length of sweeps.
@@ -77,7 +75,7 @@ impl<'a> Grid<'a> {
         for (repeat, fold) in folds {
             for point in self.points() {
                 for split in self.splits(asked, point.data) {
-                    if fold >= self.blocks.folds(point.data, split).unwrap_or(usize::MAX) {
+                    if fold >= self.data.folds(point.data, split).unwrap_or(usize::MAX) {
                         continue;
                     }
                     // Only random splits differ between repeats; the author's split and a hold-out have one fold.
@@ -110,7 +108,7 @@ impl<'a> Grid<'a> {
     /// random folds where the data has no blocks.
     fn splits(&self, asked: &Crossval, data: &str) -> Vec<SplitKind> {
         match asked.split[..] {
-            [] if self.blocks.folds(data, SplitKind::GroupKFold).is_some() => {
+            [] if self.data.folds(data, SplitKind::GroupKFold).is_some() => {
                 vec![SplitKind::GroupKFold, SplitKind::KFold]
             }
             [] => vec![SplitKind::KFold],
@@ -270,32 +268,5 @@ impl GridPoint<'_> {
             SplitKind::GroupKFold => format!("{data}-{model}{rest}-run{repeat}-groups{fold}"),
             SplitKind::TrainOnAll => format!("{data}-{model}{rest}-all"),
         }
-    }
-}
-
-/// Returns the absolute path of a file or folder, since tasks may run in another folder; other names stay unchanged.
-fn absolute(name: &str) -> String {
-    let path = Path::new(name);
-    path.canonicalize()
-        .ok()
-        .filter(|_| !DataSource::is_twin(name))
-        .map_or_else(|| name.to_string(), |path| path.display().to_string())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn data_is_found_from_any_folder_whether_file_or_folder() {
-        let dir = tempfile::tempdir().unwrap();
-        let folder = dir.path().join("here/../sweeps");
-        std::fs::create_dir_all(dir.path().join("here")).unwrap();
-        std::fs::create_dir(dir.path().join("sweeps")).unwrap();
-        let found = absolute(&folder.display().to_string());
-        let expected = dir.path().canonicalize().unwrap().join("sweeps");
-        assert_eq!(found, expected.display().to_string());
-        assert_eq!(absolute("twin"), "twin");
-        assert_eq!(absolute("no/such/data.h5"), "no/such/data.h5");
     }
 }

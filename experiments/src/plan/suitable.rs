@@ -1,50 +1,17 @@
 //! Checks before the first task that data sets fit an experiment.
 
-use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
-use tactnet_data::format::ReadOptions;
-use tactnet_data::{
-    DataError, DataSource, Dataset, Finding, Fold, Scheme, SweepShape, refuse_errors, refuse_leaks,
-    shared_within_blocks,
-};
-use tactnet_pipeline::{ModelRecipe, PipelineError, TrainSpec};
+use tactnet_data::{DataError, Dataset, Finding, Fold, Scheme, SweepShape, refuse_leaks};
+use tactnet_pipeline::{ModelRecipe, TrainSpec};
 
+use super::data::RecipeWithData;
 use super::{Job, LeftOut, Task};
 use crate::questions::Question;
-use crate::{ExperimentError, ExperimentRecipe, Probe, Setting};
+use crate::{Probe, Setting};
 
 /// Minimum number of known materials: with a single one, every sweep would be classified correctly.
 const LEAST_KNOWN: usize = 2;
-
-impl ExperimentRecipe {
-    /// Reads the data sets and reports findings that are not errors; the twin is skipped.
-    ///
-    /// - `on_finding`: receives the data set and the finding; its error ends the review
-    ///
-    /// # Errors
-    /// Data that cannot be read or has errors.
-    pub fn review_data(
-        &self,
-        mut on_finding: impl FnMut(&Dataset, &Finding) -> Result<(), PipelineError>,
-    ) -> Result<(), ExperimentError> {
-        let files = self.data.iter().filter(|data| !DataSource::is_twin(data));
-        for file in files {
-            let options = ReadOptions {
-                keep: self.kept_frames(),
-                rate_hz: self.rate_hz,
-                ..ReadOptions::default()
-            };
-            let dataset = DataSource::named(file).read_with(&options);
-            let dataset = dataset.map_err(PipelineError::from)?;
-            let findings = refuse_errors(&dataset, file).map_err(PipelineError::from)?;
-            for finding in &findings {
-                on_finding(&dataset, finding)?;
-            }
-        }
-        Ok(())
-    }
-}
 
 /// The reason why a data set is too small, and the settings with which the experiment is possible.
 pub(super) struct Unsuitable {
@@ -71,9 +38,9 @@ impl From<String> for Unsuitable {
 /// A task that needs more sweeps or materials than its data set has; no task that remains.
 pub(super) fn leave_out_unsuitable(
     tasks: &mut Vec<Task>,
+    data: &RecipeWithData<'_>,
     recipe_of: impl Fn(&TrainSpec) -> Option<ModelRecipe>,
 ) -> Result<Vec<LeftOut>, Unsuitable> {
-    let mut known: BTreeMap<&str, (Dataset, Vec<Finding>)> = BTreeMap::new();
     let (mut starved, mut fed) = (BTreeMap::new(), BTreeSet::new());
     let (mut left_out, mut unmet) = (BTreeSet::new(), BTreeSet::new());
     for task in tasks.iter() {
@@ -81,14 +48,14 @@ pub(super) fn leave_out_unsuitable(
             Job::Train(spec) => spec,
             Job::Question(task) => &task.networks,
         };
-        if DataSource::is_twin(&spec.data) {
+        let Some(file) = data.file(&spec.data) else {
             continue;
-        }
+        };
+        let (dataset, shared) = (&file.dataset, file.shared());
         let of_data = |mut error: Unsuitable| {
             error.reason = format!("data `{}`: {}", spec.data, error.reason);
             error
         };
-        let (dataset, shared) = read_once(&mut known, spec).map_err(of_data)?;
         match &task.job {
             Job::Train(spec) => {
                 has_fold(spec, dataset).map_err(of_data)?;
@@ -128,24 +95,6 @@ pub(super) fn leave_out_unsuitable(
     }
     tasks.retain(|task| !unmet.contains(&task.id));
     Ok(left_out.into_iter().collect())
-}
-
-/// Reads a data set unless it is `known`; returns it with the findings about sweeps that its blocks share.
-///
-/// # Errors
-/// A data set that cannot be read.
-fn read_once<'a, 'b>(
-    known: &'a mut BTreeMap<&'b str, (Dataset, Vec<Finding>)>,
-    spec: &'b TrainSpec,
-) -> Result<&'a mut (Dataset, Vec<Finding>), Unsuitable> {
-    match known.entry(&spec.data) {
-        Entry::Occupied(entry) => Ok(entry.into_mut()),
-        Entry::Vacant(entry) => {
-            let dataset = spec.read_sweeps().map_err(|error| error.to_string())?;
-            let shared = shared_within_blocks(&dataset);
-            Ok(entry.insert((dataset, shared)))
-        }
-    }
 }
 
 /// Returns the requirement of a model that the sweeps of a data set do not meet; `None` if they meet all.

@@ -105,7 +105,7 @@ fn a_mistyped_field_or_value_is_answered_with_the_one_that_was_meant() {
         ("models=thsis", "thesis"),
     ] {
         let refused = ExperimentRecipe::load("nshot", &[setting.into()])
-            .and_then(|recipe| crate::Plan::new(&recipe, "").map(drop))
+            .and_then(|recipe| crate::Plan::new(&recipe.with_data()?, "").map(drop))
             .unwrap_err()
             .to_string();
         let proposed = format!("; did you mean `{meant}`?");

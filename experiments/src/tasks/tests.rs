@@ -1,4 +1,5 @@
 use super::*;
+use crate::ExperimentRecipe;
 
 #[test]
 fn what_is_said_about_stopping_is_no_progress() {
@@ -12,7 +13,12 @@ fn planned(name: &str, settings: &[&str]) -> (tempfile::TempDir, ExperimentDir) 
     let folder = tempfile::tempdir().unwrap();
     let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
     let recipe = ExperimentRecipe::load(name, &settings).unwrap();
-    let dir = ExperimentDir::create(&folder.path().join("out"), &recipe, "call").unwrap();
+    let dir = ExperimentDir::create(
+        &folder.path().join("out"),
+        &recipe.with_data().unwrap(),
+        "call",
+    )
+    .unwrap();
     (folder, dir)
 }
 
@@ -82,7 +88,7 @@ fn what_was_interrupted_early_starts_over_and_later_is_resumed() {
 #[test]
 fn many_may_plan_the_same_at_once_and_strangers_are_refused() {
     let recipe = ExperimentRecipe::load("crossval_baselines", &["folds=1".into()]).unwrap();
-    let plan = |out: &Path| ExperimentDir::create(out, &recipe, "call");
+    let plan = |out: &Path| ExperimentDir::create(out, &recipe.with_data().unwrap(), "call");
     for _ in 0..50 {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
@@ -151,7 +157,7 @@ fn names_that_collide_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let settings = ["models=[\"fast\", \"fast\"]".to_string()];
     let recipe = ExperimentRecipe::load("crossval_baselines", &settings).unwrap();
-    let refused = ExperimentDir::create(folder.path(), &recipe, "call")
+    let refused = ExperimentDir::create(folder.path(), &recipe.with_data().unwrap(), "call")
         .unwrap_err()
         .to_string();
     assert!(refused.contains("two tasks would be called"), "{refused}");
