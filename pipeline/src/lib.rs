@@ -65,6 +65,7 @@ pub use predict::calibration::{
 };
 pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, NetworkSetup};
 pub use predict::classify::{ClassifiedObject, ClassifiedSweep, ClassifiedSweeps};
+pub use predict::confounded_accuracy::ConfoundedAccuracy;
 pub use predict::confusion::Confusion;
 pub use predict::enroll::{
     Enrolled, EnrolledMaterial, EnrolmentCost, RowPrior, Thresholds, enroll, weights_sha256,

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use tactnet_pipeline::{Confusion, Estimate, EvalResult, Verdicts};
 
+use super::block_text::confounded_text;
 use super::evaluation_table::evaluation_table;
 use crate::output::counted;
 
@@ -45,6 +46,9 @@ pub fn text(result: &EvalResult) -> String {
             let _ = write!(text, "\n{}", guessing_text(confusion, accuracy, balanced));
         }
         let _ = write!(text, "\n{}", mistakes_text(confusion));
+    }
+    if let Some(confounded) = &result.confounded {
+        let _ = write!(text, "\n{}", confounded_text(confounded));
     }
     if let Some(verdicts) = &result.verdicts {
         let _ = write!(text, "\n{}", rates(verdicts));

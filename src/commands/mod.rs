@@ -2,6 +2,7 @@
 
 mod array_names;
 pub mod bench;
+mod block_text;
 #[cfg_attr(not(feature = "catching"), path = "without_catching.rs")]
 pub mod catch;
 pub mod channel;

@@ -4,6 +4,7 @@ pub(crate) mod by_method;
 pub(crate) mod calibration;
 pub(crate) mod classifier;
 pub(crate) mod classify;
+pub(crate) mod confounded_accuracy;
 pub(crate) mod confusion;
 pub(crate) mod confusion_picture;
 pub(crate) mod enroll;

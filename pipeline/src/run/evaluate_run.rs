@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use tactnet_data::{Fold, sha256_hex};
 
 use crate::{
-    Classifier, ModelRecipe, PipelineError, PredictionSource, Predictions, Provenance, RunConfig,
-    RunDir, RunResult, describe_split, evaluate_all_ways, peak_rss_mib,
+    Classifier, ConfoundedAccuracy, ModelRecipe, PipelineError, PredictionSource, Predictions,
+    Provenance, RunConfig, RunDir, RunResult, describe_split, evaluate_all_ways, peak_rss_mib,
 };
 
 /// Number of sweeps that are fused into one decision in a result.
@@ -47,6 +47,9 @@ pub fn evaluate_run(
     let dataset = fold.test.dataset();
     let mc_samples = own.mc_samples_or(MC_SAMPLES);
     let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.spec.seed)?;
+    let mut predictions = ways.iter().map(|(predictions, _)| predictions);
+    let of_recipe = predictions.find(|predictions| predictions.method == own);
+    let confounded = of_recipe.and_then(|own| ConfoundedAccuracy::of(dataset, own));
     let evaluations = ways.into_iter().map(|(predictions, evaluation)| {
         write_predictions(run, recipe, fold, &predictions, &command)?;
         Ok((predictions.method, evaluation))
@@ -75,6 +78,7 @@ pub fn evaluate_run(
         chosen: trained.chosen,
         accuracy_one_sweep: chosen.one_sweep,
         accuracy_three_sweeps: chosen.fused.map(|fused| fused.bayes),
+        confounded,
         evaluations,
         train_seconds: trained.seconds,
         seconds_per_epoch: trained.epochs.map(|epochs| trained.seconds / epochs as f64),

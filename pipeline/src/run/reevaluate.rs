@@ -7,8 +7,9 @@ use tactnet_data::{Dataset, Seed, SweepView, is_same_name};
 use tactnet_models::argmax;
 
 use crate::{
-    Classifier, Confusion, Evaluation, PipelineError, PredictionMethod, RunDir, RuntimeComparison,
-    RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways, serialize_by_method,
+    Classifier, ConfoundedAccuracy, Confusion, Evaluation, PipelineError, PredictionMethod, RunDir,
+    RuntimeComparison, RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways,
+    serialize_by_method,
 };
 
 /// Settings of an evaluation.
@@ -51,6 +52,10 @@ pub struct EvalResult {
     /// Confusion matrix of plain predictions; absent if no sweep is of a known material.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub confusion: Option<Confusion>,
+    /// Accuracy of plain predictions without the materials that coincide with recording blocks; absent if there are none, and for
+    /// other data than the training data.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub confounded: Option<ConfoundedAccuracy>,
     /// Comparisons with Burn by prediction method; empty for Burn itself.
     #[serde(
         skip_serializing_if = "BTreeMap::is_empty",
@@ -94,6 +99,7 @@ struct KnownSweeps {
     evaluations: BTreeMap<PredictionMethod, Evaluation>,
     runtimes: BTreeMap<PredictionMethod, RuntimeSummary>,
     confusion: Option<Confusion>,
+    confounded: Option<ConfoundedAccuracy>,
 }
 
 impl Reevaluation {
@@ -153,6 +159,10 @@ impl Reevaluation {
             tested: tested.description,
             evaluations: known.evaluations,
             confusion: known.confusion,
+            // The classifier has not seen the recordings of other data.
+            confounded: known
+                .confounded
+                .filter(|_| dataset.sha256() == config.data_sha256),
             runtimes: known.runtimes,
             verdicts,
             n_unknown: unknown.len(),
@@ -184,6 +194,7 @@ impl Reevaluation {
             }
             if burn.method == PredictionMethod::Plain {
                 found.confusion = Some(Confusion::from(&burn));
+                found.confounded = ConfoundedAccuracy::of(view.dataset(), &burn);
             }
             found.evaluations.insert(burn.method, evaluation);
         }

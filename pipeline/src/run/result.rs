@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use tactnet_data::{DataOrigin, Scheme, Seed, SplitManifest};
 
 use crate::predict::by_method::{deserialize_evaluations, serialize_by_method};
-use crate::{Estimate, Evaluation, PredictionMethod, Provenance};
+use crate::{ConfoundedAccuracy, Estimate, Evaluation, PredictionMethod, Provenance};
 
 /// Result of a training run, with all that is needed to reproduce it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -56,6 +56,9 @@ pub struct RunResult {
     pub accuracy_one_sweep: Estimate,
     /// Accuracy on three fused sweeps (Bayes) with the recipe's prediction method; absent with fewer than three test sweeps of a material.
     pub accuracy_three_sweeps: Option<Estimate>,
+    /// Accuracy without the materials that coincide with recording blocks, with the recipe's prediction method; absent if there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confounded: Option<ConfoundedAccuracy>,
     /// Evaluations by prediction method: plain, and MC dropout if the model has dropout. Files use [`PredictionMethod::name`] as key.
     #[serde(
         serialize_with = "serialize_by_method",

@@ -7,6 +7,7 @@ use tactnet_pipeline::{
     Confusion, ModelRecipe, PipelineError, RunDir, RunResult, Session, TrainingSteps, quoted,
 };
 
+use crate::commands::block_text::confounded_text;
 use crate::commands::eval_text::{guessing_text, mistakes_text};
 use crate::commands::evaluation_table::evaluation_table;
 
@@ -37,6 +38,7 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     let (accuracy, balanced) = (predictions.one_sweep(), predictions.balanced());
     lines.push(guessing_text(&confusion, accuracy, balanced));
     lines.push(mistakes_text(&confusion));
+    lines.extend(result.confounded.as_ref().map(confounded_text));
     if let Some(row) = published_for(&config, result.origin, &split, method) {
         lines.push(format!(
             "published for TactMat, {}: {:.1} % with 1 sweep, {:.1} % with 3 (thesis, table 4.2)",
