@@ -86,6 +86,7 @@ pub use remedy::PipelineRemedy;
 pub use requirements::Requirements;
 pub use run::evaluate_run::{TrainingSummary, evaluate_run};
 pub use run::provenance::{Provenance, peak_rss_mib};
+pub use run::random_fold::RandomFold;
 pub use run::reevaluate::{EvalResult, Reevaluation, RuntimeSummary};
 pub use run::result::{RunResult, describe_split};
 pub use run::run_config::{EpochMetrics, LabelOrder, RunConfig};

@@ -1,8 +1,17 @@
 //! Influence of the recording blocks on an accuracy, as text.
 
-use tactnet_pipeline::{ConfoundedAccuracy, Estimate};
+use tactnet_pipeline::{ConfoundedAccuracy, Estimate, RandomFold};
 
 use crate::output::counted;
+
+/// Returns the accuracy on a random fold, which has sweeps of the same recordings in training.
+pub fn random_fold_text(random: &RandomFold) -> String {
+    format!(
+        "sweeps of the same recordings in training: {}, {}",
+        percent(random.one_sweep),
+        random.split
+    )
+}
 
 /// Returns a sentence on materials that coincide with recording blocks, and the accuracy on the others.
 pub fn confounded_text(found: &ConfoundedAccuracy) -> String {
@@ -63,6 +72,19 @@ mod tests {
         assert!(
             floors(0, Some(Estimate::wilson(0.75, 40)))
                 .starts_with("not tested: 8 of 10 materials")
+        );
+    }
+
+    #[test]
+    fn the_number_on_random_folds_says_what_it_has_in_training() {
+        let text = random_fold_text(&RandomFold {
+            split: "fold 1 of 5".into(),
+            n_train: 434,
+            one_sweep: Estimate::wilson(0.972_222, 108),
+        });
+        assert!(
+            text.starts_with("sweeps of the same recordings in training: 97.2 % (92."),
+            "{text}"
         );
     }
 }

@@ -5,12 +5,14 @@ mod progress;
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::bail;
-use tactnet_data::Finding;
+use tactnet_data::{Finding, shared_within_blocks};
 use tactnet_models::{Compute, Trunk};
 use tactnet_pipeline::{
-    ModelRecipe, Program, Provenance, RunDir, RunResult, Session, TrainJob, TrainOutcome, quoted,
+    ModelRecipe, PipelineError, Program, Provenance, RunDir, RunResult, Session, SplitKind,
+    TrainJob, TrainOutcome, TrainSpec, quoted,
 };
 use tactnet_skin::packets::unfit;
 
@@ -22,6 +24,9 @@ use crate::{GIT, device_times, failure, source};
 pub use arguments::TrainArgs;
 pub use progress::Progress;
 
+/// Training time below which a run on held-out blocks is repeated on a random fold.
+const RANDOM_FOLD_BELOW: Duration = Duration::from_secs(30);
+
 /// Runs the command.
 pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     if let Some(name) = &arguments.print_recipe {
@@ -29,7 +34,7 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let stop = Stop::listen()?;
-    let session = begin(arguments)?;
+    let session = begin(arguments)?.with_random_fold(RANDOM_FOLD_BELOW);
     let config = session.run().config()?;
     if config.spec.device == Compute::Vulkan
         && let Ok(adapter) = Compute::vulkan_adapter()
@@ -53,6 +58,9 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
         say!("{}", next_steps(&session, unfit.is_none())?);
         for line in advice(&session, &result)? {
             say!("hint: {line}");
+        }
+        if let Some(command) = random_fold_command(&session, &result)? {
+            say!("hint: `{command}` has sweeps of the same recordings in training, for comparison");
         }
     }
     Ok(code)
@@ -91,6 +99,26 @@ pub fn program() -> Program {
         provenance: Provenance::of_this_process(env!("CARGO_PKG_VERSION"), GIT),
         command: arguments::command_line,
     }
+}
+
+/// Returns the command that trains on a random fold, if whole blocks were held out and the training took too long to be repeated.
+fn random_fold_command(
+    session: &Session,
+    result: &RunResult,
+) -> Result<Option<String>, PipelineError> {
+    let (spec, scheme) = (session.run().config()?.spec, session.run().split()?.scheme);
+    let is_short = result.train_seconds < RANDOM_FOLD_BELOW.as_secs_f64();
+    let is_possible = || shared_within_blocks(session.dataset()).is_empty();
+    let holds_out_blocks = SplitKind::of(scheme).holds_out_blocks() && spec.inner.is_none();
+    Ok((holds_out_blocks && !is_short && is_possible()).then(|| {
+        arguments::command_line(&TrainSpec {
+            split: Some(SplitKind::KFold),
+            folds: None,
+            fold: None,
+            repeat: 0,
+            ..spec
+        })
+    }))
 }
 
 /// Returns the command that continues the training of a run, as a shell reads it.

@@ -78,6 +78,7 @@ pub fn evaluate_run(
         chosen: trained.chosen,
         accuracy_one_sweep: chosen.one_sweep,
         accuracy_three_sweeps: chosen.fused.map(|fused| fused.bayes),
+        random_fold: None,
         confounded,
         evaluations,
         train_seconds: trained.seconds,

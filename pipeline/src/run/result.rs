@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use tactnet_data::{DataOrigin, Scheme, Seed, SplitManifest};
 
 use crate::predict::by_method::{deserialize_evaluations, serialize_by_method};
-use crate::{ConfoundedAccuracy, Estimate, Evaluation, PredictionMethod, Provenance};
+use crate::{ConfoundedAccuracy, Estimate, Evaluation, PredictionMethod, Provenance, RandomFold};
 
 /// Result of a training run, with all that is needed to reproduce it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -56,6 +56,9 @@ pub struct RunResult {
     pub accuracy_one_sweep: Estimate,
     /// Accuracy on three fused sweeps (Bayes) with the recipe's prediction method; absent with fewer than three test sweeps of a material.
     pub accuracy_three_sweeps: Option<Estimate>,
+    /// Accuracy of the same training on a random fold; absent unless whole blocks were held out and it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random_fold: Option<RandomFold>,
     /// Accuracy without the materials that coincide with recording blocks, with the recipe's prediction method; absent if there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confounded: Option<ConfoundedAccuracy>,

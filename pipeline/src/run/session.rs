@@ -4,7 +4,7 @@
 
 use std::path::Path;
 use std::sync::OnceLock;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tactnet_data::{
     DataSource, Dataset, Finding, Fold, Seed, TrainSplit, ValidationSplit, refuse_errors,
@@ -12,13 +12,15 @@ use tactnet_data::{
 };
 
 use super::free_folder::free_folder;
+use super::random_fold::RandomFold;
+use super::set_aside::set_aside;
 use super::training_record::{TrainingRecord, train_batches};
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
     Device, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup, NoveltyScore, NoveltyScorer,
-    PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir, RunResult, TrainEmbeddings,
-    TrainJob, TrainSpec, Training, TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run,
-    fit_baseline,
+    PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir, RunResult, SplitKind,
+    TrainEmbeddings, TrainJob, TrainSpec, Training, TrainingSettings, TrainingSteps,
+    TrainingSummary, evaluate_run, fit_baseline,
 };
 
 /// Progress of a session.
@@ -58,6 +60,8 @@ pub enum TrainEvent<'a> {
         /// Number of test sweeps.
         sweeps: usize,
     },
+    /// The same training on a random fold begins, see [`Session::with_random_fold`].
+    RandomFold,
 }
 
 /// End of a session.
@@ -88,6 +92,8 @@ pub struct Session {
     device: OnceLock<Device>,
     /// Settings of the recipe before they were adapted to the number of sweeps; `None` for a resumed run.
     asked: Option<TrainingSettings>,
+    /// Time below which a training is repeated on a random fold; `None`: never.
+    random_fold_below: Option<Duration>,
 }
 
 /// Checks the number of training sweeps.
@@ -187,6 +193,7 @@ impl Session {
             program,
             device: OnceLock::from(job.device().clone()),
             asked,
+            random_fold_below: None,
         })
     }
 
@@ -229,7 +236,16 @@ impl Session {
             program,
             device: OnceLock::new(),
             asked: None,
+            random_fold_below: None,
         })
+    }
+
+    /// Adds the accuracy on a random fold to the result, if the run holds out whole blocks and its training takes less time than `limit`.
+    ///
+    /// The difference shows how much recognising the recordings would contribute. The training is repeated without being written.
+    pub fn with_random_fold(mut self, limit: Duration) -> Self {
+        self.random_fold_below = Some(limit);
+        self
     }
 
     /// Returns the data set of training and test sweeps.
@@ -352,7 +368,14 @@ impl Session {
             sweeps: fold.test.len(),
         });
         let command = (self.program.command)(&config.named_spec(&fold).without_folders());
-        let result = evaluate_run(run, &config, &classifier, &fold, sessions, trained, command)?;
+        let mut result =
+            evaluate_run(run, &config, &classifier, &fold, sessions, trained, command)?;
+        let below = self.random_fold_below.unwrap_or_default().as_secs_f64();
+        let holds_out_blocks = SplitKind::of(fold.scheme()).holds_out_blocks();
+        if holds_out_blocks && config.spec.inner.is_none() && result.train_seconds < below {
+            on_event(TrainEvent::RandomFold);
+            result.random_fold = RandomFold::measure(&config, &self.dataset, device, stop);
+        }
         if stop() {
             return Ok(TrainOutcome::Stopped);
         }
@@ -467,22 +490,6 @@ pub(super) struct Begun<'a> {
     aside: Option<(CalibrationTarget, ValidationSplit<'a>)>,
     /// All sessions of the run so far, including this one.
     sessions: Vec<Provenance>,
-}
-
-/// Fold for fitting, and the training sweeps set aside for calibration with their rates, if any.
-type SetAside<'a> = (Fold<'a>, Option<(CalibrationTarget, ValidationSplit<'a>)>);
-
-fn set_aside<'a>(
-    fold: &Fold<'a>,
-    target: Option<CalibrationTarget>,
-) -> Result<SetAside<'a>, PipelineError> {
-    match target {
-        None => Ok((fold.clone(), None)),
-        Some(target) => {
-            let (fitted, aside) = fold.set_aside()?;
-            Ok((fitted, Some((target, aside))))
-        }
-    }
 }
 
 #[cfg(test)]

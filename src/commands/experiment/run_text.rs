@@ -7,7 +7,7 @@ use tactnet_pipeline::{
     Confusion, ModelRecipe, PipelineError, RunDir, RunResult, Session, TrainingSteps, quoted,
 };
 
-use crate::commands::block_text::confounded_text;
+use crate::commands::block_text::{confounded_text, random_fold_text};
 use crate::commands::eval_text::{guessing_text, mistakes_text};
 use crate::commands::evaluation_table::evaluation_table;
 
@@ -38,6 +38,7 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     let (accuracy, balanced) = (predictions.one_sweep(), predictions.balanced());
     lines.push(guessing_text(&confusion, accuracy, balanced));
     lines.push(mistakes_text(&confusion));
+    lines.extend(result.random_fold.as_ref().map(random_fold_text));
     lines.extend(result.confounded.as_ref().map(confounded_text));
     if let Some(row) = published_for(&config, result.origin, &split, method) {
         lines.push(format!(

@@ -90,6 +90,9 @@ impl Progress {
                 }
                 say!("predicting {sweeps} test sweeps …");
             }
+            TrainEvent::RandomFold => {
+                say!("training once more, with sweeps of the same recordings, for comparison …");
+            }
         }
     }
 }
