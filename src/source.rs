@@ -56,23 +56,33 @@ pub fn note_arranged(shape: SweepShape) {
     );
 }
 
+/// Doubts about data that the user settled.
+#[derive(Clone, Copy)]
+pub struct Doubts {
+    /// True if the order of the axes is confirmed.
+    pub axes_are_right: bool,
+    /// True if warnings are errors.
+    pub strict: bool,
+}
+
 /// Prints warnings about a data set as a whole, except about an assumed rate, which has its own warning.
 ///
 /// - `name`: name of the data set, if there may be several
-/// - `axes_are_right`: true if the user confirmed the order of the axes
 ///
 /// # Errors
-/// Fails if the axes are probably exchanged.
-pub fn review(
-    name: Option<&str>,
-    finding: &Finding,
-    axes_are_right: bool,
-) -> Result<(), PipelineError> {
-    if finding.kind == FindingKind::AxisOrder && !axes_are_right {
+/// Fails if the axes are probably exchanged, or for any warning if warnings are errors.
+pub fn review(name: Option<&str>, finding: &Finding, doubts: Doubts) -> Result<(), PipelineError> {
+    let is_of_axes = finding.kind == FindingKind::AxisOrder;
+    let remedy = match finding.severity {
+        _ if is_of_axes && !doubts.axes_are_right => Some(PipelineRemedy::ConfirmAxes),
+        Severity::Warning if doubts.strict && !is_of_axes => Some(PipelineRemedy::AcceptWarnings),
+        _ => None,
+    };
+    if let Some(remedy) = remedy {
         let of = name.map_or(String::new(), |name| format!("{name}: "));
         return Err(PipelineError::Doubtful {
             finding: format!("{of}{}", finding.message),
-            remedy: PipelineRemedy::ConfirmAxes,
+            remedy,
         });
     }
     let other = finding.kind != FindingKind::AssumedRate;
@@ -82,7 +92,9 @@ pub fn review(
             finding.kind,
             FindingKind::AssumedPatch | FindingKind::FolderLayout
         );
-    if shown && finding.is_general() && other {
+    // It names the first of several materials.
+    let is_general = finding.is_general() || finding.kind == FindingKind::ConfoundedBlocks;
+    if shown && is_general && other {
         let message = failure::with_cure(&finding.message, finding.remedy.as_ref());
         match name {
             Some(name) => say!("{}: {name}: {message}", finding.severity),

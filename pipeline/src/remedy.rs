@@ -11,6 +11,8 @@ pub enum PipelineRemedy {
     Data(Remedy),
     /// Confirm that the axes of the data are in the right order.
     ConfirmAxes,
+    /// Accept warnings about the data.
+    AcceptWarnings,
     /// Train again with the sample rate named.
     TrainWithRate,
     /// Name the current path of a run's data set.

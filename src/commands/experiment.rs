@@ -20,6 +20,7 @@ use tactnet_experiments::{
 use tactnet_models::Compute;
 
 use crate::output::OutputFormat;
+use crate::source::Doubts;
 use crate::stop::Stop;
 use crate::{failure, output, source};
 use arguments::{DirArgs, Engine, ExportArgs, RunArgs, ShowArgs, TaskArgs};
@@ -175,7 +176,11 @@ fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
                 })
             );
         }
-        source::review(Some(name), finding, arguments.axes_are_right)
+        let doubts = Doubts {
+            axes_are_right: arguments.axes_are_right,
+            strict: false,
+        };
+        source::review(Some(name), finding, doubts)
     })?;
     let dir = ExperimentDir::create(&out, &recipe, &arguments.command_line())?;
     for left_out in &dir.plan.left_out {

@@ -89,7 +89,8 @@ fn begin(arguments: &TrainArgs) -> anyhow::Result<Session> {
         refuse_other_model(&job, model)?;
     }
     source::announce(&job.spec().data);
-    let review = |finding: &Finding| source::review(None, finding, arguments.axes_are_right);
+    let doubts = arguments.doubts();
+    let review = |finding: &Finding| source::review(None, finding, doubts);
     Ok(Session::begin(&job, arguments.out(), program(), review)?)
 }
 

@@ -30,6 +30,7 @@ fn worded(remedy: &PipelineRemedy) -> String {
     match remedy {
         PipelineRemedy::Data(remedy) => super::remedy::words_of(remedy),
         PipelineRemedy::ConfirmAxes => "if they are in the right order, add --axes-are-right".into(),
+        PipelineRemedy::AcceptWarnings => "without --strict it is a warning".into(),
         PipelineRemedy::TrainWithRate => {
             "if the classifier's data were recorded at this rate, train again with `--rate`".into()
         }

@@ -103,6 +103,7 @@ fn words_of_pipeline(remedy: &PipelineRemedy) -> Option<String> {
             run.display()
         ),
         PipelineRemedy::ConfirmAxes
+        | PipelineRemedy::AcceptWarnings
         | PipelineRemedy::NameData
         | PipelineRemedy::ChooseModel { .. }
         | PipelineRemedy::TrainNetwork

@@ -12,6 +12,7 @@ use crate::commands::array_names::ArrayNames;
 use crate::commands::choices::{
     LevelsChoice, ModelChoice, SplitChoice, TrainDeviceChoice, share, steps,
 };
+use crate::source::Doubts;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
@@ -30,7 +31,10 @@ pub struct TrainArgs {
     pub data: Option<String>,
     /// The axes are in the right order although there are more taxels than time steps
     #[arg(long)]
-    pub axes_are_right: bool,
+    axes_are_right: bool,
+    /// Refuse data with warnings, such as materials that were recorded in one session each
+    #[arg(long, conflicts_with = "resume")]
+    strict: bool,
     #[command(flatten)]
     arrays: ArrayNames,
     #[command(flatten)]
@@ -155,6 +159,14 @@ impl TrainArgs {
             seed: Seed(options.seed),
             epochs: options.epochs,
             device: options.device.named(),
+        }
+    }
+
+    /// Returns the doubts about the data that the arguments settle.
+    pub fn doubts(&self) -> Doubts {
+        Doubts {
+            axes_are_right: self.axes_are_right,
+            strict: self.strict,
         }
     }
 
