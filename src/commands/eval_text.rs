@@ -6,6 +6,7 @@ use tactnet_pipeline::{Confusion, Estimate, EvalResult, Verdicts};
 
 use super::block_text::confounded_text;
 use super::evaluation_table::evaluation_table;
+use super::recall_text::recall_text;
 use crate::output::counted;
 
 /// Maximum number of pairs of materials in the text.
@@ -45,7 +46,8 @@ pub fn text(result: &EvalResult) -> String {
         if let Some((accuracy, balanced)) = known.flatten().next() {
             let _ = write!(text, "\n{}", guessing_text(confusion, accuracy, balanced));
         }
-        let _ = write!(text, "\n{}", mistakes_text(confusion));
+        let (recalls, mistakes) = (recall_text(confusion), mistakes_text(confusion));
+        let _ = write!(text, "{recalls}\n{mistakes}");
     }
     if let Some(confounded) = &result.confounded {
         let _ = write!(text, "\n{}", confounded_text(confounded));

@@ -22,6 +22,7 @@ pub mod export;
 pub mod man;
 pub mod predict;
 pub mod progress_line;
+mod recall_text;
 #[cfg(feature = "recording")]
 pub mod record;
 mod reference;

@@ -10,6 +10,7 @@ use tactnet_pipeline::{
 use crate::commands::block_text::{confounded_text, random_fold_text};
 use crate::commands::eval_text::{guessing_text, mistakes_text};
 use crate::commands::evaluation_table::evaluation_table;
+use crate::commands::recall_text::recall_text;
 
 /// Accuracy from which no advice is given.
 const GOOD: f64 = 0.95;
@@ -36,7 +37,7 @@ pub fn run_text(run: &RunDir, result: &RunResult) -> Result<String, PipelineErro
     let (_, predictions) = run.predictions(method)?;
     let confusion = Confusion::from(&predictions);
     let (accuracy, balanced) = (predictions.one_sweep(), predictions.balanced());
-    lines.push(guessing_text(&confusion, accuracy, balanced));
+    lines.push(guessing_text(&confusion, accuracy, balanced) + &recall_text(&confusion));
     lines.push(mistakes_text(&confusion));
     lines.extend(result.random_fold.as_ref().map(random_fold_text));
     lines.extend(result.confounded.as_ref().map(confounded_text));
