@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize, Serializer};
 use tactnet_data::DataOrigin;
-use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind, TrainingSteps};
+use tactnet_pipeline::{
+    ConfoundedAccuracy, MeanRemoval, PredictionMethod, SplitKind, TrainingSteps,
+};
 
 use crate::confidence::{ReliabilityBin, RiskCoverage};
 
@@ -49,6 +51,9 @@ pub struct Contender {
     pub sigma_test: f64,
     /// Counts `[true][predicted]`, summed over folds.
     pub confusion: Vec<Vec<usize>>,
+    /// Accuracy without the materials that coincide with recording blocks, over all folds; absent if there are none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub confounded: Option<ConfoundedAccuracy>,
     /// Counts `[true][predicted]` of three fused sweeps, with each sweep in 20 groups, summed over folds.
     #[serde(skip)]
     pub fused_confusion: Vec<Vec<usize>>,

@@ -283,6 +283,7 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
         n_test: 20,
         sigma_test: 0.01,
         confusion: confusion(materials.len(), (10.0 * accuracy) as usize),
+        confounded: None,
         fused_confusion: vec![],
         reliability: reliability(),
         risk_coverage: (1..=20).map(|k| risk(f64::from(k) / 20.0)).collect(),

@@ -1,11 +1,11 @@
 //! The contenders of a cross-validation: results of their run directories beyond the rows of the summary.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use tactnet_data::{Scheme, SplitManifest};
 use tactnet_pipeline::{
-    Evaluation, ModelRecipe, PredictionMethod, Predictions, RunConfig, RunDir, RunResult,
-    SplitKind, SweepScore, TrainingSteps,
+    ConfoundedAccuracy, Estimate, Evaluation, ModelRecipe, PredictionMethod, Predictions,
+    RunConfig, RunDir, RunResult, SplitKind, SweepScore, TrainingSteps,
 };
 
 use super::finished::FinishedTask;
@@ -121,6 +121,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -
         sigma_test: (accuracy * (1.0 - accuracy) / n_test as f64).sqrt(),
         n_train: first.result.n_train,
         n_test,
+        confounded: confounded(folds, &materials, &confusion),
         confusion,
         fused_confusion,
         reliability: reliability(&sweeps),
@@ -129,6 +130,34 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -
         folds: folds.iter().map(record).collect(),
         materials,
     }
+}
+
+/// Returns the accuracy without the materials that coincide with recording blocks, over all folds.
+///
+/// - `confusion`: counts of the folds together; its interval counts each sweep once, independent of the number of repeats
+fn confounded(
+    folds: &[Fold<'_>],
+    materials: &[String],
+    confusion: &[Vec<usize>],
+) -> Option<ConfoundedAccuracy> {
+    // Which materials these are depends on the data set alone.
+    let found = folds[0].result.confounded.clone()?;
+    let repeats: BTreeSet<usize> = folds.iter().map(|fold| fold.result.repeat).collect();
+    let count = |names: &[String], of: fn(&[usize], usize) -> usize| -> usize {
+        let rows = confusion.iter().zip(materials).enumerate();
+        let rows = rows.filter(|(_, (_, material))| names.contains(material));
+        rows.map(|(label, (row, _))| of(row, label)).sum()
+    };
+    let right = count(&found.unconfounded, |row, label| row[label]);
+    let [tested, n_confounded] = [&found.unconfounded, &found.confounded]
+        .map(|names| count(names, |row, _| row.iter().sum()));
+    let sweeps = tested / repeats.len();
+    Some(ConfoundedAccuracy {
+        n_confounded: n_confounded / repeats.len(),
+        unconfounded_one_sweep: (sweeps > 0)
+            .then(|| Estimate::wilson(right as f64 / tested as f64, sweeps)),
+        ..found
+    })
 }
 
 /// Returns the description of a split with the trained folds: "2 of 5 random folds".

@@ -107,6 +107,14 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
             "\nbalanced accuracy, the mean of the materials' recalls [%]: {each}"
         )?;
     }
+    let shared: Vec<String> = contenders.iter().filter_map(unconfounded).collect();
+    if !shared.is_empty() {
+        let each = shared.join(", ");
+        writeln!(
+            out,
+            "\naccuracy on the materials that share their sessions with others [%]: {each}"
+        )?;
+    }
     let rows = contenders.iter().map(|row| (row.name(), row.one_sweep));
     notes(out, &interval_notes(rows, "fold"))?;
     for few in summary.few_steps() {
@@ -128,6 +136,20 @@ fn balanced(row: &Scored<'_>) -> Option<String> {
         "{} {:.1}{interval}",
         row.name(),
         100.0 * statistic.mean
+    ))
+}
+
+/// Returns name and accuracy of a contender on the materials that do not coincide with recording blocks, if others do.
+fn unconfounded(row: &Scored<'_>) -> Option<String> {
+    let found = row.confounded.as_ref().filter(|_| !row.probe)?;
+    let accuracy = found.unconfounded_one_sweep?;
+    Some(format!(
+        "{}, {} {:.1} ({:.1} to {:.1})",
+        row.name(),
+        row.split,
+        100.0 * accuracy.mean,
+        100.0 * accuracy.ci95_low,
+        100.0 * accuracy.ci95_high
     ))
 }
 
