@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::data_probes::BlockIdentity;
+
 /// The best model of a data set compared with the probes, which measure information other than texture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Audit {
@@ -28,6 +30,13 @@ pub struct Audit {
     /// Accuracy of a nearest neighbour on the last frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub last_frame: Option<f64>,
+    /// Accuracy of naming the material of the nearest training sweep in the order of the data set, on random folds; absent if the
+    /// data set is sorted by material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording_order: Option<f64>,
+    /// Recognition of the recording block within a material, on random folds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub block_identity: Option<BlockIdentity>,
     /// Accuracy with permuted labels.
     pub permuted: Option<f64>,
     /// Standard deviation of guessing, given the number of test sweeps.
@@ -67,15 +76,34 @@ impl Audit {
         })
     }
 
-    /// Returns the name and accuracy of the frame that alone is nearly as accurate as `accuracy`; `None` if none is.
-    pub(crate) fn telling_frame(&self, accuracy: f64) -> Option<(&'static str, f64)> {
-        let frames = [("first", self.first_frame), ("last", self.last_frame)];
-        let known = frames
+    /// Returns the name and accuracy of the probe besides levels that alone is nearly as accurate as `accuracy`; `None` if none is.
+    pub(crate) fn telling_probe(&self, accuracy: f64) -> Option<(&'static str, f64)> {
+        let probes = [
+            ("first frame", self.first_frame),
+            ("last frame", self.last_frame),
+            ("order of the sweeps in the file", self.recording_order),
+        ];
+        self.nearly_as_accurate(accuracy, probes)
+    }
+
+    /// Returns the most accurate of `probes` if it is nearly as accurate as `accuracy`.
+    pub(crate) fn nearly_as_accurate<'a>(
+        &self,
+        accuracy: f64,
+        probes: impl IntoIterator<Item = (&'a str, Option<f64>)>,
+    ) -> Option<(&'a str, f64)> {
+        let known = probes
             .into_iter()
             .filter_map(|(name, of)| Some((name, of?)));
         let best = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
         let share = (best.1 - self.chance) / (accuracy - self.chance).max(1e-9);
         (share > MOSTLY_LEVEL).then_some(best)
+    }
+
+    /// Returns the recognition of blocks if sweeps of one block are clearly more alike than those of different blocks.
+    pub(crate) fn alike_blocks(&self) -> Option<BlockIdentity> {
+        let lead = |of: &BlockIdentity| (of.accuracy - of.guessing) / (1.0 - of.guessing).max(1e-9);
+        self.block_identity.filter(|of| lead(of) > PARTLY_LEVEL)
     }
 
     /// Returns the accuracy that permuted labels are compared with.

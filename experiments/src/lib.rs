@@ -10,6 +10,7 @@ mod comparison;
 mod confidence;
 mod contender;
 mod context;
+mod data_probes;
 mod error;
 mod event;
 mod groups;
@@ -47,6 +48,7 @@ pub use audit::Audit;
 pub use comparison::{Comparison, name_in_comparison};
 pub use confidence::{ReliabilityBin, RiskCoverage};
 pub use contender::{Contender, FoldRecord, PublishedContender};
+pub use data_probes::{BlockIdentity, DataProbes};
 pub use error::{ExperimentError, ExperimentRemedy, Setting};
 pub use event::Event;
 pub use groups::{

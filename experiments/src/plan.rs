@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_pipeline::{ModelRecipe, TrainSpec};
 use toml::{Table, Value};
 
-use crate::{ExperimentError, ExperimentRecipe, Part, Probe, Question};
+use crate::{DataProbes, ExperimentError, ExperimentRecipe, Part, Probe, Question};
 pub use data::RecipeWithData;
 use grid::Grid;
 use suitable::{Unsuitable, leave_out_unsuitable};
@@ -81,6 +81,9 @@ pub struct Plan {
     /// Reasons to doubt the numbers, such as materials that were recorded in one block each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub data_warnings: Vec<String>,
+    /// Probes of the data sets that need no training; only for a cross-validation.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub data_probes: Vec<DataProbes>,
     /// Models that cannot be trained on a data set.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<LeftOut>,
@@ -157,6 +160,10 @@ impl Plan {
             recipes,
             tasks,
             data_warnings: data.warnings(),
+            data_probes: match recipe.question {
+                Question::Crossval(_) => data.probes(),
+                _ => Vec::new(),
+            },
             left_out,
         })
     }

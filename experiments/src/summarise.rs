@@ -155,7 +155,7 @@ fn complete_crossval(
         };
     }
     let scored = summary.scored();
-    let audits = audits(&scored);
+    let audits = audits(&scored, &dir.plan.data_probes);
     let grouped = scored.iter().filter(|contender| {
         asked.groups > 0 && !contender.probe && contender.materials.len() > asked.groups
     });

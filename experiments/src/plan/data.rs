@@ -11,7 +11,7 @@ use tactnet_data::{
 };
 use tactnet_pipeline::{PipelineError, SplitKind};
 
-use crate::{ExperimentError, ExperimentRecipe};
+use crate::{DataProbes, ExperimentError, ExperimentRecipe};
 
 /// A recipe with its data sets in memory, except the twin.
 pub struct RecipeWithData<'a> {
@@ -108,6 +108,13 @@ impl RecipeWithData<'_> {
             Some(format!("{name}: {message}."))
         };
         files.filter_map(warning).collect()
+    }
+
+    /// Returns the probes of the data sets that need no training.
+    pub(super) fn probes(&self) -> Vec<DataProbes> {
+        let files = self.files.values();
+        let probes = files.filter_map(|file| DataProbes::of(&file.dataset, self.recipe.seed));
+        probes.collect()
     }
 }
 

@@ -44,6 +44,14 @@ fn card(audit: &Audit) -> Markup {
         ),
         ("Nearest neighbour on the first frame", audit.first_frame),
         ("Nearest neighbour on the last frame", audit.last_frame),
+        (
+            "Nearest training sweep in the order of the file, random folds",
+            audit.recording_order,
+        ),
+        (
+            "Recording block within a material, by taxel means, random folds",
+            audit.block_identity.map(|of| of.accuracy),
+        ),
         ("MiniRocket on permuted labels", audit.permuted),
     ];
     let (chance, sigma) = (percent(audit.chance), percent(audit.chance_sigma));

@@ -97,6 +97,8 @@ pub(super) fn summary() -> Summary {
             means: Some(0.5),
             first_frame: None,
             last_frame: None,
+            recording_order: None,
+            block_identity: None,
             permuted: Some(0.3),
             permuted_chance: None,
             chance_sigma: 0.05,

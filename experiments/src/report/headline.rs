@@ -127,9 +127,10 @@ fn contender(summary: &Summary, set: &DataSet, best: &Scored<'_>) -> Headline {
             set.name(best)
         ),
         qualifier: format!(
-            "{}{}{}{}",
+            "{}{}{}{}{}",
             same_recordings(set, best),
-            qualifier(audit, best),
+            unconfounded(best),
+            qualifier(set, audit, best),
             network(set, best),
             others(summary, set, best)
         ),
@@ -147,6 +148,48 @@ fn same_recordings(set: &DataSet, best: &Scored<'_>) -> String {
             in_percent(random)
         )
     })
+}
+
+/// Returns a sentence on the materials that do not coincide with recording blocks, if others do.
+fn unconfounded(best: &Scored<'_>) -> String {
+    let Some(found) = &best.confounded else {
+        return String::new();
+    };
+    let (confounded, materials) = (found.confounded.len(), found.materials);
+    match found.unconfounded_one_sweep {
+        _ if found.n_confounded == 0 => format!(
+            "Only {} of {materials} materials were tested: the others were recorded in one session each. ",
+            materials - confounded
+        ),
+        Some(accuracy) => format!(
+            "On the materials that share their sessions with others ({}) it is {} {}. ",
+            listed(&found.unconfounded),
+            in_percent(accuracy.mean),
+            interval([accuracy.ci95_low, accuracy.ci95_high])
+        ),
+        // The warning about the data says it.
+        None => String::new(),
+    }
+}
+
+/// Returns the name and accuracy of a probe on the same folds that is nearly as accurate as the best contender.
+fn telling_probe(set: &DataSet, audit: &Audit, best: &Scored<'_>) -> Option<(&'static str, f64)> {
+    let on_same_folds = |probe: &'static str| {
+        let rows = set
+            .rows
+            .iter()
+            .filter(|row| row.probe && row.steps == best.steps);
+        let mut rows = rows.filter(|row| row.split == best.split && row.model.contains(probe));
+        (probe, rows.next().map(|row| row.one_sweep.mean))
+    };
+    let is_random = !best.split_kind.holds_out_blocks();
+    let order = audit.recording_order.filter(|_| is_random);
+    let probes = [
+        on_same_folds("first frame"),
+        on_same_folds("last frame"),
+        ("order of the sweeps in the file", order),
+    ];
+    audit.nearly_as_accurate(best.one_sweep.mean, probes)
 }
 
 /// Significance level for differences from the best model.
@@ -212,7 +255,7 @@ fn network(set: &DataSet, best: &Scored<'_>) -> String {
 }
 
 /// Returns the main qualification of the best contender's accuracy.
-fn qualifier(audit: Option<&Audit>, best: &Scored<'_>) -> String {
+fn qualifier(set: &DataSet, audit: Option<&Audit>, best: &Scored<'_>) -> String {
     let accuracy = best.one_sweep.mean;
     if best.inner.is_some() {
         return "Evaluated on the inner split, which also selected it; no test sweep was read."
@@ -236,9 +279,9 @@ fn qualifier(audit: Option<&Audit>, best: &Scored<'_>) -> String {
             in_percent(block_out)
         )
     });
-    if let Some((which, alone)) = audit.telling_frame(accuracy) {
+    if let Some((which, alone)) = telling_probe(set, audit, best) {
         return format!(
-            "The {which} frame alone gives {} (model: {}), so this says little about texture.",
+            "The {which} alone gives {} (model: {}), so this says little about texture.",
             in_percent(alone),
             in_percent(accuracy)
         );

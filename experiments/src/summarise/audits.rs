@@ -3,11 +3,14 @@
 use tactnet_pipeline::MeanRemoval;
 
 use crate::audit::{Audit, LevelShare, TOO_WELL};
+use crate::data_probes::DataProbes;
 use crate::phrases::rank;
 use crate::scored::Scored;
 
 /// Returns one audit for each data set and treatment of levels.
-pub(crate) fn audits(rows: &[Scored<'_>]) -> Vec<Audit> {
+///
+/// - `probes`: probes of the data sets that need no training
+pub(crate) fn audits(rows: &[Scored<'_>], probes: &[DataProbes]) -> Vec<Audit> {
     let mut keys: Vec<(&str, MeanRemoval, usize)> = rows
         .iter()
         .map(|row| (row.data.as_str(), row.levels, row.steps))
@@ -20,12 +23,21 @@ pub(crate) fn audits(rows: &[Scored<'_>]) -> Vec<Audit> {
                 .iter()
                 .filter(|row| row.data == data && row.levels == levels && row.steps == steps)
                 .collect();
-            audit(data, levels, steps, &own)
+            // They see whole sweeps with their levels.
+            let is_own = |of: &&DataProbes| of.data.split(", first ").next() == Some(data);
+            let probes = probes.iter().find(is_own).filter(|_| levels.is_none());
+            audit(data, levels, steps, &own, probes)
         })
         .collect()
 }
 
-fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) -> Option<Audit> {
+fn audit(
+    data: &str,
+    levels: MeanRemoval,
+    steps: usize,
+    rows: &[&Scored<'_>],
+    of_data: Option<&DataProbes>,
+) -> Option<Audit> {
     let by_block = |row: &&&Scored<'_>| row.split_kind.holds_out_blocks();
     // Random folds or the author's split, evaluated on test sweeps.
     let usual = |row: &&&Scored<'_>| !by_block(row) && row.inner.is_none();
@@ -53,7 +65,7 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
     let (means, permuted) = (probe("means"), probe("permuted"));
     let (first, last) = (probe("first frame"), probe("last frame"));
     let probes = [means, permuted, first, last];
-    if probes.iter().all(Option::is_none) && block_out.is_none() {
+    if probes.iter().all(Option::is_none) && block_out.is_none() && of_data.is_none() {
         return None;
     }
     let chance = rows[0].guessing();
@@ -71,6 +83,8 @@ fn audit(data: &str, levels: MeanRemoval, steps: usize, rows: &[&Scored<'_>]) ->
             .map(|row| row.one_sweep.mean),
         first_frame: first.map(|row| row.one_sweep.mean),
         last_frame: last.map(|row| row.one_sweep.mean),
+        recording_order: of_data.and_then(|of| of.recording_order),
+        block_identity: of_data.and_then(|of| of.block_identity),
         permuted: permuted.map(|row| row.one_sweep.mean),
         chance_sigma: guessing.map_or(binomial, |(_, sigma)| sigma),
         verdict: String::new(),
@@ -134,12 +148,20 @@ fn verdict(audit: &Audit) -> String {
         ));
     }
     if let Some((model, best)) = &audit.best
-        && let Some((which, alone)) = audit.telling_frame(*best)
+        && let Some((which, alone)) = audit.telling_probe(*best)
     {
         sentences.push(format!(
-            "The {which} frame alone recognises {}, {model} {}: the motion tells little more.",
+            "The {which} alone recognises {}, {model} {}: the motion tells little more.",
             percent(alone),
             percent(*best)
+        ));
+    }
+    if let Some(blocks) = audit.alike_blocks() {
+        sentences.push(format!(
+            "Taxel means recognise the recording block of {} of the sweeps among those of their material, guessing {}: sweeps of one block \
+             are alike, so random folds overstate the accuracy on a new recording.",
+            percent(blocks.accuracy),
+            percent(blocks.guessing)
         ));
     }
     if let (Some(block_out), Some((model, best))) = (audit.block_out, &audit.best) {
@@ -157,6 +179,7 @@ fn verdict(audit: &Audit) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::BlockIdentity;
 
     #[test]
     fn the_verdict_names_what_is_wrong() {
@@ -170,6 +193,8 @@ mod tests {
             means: Some(0.9),
             first_frame: Some(0.93),
             last_frame: None,
+            recording_order: None,
+            block_identity: None,
             permuted: Some(0.055),
             chance_sigma: 0.01,
             verdict: String::new(),
@@ -182,6 +207,23 @@ mod tests {
         assert!(text.contains("35.0 points"), "{text}");
         assert!(
             text.contains("first frame alone recognises 93.0 %"),
+            "{text}"
+        );
+        assert!(!text.contains("recording block of"), "{text}");
+        audit.recording_order = Some(0.94);
+        audit.block_identity = Some(BlockIdentity {
+            accuracy: 0.9,
+            guessing: 0.1,
+        });
+        let text = verdict(&audit);
+        assert!(
+            text.contains(
+                "The order of the sweeps in the file alone recognises 94.0 %, svm-h 95.0 %"
+            ),
+            "{text}"
+        );
+        assert!(
+            text.contains("recognise the recording block of 90.0 % of the sweeps among those of their material, guessing 10.0 %"),
             "{text}"
         );
         audit.permuted = Some(0.2);

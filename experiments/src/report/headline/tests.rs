@@ -2,7 +2,7 @@ use super::super::data_set::data_sets;
 use super::super::fake;
 use super::*;
 use crate::{Comparison, FailedTasks, Measure};
-use tactnet_pipeline::TrainingSteps;
+use tactnet_pipeline::{ConfoundedAccuracy, Estimate, SplitKind, TrainingSteps};
 
 fn page(summary: &Summary) -> String {
     let rows = summary.scored();
@@ -20,6 +20,8 @@ fn audit(means: Option<f64>, permuted: Option<f64>, block_out: Option<f64>) -> A
         means,
         first_frame: None,
         last_frame: None,
+        recording_order: None,
+        block_identity: None,
         permuted,
         chance_sigma: 0.01,
         verdict: String::new(),
@@ -122,6 +124,75 @@ fn what_weighs_most_qualifies_the_result() {
     // The audit of another data set does not apply to this one.
     summary.audits[0].data = "other, levels kept, 1000 steps".into();
     assert!(page(&summary).contains("Guessing recognises"));
+}
+
+/// Replaces one contender by a probe on the first frame.
+fn with_first_frame(accuracy: f64, first_frame: f64) -> Summary {
+    let mut summary = fake::tactmat();
+    summary.contenders[1].model = "probe: first frame alone".into();
+    summary.contenders[1].probe = true;
+    let keys = [0, 1].map(|index| summary.contenders[index].key.clone());
+    for row in &mut summary.rows {
+        if row.measure == Measure::Accuracy && row.sweeps == Some(1) {
+            let mean = if row.contender == keys[0] {
+                accuracy
+            } else {
+                first_frame
+            };
+            row.statistic = crate::Statistic::of(vec![mean, mean], 0.25);
+        }
+    }
+    summary.audits = vec![audit(None, None, None)];
+    summary
+}
+
+#[test]
+fn a_first_frame_as_accurate_as_the_model_is_in_the_headline() {
+    let page = |summary: &Summary| page(summary).replace('\u{a0}', " ");
+    let sentence =
+        "The first frame alone gives 97.3 % (model: 100.0 %), so this says little about texture.";
+    let mut told = with_first_frame(1.0, 0.973);
+    assert!(page(&told).contains(sentence), "{}", page(&told));
+    assert!(!page(&with_first_frame(1.0, 0.6)).contains("first frame alone gives"));
+    // On other folds than those of the headline it says nothing about it.
+    told.contenders[1].split = "leave_one_block_out".into();
+    assert!(!page(&told).contains("first frame alone gives"));
+    // The order of the sweeps in the file matters where neighbours are in training.
+    told.audits[0].recording_order = Some(0.99);
+    let order = "The order of the sweeps in the file alone gives 99.0 % (model: 100.0 %)";
+    assert!(page(&told).contains(order), "{}", page(&told));
+    told.contenders[0].split_kind = SplitKind::GroupKFold;
+    assert!(!page(&told).contains(order));
+}
+
+#[test]
+fn partly_confounded_materials_come_with_the_accuracy_on_the_others() {
+    let page = |summary: &Summary| page(summary).replace('\u{a0}', " ");
+    let floors =
+        |range: std::ops::Range<usize>| range.map(|floor| format!("floor {floor}")).collect();
+    let mut summary = fake::tactmat();
+    let found = ConfoundedAccuracy {
+        confounded: floors(0..8),
+        n_confounded: 160,
+        materials: 10,
+        unconfounded: floors(8..10),
+        unconfounded_one_sweep: Some(Estimate::wilson(0.75, 40)),
+    };
+    summary.contenders[0].confounded = Some(found.clone());
+    let partly = "On the materials that share their sessions with others (floor 8 and floor 9) it is 75.0 % [59.8, 85.8].";
+    assert!(page(&summary).contains(partly), "{}", page(&summary));
+    // Whole sessions are held out, which leaves nothing to train on for the others.
+    summary.contenders[0].confounded = Some(ConfoundedAccuracy {
+        n_confounded: 0,
+        ..found
+    });
+    assert!(page(&summary).contains(
+        "Only 2 of 10 materials were tested: the others were recorded in one session each."
+    ));
+    // The warning about the data is beside the headline.
+    let warning = "floors.csv: 8 of 10 materials were recorded in one session each: this accuracy cannot be told from recognising the session";
+    summary.data_warnings = vec![warning.into()];
+    assert!(page(&summary).contains(warning));
 }
 
 #[test]
