@@ -55,6 +55,7 @@ fn headings(columns: Columns) -> Vec<Heading> {
     ];
     if columns.balanced {
         headings.push(Heading::number("Balanced", "1 sweep, % (sd)"));
+        headings.push(Heading::number("95 % interval", "balanced, %"));
     }
     headings.extend([
         Heading::number("3 sweeps", "% (sd)"),
@@ -139,7 +140,10 @@ fn line(contenders: &[Scored<'_>], set: &DataSet, row: &Scored<'_>, columns: Col
             th scope="row" { a href={ "#row-" (index.unwrap_or_default()) } { (set.name(row)) } }
             (accuracy(Some(row.one_sweep)))
             (number(row.one_sweep.ci95.map(|ends| ends[0]), &percent_interval(row.one_sweep)))
-            @if columns.balanced { (accuracy(row.balanced)) }
+            @if columns.balanced {
+                (accuracy(row.balanced))
+                (number(row.balanced.and_then(|of| of.ci95).map(|ends| ends[0]), &row.balanced.map(percent_interval).unwrap_or_default()))
+            }
             (accuracy(row.three_sweeps))
             (accuracy(row.three_votes))
             (number(Some(row.sigma_test), &percent(row.sigma_test)))
