@@ -34,6 +34,7 @@ mod robot;
 mod runtimes;
 mod serve;
 mod service;
+mod sessions;
 mod study;
 #[cfg(feature = "recording")]
 mod topics;
