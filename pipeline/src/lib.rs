@@ -10,6 +10,7 @@
 //! | `features` | scaling, augmentation and the features of baselines |
 //! | `network` | training of networks, embeddings, novelty scores |
 //! | `baseline` | features followed by a classical classifier |
+//! | `likeness` | comparison of sweeps with the training sweeps: like them or unlike, and what differs |
 //! | `predict` | offline and online classifiers, predictions, evaluations |
 //! | `run` | run directories and the session that fills one |
 //! | `export` | ONNX and safetensors files for other programs |
@@ -21,6 +22,7 @@ mod baseline;
 mod error;
 mod export;
 mod features;
+mod likeness;
 mod model_recipe;
 mod network;
 mod predict;
@@ -46,6 +48,7 @@ pub use features::extractor::FeatureSet;
 pub use features::feature_timing::FeatureTimer;
 pub use features::mean_removal::MeanRemoval;
 pub use features::normalize::{Normalizer, Scaling};
+pub use likeness::{Difference, Likeness, LikenessReport, LikenessVerdict, Property, TaxelOrder};
 pub use model_recipe::ModelRecipe;
 pub use network::embedding::Embedding;
 pub use network::fit_mlp::{

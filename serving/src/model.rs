@@ -272,7 +272,7 @@ impl ServedModel {
         if draft.exists() {
             std::fs::remove_dir_all(&draft).map_err(failed)?;
         }
-        self.run.create_enrolled(&draft, &enrolled, record)?;
+        self.run.create_enrolled(&draft, &enrolled, record, &view)?;
         Self::load(&draft, version)?;
         std::fs::rename(&draft, path).map_err(failed)?;
         Self::load(path, version)

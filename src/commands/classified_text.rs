@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use tactnet_models::argmax;
 use tactnet_pipeline::{ClassifiedObject, ClassifiedSweep, ClassifiedSweeps};
 
+use super::likeness_text::verdict_text;
 use crate::output::counted;
 
 /// Maximum number of names in a message.
@@ -15,7 +16,9 @@ const MAX_ROWS: usize = 40;
 
 /// Returns a table with the two most probable materials of each sweep, and a summary.
 pub fn table(found: &ClassifiedSweeps) -> String {
-    let mut text = rows(found);
+    let likeness = found.likeness.as_ref().map(verdict_text);
+    let mut text = likeness.map_or_else(String::new, |verdict| format!("{verdict}\n"));
+    text.push_str(&rows(found));
     text.push_str(&summary(found));
     if found.sweeps.iter().any(|sweep| sweep.named.is_some()) {
         text.push_str(&comparison_with_names(found));

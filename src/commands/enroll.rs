@@ -98,7 +98,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     )
     .map_err(|error| source::in_file(&arguments.data, arguments.rate, error))?;
     let material = EnrolledMaterial::new(&arguments.material, &view, &weights, GIT)?;
-    run.create_enrolled(&arguments.out, &enrolled, material.clone())
+    run.create_enrolled(&arguments.out, &enrolled, material.clone(), &view)
         .context("cannot write the new classifier")?;
     let seconds = begun.elapsed().as_secs_f64();
     let test_cost = match &thresholds {

@@ -6,6 +6,7 @@ use tactnet_pipeline::{Confusion, Estimate, EvalResult, Verdicts};
 
 use super::block_text::confounded_text;
 use super::evaluation_table::evaluation_table;
+use super::likeness_text::verdict_text;
 use super::recall_text::recall_text;
 use crate::output::counted;
 
@@ -14,8 +15,11 @@ const MOST: usize = 5;
 
 /// Returns accuracies, comparisons of runtimes, the most frequent confusions, rates of a calibrated classifier, and warnings.
 pub fn text(result: &EvalResult) -> String {
-    let mut text = format!(
-        "{}: {} ({})\n",
+    let likeness = result.likeness.as_ref().map(verdict_text);
+    let mut text = likeness.map_or_else(String::new, |verdict| format!("{verdict}\n"));
+    let _ = writeln!(
+        text,
+        "{}: {} ({})",
         result.data,
         result.tested,
         counted(result.n_test, "sweep")

@@ -19,6 +19,7 @@ mod eval_text;
 mod evaluation_table;
 pub mod experiment;
 pub mod export;
+mod likeness_text;
 pub mod man;
 pub mod predict;
 pub mod progress_line;

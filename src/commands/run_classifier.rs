@@ -89,6 +89,7 @@ impl RunClassifier {
             self.calibration
                 .as_ref()
                 .map(|(bounds, known)| (bounds, known)),
+            self.run.likeness()?.as_ref(),
             self.method,
             one_object,
         );

@@ -8,7 +8,8 @@ use tactnet_data::{LabelSet, SweepView, spreadsheet_cell};
 use tactnet_models::{Belief, argmax};
 
 use crate::{
-    Calibration, Classifier, NoveltyScorer, PipelineError, PredictionMethod, TrainEmbeddings,
+    Calibration, Classifier, Likeness, LikenessReport, NoveltyScorer, PipelineError,
+    PredictionMethod, TrainEmbeddings,
 };
 
 /// Predictions for some sweeps.
@@ -27,6 +28,9 @@ pub struct ClassifiedSweeps {
     /// Prediction for all sweeps as those of one object.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub object: Option<ClassifiedObject>,
+    /// Comparison with the training sweeps; absent for runs with few training sweeps or of earlier versions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub likeness: Option<LikenessReport>,
     /// Warning about the range of the values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
@@ -73,6 +77,7 @@ impl ClassifiedSweeps {
     /// Classifies every sweep.
     ///
     /// - `calibration`: thresholds, with the embeddings of the training sweeps
+    /// - `likeness`: description of the training sweeps
     /// - `one_object`: true if all sweeps are of the same object
     ///
     /// # Errors
@@ -81,6 +86,7 @@ impl ClassifiedSweeps {
         sweeps: &SweepsToClassify,
         classifier: &Classifier,
         calibration: Option<(&Calibration, &TrainEmbeddings)>,
+        likeness: Option<&Likeness>,
         method: PredictionMethod,
         one_object: bool,
     ) -> Result<Self, PipelineError> {
@@ -131,6 +137,7 @@ impl ClassifiedSweeps {
             materials: config.labels.clone(),
             sweeps: rows.iter().enumerate().map(entry).collect(),
             object,
+            likeness: likeness.map(|likeness| likeness.assess(&view, config.seed)),
             caution: config.values.and_then(|known| known.caution(&view)),
         })
     }

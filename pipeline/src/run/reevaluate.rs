@@ -7,9 +7,9 @@ use tactnet_data::{Dataset, Seed, SweepView, is_same_name};
 use tactnet_models::argmax;
 
 use crate::{
-    Classifier, ConfoundedAccuracy, Confusion, Evaluation, PipelineError, PredictionMethod, RunDir,
-    RuntimeComparison, RuntimeKind, TestSweeps, Verdicts, compare_runtime, evaluate_all_ways,
-    serialize_by_method,
+    Classifier, ConfoundedAccuracy, Confusion, Evaluation, LikenessReport, PipelineError,
+    PredictionMethod, RunDir, RuntimeComparison, RuntimeKind, TestSweeps, Verdicts,
+    compare_runtime, evaluate_all_ways, serialize_by_method,
 };
 
 /// Settings of an evaluation.
@@ -73,6 +73,9 @@ pub struct EvalResult {
     /// Unknown materials whose names differ from a known one only in case or spaces, with that name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unknown_meant: BTreeMap<String, String>,
+    /// Comparison with the training sweeps; absent for runs with few training sweeps or of earlier versions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub likeness: Option<LikenessReport>,
     /// Warning about the range of the values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub values: Option<String>,
@@ -142,12 +145,17 @@ impl Reevaluation {
             false => BTreeMap::new(),
         };
         let unknown_meant = meant_by(classifier, unknown_taken_for.keys());
+        let likeness = match run.likeness()?.filter(|_| !view.is_empty()) {
+            Some(likeness) => Some(likeness.assess(view, seed)),
+            None => None,
+        };
         let known = match view.is_empty() {
             true => KnownSweeps::default(),
             false => self.known_sweeps(classifier, view, mc_samples, seed)?,
         };
         Ok(EvalResult {
             schema_version: 1,
+            likeness,
             run: run.path().display().to_string(),
             git,
             seed,

@@ -10,6 +10,7 @@
 //! | `checkpoint.safetensors` | weights, optimiser state, position | at least once a minute and at every stop |
 //! | `weights.safetensors` | final weights and running statistics | at the end |
 //! | `known.safetensors` | embeddings of the training sweeps for enrolment, networks only | at the end |
+//! | `likeness.safetensors` | description of the training sweeps, to tell whether others are like them | at the end |
 //! | `calibration.json` | thresholds for unknown materials and prediction sets, if calibrated | at the end |
 //! | `held_out.safetensors` | embeddings of the calibration sweeps, to refit the thresholds at an enrolment | at the end |
 //! | `enrolled.json` | materials added after training | at an enrolment |

@@ -17,9 +17,9 @@ use super::set_aside::set_aside;
 use super::training_record::{TrainingRecord, train_batches};
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
-    Device, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup, NoveltyScore, NoveltyScorer,
-    PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir, RunResult, SplitKind,
-    TrainEmbeddings, TrainJob, TrainSpec, Training, TrainingSettings, TrainingSteps,
+    Device, Likeness, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup, NoveltyScore,
+    NoveltyScorer, PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir, RunResult,
+    SplitKind, TrainEmbeddings, TrainJob, TrainSpec, Training, TrainingSettings, TrainingSteps,
     TrainingSummary, evaluate_run, fit_baseline,
 };
 
@@ -351,6 +351,9 @@ impl Session {
         } = begun;
         let device = self.device(&config)?;
         let classifier = Classifier::new(config.classifier.clone(), &run.weights()?, device)?;
+        if let Some(likeness) = Likeness::fit(&fitted.train, config.spec.seed)? {
+            run.write_likeness(&likeness)?;
+        }
         if let ModelConfig::Network(_) = config.classifier.model {
             let known = TrainEmbeddings::of(&classifier.embed(&fitted.train)?);
             run.write_train_embeddings(&known)?;

@@ -1,12 +1,16 @@
-//! Files of networks that enrolment and the detection of unknown materials need: embeddings and thresholds.
+//! Files that say what the training sweeps are like, for enrolment and for the detection of unknown materials and unlike sweeps:
+//! embeddings, thresholds, descriptions.
 
 use tactnet_models::Weights;
 
 use super::{HELD_OUT, RunDir};
-use crate::{Calibration, Classifier, Embedding, PipelineError, Thresholds, TrainEmbeddings};
+use crate::{
+    Calibration, Classifier, Embedding, Likeness, PipelineError, Thresholds, TrainEmbeddings,
+};
 
 const KNOWN: &str = "known.safetensors";
 const CALIBRATION: &str = "calibration.json";
+const LIKENESS: &str = "likeness.safetensors";
 
 impl RunDir {
     /// Reads the embeddings of a network's training sweeps.
@@ -35,6 +39,34 @@ impl RunDir {
     pub fn write_train_embeddings(&self, known: &TrainEmbeddings) -> Result<(), PipelineError> {
         let metadata = [("format".to_string(), "tactnet known sweeps 1".to_string())].into();
         self.write(KNOWN, &known.to_weights().to_safetensors(metadata)?)
+    }
+
+    /// Reads the description of the training sweeps; returns `None` for a run with too few of them, or of an earlier
+    /// version.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn likeness(&self) -> Result<Option<Likeness>, PipelineError> {
+        let path = self.file(LIKENESS);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let damaged = |reason: String| PipelineError::run(path.clone(), reason);
+        let weights = Weights::from_safetensors(&self.read(LIKENESS)?)
+            .map_err(|error| damaged(error.to_string()))?;
+        let shape = self.config()?.classifier.shape;
+        Likeness::from_weights(weights, shape)
+            .map(Some)
+            .map_err(damaged)
+    }
+
+    /// Writes the description of the training sweeps.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_likeness(&self, likeness: &Likeness) -> Result<(), PipelineError> {
+        let metadata = [("format".to_string(), "tactnet likeness 1".to_string())].into();
+        self.write(LIKENESS, &likeness.weights().to_safetensors(metadata)?)
     }
 
     /// Reads the thresholds of a calibrated classifier; returns `None` if it is not calibrated.

@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use tactnet_data::SweepView;
+
 use super::{ENROLLED, ENVIRONMENT, HELD_OUT};
 use crate::{
     Enrolled, EnrolledMaterial, PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir,
@@ -15,6 +17,8 @@ impl RunDir {
     /// Creates a run directory for a classifier with one more material. It holds the content of `self` without training metrics and results.
     /// The folder is built next to `path` under another name and renamed to `path` once it is complete.
     ///
+    /// - `sweeps`: sweeps of the new material
+    ///
     /// # Errors
     /// A folder that is not empty; a file that cannot be written.
     pub fn create_enrolled(
@@ -22,6 +26,7 @@ impl RunDir {
         path: &Path,
         enrolled: &Enrolled,
         material: EnrolledMaterial,
+        sweeps: &SweepView<'_>,
     ) -> Result<Self, PipelineError> {
         let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
         if occupied {
@@ -57,6 +62,10 @@ impl RunDir {
         if held_out.exists() {
             fs::copy(&held_out, run.file(HELD_OUT))
                 .map_err(|error| PipelineError::io(&held_out, "copy", error))?;
+        }
+        if let Some(likeness) = self.likeness()? {
+            let label = enrolled.config.labels.len() - 1;
+            run.write_likeness(&likeness.extended(sweeps, label)?)?;
         }
         run.write_weights(&enrolled.weights)?;
         run.write_manifest()?;

@@ -1,0 +1,411 @@
+//! Comparison of sweeps with the training sweeps of a classifier: like them, or unlike, and what differs.
+//!
+//! ```text
+//! sweep ─> Descriptor ─> Distances (to the nearest material) ─> ReferenceScores (p-values) ─> LikenessReport
+//!                                                                       └─ unlike ─> Difference: what differs
+//! ```
+//!
+//! The comparison needs neither labels nor a network. A sweep is described by level, spread and rate of change of every
+//! taxel and by a coarse spectrum; its distance is that to the nearest material's mean, whitened with the covariance within
+//! materials. Distances of training sweeps that were held out say how large a distance may be, so that the p-values of
+//! further sweeps of the same kind are uniform (conformal: Vovk et al., 2005).
+
+mod descriptor;
+mod difference;
+mod distances;
+mod reference;
+mod report;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use tactnet_data::{Seed, SweepShape, SweepView, TrainSplit, shuffle};
+use tactnet_models::{Features, NamedTensor, Weights};
+
+use crate::PipelineError;
+use descriptor::Descriptor;
+use distances::{Distance, Distances};
+use reference::ReferenceScores;
+
+pub use difference::{Difference, Property, TaxelOrder};
+pub use report::{LikenessReport, LikenessVerdict};
+
+/// Minimum number of training sweeps.
+const MIN_SWEEPS: usize = 20;
+/// Number of parts of the training sweeps, each of which is compared with the others.
+const PARTS: usize = 5;
+/// Minimum number of recording blocks for a comparison of whole blocks.
+const MIN_BLOCKS: usize = 3;
+
+/// Description of the training sweeps of a classifier, and of how much sweeps that are held out differ from them.
+pub struct Likeness {
+    descriptor: Descriptor,
+    distances: Distances,
+    /// Per taxel, share of the training sweeps in which it does not change.
+    constant_shares: Vec<f64>,
+    /// Scores of training sweeps against others of the same recording blocks.
+    within: ReferenceScores,
+    /// Scores of training sweeps against other recording blocks; `None` without several blocks.
+    between: Option<ReferenceScores>,
+    /// Tensors that [`Likeness::from_weights`] restores it from.
+    weights: Weights,
+}
+
+impl Likeness {
+    /// Describes the training sweeps; returns `None` if they are too few to compare others with them: fewer than 20, or
+    /// fewer than two for the mean material.
+    ///
+    /// # Errors
+    /// A covariance without eigenvalues.
+    pub fn fit(train: &TrainSplit<'_>, seed: Seed) -> Result<Option<Self>, PipelineError> {
+        let labels: Vec<usize> = train.labels().collect();
+        let materials = train.sweeps_per_label().iter().filter(|n| **n > 0).count();
+        if labels.len() < MIN_SWEEPS.max(2 * materials) {
+            return Ok(None);
+        }
+        let shape = train.shape();
+        let descriptor = Descriptor::new(shape, Descriptor::floor_of(train));
+        let known = Known {
+            descriptions: descriptor.of_view(train),
+            labels,
+            blocks: blocks_of(train),
+            constant: constant_taxels(train),
+        };
+        let weights = known.to_weights(descriptor.floor(), seed)?;
+        Self::from_weights(weights, shape)
+            .map(Some)
+            .map_err(|reason| PipelineError::incompatible("description", "sound tensors", reason))
+    }
+
+    /// Returns the tensors of the description, for a file.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// Restores a description from the tensors of [`Likeness::weights`].
+    ///
+    /// - `shape`: shape of the training sweeps
+    ///
+    /// # Errors
+    /// A sentence about the first invalid tensor.
+    pub fn from_weights(weights: Weights, shape: SweepShape) -> Result<Self, String> {
+        let vector = |name: &str, len: usize| match weights.0.get(name) {
+            Some(tensor) if tensor.values.len() == len => Ok(&tensor.values),
+            Some(tensor) => Err(format!(
+                "`{name}`: expected {len} values, found {}",
+                tensor.values.len()
+            )),
+            None => Err(format!("no tensor `{name}`")),
+        };
+        let floor = f64::from(vector("floor", 1)?[0]);
+        let descriptor = Descriptor::new(shape, floor);
+        let descriptions = weights
+            .0
+            .get("descriptions")
+            .ok_or("no tensor `descriptions`")?;
+        let width = descriptor.width();
+        if descriptions.values.is_empty() || descriptions.values.len() % width != 0 {
+            return Err(format!("`descriptions`: expected rows of {width} values"));
+        }
+        let known = Features::new(width, descriptions.values.clone());
+        let labels: Vec<usize> = vector("labels", known.len())?
+            .iter()
+            .map(|label| *label as usize)
+            .collect();
+        let scores = |kind: &str| -> Result<Option<ReferenceScores>, String> {
+            let name = |of: &str| format!("{kind}.{of}");
+            let Some(distances) = weights.0.get(&name("distance")) else {
+                return Ok(None);
+            };
+            let sweeps = distances.values.len();
+            let nearest = vector(&name("nearest"), sweeps)?;
+            let stuck = vector(&name("stuck"), sweeps)?;
+            let units = vector(&name("unit"), sweeps)?;
+            let scores = (0..sweeps).map(|at| Distance {
+                log: f64::from(distances.values[at]),
+                nearest: nearest[at] as usize,
+                stuck: f64::from(stuck[at]),
+            });
+            let units = units.iter().map(|unit| *unit as usize);
+            Ok(Some(ReferenceScores::new(
+                scores.collect(),
+                units.collect(),
+            )))
+        };
+        Ok(Self {
+            constant_shares: vector("constant", shape.taxels())?
+                .iter()
+                .map(|share| f64::from(*share))
+                .collect(),
+            distances: Distances::fit(&known, &labels).map_err(|error| error.to_string())?,
+            within: scores("within")?.ok_or("no tensor `within.distance`")?,
+            between: scores("between")?,
+            descriptor,
+            weights,
+        })
+    }
+
+    /// Compares sweeps with the training sweeps.
+    ///
+    /// - `seed`: seed of the resampling behind the p-value of all sweeps together
+    ///
+    /// # Panics
+    /// If the sweeps have another number of taxels than the training sweeps, or there are none.
+    pub fn assess(&self, view: &SweepView<'_>, seed: Seed) -> LikenessReport {
+        LikenessReport::of(self, view, seed)
+    }
+
+    /// Returns the description with another material, of whose sweeps those that are held out in turn are compared with the
+    /// others.
+    ///
+    /// - `label`: label of the new material, in the order of the classifier
+    ///
+    /// # Errors
+    /// A covariance without eigenvalues.
+    pub fn extended(&self, sweeps: &SweepView<'_>, label: usize) -> Result<Self, PipelineError> {
+        let tensors = &self.weights.0;
+        let values = |name: &str| tensors.get(name).map_or(&[][..], |tensor| &tensor.values);
+        let new = self.descriptor.of_view(sweeps);
+        let constant = constant_taxels(sweeps);
+        let mut descriptions = values("descriptions").to_vec();
+        descriptions.extend(new.values());
+        let width = new.width();
+        let descriptions = Features::new(width, descriptions);
+        let before = descriptions.len() - new.len();
+        let mut labels: Vec<usize> = values("labels").iter().map(|of| *of as usize).collect();
+        labels.extend(vec![label; new.len()]);
+        let mut weights = self.weights.clone();
+        let mut set = |name: &str, shape: Vec<usize>, values: Vec<f32>| {
+            weights.0.insert(name.into(), NamedTensor { shape, values });
+        };
+        let unit = values("within.unit")
+            .iter()
+            .fold(0.0, |a: f32, b| a.max(*b))
+            + 1.0;
+        let mut scores: [Vec<f32>; 4] = ["distance", "nearest", "stuck", "unit"]
+            .map(|name| values(&format!("within.{name}")).to_vec());
+        for part in 0..PARTS.min(new.len()) {
+            let is_own = |at: usize| at >= before && (at - before) % PARTS == part;
+            let (own, others): (Vec<usize>, Vec<usize>) =
+                (0..descriptions.len()).partition(|at| is_own(*at));
+            if others.len() == before {
+                break;
+            }
+            let known: Vec<usize> = others.iter().map(|at| labels[*at]).collect();
+            let distances = Distances::fit(&descriptions.select(&others), &known)?;
+            for (at, of) in own.iter().zip(distances.of(&descriptions.select(&own))) {
+                let share = |taxel: usize| self.constant_shares[taxel];
+                let stuck = surprise_of_constant(&constant[at - before], share);
+                let row = [of.log as f32, of.nearest as f32, stuck as f32, unit];
+                scores
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(column, value)| column.push(value));
+            }
+        }
+        for (name, column) in ["distance", "nearest", "stuck", "unit"].iter().zip(scores) {
+            set(&format!("within.{name}"), vec![column.len()], column);
+        }
+        let counts = (0..self.constant_shares.len()).map(|taxel| {
+            let own = constant.iter().filter(|of| of[taxel]).count() as f64;
+            let known = self.constant_shares[taxel] * (1 + before) as f64;
+            ((known + own) / (1 + before + new.len()) as f64) as f32
+        });
+        set(
+            "constant",
+            vec![self.constant_shares.len()],
+            counts.collect(),
+        );
+        set(
+            "labels",
+            vec![labels.len()],
+            labels.iter().map(|of| *of as f32).collect(),
+        );
+        set(
+            "descriptions",
+            vec![descriptions.len(), width],
+            descriptions.values().to_vec(),
+        );
+        Self::from_weights(weights, self.descriptor.shape())
+            .map_err(|reason| PipelineError::incompatible("description", "sound tensors", reason))
+    }
+
+    /// Returns the distance of every sweep.
+    fn distances_of(&self, descriptions: &Features, constant: &[Vec<bool>]) -> Vec<Distance> {
+        let mut distances = self.distances.of(descriptions);
+        for (distance, constant) in distances.iter_mut().zip(constant) {
+            distance.stuck = surprise_of_constant(constant, |taxel| self.constant_shares[taxel]);
+        }
+        distances
+    }
+}
+
+/// Training sweeps as they are described.
+struct Known {
+    descriptions: Features,
+    labels: Vec<usize>,
+    /// Recording block of every sweep; `None` if a sweep has none.
+    blocks: Option<Vec<u32>>,
+    /// True for the taxels that do not change: `[sweeps][taxels]`.
+    constant: Vec<Vec<bool>>,
+}
+
+impl Known {
+    /// Returns the tensors of a description, with the scores of the sweeps that are held out in turn.
+    fn to_weights(&self, floor: f64, seed: Seed) -> Result<Weights, PipelineError> {
+        let sweeps = self.labels.len();
+        let taxels = self.constant[0].len();
+        let counts: Vec<usize> = (0..taxels)
+            .map(|taxel| self.constant.iter().filter(|of| of[taxel]).count())
+            .collect();
+        let share = |others: usize, of: usize| (1 + others) as f64 / (1 + of) as f64;
+        let stuck: Vec<f64> = self
+            .constant
+            .iter()
+            .map(|of| surprise_of_constant(of, |taxel| share(counts[taxel] - 1, sweeps - 1)))
+            .collect();
+        let vector = |values: Vec<f32>| NamedTensor {
+            shape: vec![values.len()],
+            values,
+        };
+        let mut tensors = BTreeMap::from([
+            (
+                "descriptions".to_string(),
+                NamedTensor {
+                    shape: vec![sweeps, self.descriptions.width()],
+                    values: self.descriptions.values().to_vec(),
+                },
+            ),
+            (
+                "labels".into(),
+                vector(self.labels.iter().map(|label| *label as f32).collect()),
+            ),
+            (
+                "constant".into(),
+                vector(counts.iter().map(|n| share(*n, sweeps) as f32).collect()),
+            ),
+            ("floor".into(), vector(vec![floor as f32])),
+        ]);
+        let units = self.units();
+        for (kind, parts) in [
+            ("within", Some(self.random_parts(seed))),
+            ("between", self.block_parts(seed)),
+        ] {
+            let Some(parts) = parts else { continue };
+            let held_out = self.held_out(&parts)?;
+            if held_out.len() < MIN_SWEEPS {
+                continue;
+            }
+            let mut add = |name: &str, value: &dyn Fn(usize, &Distance) -> f32| {
+                let values = held_out.iter().map(|(sweep, of)| value(*sweep, of));
+                tensors.insert(format!("{kind}.{name}"), vector(values.collect()));
+            };
+            add("distance", &|_, of| of.log as f32);
+            add("nearest", &|_, of| of.nearest as f32);
+            add("stuck", &|sweep, _| stuck[sweep] as f32);
+            add("unit", &|sweep, _| units[sweep] as f32);
+        }
+        Ok(Weights(tensors))
+    }
+
+    /// Returns the distances of the sweeps of every part from the other parts, by sweep. Sweeps whose material the other
+    /// parts lack are left out.
+    fn held_out(&self, parts: &[usize]) -> Result<Vec<(usize, Distance)>, PipelineError> {
+        let mut found = Vec::with_capacity(self.labels.len());
+        for part in 0..PARTS {
+            let (own, others): (Vec<usize>, Vec<usize>) =
+                (0..self.labels.len()).partition(|sweep| parts[*sweep] == part);
+            let labels: Vec<usize> = others.iter().map(|at| self.labels[*at]).collect();
+            let own: Vec<usize> = own
+                .into_iter()
+                .filter(|sweep| labels.contains(&self.labels[*sweep]))
+                .collect();
+            if own.is_empty() {
+                continue;
+            }
+            let distances = Distances::fit(&self.descriptions.select(&others), &labels)?;
+            let own_distances = distances.of(&self.descriptions.select(&own));
+            found.extend(own.into_iter().zip(own_distances));
+        }
+        found.sort_unstable_by_key(|(sweep, _)| *sweep);
+        Ok(found)
+    }
+
+    /// Returns a random part for every sweep, with equal shares of every material.
+    fn random_parts(&self, seed: Seed) -> Vec<usize> {
+        let mut rng = seed.rng("likeness, parts");
+        let mut order: Vec<usize> = (0..self.labels.len()).collect();
+        shuffle(&mut order, &mut rng);
+        let mut parts = vec![0; order.len()];
+        let mut met: BTreeMap<usize, usize> = BTreeMap::new();
+        for sweep in order {
+            // Materials start at different parts, so that the parts are of equal size.
+            let next = met.entry(self.labels[sweep]).or_insert(self.labels[sweep]);
+            parts[sweep] = *next % PARTS;
+            *next += 1;
+        }
+        parts
+    }
+
+    /// Returns a part for every sweep, the same for all sweeps of a block; `None` with too few blocks.
+    fn block_parts(&self, seed: Seed) -> Option<Vec<usize>> {
+        let blocks = self.blocks.as_ref()?;
+        let mut numbers = blocks.clone();
+        numbers.sort_unstable();
+        numbers.dedup();
+        if numbers.len() < MIN_BLOCKS {
+            return None;
+        }
+        shuffle(&mut numbers, &mut seed.rng("likeness, blocks"));
+        let part: BTreeMap<u32, usize> = numbers.into_iter().zip((0..PARTS).cycle()).collect();
+        Some(blocks.iter().map(|block| part[block]).collect())
+    }
+
+    /// Returns the unit of every sweep that is resampled as a whole: its material in its block, or the sweep itself
+    /// without blocks.
+    fn units(&self) -> Vec<usize> {
+        let Some(blocks) = &self.blocks else {
+            return (0..self.labels.len()).collect();
+        };
+        let mut numbers = BTreeMap::new();
+        let pairs = blocks.iter().zip(&self.labels);
+        pairs
+            .map(|pair| {
+                let next = numbers.len();
+                *numbers.entry(pair).or_insert(next)
+            })
+            .collect()
+    }
+}
+
+/// Returns minus the logarithm of the share of training sweeps in which the most unusual of the constant taxels is
+/// constant, too; 0 if none is.
+fn surprise_of_constant(constant: &[bool], share: impl Fn(usize) -> f64) -> f64 {
+    let taxels = (0..constant.len()).filter(|taxel| constant[*taxel]);
+    taxels.map(|taxel| -share(taxel).ln()).fold(0.0, f64::max)
+}
+
+/// Returns true for the taxels that do not change during a sweep: `[sweeps][taxels]`.
+fn constant_taxels(view: &SweepView<'_>) -> Vec<Vec<bool>> {
+    let taxels = view.shape().taxels();
+    let mut sweep = vec![0.0; view.shape().values()];
+    (0..view.len())
+        .map(|position| {
+            view.copy_batch(&[position], &mut sweep);
+            (0..taxels)
+                .map(|taxel| {
+                    let mut values = sweep[taxel..].iter().step_by(taxels);
+                    values.all(|value| *value == sweep[taxel])
+                })
+                .collect()
+        })
+        .collect()
+}
+
+/// Returns the recording block of every sweep; `None` if a sweep has none.
+fn blocks_of(view: &SweepView<'_>) -> Option<Vec<u32>> {
+    let records = view.dataset().records();
+    let blocks = view.indices().iter().map(|index| records[*index].block);
+    blocks.collect()
+}
