@@ -5,9 +5,10 @@ use std::path::Path;
 use tactnet_data::{SplitManifest, SweepShape, SweepView, TrainSplit};
 use tactnet_models::Weights;
 use tactnet_pipeline::{
-    BatchReport, Calibration, ClassifierConfig, ModelConfig, ModelRecipe, NoveltyScore,
-    NoveltyScorer, OnlineClassifier, PredictionMethod, Predictions, Provenance, RunConfig, RunDir,
-    Thresholds, TrainEmbeddings, TrainJob, TrainSpec, fit_baseline, train_network,
+    BatchReport, Calibration, ClassifierConfig, Likeness, LikenessReport, ModelConfig, ModelRecipe,
+    NoveltyScore, NoveltyScorer, OnlineClassifier, PredictionMethod, Predictions, Provenance,
+    RunConfig, RunDir, Thresholds, TrainEmbeddings, TrainJob, TrainSpec, fit_baseline,
+    train_network,
 };
 
 use crate::Error;
@@ -23,6 +24,8 @@ pub struct Classifier {
     /// Embeddings of the training sweeps, for enrolment; `None` for baselines.
     embeddings: Option<TrainEmbeddings>,
     calibration: Option<Calibration>,
+    /// Description of the training sweeps; `None` if they are few.
+    likeness: Option<Likeness>,
 }
 
 impl Classifier {
@@ -69,6 +72,7 @@ impl Classifier {
             weights,
             embeddings,
             calibration: None,
+            likeness: Likeness::fit(train, spec.seed)?,
         }))
     }
 
@@ -106,6 +110,7 @@ impl Classifier {
             weights,
             embeddings,
             calibration: run.calibration()?,
+            likeness: run.likeness()?,
             config,
         })
     }
@@ -131,6 +136,9 @@ impl Classifier {
         let run = RunDir::create(folder.as_ref(), &self.config, &self.split, &program)?;
         if let Some(calibration) = &self.calibration {
             run.write_calibration(calibration)?;
+        }
+        if let Some(likeness) = &self.likeness {
+            run.write_likeness(likeness)?;
         }
         match &self.embeddings {
             Some(embeddings) => {
@@ -224,6 +232,36 @@ impl Classifier {
         scorer.score(NoveltyScore::BEST, &embedding)
     }
 
+    /// Compares sweeps with the training sweeps, whatever their labels; `None` if the classifier was trained on fewer than 20 sweeps, or by
+    /// an earlier version.
+    ///
+    /// # Errors
+    /// Fails for sweeps of another shape.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 20, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("means")?.fit(&fold.train)?;
+    /// let report = classifier.likeness(&fold.test)?.unwrap();
+    /// assert_eq!(report.p_of_sweeps.len(), fold.test.len());
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
+    pub fn likeness(&self, view: &SweepView<'_>) -> Result<Option<LikenessReport>, Error> {
+        let config = self.fitted.config();
+        if view.shape() != config.shape {
+            return Err(Error::incompatible(
+                "sweeps",
+                config.shape.to_string(),
+                view.shape().to_string(),
+            ));
+        }
+        let likeness = self.likeness.as_ref();
+        Ok(likeness.map(|likeness| likeness.assess(view, config.seed)))
+    }
+
     /// Returns a classifier with one more material, from a few sweeps; see [`tactnet_pipeline::enroll`].
     ///
     /// - `sweeps`: sweeps of the new material; their label is ignored
@@ -255,7 +293,12 @@ impl Classifier {
             material,
         )?;
         let device = self.config.spec.device.open()?;
+        let label = enrolled.config.labels.len() - 1;
+        let likeness = self.likeness.as_ref();
         Ok(Self {
+            likeness: likeness
+                .map(|likeness| likeness.extended(sweeps, label))
+                .transpose()?,
             fitted: tactnet_pipeline::Classifier::new(
                 enrolled.config.clone(),
                 &enrolled.weights,

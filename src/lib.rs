@@ -33,6 +33,6 @@ pub use tactnet_data::{
 };
 pub use tactnet_models::{Belief, Compute};
 pub use tactnet_pipeline::{
-    BatchReport, MeanRemoval, OnlineClassifier, PipelineError as Error, PredictionMethod,
-    Predictions, SweepBelief,
+    BatchReport, LikenessReport, LikenessVerdict, MeanRemoval, OnlineClassifier,
+    PipelineError as Error, PredictionMethod, Predictions, SweepBelief,
 };

@@ -83,6 +83,7 @@ fn difference_text(difference: &Difference) -> String {
 fn order_text(order: &TaxelOrder) -> String {
     match order {
         TaxelOrder::Transposed => "transposed: rows and columns are exchanged".into(),
+        TaxelOrder::Reversed => "in reverse order".into(),
         TaxelOrder::Rotated { degrees } => format!("rotated by {degrees} degrees"),
         TaxelOrder::MirroredColumns => "mirrored: the columns are in reverse order".into(),
         TaxelOrder::MirroredRows => "mirrored: the rows are in reverse order".into(),

@@ -131,6 +131,17 @@ impl Classifier {
         Ok(PyArray1::from_vec(py, scores))
     }
 
+    /// Compares sweeps with the training sweeps: a JSON document, or None if the training sweeps were too few.
+    fn likeness(&self, py: Python<'_>, dataset: &Dataset) -> PyResult<Option<String>> {
+        let report = py
+            .detach(|| self.lock().likeness(&SweepView::all(&dataset.inner)))
+            .map_err(raised)?;
+        report
+            .map(|report| serde_json::to_string(&report))
+            .transpose()
+            .map_err(|error| TactnetError::new_err(error.to_string()))
+    }
+
     /// Returns a classifier with one more material, learned from all sweeps of `dataset`.
     fn enroll(&self, py: Python<'_>, material: &str, dataset: &Dataset) -> PyResult<Self> {
         py.detach(|| {

@@ -459,3 +459,11 @@ def test_gaps_and_transposed_sweeps_are_told(data):
     turned = own.X[train].reshape(len(train), 300, 16).transpose(0, 2, 1)
     with pytest.warns(UserWarning, match="axes are in another order"):
         tactnet.LdaClassifier(rate=750).fit(turned, own.y[train])
+
+
+def test_sweeps_unlike_the_training_data_are_told(data):
+    own, _, train, test = data
+    classifier = tactnet.LdaClassifier(rate=own.rate).fit(own.X[train], own.y[train])
+    like, unlike = classifier.likeness(own.X[test]), classifier.likeness(-own.X[test].astype("float32"))
+    assert like["verdict"] == "like" and len(like["p_of_sweeps"]) == len(test)
+    assert unlike["verdict"] == "unlike" and unlike["differences"][0]["kind"] == "sign"

@@ -78,6 +78,8 @@ pub enum TaxelOrder {
         /// 90, 180 or 270 degrees.
         degrees: u32,
     },
+    /// The only row or column is reversed.
+    Reversed,
     /// Every row is reversed.
     MirroredColumns,
     /// Every column is reversed.
@@ -309,10 +311,11 @@ impl<'a> Search<'a> {
         type Place = Box<dyn Fn(usize, usize) -> usize>;
         let mut named: Vec<(TaxelOrder, Place)> = Vec::new();
         if taxels > 1 {
-            named.push((
-                TaxelOrder::Rotated { degrees: 180 },
-                Box::new(move |r, c| taxels - 1 - (r * cols + c)),
-            ));
+            let order = match rows > 1 && cols > 1 {
+                true => TaxelOrder::Rotated { degrees: 180 },
+                false => TaxelOrder::Reversed,
+            };
+            named.push((order, Box::new(move |r, c| taxels - 1 - (r * cols + c))));
         }
         if rows > 1 && cols > 1 {
             named.push((

@@ -34,7 +34,7 @@ pub use report::{LikenessReport, LikenessVerdict};
 /// Minimum number of training sweeps.
 const MIN_SWEEPS: usize = 20;
 /// Number of parts of the training sweeps, each of which is compared with the others.
-const PARTS: usize = 5;
+const PARTS: usize = 10;
 /// Minimum number of recording blocks for a comparison of whole blocks.
 const MIN_BLOCKS: usize = 3;
 

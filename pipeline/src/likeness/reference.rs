@@ -7,7 +7,7 @@ use rand::{Rng, RngExt};
 use super::distances::Distance;
 
 /// Number of sweeps of a material for which its own typical distance counts as much as that of all materials.
-const SHRUNK_SWEEPS: f64 = 10.0;
+const SHRUNK_SWEEPS: f64 = 3.0;
 /// Number of resampled sets of sweeps behind a p-value.
 const RESAMPLES: usize = 999;
 

@@ -8,6 +8,8 @@ use super::{Likeness, constant_taxels};
 
 /// Level of the tests: the share of sweeps, or sets of sweeps, of the training data's kind that are called unlike.
 const LEVEL: f64 = 0.05;
+/// p-value of sweeps that differ clearly, even if recording blocks differ as much.
+const CLEAR: f64 = 0.005;
 
 /// Verdict about a set of sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -35,7 +37,7 @@ pub struct LikenessReport {
     pub unlike_sweeps: usize,
     /// p-value of every sweep.
     pub p_of_sweeps: Vec<f64>,
-    /// What differs, most important first; empty unless the verdict is `unlike` or `other-block`.
+    /// What differs, most important first; empty for the verdict `like`, and for `other-block` if `p` is above 0.005.
     pub differences: Vec<Difference>,
 }
 
@@ -63,8 +65,11 @@ impl LikenessReport {
             .collect();
         Self {
             differences: match verdict {
-                LikenessVerdict::Like => Vec::new(),
-                _ => find_differences(likeness, view, &constant),
+                LikenessVerdict::Unlike => find_differences(likeness, view, &constant),
+                LikenessVerdict::OtherBlock if p <= CLEAR => {
+                    find_differences(likeness, view, &constant)
+                }
+                _ => Vec::new(),
             },
             unlike_sweeps: p_of_sweeps.iter().filter(|p| **p <= LEVEL).count(),
             verdict,

@@ -160,6 +160,15 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         best = np.argmax(self.predict_log_proba(X), axis=1)
         return self.classes_[best]
 
+    def likeness(self, X: Any) -> dict[str, Any] | None:
+        """Compares sweeps with the training sweeps; None if those were fewer than 20.
+
+        The dictionary has ``verdict`` ("like", "other-block" or "unlike"), ``p`` of all sweeps together, ``p_of_sweeps``, and
+        ``differences``: what differs, such as a unit, signs, the order of the taxels, the speed or dead taxels.
+        """
+        found = self.classifier_.likeness(self._dataset(X))
+        return None if found is None else json.loads(found)
+
     def predict_table(self, X: Any) -> Any:
         """Returns a pandas DataFrame with a row per sweep: ``material``, ``probability``, and one probability column per material."""
         import pandas
