@@ -164,71 +164,74 @@ impl Likeness {
     /// # Errors
     /// A covariance without eigenvalues.
     pub fn extended(&self, sweeps: &SweepView<'_>, label: usize) -> Result<Self, PipelineError> {
-        let tensors = &self.weights.0;
-        let values = |name: &str| tensors.get(name).map_or(&[][..], |tensor| &tensor.values);
+        let values = |name: &str| match self.weights.0.get(name) {
+            Some(tensor) => tensor.values.clone(),
+            None => Vec::new(),
+        };
         let new = self.descriptor.of_view(sweeps);
         let constant = constant_taxels(sweeps);
-        let mut descriptions = values("descriptions").to_vec();
-        descriptions.extend(new.values());
-        let width = new.width();
-        let descriptions = Features::new(width, descriptions);
-        let before = descriptions.len() - new.len();
-        let mut labels: Vec<usize> = values("labels").iter().map(|of| *of as usize).collect();
-        labels.extend(vec![label; new.len()]);
-        let mut weights = self.weights.clone();
-        let mut set = |name: &str, shape: Vec<usize>, values: Vec<f32>| {
-            weights.0.insert(name.into(), NamedTensor { shape, values });
-        };
-        let unit = values("within.unit")
-            .iter()
-            .fold(0.0, |a: f32, b| a.max(*b))
-            + 1.0;
-        let mut scores: [Vec<f32>; 4] = ["distance", "nearest", "stuck", "unit"]
-            .map(|name| values(&format!("within.{name}")).to_vec());
-        for part in 0..PARTS.min(new.len()) {
-            let is_own = |at: usize| at >= before && (at - before) % PARTS == part;
-            let (own, others): (Vec<usize>, Vec<usize>) =
-                (0..descriptions.len()).partition(|at| is_own(*at));
-            if others.len() == before {
-                break;
-            }
-            let known: Vec<usize> = others.iter().map(|at| labels[*at]).collect();
-            let distances = Distances::fit(&descriptions.select(&others), &known)?;
-            for (at, of) in own.iter().zip(distances.of(&descriptions.select(&own))) {
-                let share = |taxel: usize| self.constant_shares[taxel];
-                let stuck = surprise_of_constant(&constant[at - before], share);
-                let row = [of.log as f32, of.nearest as f32, stuck as f32, unit];
-                scores
-                    .iter_mut()
-                    .zip(row)
-                    .for_each(|(column, value)| column.push(value));
-            }
-        }
-        for (name, column) in ["distance", "nearest", "stuck", "unit"].iter().zip(scores) {
-            set(&format!("within.{name}"), vec![column.len()], column);
-        }
+        let known = Features::new(new.width(), values("descriptions"));
+        let mut labels = values("labels");
+        let scores = self.scores_of_new(&known, &labels, &new, label, &constant)?;
+        let unit = values("within.unit").into_iter().fold(0.0, f32::max) + 1.0;
         let counts = (0..self.constant_shares.len()).map(|taxel| {
             let own = constant.iter().filter(|of| of[taxel]).count() as f64;
-            let known = self.constant_shares[taxel] * (1 + before) as f64;
-            ((known + own) / (1 + before + new.len()) as f64) as f32
+            let before = self.constant_shares[taxel] * (1 + known.len()) as f64;
+            ((before + own) / (1 + known.len() + new.len()) as f64) as f32
         });
-        set(
-            "constant",
-            vec![self.constant_shares.len()],
-            counts.collect(),
+        labels.extend(vec![label as f32; new.len()]);
+        let mut weights = self.weights.clone();
+        let mut set = |name: &str, tensor| weights.0.insert(name.into(), tensor);
+        set("constant", vector(counts.collect()));
+        set("labels", vector(labels));
+        set("descriptions", matrix(&joined(&known, &new)));
+        let mut extend = |name: &str, own: Vec<f32>| {
+            set(name, vector([values(name), own].concat()));
+        };
+        extend(
+            "within.distance",
+            scores.iter().map(|of| of.log as f32).collect(),
         );
-        set(
-            "labels",
-            vec![labels.len()],
-            labels.iter().map(|of| *of as f32).collect(),
+        extend(
+            "within.nearest",
+            scores.iter().map(|of| of.nearest as f32).collect(),
         );
-        set(
-            "descriptions",
-            vec![descriptions.len(), width],
-            descriptions.values().to_vec(),
+        extend(
+            "within.stuck",
+            scores.iter().map(|of| of.stuck as f32).collect(),
         );
+        extend("within.unit", vec![unit; scores.len()]);
         Self::from_weights(weights, self.descriptor.shape())
             .map_err(|reason| PipelineError::incompatible("description", "sound tensors", reason))
+    }
+
+    /// Returns the distances of the sweeps of a new material, each from the known sweeps and the other new ones; nothing for a
+    /// single sweep.
+    fn scores_of_new(
+        &self,
+        known: &Features,
+        labels: &[f32],
+        new: &Features,
+        label: usize,
+        constant: &[Vec<bool>],
+    ) -> Result<Vec<Distance>, PipelineError> {
+        let mut scores = Vec::new();
+        for part in 0..PARTS.min(new.len()) {
+            let (own, others): (Vec<usize>, Vec<usize>) =
+                (0..new.len()).partition(|at| at % PARTS == part);
+            if others.is_empty() {
+                break;
+            }
+            let mut others_labels: Vec<usize> = labels.iter().map(|of| *of as usize).collect();
+            others_labels.extend(vec![label; others.len()]);
+            let distances = Distances::fit(&joined(known, &new.select(&others)), &others_labels)?;
+            for (at, mut of) in own.iter().zip(distances.of(&new.select(&own))) {
+                let share = |taxel: usize| self.constant_shares[taxel];
+                of.stuck = surprise_of_constant(&constant[*at], share);
+                scores.push(of);
+            }
+        }
+        Ok(scores)
     }
 
     /// Returns the distance of every sweep.
@@ -265,26 +268,12 @@ impl Known {
             .iter()
             .map(|of| surprise_of_constant(of, |taxel| share(counts[taxel] - 1, sweeps - 1)))
             .collect();
-        let vector = |values: Vec<f32>| NamedTensor {
-            shape: vec![values.len()],
-            values,
-        };
+        let labels = self.labels.iter().map(|label| *label as f32).collect();
+        let shares = counts.iter().map(|n| share(*n, sweeps) as f32).collect();
         let mut tensors = BTreeMap::from([
-            (
-                "descriptions".to_string(),
-                NamedTensor {
-                    shape: vec![sweeps, self.descriptions.width()],
-                    values: self.descriptions.values().to_vec(),
-                },
-            ),
-            (
-                "labels".into(),
-                vector(self.labels.iter().map(|label| *label as f32).collect()),
-            ),
-            (
-                "constant".into(),
-                vector(counts.iter().map(|n| share(*n, sweeps) as f32).collect()),
-            ),
+            ("descriptions".to_string(), matrix(&self.descriptions)),
+            ("labels".into(), vector(labels)),
+            ("constant".into(), vector(shares)),
             ("floor".into(), vector(vec![floor as f32])),
         ]);
         let units = self.units();
@@ -377,6 +366,25 @@ impl Known {
             })
             .collect()
     }
+}
+
+fn vector(values: Vec<f32>) -> NamedTensor {
+    NamedTensor {
+        shape: vec![values.len()],
+        values,
+    }
+}
+
+fn matrix(features: &Features) -> NamedTensor {
+    NamedTensor {
+        shape: vec![features.len(), features.width()],
+        values: features.values().to_vec(),
+    }
+}
+
+/// Returns the rows of both.
+fn joined(first: &Features, second: &Features) -> Features {
+    Features::new(first.width(), [first.values(), second.values()].concat())
 }
 
 /// Returns minus the logarithm of the share of training sweeps in which the most unusual of the constant taxels is

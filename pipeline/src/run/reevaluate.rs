@@ -145,10 +145,8 @@ impl Reevaluation {
             false => BTreeMap::new(),
         };
         let unknown_meant = meant_by(classifier, unknown_taken_for.keys());
-        let likeness = match run.likeness()?.filter(|_| !view.is_empty()) {
-            Some(likeness) => Some(likeness.assess(view, seed)),
-            None => None,
-        };
+        let likeness = run.likeness()?.filter(|_| !view.is_empty());
+        let likeness = likeness.map(|likeness| likeness.assess(view, seed));
         let known = match view.is_empty() {
             true => KnownSweeps::default(),
             false => self.known_sweeps(classifier, view, mc_samples, seed)?,
