@@ -121,7 +121,7 @@ def main():
         for repeat in range(arguments.repeats):
             for fold in range(5):
                 run = work / f"run-{path.stem}-{repeat}-{fold}"
-                split = ["--split", "k-fold", "--fold", fold, "--seed", 1 + repeat]
+                split = ["--split", "k-fold", "--fold", fold, "--seed", 1 + repeat, "--axes-are-right"]
                 tactnet("train", "--data", data, "--recipe", "lda", *split, "--out", run)
                 test = json.loads((run / "split.json").read_text())["test"]
                 judge("none", run, sweeps[test], names[test])
