@@ -55,6 +55,24 @@ pub struct SweepRecord {
     pub test: Option<bool>,
 }
 
+impl SweepRecord {
+    /// Returns the metadata of a sweep without recording block and test set.
+    ///
+    /// - `sweep`: number of the sweep among those of its material
+    ///
+    /// ```
+    /// assert_eq!(tactnet_data::SweepRecord::new(1, 0).block, None);
+    /// ```
+    pub fn new(label: usize, sweep: usize) -> Self {
+        Self {
+            label,
+            sweep,
+            block: None,
+            test: None,
+        }
+    }
+}
+
 /// Ordered sweeps of equal shape, each with its material.
 ///
 /// ```
@@ -62,7 +80,7 @@ pub struct SweepRecord {
 ///
 /// let shape = SweepShape { steps: 3, rows: 1, cols: 2 };
 /// let labels = LabelSet::new(["cork", "denim"])?;
-/// let of_label = |label| SweepRecord { label, sweep: 0, block: None, test: None };
+/// let of_label = |label| SweepRecord::new(label, 0);
 /// let samples = Samples::U8(vec![0, 9, 1, 9, 2, 9, 7, 5, 7, 4, 7, 3]);
 /// let records = vec![of_label(0), of_label(1)];
 /// let dataset = Dataset::new("two sweeps", 100.0, shape, labels, records, samples)?;

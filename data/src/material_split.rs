@@ -73,14 +73,7 @@ mod tests {
     use crate::{LabelSet, Samples, SweepRecord, SweepShape};
 
     fn five_materials() -> Dataset {
-        let records: Vec<SweepRecord> = (0..15)
-            .map(|i| SweepRecord {
-                label: i % 5,
-                sweep: i / 5,
-                block: None,
-                test: None,
-            })
-            .collect();
+        let records: Vec<SweepRecord> = (0..15).map(|i| SweepRecord::new(i % 5, i / 5)).collect();
         let shape = SweepShape {
             steps: 2,
             rows: 1,

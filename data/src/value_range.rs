@@ -100,12 +100,7 @@ mod tests {
     #[test]
     fn raw_digits_keep_their_scale_and_other_values_have_room() {
         let range = |values: Vec<f32>| {
-            let record = SweepRecord {
-                label: 0,
-                sweep: 0,
-                block: None,
-                test: None,
-            };
+            let record = SweepRecord::new(0, 0);
             let shape = SweepShape {
                 steps: values.len() / 2,
                 rows: 1,
@@ -146,12 +141,7 @@ mod tests {
                 rows: 1,
                 cols: 2,
             };
-            let record = SweepRecord {
-                label: 0,
-                sweep: 0,
-                block: None,
-                test: None,
-            };
+            let record = SweepRecord::new(0, 0);
             let samples = Samples::F32(values.to_vec());
             Dataset::new("a", 750.0, shape, labels, vec![record], samples).unwrap()
         };

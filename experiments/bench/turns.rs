@@ -94,12 +94,7 @@ fn digits(shape: &str) -> anyhow::Result<Dataset> {
     };
     let shape = SweepShape { steps, rows, cols };
     let records: Vec<SweepRecord> = (0..36 * 5)
-        .map(|index| SweepRecord {
-            label: index % 36,
-            sweep: index / 36,
-            block: None,
-            test: None,
-        })
+        .map(|index| SweepRecord::new(index % 36, index / 36))
         .collect();
     let scattered = |index: u64| index.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
     let count = (records.len() * steps * shape.taxels()) as u64;

@@ -276,6 +276,14 @@ fn check_counts(field: &str, counts: &[usize]) -> Result<(), String> {
     Ok(())
 }
 
+/// Checks that there are numbers of sweeps per material, all above 0.
+fn check_shots(shots: &[usize]) -> Result<(), String> {
+    if shots.is_empty() {
+        return Err("`shots`: expected one or more numbers above 0, found none".into());
+    }
+    check_counts("shots", shots)
+}
+
 /// Returns the requested numbers, or the question's default if there are none.
 fn given_or<'a>(given: &'a [usize], own: &'a [usize]) -> &'a [usize] {
     if given.is_empty() { own } else { given }

@@ -286,12 +286,7 @@ fn recent_dataset(
     digits: Vec<f32>,
 ) -> Result<Dataset, PipelineError> {
     let sweeps = digits.len() / config.shape.values();
-    let records = (0..sweeps).map(|sweep| SweepRecord {
-        label: 0,
-        sweep,
-        block: None,
-        test: None,
-    });
+    let records = (0..sweeps).map(|sweep| SweepRecord::new(0, sweep));
     Ok(Dataset::new(
         "live",
         config.sample_rate_hz,

@@ -16,12 +16,7 @@ fn waves(rows: usize, cols: usize, steps: usize) -> Dataset {
     let mut records = Vec::new();
     for index in 0..30 {
         let (label, sweep) = (index % 3, index / 3);
-        records.push(SweepRecord {
-            label,
-            sweep,
-            block: None,
-            test: None,
-        });
+        records.push(SweepRecord::new(label, sweep));
         for cell in 0..steps * taxels {
             let (step, taxel) = (cell / taxels, cell % taxels);
             let phase = step as f32 / steps as f32 + taxel as f32 / taxels as f32;

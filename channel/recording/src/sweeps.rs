@@ -295,12 +295,7 @@ fn dataset(
                 counts.push(0);
                 names.len() - 1
             });
-        records.push(SweepRecord {
-            label,
-            sweep: counts[label],
-            block: None,
-            test: None,
-        });
+        records.push(SweepRecord::new(label, counts[label]));
         counts[label] += 1;
     }
     // The digits of an eight-bit skin stay bytes.

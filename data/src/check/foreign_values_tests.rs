@@ -77,12 +77,7 @@ impl Sweeps {
     }
 
     fn check_as(self, samples: impl Fn(Vec<f32>) -> Samples) -> Vec<Finding> {
-        let record = |sweep: usize| SweepRecord {
-            label: sweep % 3,
-            sweep: sweep / 3,
-            block: None,
-            test: None,
-        };
+        let record = |sweep: usize| SweepRecord::new(sweep % 3, sweep / 3);
         let records = (0..SWEEPS).map(record).collect();
         let labels = LabelSet::new(["cork", "denim", "wood"]).unwrap();
         let samples = samples(self.0);

@@ -19,12 +19,7 @@ fn dataset_of(values: Vec<f32>, labels: &[usize]) -> Dataset {
     let records = labels
         .iter()
         .enumerate()
-        .map(|(i, &label)| SweepRecord {
-            label,
-            sweep: i % 2,
-            block: None,
-            test: None,
-        })
+        .map(|(i, &label)| SweepRecord::new(label, i % 2))
         .collect();
     let labels = LabelSet::new(["cork", "denim", "wood"]).unwrap();
     Dataset::new("t", 100.0, SHAPE, labels, records, Samples::F32(values)).unwrap()

@@ -302,12 +302,7 @@ impl Dataset {
         }
         let name = self.name.clone();
         let one = self.rebuilt(name, shape, |this| {
-            let record = SweepRecord {
-                label: 0,
-                sweep: 0,
-                block: None,
-                test: None,
-            };
+            let record = SweepRecord::new(0, 0);
             (vec![record], this.samples)
         })?;
         Ok(Self {

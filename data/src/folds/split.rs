@@ -307,12 +307,7 @@ mod tests {
 
     fn three_sweeps() -> Dataset {
         let records = (0..3)
-            .map(|sweep| SweepRecord {
-                label: sweep % 2,
-                sweep: sweep / 2,
-                block: None,
-                test: None,
-            })
+            .map(|sweep| SweepRecord::new(sweep % 2, sweep / 2))
             .collect();
         let shape = SweepShape {
             steps: 2,

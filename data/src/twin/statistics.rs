@@ -364,12 +364,7 @@ mod tests {
             sweep([0; 8], [6; 8]),
             sweep([2; 8], [9; 8]),
         ];
-        let record = |label, sweep| SweepRecord {
-            label,
-            sweep,
-            block: None,
-            test: None,
-        };
+        let record = SweepRecord::new;
         Dataset::new(
             "small",
             100.0,

@@ -108,12 +108,7 @@ fn numbers_that_count_on_are_no_taxel_and_slow_frames_no_texture() {
         };
         let labels = LabelSet::new(["a", "b"]).unwrap();
         let records = (0..4)
-            .map(|sweep| SweepRecord {
-                label: sweep % 2,
-                sweep: sweep / 2,
-                block: None,
-                test: None,
-            })
+            .map(|sweep| SweepRecord::new(sweep % 2, sweep / 2))
             .collect();
         let samples = Samples::F32(values);
         let dataset = Dataset::at_rate("own", Some(rate), shape, labels, records, samples);

@@ -38,12 +38,7 @@ fn unbalanced() -> Dataset {
         rows: 1,
         cols: 1,
     };
-    let records = [(1, 0), (0, 0), (1, 1)].map(|(label, sweep)| SweepRecord {
-        label,
-        sweep,
-        block: None,
-        test: None,
-    });
+    let records = [(1, 0), (0, 0), (1, 1)].map(|(label, sweep)| SweepRecord::new(label, sweep));
     let labels = LabelSet::new(["a b", "A:b?"]).unwrap();
     Dataset::new(
         "t",

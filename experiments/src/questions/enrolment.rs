@@ -6,7 +6,7 @@ use tactnet_models::{Features, LinearHead, WeightPrior, argmax, fit_new_class};
 use tactnet_pipeline::Embedding;
 
 use super::headline::{Headline, best};
-use super::{Ask, Figure, check_counts, draws, one, six, within};
+use super::{Ask, Figure, check_shots, draws, one, six, within};
 use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext, embedded};
 use crate::one_or_many::one_or_many;
@@ -32,10 +32,7 @@ impl Ask for Enrolment {
     fn validate(&self) -> Result<(), String> {
         within("splits", self.splits, 1, usize::MAX)?;
         within("new_materials", self.new_materials, 2, usize::MAX)?;
-        if self.shots.is_empty() {
-            return Err("`shots`: expected one or more numbers above 0, found none".into());
-        }
-        check_counts("shots", &self.shots)
+        check_shots(&self.shots)
     }
 
     fn parts(&self) -> Vec<Part> {

@@ -17,7 +17,7 @@ mod tuning;
 use serde::{Deserialize, Serialize};
 
 use super::headline::{Headline, best};
-use super::{Ask, Compared, Figure, Published, check_counts, draws, one, six, within};
+use super::{Ask, Compared, Figure, Published, check_shots, draws, one, six, within};
 use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext};
 use crate::one_or_many::one_or_many;
@@ -99,10 +99,7 @@ impl Ask for Nshot {
                 "`scratch_learning_rate`: expected a number above 0 and below 1, found {rate}"
             ));
         }
-        if self.shots.is_empty() {
-            return Err("`shots`: expected one or more numbers above 0, found none".into());
-        }
-        check_counts("shots", &self.shots)
+        check_shots(&self.shots)
     }
 
     fn parts(&self) -> Vec<Part> {

@@ -23,11 +23,7 @@ impl DenseShape {
         input: &Stacked,
         weight: &Stacked,
     ) -> Stacked {
-        let Self {
-            rows,
-            inputs,
-            outputs,
-        } = self;
+        let (rows, inputs, outputs) = (self.rows, self.inputs, self.outputs);
         let left = Side::along_depth(Layout::in_order(rows, inputs)).of(input.place);
         let right = Side::along_depth(Layout::in_order(outputs, inputs)).of(weight.place);
         let out = Stacked::floats(client, networks, rows * outputs);
@@ -44,11 +40,7 @@ impl DenseShape {
         gradient: &Stacked,
         weight: &Stacked,
     ) -> Stacked {
-        let Self {
-            rows,
-            inputs,
-            outputs,
-        } = self;
+        let (rows, inputs, outputs) = (self.rows, self.inputs, self.outputs);
         let left = Side::along_depth(Layout::in_order(rows, outputs)).of(gradient.place);
         let right = Side::across(Layout::in_order(outputs, inputs)).of(weight.place);
         let out = Stacked::floats(client, networks, rows * inputs);
@@ -66,11 +58,7 @@ impl DenseShape {
         input: &Stacked,
         into: &Stacked,
     ) {
-        let Self {
-            rows,
-            inputs,
-            outputs,
-        } = self;
+        let (rows, inputs, outputs) = (self.rows, self.inputs, self.outputs);
         let left = Side::across(Layout::in_order(rows, outputs)).of(gradient.place);
         let right = Side::across(Layout::in_order(rows, inputs)).of(input.place);
         let problem = Problem::of([outputs, rows, inputs], left, right);

@@ -84,26 +84,7 @@ impl Head {
         masks: &Stacked,
         kept: f32,
     ) -> Stacked {
-        let len = self.batch * self.features();
-        let out = Stacked::floats(client, networks, len);
-        let (count, dim) = launch(len, networks);
-        // SAFETY: lengths are those of the buffers, and the kernel stays below `len`.
-        unsafe {
-            drop_features::launch_unchecked(
-                client,
-                count,
-                dim,
-                pooled.arg(),
-                masks.arg(),
-                out.arg(),
-                kept,
-                *self,
-                [pooled.place, masks.place, out.place],
-                row(len),
-                false,
-            );
-        }
-        out
+        self.dropped(client, networks, [pooled, masks], kept, false)
     }
 
     /// Returns the gradient of [`Self::drop_out`]'s input, given that of its output.
@@ -115,6 +96,17 @@ impl Head {
         masks: &Stacked,
         kept: f32,
     ) -> Stacked {
+        self.dropped(client, networks, [gradient, masks], kept, true)
+    }
+
+    fn dropped(
+        &self,
+        client: &Client,
+        networks: usize,
+        [values, masks]: [&Stacked; 2],
+        kept: f32,
+        back: bool,
+    ) -> Stacked {
         let len = self.batch * self.features();
         let out = Stacked::floats(client, networks, len);
         let (count, dim) = launch(len, networks);
@@ -124,14 +116,14 @@ impl Head {
                 client,
                 count,
                 dim,
-                gradient.arg(),
+                values.arg(),
                 masks.arg(),
                 out.arg(),
                 kept,
                 *self,
-                [gradient.place, masks.place, out.place],
+                [values.place, masks.place, out.place],
                 row(len),
-                true,
+                back,
             );
         }
         out

@@ -311,12 +311,7 @@ mod tests {
             ),
         ] {
             let labels = LabelSet::new(["cork".to_owned()]).unwrap();
-            let record = SweepRecord {
-                label: 0,
-                sweep: 0,
-                block: None,
-                test: None,
-            };
+            let record = SweepRecord::new(0, 0);
             let samples = Samples::F32(sweep.to_vec());
             let dataset = Dataset::new("own", 100.0, shape, labels, vec![record], samples).unwrap();
             let mut skin = SkinSimulator::new(&dataset, vec![0], 0, 2);
