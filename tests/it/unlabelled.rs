@@ -168,7 +168,12 @@ fn assert_known_sweeps_are_named(lab: &Lab, named: &[String]) {
         "{said}"
     );
     let shown = stdout(&expect(0, predict(lab, "twin.h5", &[])));
-    assert!(shown.lines().next().unwrap().contains("named"), "{shown}");
+    let mut lines = shown.lines();
+    assert!(
+        lines.next().unwrap().starts_with("like the training data (p = "),
+        "{shown}"
+    );
+    assert!(lines.next().unwrap().contains("named"), "{shown}");
     assert!(shown.contains(" of 40 correct"), "{shown}");
     let plain = stdout(&expect(0, with(lab, &["eval", "--mc", "0"], "run", &[])));
     assert!(!plain.contains("MC dropout"), "{plain}");
