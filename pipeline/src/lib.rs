@@ -43,6 +43,7 @@ pub use error::PipelineError;
 pub use export::onnx::{OnnxInputs, to_onnx};
 pub use export::safetensors::to_safetensors;
 pub use features::augment::Augmentation;
+pub use features::disturbance::{DeadTaxels, Disturbance};
 pub use features::extractor::FeatureSet;
 #[doc(hidden)]
 pub use features::feature_timing::FeatureTimer;

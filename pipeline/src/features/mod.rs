@@ -2,6 +2,7 @@
 
 pub(crate) mod arrays;
 pub(crate) mod augment;
+pub(crate) mod disturbance;
 pub(crate) mod extractor;
 pub(crate) mod feature_timing;
 #[cfg(test)]
