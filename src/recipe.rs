@@ -24,7 +24,7 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// Returns a built-in recipe: `spectra`, `fast`, `thesis`, `knn-l`, `knn-h`, `svm-l`, `svm-h`, `minirocket`,
+    /// Returns a built-in recipe: `spectra`, `fast`, `thesis`, `robust`, `knn-l`, `knn-h`, `svm-l`, `svm-h`, `minirocket`,
     /// `multirocket-hydra`, `lda`, `svm-spectra`, `means`.
     ///
     /// # Errors

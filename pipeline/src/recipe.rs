@@ -10,10 +10,11 @@ use crate::error::InvalidSetting;
 use crate::{Augmentation, MeanRemoval, PipelineError, Scaling};
 
 /// Names and TOML of the built-in recipes.
-const BUILT_IN: [(&str, &str); 3] = [
+const BUILT_IN: [(&str, &str); 4] = [
     ("fast", include_str!("../recipes/fast.toml")),
     ("spectra", include_str!("../recipes/spectra.toml")),
     ("thesis", include_str!("../recipes/thesis.toml")),
+    ("robust", include_str!("../recipes/robust.toml")),
 ];
 
 /// All settings from which a network is trained and with which it predicts.

@@ -52,6 +52,21 @@ impl Normalizer {
         &self.gain
     }
 
+    /// Returns the normaliser of means and standard deviations of frames: `[frames][taxels]`.
+    #[cfg(test)]
+    pub(crate) fn of_frames(frames: &[f32], taxels: usize) -> Self {
+        let count = (frames.len() / taxels) as f32;
+        let of = |taxel: usize| frames.iter().skip(taxel).step_by(taxels);
+        let offset: Vec<f32> = (0..taxels).map(|t| of(t).sum::<f32>() / count).collect();
+        let variance = |t: usize| of(t).map(|v| (v - offset[t]).powi(2)).sum::<f32>() / count;
+        let gain = (0..taxels).map(|t| 1.0 / variance(t).sqrt()).collect();
+        Self {
+            offset,
+            gain,
+            levels: MeanRemoval::None,
+        }
+    }
+
     /// Returns a difference in digits after scaling, `[taxels]`.
     pub fn scaled(&self, digits: f64) -> Vec<f32> {
         let scaled = self.gain.iter().map(|gain| digits as f32 * gain);
@@ -107,13 +122,7 @@ impl Normalizer {
 fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> Normalizer {
     let taxels = train.shape().taxels();
     let frames = (train.len() * train.shape().steps) as f64;
-    let mut mean = vec![0.0_f64; taxels];
-    for_each_frame(train, levels, |frame| {
-        mean.iter_mut()
-            .zip(frame)
-            .for_each(|(m, v)| *m += f64::from(*v));
-    });
-    mean.iter_mut().for_each(|m| *m /= frames);
+    let mean = means(train, levels);
     let mut variance = vec![0.0_f64; taxels];
     for_each_frame(train, levels, |frame| {
         for ((sum, v), m) in variance.iter_mut().zip(frame).zip(&mean) {
@@ -136,6 +145,24 @@ fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> Normalizer {
         gain,
         levels,
     }
+}
+
+/// Returns the mean of each taxel, in digits: `[taxels]`.
+pub(crate) fn taxel_means(train: &TrainSplit<'_>) -> Vec<f32> {
+    let means = means(train, MeanRemoval::None);
+    means.into_iter().map(|mean| mean as f32).collect()
+}
+
+fn means(train: &SweepView<'_>, levels: MeanRemoval) -> Vec<f64> {
+    let frames = (train.len() * train.shape().steps) as f64;
+    let mut mean = vec![0.0_f64; train.shape().taxels()];
+    for_each_frame(train, levels, |frame| {
+        mean.iter_mut()
+            .zip(frame)
+            .for_each(|(m, v)| *m += f64::from(*v));
+    });
+    mean.iter_mut().for_each(|m| *m /= frames);
+    mean
 }
 
 fn for_each_frame(view: &SweepView<'_>, levels: MeanRemoval, mut visit: impl FnMut(&[f32])) {

@@ -1,7 +1,7 @@
 //! Selection and preprocessing of the sweeps of a batch. Every random choice is derived from seed, epoch and batch.
 
 use rayon::prelude::*;
-use tactnet_data::{Seed, SweepView, TrainSplit, shuffle};
+use tactnet_data::{Seed, SweepView, shuffle};
 
 use crate::{Augmentation, Normalizer};
 
@@ -49,7 +49,7 @@ pub(crate) fn fill_batch(
 /// Augments the training sweep at a position, differently in every epoch.
 pub(crate) fn augment(
     augmentation: Augmentation,
-    train: &TrainSplit<'_>,
+    normalizer: &Normalizer,
     seed: Seed,
     epoch: usize,
     position: usize,
@@ -57,6 +57,6 @@ pub(crate) fn augment(
 ) {
     if !augmentation.is_none() {
         let mut rng = seed.rng(("augmentation", epoch, position));
-        augmentation.apply(sweep, train.shape().taxels(), &mut rng);
+        augmentation.apply(sweep, normalizer, &mut rng);
     }
 }

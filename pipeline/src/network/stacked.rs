@@ -313,7 +313,7 @@ impl<'a> StackedTraining<'a> {
                 let target = &mut values[..positions.len() * of_sweep];
                 fill_batch(target, train, &positions, normalizer, |position, sweep| {
                     let augmentation = recipe.training.augmentation;
-                    augment(augmentation, train, *seed, epoch, position, sweep);
+                    augment(augmentation, normalizer, *seed, epoch, position, sweep);
                 });
             }
         }

@@ -418,7 +418,14 @@ impl<'a> Training<'a> {
         }
         let augmentation = self.recipe.training.augmentation;
         self.loaded(self.train, positions, |position, sweep| {
-            augment(augmentation, self.train, self.seed, epoch, position, sweep);
+            augment(
+                augmentation,
+                self.normalizer,
+                self.seed,
+                epoch,
+                position,
+                sweep,
+            );
         })
     }
 

@@ -57,7 +57,7 @@ struct TrainOptions {
     /// Model to train [default: tactnet2]
     #[arg(long, value_enum, ignore_case = true)]
     model: Option<ModelChoice>,
-    /// Built-in recipe (fast, spectra, thesis) or TOML file [default: fast, or the model's only recipe]
+    /// Built-in recipe (fast, spectra, thesis, robust) or TOML file [default: fast, or the model's only recipe]
     #[arg(long, value_name = "NAME|FILE")]
     recipe: Option<String>,
     /// Keep or remove each taxel's mean over the sweep [default: the recipe's choice]
