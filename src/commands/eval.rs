@@ -43,6 +43,9 @@ pub struct EvalArgs {
     /// Runtime of the scores; the result compares it with Burn [default: burn]
     #[arg(long, value_enum)]
     runtime: Option<RuntimeChoice>,
+    /// Dead taxels, counted from 0 row by row: they are masked, as if they read their training mean
+    #[arg(long, value_name = "TAXEL,…", value_delimiter = ',')]
+    dead: Vec<usize>,
     /// Compute device
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -66,7 +69,8 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     if !run.has_final_weights() {
         say!("this run is incomplete: evaluating the weights of its last checkpoint");
     }
-    let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
+    let mut classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
+    classifier.mask(&arguments.dead)?;
     let mut spec = config.spec.clone();
     let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
     spec.name_rate_of(data, arguments.rate);

@@ -24,6 +24,10 @@ pub fn text(result: &EvalResult) -> String {
         result.tested,
         counted(result.n_test, "sweep")
     );
+    if !result.dead_taxels.is_empty() {
+        let dead: Vec<String> = result.dead_taxels.iter().map(usize::to_string).collect();
+        let _ = writeln!(text, "masked taxels: {}", dead.join(", "));
+    }
     if result.evaluations.is_empty() {
         text.push_str("no sweep is of a known material, so there is no accuracy");
     } else {

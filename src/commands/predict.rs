@@ -19,6 +19,7 @@ use crate::output::OutputFormat;
     tactnet predict runs/a --data new.npz                  `X` alone: [n][steps][taxels] or [n][steps][rows][cols]\n  \
     tactnet predict runs/a --data sweep.csv                one sweep: a row per frame, a column per taxel\n  \
     tactnet predict runs/a --data new/ --one-object        a folder of .csv or .npy files, all of the same object\n  \
+    tactnet predict runs/a --data new.npz --dead 3,7       taxels 3 and 7 are broken: predict without them\n  \
     tactnet predict runs/a --data new.npz --out found.csv  all probabilities as a table; found.json: as a JSON document\n\n\
     See also: `tactnet same` compares two objects, `tactnet eval` measures the accuracy on labelled sweeps, `tactnet serve` classifies live.")]
 pub struct PredictArgs {
@@ -40,6 +41,9 @@ pub struct PredictArgs {
     /// Number of Monte Carlo dropout samples of a network; 0 disables dropout [default: the recipe's]
     #[arg(long, value_name = "M")]
     mc: Option<u32>,
+    /// Dead taxels, counted from 0 row by row: they are masked, as if they read their training mean
+    #[arg(long, value_name = "TAXEL,…", value_delimiter = ',')]
+    dead: Vec<usize>,
     /// Compute device
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
@@ -64,7 +68,8 @@ pub fn run(arguments: &PredictArgs) -> anyhow::Result<ExitCode> {
     if let Some((out, _)) = out {
         output::refuse_to_overwrite(out, arguments.force)?;
     }
-    let classifier = RunClassifier::open(arguments.run.dir(), arguments.mc, arguments.device)?;
+    let mut classifier = RunClassifier::open(arguments.run.dir(), arguments.mc, arguments.device)?;
+    classifier.mask(&arguments.dead)?;
     let found = classifier.classify(
         &arguments.data,
         arguments.rate,

@@ -61,6 +61,11 @@ impl RunClassifier {
         })
     }
 
+    /// Masks dead taxels.
+    pub fn mask(&mut self, dead: &[usize]) -> anyhow::Result<()> {
+        Ok(self.classifier.mask(dead)?)
+    }
+
     /// Reads the sweeps of `data`, classifies them, and prints notes about the file.
     ///
     /// - `rate`: sample rate of data that does not state it, in Hz

@@ -305,6 +305,54 @@ fn assert_contradicting_labels_are_named(lab: &Lab) {
 
 /// Two files of one object each, and an object compared with itself.
 #[test]
+fn dead_taxels_are_masked_in_predictions_and_evaluations() {
+    let lab = Lab::new();
+    let recipe = lab.recipe(RecipeChange::default());
+    expect(0, lab.train(&recipe, "run"));
+    // Two taxels of another skin are broken.
+    let dataset = tactnet_data::format::read(&lab.path("twin.h5")).unwrap();
+    let broken = |reading: [f32; 2]| {
+        let rows = dataset.sweep(5);
+        let rows = rows.chunks_exact(16).map(|frame| {
+            let mut frame = frame.to_vec();
+            (frame[3], frame[7]) = (reading[0], reading[1]);
+            frame
+                .iter()
+                .map(f32::to_string)
+                .collect::<Vec<_>>()
+                .join(",")
+                + "\n"
+        });
+        std::fs::write(lab.path("broken.csv"), rows.collect::<String>()).unwrap();
+    };
+    let mut found = Vec::new();
+    for reading in [[0.0, 255.0], [90.0, 1.0]] {
+        broken(reading);
+        let mut command = with(&lab, &["predict"], "run", &["--json", "--dead", "3,7"]);
+        command.args(["--data", "broken.csv"]);
+        let text = stdout(&expect(0, command));
+        found.push(serde_json::from_str::<serde_json::Value>(&text).unwrap());
+    }
+    assert_eq!(found[0]["sweeps"], found[1]["sweeps"]);
+    assert_eq!(found[0]["dead_taxels"], serde_json::json!([3, 7]));
+    let evaluated = |options: &[&str]| expect(0, with(&lab, &["eval"], "run", options));
+    assert!(stdout(&evaluated(&["--dead", "3,7"])).contains("masked taxels: 3, 7"));
+    let text = stdout(&evaluated(&[
+        "--dead",
+        "3",
+        "--json",
+        "--runtime",
+        "online",
+    ]));
+    let compared: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(compared["dead_taxels"], serde_json::json!([3]));
+    let difference = compared["runtimes"]["plain"]["largest_difference"].as_f64();
+    assert!(difference.unwrap() < 1e-4, "{text}");
+    let refused = expect(2, with(&lab, &["eval"], "run", &["--dead", "16"]));
+    assert!(stderr(&refused).contains("expected numbers from 0 to 15"));
+}
+
+#[test]
 fn two_objects_are_of_one_material_or_of_two() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["glass", "felt"], 12, 4);

@@ -8,7 +8,8 @@ use tactnet_models::Weights;
 use super::fitted::Baseline;
 use super::method::{Fit, TrainFeatures};
 use crate::features::extractor::Extractor;
-use crate::{BaselineRecipe, PipelineError};
+use crate::features::normalize::taxel_means;
+use crate::{BaselineRecipe, DeadTaxels, PipelineError};
 
 /// Result of fitting a baseline.
 #[derive(Debug, Clone)]
@@ -39,7 +40,7 @@ pub fn fit_baseline(
     let extractor = Extractor::fit(recipe.features, recipe.levels, sweeps, seed)?;
     let train = TrainFeatures {
         sweeps,
-        features: extractor.features(sweeps),
+        features: extractor.features(sweeps, &DeadTaxels::default()),
         labels: sweeps.labels().collect(),
         materials: sweeps.dataset().labels().len(),
         sparse: extractor.hydra_width(),
@@ -54,6 +55,8 @@ pub fn fit_baseline(
         extractor,
         scaler,
         classifier,
+        means: taxel_means(sweeps),
+        dead: DeadTaxels::default(),
     };
     Ok(BaselineFit {
         weights: baseline.to_weights(),

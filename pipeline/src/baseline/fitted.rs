@@ -1,28 +1,68 @@
 //! Fitted baselines: features, scaling and classifier in sequence.
 
 use tactnet_data::SweepView;
-use tactnet_models::Weights;
+use tactnet_models::{Features, Weights};
 
 use super::method::{FittedMethod, Stored};
+use crate::features::arrays::{of_length, put};
 use crate::features::extractor::Extractor;
 use crate::features::scaler::Scaler;
-use crate::{BaselineRecipe, ClassifierConfig, FeatureScaling, PipelineError};
+use crate::{BaselineRecipe, ClassifierConfig, DeadTaxels, FeatureScaling, PipelineError};
+
+/// Name of the taxels' training means among the fitted numbers.
+const MEANS: &str = "taxels.mean";
 
 /// Fitted baseline.
 pub(crate) struct Baseline {
     pub extractor: Extractor,
     pub scaler: Option<Scaler>,
     pub classifier: Box<dyn FittedMethod>,
+    /// Mean of each taxel over the training sweeps, in digits; empty in runs of earlier versions.
+    pub means: Vec<f32>,
+    /// Masked taxels, which read their means.
+    pub dead: DeadTaxels,
 }
 
 impl Baseline {
     /// Returns log-probabilities `[sweeps][materials]`.
     pub fn log_probabilities(&self, view: &SweepView<'_>) -> Vec<Vec<f64>> {
-        let mut features = self.extractor.features(view);
+        let mut features = self.extractor.features(view, &self.dead);
         if let Some(scaler) = &self.scaler {
             scaler.apply(&mut features);
+            self.mask_features(&mut features);
         }
         self.classifier.log_probabilities(&features)
+    }
+
+    /// Masks these taxels: they read their training means, and scaled features of these taxels alone become zero, their training mean.
+    ///
+    /// # Errors
+    /// A run of an earlier version, whose means are unknown.
+    pub fn mask(&mut self, dead: &[usize]) -> Result<(), PipelineError> {
+        let known = self.means.len();
+        let reading = |&taxel: &usize| Some((taxel, *self.means.get(taxel)?));
+        let readings: Option<_> = dead.iter().map(reading).collect();
+        self.dead = DeadTaxels(readings.ok_or_else(|| {
+            PipelineError::incompatible(
+                "dead taxels",
+                "a run that names the mean of every taxel; train it again",
+                format!("{known} means, as in runs of earlier versions"),
+            )
+        })?);
+        Ok(())
+    }
+
+    /// Sets the scaled features of masked taxels to zero.
+    fn mask_features(&self, features: &mut Features) {
+        let is_dead = |feature: &usize| {
+            let taxel = self.extractor.taxel_of(*feature);
+            taxel.is_some_and(|taxel| self.dead.0.contains_key(&taxel))
+        };
+        let width = self.extractor.width();
+        let masked: Vec<usize> = (0..width).filter(is_dead).collect();
+        for row in features.values_mut().chunks_exact_mut(width) {
+            masked.iter().for_each(|&feature| row[feature] = 0.0);
+        }
     }
 
     /// Returns all fitted numbers, by name.
@@ -33,6 +73,7 @@ impl Baseline {
             scaler.save(&mut weights);
         }
         self.classifier.save(&mut weights);
+        put(&mut weights, MEANS, self.means.clone());
         weights
     }
 
@@ -64,10 +105,16 @@ impl Baseline {
                 Some(Scaler::load(weights, width, extractor.hydra_width())?)
             }
         };
+        let means = weights.0.get(MEANS).map(|array| array.values.clone());
+        if let Some(means) = &means {
+            of_length(MEANS, means.len(), config.shape.taxels())?;
+        }
         Ok(Self {
             extractor,
             scaler,
             classifier,
+            means: means.unwrap_or_default(),
+            dead: DeadTaxels::default(),
         })
     }
 }

@@ -11,7 +11,7 @@ use crate::features::log_spectra::LogSpectra;
 use crate::features::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
 use crate::features::series::Series;
 use crate::features::spectrum::{HighFeatures, LowFeatures};
-use crate::{MeanRemoval, PipelineError};
+use crate::{DeadTaxels, MeanRemoval, PipelineError};
 
 /// Number of features of MiniRocket before rounding down to a multiple of 84 (Dempster et al., 2021).
 const MINIROCKET_FEATURES: usize = 10_000;
@@ -241,8 +241,23 @@ impl Extractor {
         }
     }
 
+    /// Returns the taxel that a feature depends on; `None` if several do.
+    pub fn taxel_of(&self, feature: usize) -> Option<usize> {
+        let taxels = self.shape.taxels();
+        match &self.kind {
+            Kind::Means | Kind::FirstFrame | Kind::LastFrame => Some(feature),
+            Kind::LogSpectra(_) if feature < taxels => Some(feature),
+            Kind::LogSpectra(features) => Some((feature - taxels) / features.bands()),
+            Kind::Low(_) | Kind::High(_) | Kind::MiniRocket(_) | Kind::MultiRocketHydra { .. } => {
+                None
+            }
+        }
+    }
+
     /// Returns the features of every sweep of `view`: `[sweeps][width]`.
-    pub fn features(&self, view: &SweepView<'_>) -> Features {
+    ///
+    /// - `dead`: dead taxels with their readings
+    pub fn features(&self, view: &SweepView<'_>, dead: &DeadTaxels) -> Features {
         let mut all = vec![0.0; view.len() * self.width()];
         all.par_chunks_exact_mut(self.width())
             .enumerate()
@@ -250,6 +265,7 @@ impl Extractor {
                 || (vec![0.0; self.shape.values()], Workspace::default()),
                 |(sweep, workspace), (position, out)| {
                     view.copy_batch(&[position], sweep);
+                    dead.apply(sweep, self.shape.taxels());
                     self.levels.apply(sweep, self.shape);
                     self.write(sweep, workspace, out);
                 },

@@ -4,7 +4,7 @@ use tactnet_data::{Seed, SweepView, TrainSplit};
 use tactnet_models::Features;
 
 use crate::features::extractor::Extractor;
-use crate::{FeatureSet, MeanRemoval, PipelineError};
+use crate::{DeadTaxels, FeatureSet, MeanRemoval, PipelineError};
 
 /// Feature extractor of baselines, for measuring its time alone.
 #[doc(hidden)]
@@ -21,6 +21,6 @@ impl FeatureTimer {
 
     /// Returns the features of every sweep of `view`: `[sweeps][width]`.
     pub fn transform(&self, view: &SweepView<'_>) -> Features {
-        self.0.features(view)
+        self.0.features(view, &DeadTaxels::default())
     }
 }

@@ -62,6 +62,11 @@ impl LogSpectra {
         ))
     }
 
+    /// Returns the number of bands of each taxel.
+    pub fn bands(&self) -> usize {
+        self.bands.len()
+    }
+
     /// Returns the number of features, including the taxels' means.
     pub fn width(&self) -> usize {
         self.taxels * (1 + self.bands.len())

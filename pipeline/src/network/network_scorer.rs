@@ -11,7 +11,7 @@ use tactnet_models::{
 };
 
 use crate::network::in_pool::in_pool;
-use crate::{Embedding, NetworkSetup, Normalizer, PipelineError, PredictionMethod};
+use crate::{DeadTaxels, Embedding, NetworkSetup, Normalizer, PipelineError, PredictionMethod};
 
 /// Maximum number of values in all dropout masks together: one GiB of `f32`.
 const MASK_NUMBERS: usize = 1 << 28;
@@ -20,6 +20,8 @@ const BATCH: usize = 36;
 
 pub(crate) struct NetworkScorer {
     normalizer: Normalizer,
+    /// Readings of dead taxels; zero after scaling.
+    dead: DeadTaxels,
     network: NetworkConfig,
     net: Network,
     device: Device,
@@ -45,12 +47,24 @@ impl NetworkScorer {
         let net = Network::from_weights(&network, weights, &device)?;
         Ok(Self {
             normalizer: setup.normalizer.clone(),
+            dead: DeadTaxels::default(),
             network,
             net,
             device,
             seed,
             masks: Mutex::new(None),
         })
+    }
+
+    /// Masks these taxels: their scaled values become zero, as those of dropped taxels in training.
+    pub fn mask(&mut self, dead: &[usize]) {
+        let offset = self.normalizer.offset();
+        self.dead = DeadTaxels(dead.iter().map(|&taxel| (taxel, offset[taxel])).collect());
+    }
+
+    /// Returns the masked taxels with their readings.
+    pub fn dead(&self) -> &DeadTaxels {
+        &self.dead
     }
 
     /// Returns log-probabilities `[sweeps][materials]`.
@@ -167,6 +181,7 @@ impl NetworkScorer {
             .zip(positions)
             .for_each(|(sweep, &position)| {
                 view.copy_batch(&[position], sweep);
+                self.dead.apply(sweep, shape.taxels());
                 self.normalizer.apply(sweep, shape);
             });
         let extents = [positions.len(), 1, shape.steps, shape.taxels()];

@@ -12,8 +12,8 @@ use tactnet_models::{Architecture, InputShape, Network, NetworkConfig, Weights};
 use crate::baseline::fitted::Baseline;
 use crate::network::network_scorer::NetworkScorer;
 use crate::{
-    BaselineRecipe, Embedding, NetworkRecipe, Normalizer, PipelineError, PipelineRemedy,
-    Prediction, PredictionMethod, Predictions, SweepScore,
+    BaselineRecipe, DeadTaxels, Embedding, NetworkRecipe, Normalizer, PipelineError,
+    PipelineRemedy, Prediction, PredictionMethod, Predictions, SweepScore,
 };
 
 /// Configuration of a classifier: with the fitted weights, it rebuilds the classifier.
@@ -155,6 +155,40 @@ impl Classifier {
             }
         };
         Ok(Self { config, model })
+    }
+
+    /// Masks dead taxels in all further predictions, in place of those masked before: networks see them as dropped taxels in training, zero
+    /// after scaling; for baselines they read their training mean.
+    ///
+    /// # Errors
+    /// A taxel that does not exist; no taxel that remains; a baseline of an earlier version.
+    pub fn mask(&mut self, dead: &[usize]) -> Result<(), PipelineError> {
+        let taxels = self.config.shape.taxels();
+        let dead: BTreeSet<usize> = dead.iter().copied().collect();
+        let refused = |expected: String, found: String| {
+            Err(PipelineError::incompatible("dead taxels", expected, found))
+        };
+        if let Some(taxel) = dead.last().filter(|taxel| **taxel >= taxels) {
+            let expected = format!("numbers from 0 to {}", taxels - 1);
+            return refused(expected, taxel.to_string());
+        }
+        if dead.len() == taxels {
+            return refused("a taxel that is not dead".into(), format!("all {taxels}"));
+        }
+        let dead: Vec<usize> = dead.into_iter().collect();
+        match &mut self.model {
+            Model::Network(network) => network.mask(&dead),
+            Model::Baseline(baseline) => baseline.mask(&dead)?,
+        }
+        Ok(())
+    }
+
+    /// Returns the masked taxels with their readings.
+    pub fn dead(&self) -> &DeadTaxels {
+        match &self.model {
+            Model::Network(network) => network.dead(),
+            Model::Baseline(baseline) => &baseline.dead,
+        }
     }
 
     /// Returns the configuration that the classifier was built from.

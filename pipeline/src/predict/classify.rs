@@ -31,6 +31,9 @@ pub struct ClassifiedSweeps {
     /// Comparison with the training sweeps; absent for runs with few training sweeps or of earlier versions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub likeness: Option<LikenessReport>,
+    /// Masked taxels.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub dead_taxels: Vec<usize>,
     /// Warning about the range of the values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
@@ -138,6 +141,7 @@ impl ClassifiedSweeps {
             sweeps: rows.iter().enumerate().map(entry).collect(),
             object,
             likeness: likeness.map(|likeness| likeness.assess(&view, config.seed)),
+            dead_taxels: classifier.dead().0.keys().copied().collect(),
             caution: config.values.and_then(|known| known.caution(&view)),
         })
     }

@@ -9,6 +9,8 @@ pub(crate) mod confusion;
 pub(crate) mod confusion_picture;
 pub(crate) mod enroll;
 pub(crate) mod evaluation;
+#[cfg(test)]
+mod mask_tests;
 pub(crate) mod metrics;
 pub(crate) mod online;
 pub(crate) mod overlap;

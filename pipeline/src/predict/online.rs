@@ -12,7 +12,9 @@ use tactnet_models::{
     Belief, StreamingNet, entropy, log_mean_exp_into, log_softmax_into, mutual_information,
 };
 
-use crate::{Calibration, Classifier, ClassifierConfig, Normalizer, NoveltyScore, PipelineError};
+use crate::{
+    Calibration, Classifier, ClassifierConfig, DeadTaxels, Normalizer, NoveltyScore, PipelineError,
+};
 
 /// Classifies one sweep at a time and fuses the sweeps of one object.
 #[derive(Debug)]
@@ -20,6 +22,8 @@ pub struct OnlineClassifier {
     config: ClassifierConfig,
     calibration: Option<Calibration>,
     normalizer: Normalizer,
+    /// Masked taxels of the offline classifier.
+    dead: DeadTaxels,
     net: StreamingNet,
     /// `[taxels]`
     frame: Vec<f32>,
@@ -108,6 +112,7 @@ impl OnlineClassifier {
             object_strangeness: (0.0, 0),
             fused: Belief::flat(materials),
             normalizer,
+            dead: classifier.dead().clone(),
             calibration,
             config,
         })
@@ -137,6 +142,7 @@ impl OnlineClassifier {
     /// If the number of taxels differs, or after the last frame.
     pub fn push(&mut self, digits: &[f32]) {
         self.frame.copy_from_slice(digits);
+        self.dead.apply(&mut self.frame, digits.len());
         self.normalizer.apply_to_frame(&mut self.frame);
         self.net.push(&self.frame);
     }

@@ -46,6 +46,9 @@ pub struct EvalResult {
     pub tested: String,
     /// Number of tested sweeps.
     pub n_test: usize,
+    /// Masked taxels.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub dead_taxels: Vec<usize>,
     /// Evaluations by prediction method; empty if no sweep is of a known material.
     #[serde(serialize_with = "serialize_by_method")]
     pub evaluations: BTreeMap<PredictionMethod, Evaluation>,
@@ -162,6 +165,7 @@ impl Reevaluation {
             data: dataset.name().into(),
             data_sha256: dataset.sha256().into(),
             n_test: tested.view.len(),
+            dead_taxels: classifier.dead().0.keys().copied().collect(),
             tested: tested.description,
             evaluations: known.evaluations,
             confusion: known.confusion,

@@ -89,7 +89,7 @@ pub fn compare_runtime(
     match kind {
         RuntimeKind::Burn => {
             let mut one = Vec::new();
-            compare(kind, view, burn, |position, _| {
+            compare(kind, classifier, view, burn, |position, _| {
                 let view = SweepView::new(view.dataset(), vec![view.indices()[position]]);
                 let begun = Instant::now();
                 let found = classifier.predict(&view, burn.method)?;
@@ -101,7 +101,7 @@ pub fn compare_runtime(
         RuntimeKind::Online => {
             let mut online = OnlineClassifier::new(classifier, None, mc_samples)?;
             let taxels = view.shape().taxels();
-            compare(kind, view, burn, |_, sweep| {
+            compare(kind, classifier, view, burn, |_, sweep| {
                 let (before, last) = sweep.split_at(sweep.len() - taxels);
                 online.begin();
                 for frame in before.chunks_exact(taxels) {
@@ -168,7 +168,7 @@ fn compare_exported(
             return Err(kind.missing());
         }
     };
-    compare(kind, view, burn, |_, sweep| {
+    compare(kind, classifier, view, burn, |_, sweep| {
         let begun = Instant::now();
         let found = network.score(sweep).map_err(failed)?;
         Ok((found, begun.elapsed().as_secs_f64() * 1e6))
@@ -204,6 +204,7 @@ fn compare_exported(
 /// - `score`: returns the log-probabilities of a sweep and the time that they took in microseconds
 fn compare(
     kind: RuntimeKind,
+    classifier: &Classifier,
     view: &SweepView<'_>,
     burn: &Predictions,
     mut score: impl FnMut(usize, &[f32]) -> Result<(Vec<f64>, f64), PipelineError>,
@@ -214,6 +215,7 @@ fn compare(
     let mut largest_difference = 0.0_f64;
     for (position, one) in predictions.sweeps.iter_mut().enumerate() {
         view.copy_batch(&[position], &mut sweep);
+        classifier.dead().apply(&mut sweep, view.shape().taxels());
         let (found, time) = score(position, &sweep)?;
         if found.len() != one.log_probability.len() || found.iter().any(|score| score.is_nan()) {
             return Err(PipelineError::Runtime {
