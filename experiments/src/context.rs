@@ -6,8 +6,8 @@ use burn::tensor::Device;
 use rand::Rng;
 use tactnet_data::{Dataset, Seed, SweepView, TrainSplit};
 use tactnet_pipeline::{
-    BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, NetworkRecipe, NetworkSetup,
-    PipelineError, train_network, train_siamese,
+    BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, ModelRecipe, NetworkRecipe,
+    NetworkSetup, PipelineError, fit_baseline, train_network, train_siamese,
 };
 
 use crate::networks::FinishedNetworks;
@@ -21,7 +21,7 @@ pub(crate) struct StudyContext<'a> {
     pub(crate) dataset: &'a Dataset,
     /// Name of the data in the recipe: `twin`, or a file.
     pub(crate) data: &'a str,
-    pub(crate) recipe: &'a NetworkRecipe,
+    pub(crate) model: &'a ModelRecipe,
     pub(crate) device: &'a Device,
     pub(crate) seed: Seed,
     pub(crate) part: Part,
@@ -43,7 +43,18 @@ impl<E: Into<PipelineError>> From<E> for Cancelled {
     }
 }
 
-impl StudyContext<'_> {
+impl<'a> StudyContext<'a> {
+    /// Returns the recipe of the networks.
+    ///
+    /// # Panics
+    /// If the model is a baseline, which only questions with [`Ask::takes_baselines`](crate::questions::Ask) get.
+    pub(crate) fn recipe(&self) -> &'a NetworkRecipe {
+        match self.model {
+            ModelRecipe::Network(recipe) => recipe,
+            ModelRecipe::Baseline(recipe) => panic!("a network, not the baseline {}", recipe.name),
+        }
+    }
+
     /// Reports the next step.
     ///
     /// # Errors
@@ -59,6 +70,22 @@ impl StudyContext<'_> {
     /// Returns a separate seed for each pair of name and number.
     pub(crate) fn seed_for(&self, name: &str, number: usize) -> Seed {
         Seed(self.seed.rng((name, number)).next_u64())
+    }
+
+    /// Fits the task's model to `train`. A network is loaded if an interrupted session of the task has already trained it.
+    pub(crate) fn fitted(
+        &self,
+        what: &str,
+        train: &TrainSplit<'_>,
+        seed: Seed,
+    ) -> Result<Classifier, Cancelled> {
+        let ModelRecipe::Baseline(recipe) = self.model else {
+            return self.trained(what, train, seed);
+        };
+        self.say(what)?;
+        let fit = fit_baseline(recipe, train, seed, |_| {})?;
+        let config = ClassifierConfig::new(ModelConfig::Baseline(recipe.clone()), train, seed);
+        Ok(Classifier::new(config, &fit.weights, self.device)?)
     }
 
     /// Trains a network on `train`, or loads it if an interrupted session of the task has already trained it.
@@ -79,7 +106,7 @@ impl StudyContext<'_> {
         seed: Seed,
     ) -> Result<(Classifier, Option<f64>), Cancelled> {
         self.finished_or(what, train, seed, |on_progress| {
-            train_network(self.recipe, train, seed, self.device, on_progress)
+            train_network(self.recipe(), train, seed, self.device, on_progress)
         })
     }
 
@@ -91,7 +118,7 @@ impl StudyContext<'_> {
         seed: Seed,
     ) -> Result<Classifier, Cancelled> {
         let (classifier, _) = self.finished_or(what, train, seed, |on_progress| {
-            train_siamese(self.recipe, train, seed, self.device, on_progress)
+            train_siamese(self.recipe(), train, seed, self.device, on_progress)
         })?;
         Ok(classifier)
     }
@@ -109,10 +136,10 @@ impl StudyContext<'_> {
             seed.0,
             self.dataset.sha256(),
             train.indices(),
-            self.recipe.to_toml()
+            self.recipe().to_toml()
         ));
         if let Some(weights) = network.read().map_err(Cancelled::Failed)? {
-            let setup = NetworkSetup::fit(self.recipe, train);
+            let setup = NetworkSetup::fit(self.recipe(), train);
             let config = ClassifierConfig::new(ModelConfig::Network(setup), train, seed);
             return Ok((Classifier::new(config, &weights, self.device)?, None));
         }

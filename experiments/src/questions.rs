@@ -11,6 +11,7 @@ mod feature_maps;
 mod headline;
 mod networks;
 mod nshot;
+mod robustness;
 mod sequential;
 mod unknown;
 
@@ -86,6 +87,8 @@ registry! {
     "feature-maps" => feature_maps::FeatureMaps,
     /// Accuracy of networks under several conditions, and their cost.
     "networks" => networks::Networks,
+    /// Accuracy of models on disturbed sweeps.
+    "robustness" => robustness::Robustness,
 }
 
 impl Question {
@@ -127,6 +130,11 @@ pub(crate) trait Ask: Named {
     /// Returns the number of new materials; `None` for a question that uses known materials only.
     fn new_materials(&self) -> Option<usize> {
         None
+    }
+
+    /// Returns true if the question is also about baselines, false if only about networks.
+    fn takes_baselines(&self) -> bool {
+        false
     }
 
     /// Answers the question for the context's part of the data.
@@ -215,6 +223,28 @@ pub(crate) enum Figure {
     Sweeps,
     /// One bar for each method and condition.
     Bars(Measure),
+    /// Accuracy against the strength of a disturbance, with one line for each model.
+    Strengths {
+        /// Title of the figure.
+        title: &'static str,
+        /// Name and unit of the strength.
+        label: &'static str,
+        /// First part of the names of the settings; the strength follows.
+        prefix: &'static str,
+        /// Name of the setting without disturbance.
+        undisturbed: &'static str,
+        /// Kind of the strength.
+        strength: Strength,
+    },
+}
+
+/// Kind of the strength of a disturbance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Strength {
+    /// A factor, which is 1 without disturbance.
+    Factor,
+    /// A size, which is 0 without disturbance.
+    Size,
 }
 
 /// Returns draws of new materials, one for each task.

@@ -17,7 +17,7 @@ use crate::{Crossval, ExperimentError, Question, SweepLength};
 pub use search::{Range, Search};
 
 /// Built-in experiments by name.
-const BUILT_IN: [(&str, &str); 15] = [
+const BUILT_IN: [(&str, &str); 16] = [
     (
         "crossval_tactnet2",
         include_str!("../recipes/crossval_tactnet2.toml"),
@@ -57,6 +57,7 @@ const BUILT_IN: [(&str, &str); 15] = [
     ("enrolment", include_str!("../recipes/enrolment.toml")),
     ("feature_maps", include_str!("../recipes/feature_maps.toml")),
     ("networks", include_str!("../recipes/networks.toml")),
+    ("robustness", include_str!("../recipes/robustness.toml")),
 ];
 
 /// A question about classifiers on data sets, with the expected answer.

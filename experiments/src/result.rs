@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use tactnet_data::{DataOrigin, Dataset, sha256_hex};
 use tactnet_models::Compute;
-use tactnet_pipeline::{MeanRemoval, NetworkRecipe, Provenance, write_whole};
+use tactnet_pipeline::{MeanRemoval, ModelRecipe, Provenance, write_whole};
 
 use crate::answer::FeatureMap;
 use crate::context::{Cancelled, OnProgress, StudyContext};
@@ -72,22 +72,29 @@ impl QuestionResult {
 /// Returns `None` if `on_progress` returned false; trained networks are then kept for the next call.
 ///
 /// - `dataset`: data set, cut to the task's number of steps
-/// - `recipe`: recipe of the networks, with the task's levels and epochs
+/// - `model`: recipe of the networks or of the baseline, with the task's levels and epochs
 /// - `folder`: folder of the task
 /// - `on_progress`: receives the current step and each training batch, and returns false to stop
 ///
 /// # Errors
-/// A device that this build does not support; a data set that is too small for the question; a file that cannot be
+/// A baseline, if the question is about networks only; a device that this build does not support; a data set that is too small for the question; a file that cannot be
 /// written.
 pub fn answer_question(
     task: &QuestionTask,
     dataset: &Dataset,
-    recipe: &NetworkRecipe,
+    model: &ModelRecipe,
     folder: &Path,
     provenance: Provenance,
     on_progress: &OnProgress<'_>,
 ) -> Result<Option<QuestionResult>, ExperimentError> {
     let begun = Instant::now();
+    let question = task.question.ask();
+    if matches!(model, ModelRecipe::Baseline(_)) && !question.takes_baselines() {
+        return Err(ExperimentError::Recipe {
+            origin: model.name().into(),
+            reason: format!("the question `{}` needs a network", question.name()),
+        });
+    }
     let device = task
         .networks
         .device
@@ -97,14 +104,14 @@ pub fn answer_question(
     let context = StudyContext {
         dataset,
         data: &task.networks.data,
-        recipe,
+        model,
         device: &device,
         seed: task.networks.seed,
         part: task.part,
         networks: &networks,
         on_progress,
     };
-    let answer = match task.question.ask().answer(&context) {
+    let answer = match question.answer(&context) {
         Ok(answer) => answer,
         Err(Cancelled::Stopped) => return Ok(None),
         Err(Cancelled::Failed(error)) => return Err(error),
@@ -118,10 +125,10 @@ pub fn answer_question(
         assumed_rate_hz: dataset.is_rate_assumed().then(|| dataset.sample_rate_hz()),
         materials: dataset.labels().names().map(String::from).collect(),
         steps: dataset.shape().steps,
-        levels: recipe.input.levels,
+        levels: model.levels(),
         device: task.networks.device,
-        recipe: recipe.name.clone(),
-        recipe_sha256: sha256_hex(recipe.to_toml()),
+        recipe: model.name().into(),
+        recipe_sha256: sha256_hex(model.to_toml()),
         split: answer.split,
         split_sha256: sha256_hex(&answer.split_content),
         chosen: answer.chosen,

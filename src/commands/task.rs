@@ -11,8 +11,8 @@ use clap::Args;
 use tactnet_data::refuse_errors;
 use tactnet_experiments::{ExperimentDir, Job, QuestionTask, Start, Task, answer_question};
 use tactnet_pipeline::{
-    BatchReport, LabelOrder, ModelRecipe, Provenance, RunDir, Session, TrainEvent, TrainJob,
-    TrainOutcome, train_together,
+    BatchReport, LabelOrder, Provenance, RunDir, Session, TrainEvent, TrainJob, TrainOutcome,
+    train_together,
 };
 
 use super::train::{Progress, program, train};
@@ -153,9 +153,6 @@ fn answer(
 ) -> anyhow::Result<ExitCode> {
     let job = TrainJob::try_from(task.networks.clone())?;
     let spec = job.spec();
-    let ModelRecipe::Network(recipe) = job.recipe() else {
-        bail!("recipe `{}`: a question needs a network", spec.recipe);
-    };
     let _lock = RunDir::lock(folder)?;
     let dataset = source::load_as(spec, &spec.data, LabelOrder::True)?;
     refuse_errors(&dataset, &spec.data)?;
@@ -175,7 +172,7 @@ fn answer(
         }
         !stop.asked()
     };
-    if answer_question(task, &dataset, recipe, folder, program, &go_on)?.is_none() {
+    if answer_question(task, &dataset, job.recipe(), folder, program, &go_on)?.is_none() {
         say!("stopped; running the task again resumes it with its next network");
         return Ok(ExitCode::from(failure::INTERRUPTED));
     }

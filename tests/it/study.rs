@@ -159,6 +159,47 @@ fn networks_are_compared_under_every_circumstance_with_what_they_cost() {
 }
 
 #[test]
+fn models_of_all_kinds_are_tested_under_disturbances() {
+    let lab = lab();
+    let both = format!("models=[\"{}\", \"lda\"]", lab.path("small.toml").display());
+    let settings = [
+        "folds=2",
+        "dead=[0.0625]",
+        "gains=[2.0]",
+        "speeds=[2.0]",
+        "offsets=[]",
+        "drifts=[1.0]",
+        &both,
+    ];
+    let found = summary(study(&lab, "robustness", &settings, "robustness"));
+    let conditions = [
+        "clean",
+        "dead taxels 1",
+        "masked taxels 1",
+        "gain \u{d7} 2",
+        "speed \u{d7} 2",
+        "drift \u{b1} 1",
+    ];
+    for measure in ["accuracy", "expected calibration error"] {
+        for model in ["small", "lda"] {
+            let own = rows(&found)
+                .iter()
+                .filter(|row| row["measure"] == measure && row["model"] == model);
+            let settings: Vec<&str> = own.map(|row| row["setting"].as_str().unwrap()).collect();
+            assert_eq!(settings, conditions, "{measure} of {model}");
+        }
+    }
+    assert_eq!(
+        found["comparisons"].as_array().unwrap().len(),
+        conditions.len()
+    );
+    let page = String::from_utf8(lab.read("robustness/report.html")).unwrap();
+    assert!(page.contains("Dead taxels that are masked: accuracy on eight"));
+    let refused = study(&lab, "robustness", &["dead=[1.5]"], "refused");
+    assert!(stderr(&expect(2, refused)).contains("shares between 0 and 1"));
+}
+
+#[test]
 fn the_twin_is_felt_again_weaker_and_faster() {
     let lab = Lab::new();
     lab.recipe(RecipeChange {

@@ -119,7 +119,8 @@ impl<'a> Grid<'a> {
     /// Plans one task for each part of the data, grid point and network.
     fn question_tasks(&self, question: &dyn Ask) -> Result<Vec<Task>, String> {
         let name = question.name();
-        if let Some(model) = self.models.iter().find(|model| !model.is_network) {
+        let is_unfit = |model: &&Model| !model.is_network && !question.takes_baselines();
+        if let Some(model) = self.models.iter().find(is_unfit) {
             return Err(format!(
                 "model `{}`: the question `{name}` needs networks",
                 model.name
@@ -192,7 +193,7 @@ impl GridPoint<'_> {
     fn question(&self, name: &str, model: &Model, part: Part) -> Task {
         let [data, rest] = self.parts();
         let networks = TrainSpec {
-            epochs: self.recipe.epochs,
+            epochs: self.recipe.epochs.filter(|_| model.is_network),
             ..self.of_recipe(&model.recipe)
         };
         Task {

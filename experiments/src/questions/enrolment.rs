@@ -181,7 +181,7 @@ fn enrolment(task: &Enrolment, context: &StudyContext<'_>) -> Result<Answer, Can
     let knowledge = WeightPrior::of_knowledge(&head);
     let with_bias = knowledge.with_penalised_bias();
     let decay = WeightPrior {
-        strength: WeightPrior::weight_decay(0, context.recipe.training.l2, seen.len()).strength,
+        strength: WeightPrior::weight_decay(0, context.recipe().training.l2, seen.len()).strength,
         ..knowledge.clone()
     };
     let priors = [

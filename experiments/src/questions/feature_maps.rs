@@ -143,7 +143,7 @@ fn feature_maps(task: &FeatureMaps, context: &StudyContext<'_>) -> Result<Answer
     let positions: Vec<usize> = (0..everything.len()).collect();
     everything.copy_batch(&positions, &mut digits);
     context
-        .recipe
+        .recipe()
         .input
         .levels
         .apply(&mut digits, everything.shape());

@@ -3,6 +3,7 @@
 mod comparisons;
 mod curves;
 mod maps;
+mod strengths;
 mod tasks;
 
 use maud::{Markup, html};

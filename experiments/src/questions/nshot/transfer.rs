@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 use tactnet_data::{Fold, MaterialSplit, Scheme, Seed, SweepView};
 use tactnet_models::argmax;
-use tactnet_pipeline::{Embedding, NetworkRecipe};
+use tactnet_pipeline::{Embedding, ModelRecipe, NetworkRecipe};
 
 use super::few_shots::FewShots;
 use super::knowledge::{Knowledge, learn};
@@ -89,7 +89,7 @@ impl NewMaterials<'_> {
         shots: usize,
         folds: &[Fold<'_>],
     ) -> Vec<Result<Vec<usize>, Cancelled>> {
-        let (recipe, device) = (context.recipe, context.device);
+        let (recipe, device) = (context.recipe(), context.device);
         let seed = |fold| context.seed_for("fine-tuning", context.part.stream() * FOLDS + fold);
         let seeds: Vec<Seed> = (0..FOLDS).map(seed).collect();
         let &Self {
@@ -157,16 +157,17 @@ fn from_scratch(
     context: &StudyContext<'_>,
     fold: &Fold<'_>,
 ) -> Result<Vec<usize>, Cancelled> {
-    let batches = fold.train.len().div_ceil(context.recipe.training.batch);
-    let mut recipe: NetworkRecipe = context.recipe.clone();
+    let batches = fold.train.len().div_ceil(context.recipe().training.batch);
+    let mut recipe: NetworkRecipe = context.recipe().clone();
     // The task sets the number of steps itself.
     recipe.training.least_steps = None;
     recipe.training.epochs = (task.scratch_steps / batches).max(recipe.training.epochs);
     if let Some(rate) = task.scratch_learning_rate {
         recipe.training.learning_rate = rate;
     }
+    let model = ModelRecipe::Network(recipe);
     let scratch = StudyContext {
-        recipe: &recipe,
+        model: &model,
         ..*context
     };
     let seed = context.seed_for(
@@ -223,12 +224,12 @@ mod tests {
         })
         .unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let recipe = NetworkRecipe::parse("small", RECIPE).unwrap();
+        let recipe = ModelRecipe::parse("small", RECIPE).unwrap();
         let device = tactnet_models::Compute::Cpu.open().unwrap();
         let context = StudyContext {
             dataset: &twin,
             data: "twin",
-            recipe: &recipe,
+            model: &recipe,
             device: &device,
             seed: Seed(1),
             part: crate::Part::Draw(0),

@@ -331,12 +331,12 @@ mod tests {
             ..Default::default()
         })
         .unwrap();
-        let recipe = tactnet_pipeline::NetworkRecipe::load("fast").unwrap();
+        let recipe = tactnet_pipeline::ModelRecipe::load("fast").unwrap();
         let folder = tempfile::tempdir().unwrap();
         let context = StudyContext {
             dataset: &twin,
             data: "twin",
-            recipe: &recipe,
+            model: &recipe,
             device: &tactnet_models::Compute::Cpu.open().unwrap(),
             seed: Seed(1),
             part: crate::Part::Draw(0),

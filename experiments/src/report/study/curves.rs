@@ -5,6 +5,7 @@ use tactnet_pipeline::MeanRemoval;
 use tactnet_plot::{Axes, Axis, Scale, Series, Tick, figure, legend};
 
 use super::super::text::{percent, px};
+use super::strengths::strengths;
 use crate::measure::method_name;
 use crate::questions::Figure;
 use crate::{Measure, Row, Summary};
@@ -31,9 +32,11 @@ pub(super) fn curves(study: &Summary) -> Option<Markup> {
                 Figure::Shots { title, methods } => accuracy_by_shots(&name, title, &rows, methods),
                 Figure::Sweeps => accuracy_by_sweeps(&name, &rows),
                 Figure::Bars(measure) => bars(&name, &rows, measure),
+                Figure::Strengths { .. } => None,
             });
         figures.extend(drawn);
     }
+    figures.extend(strengths(study));
     (!figures.is_empty()).then(|| html! { @for figure in figures { (figure) } })
 }
 
