@@ -170,7 +170,10 @@ fn assert_known_sweeps_are_named(lab: &Lab, named: &[String]) {
     let shown = stdout(&expect(0, predict(lab, "twin.h5", &[])));
     let mut lines = shown.lines();
     assert!(
-        lines.next().unwrap().starts_with("like the training data (p = "),
+        lines
+            .next()
+            .unwrap()
+            .starts_with("like the training data (p = "),
         "{shown}"
     );
     assert!(lines.next().unwrap().contains("named"), "{shown}");

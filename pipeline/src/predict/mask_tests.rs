@@ -6,8 +6,8 @@ use tactnet_data::{Dataset, Fold, Samples, Scheme, Seed, SweepView, shuffle};
 use tactnet_models::Compute;
 
 use crate::{
-    Augmentation, Classifier, ClassifierConfig, Disturbance, ModelConfig, ModelRecipe, NetworkRecipe,
-    OnlineClassifier, PredictionMethod, fit_baseline, train_network,
+    Augmentation, Classifier, ClassifierConfig, Disturbance, ModelConfig, ModelRecipe,
+    NetworkRecipe, OnlineClassifier, PredictionMethod, fit_baseline, train_network,
 };
 
 fn twin(sweeps: usize) -> Dataset {
@@ -201,8 +201,7 @@ fn a_network_trained_as_robust_is_better_with_dead_taxels_and_masks_help_both() 
     };
     let robust = NetworkRecipe::load("robust").unwrap().training.augmentation;
     let (plain, robust) = (measured(Augmentation::default()), measured(robust));
-    let text =
-        format!("clean, dead, masked: {plain:?} trained plainly, {robust:?} as `robust`");
+    let text = format!("clean, dead, masked: {plain:?} trained plainly, {robust:?} as `robust`");
     // Two taxels dead. A share of 8 times 48 sweeps has a standard error of 2.5 points.
     assert!(robust[1] > plain[1] + 0.05, "{text}");
     assert!(robust[2] > plain[2] + 0.05, "{text}");
