@@ -171,7 +171,7 @@ fn models_of_all_kinds_are_tested_under_disturbances() {
         "drifts=[1.0]",
         &both,
     ];
-    let found = summary(study(&lab, "robustness", &settings, "robustness"));
+    let found = json(study(&lab, "robustness", &settings, "robustness"));
     let conditions = [
         "clean",
         "dead taxels 1",

@@ -158,7 +158,11 @@ impl<'a> Rows<'a> {
 
     /// Returns the cells of the next row; `None` at the end. Rows of another length are left out and reported by [`Rows::finish`].
     pub(super) fn next(&mut self) -> Result<Option<Vec<String>>, DataError> {
-        if let Some(names) = self.names.take() {
+        if let Some(mut names) = self.names.take() {
+            // Names decide on the number of columns, as a first row of names does.
+            self.settle_length(&names);
+            names.truncate(self.table.cells);
+            self.table.rows = 1;
             return Ok(Some(names));
         }
         loop {

@@ -391,3 +391,24 @@ fn tables_are_read_as_the_world_writes_them() {
         assert_line(&dataset);
     }
 }
+
+#[test]
+fn names_in_a_comment_count_the_columns() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("named.csv");
+    let taxels = |text: &str| {
+        write(&path, text);
+        let sweeps = format::read_to_classify(&path, None).unwrap();
+        (sweeps.dataset.shape().taxels(), sweeps.dataset.shape().steps)
+    };
+    assert_eq!(taxels("# a;b\n1;2\n3;4\n5;6\n"), (2, 3));
+    // A separator at the end of every line makes no column.
+    assert_eq!(taxels("# a;b;\n1;2;\n3;4;\n5;6;\n"), (2, 3));
+    // The last column has a name and no values.
+    write(&path, "# a;b\n1;\n3;\n5;\n");
+    let error = match format::read_to_classify(&path, None) {
+        Err(error) => error.to_string(),
+        Ok(sweeps) => sweeps.dataset.name().to_owned(),
+    };
+    assert!(error.contains("missing") || error.contains("NaN") || error.contains("finite"), "{error}");
+}

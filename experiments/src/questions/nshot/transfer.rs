@@ -260,7 +260,7 @@ mod tests {
         let queries = embedding(&[[1.0, -3.0], [-1.0, 3.0]], vec![0, 1]);
         let few = FewShots {
             knowledge: &knowledge,
-            recipe: &recipe,
+            recipe: context.recipe(),
             device: &device,
             support: &support,
             materials: 2,
