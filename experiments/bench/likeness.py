@@ -5,7 +5,7 @@
 
 For every fold of every repeat of a stratified cross-validation, `tactnet train --recipe lda` describes the training sweeps. The test sweeps
 are then judged as they are (level: the share that is called unlike, 5 % wanted), and after each change that a sensor may bring (power).
-A data set is a `.npz` with the arrays that `tactnet data import` writes; `--other FILE` adds sweeps of the same materials by another robot.
+A data set is a `.npz` with the arrays that `tactnet data import` writes; `--other FILE` adds further sweeps of the same materials.
 """
 
 import argparse
@@ -130,7 +130,7 @@ def main():
                 for other in arguments.other:
                     x, y, _, other_rate, other_grid = load(other)
                     if (other_rate, other_grid, x.shape[1]) == (rate, grid, sweeps.shape[1]):
-                        judge(f"other robot ({other.stem})", run, x, y)
+                        judge(f"other file ({other.stem})", run, x, y)
         for change, of in counts.items():
             share = {key: of[key][0] / of[key][1] for key in ["sweeps", "all", "few"]}
             row = {"data": path.stem, "change": change, "files": of["all"][1], **share, "named": of["named"]}

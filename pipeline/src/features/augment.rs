@@ -28,7 +28,7 @@ pub struct Augmentation {
     /// Standard deviation of the noise added to every value, in digits.
     pub noise: f64,
     /// Probability with which a taxel is dropped from a sweep: it reads its mean, or, in every second such sweep, a constant within three
-    /// spreads of it, as a dead taxel that nobody has noticed.
+    /// spreads of it, as an undetected dead taxel.
     #[serde(skip_serializing_if = "is_zero")]
     pub taxel_dropout: f64,
     /// Standard deviation of the logarithm of a factor on each taxel's distance from its mean.
