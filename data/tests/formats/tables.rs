@@ -399,7 +399,10 @@ fn names_in_a_comment_count_the_columns() {
     let taxels = |text: &str| {
         write(&path, text);
         let sweeps = format::read_to_classify(&path, None).unwrap();
-        (sweeps.dataset.shape().taxels(), sweeps.dataset.shape().steps)
+        (
+            sweeps.dataset.shape().taxels(),
+            sweeps.dataset.shape().steps,
+        )
     };
     assert_eq!(taxels("# a;b\n1;2\n3;4\n5;6\n"), (2, 3));
     // A separator at the end of every line makes no column.
@@ -410,5 +413,8 @@ fn names_in_a_comment_count_the_columns() {
         Err(error) => error.to_string(),
         Ok(sweeps) => sweeps.dataset.name().to_owned(),
     };
-    assert!(error.contains("missing") || error.contains("NaN") || error.contains("finite"), "{error}");
+    assert!(
+        error.contains("missing") || error.contains("NaN") || error.contains("finite"),
+        "{error}"
+    );
 }
