@@ -13,20 +13,19 @@ use crate::command::{Lab, RecipeChange, SPECTRA, expect, json, signal, stderr, t
 
 /// A twin of eight materials with thirty sweeps each, and a small recipe.
 fn lab() -> Lab {
-    let lab = Lab::new();
-    lab.twin("eight.h5", "--materials 8 --sweeps 30 --steps 120");
-    lab.recipe(RecipeChange {
-        epochs: Some(8),
-        ..RecipeChange::default()
-    });
-    lab
+    lab_of(8)
 }
 
 /// The same with a recipe that barely trains, for tests of a study's course.
 fn quick_lab() -> Lab {
-    let lab = lab();
+    lab_of(2)
+}
+
+fn lab_of(epochs: usize) -> Lab {
+    let lab = Lab::new();
+    lab.twin("eight.h5", "--materials 8 --sweeps 30 --steps 120");
     lab.recipe(RecipeChange {
-        epochs: Some(2),
+        epochs: Some(epochs),
         ..RecipeChange::default()
     });
     lab
@@ -194,7 +193,7 @@ fn models_of_all_kinds_are_tested_under_disturbances() {
         conditions.len()
     );
     let page = String::from_utf8(lab.read("robustness/report.html")).unwrap();
-    assert!(page.contains("Dead taxels that are masked: accuracy on eight"));
+    assert!(page.contains("Dead taxels that are masked: accuracy on twin (eight)"));
     let refused = study(&lab, "robustness", &["dead=[1.5]"], "refused");
     assert!(stderr(&expect(2, refused)).contains("shares between 0 and 1"));
 }
@@ -481,10 +480,7 @@ fn the_measurements_of_a_question_are_metrics_for_mlflow() {
     let settings = ["splits=1", "study={kind=\"unknown\", new_materials=3}"];
     let found = json(study(&lab, "unknown", &settings, "unknown"));
     let mut export = tactnet(["experiment", "export"]);
-    export
-        .arg(lab.path("unknown"))
-        .arg("--mlflow")
-        .arg(lab.path("mlruns"));
+    export.args([lab.path("unknown"), "--mlflow".into(), lab.path("mlruns")]);
     expect(0, export);
     let experiments = std::fs::read_dir(lab.path("mlruns")).unwrap();
     let run = experiments

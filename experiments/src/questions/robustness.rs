@@ -176,7 +176,7 @@ const TERMS: [(&str, &str); 4] = [
     (
         "Dead, masked taxels",
         "This number of taxels, drawn at random for each sixteenth of the test sweeps, reads 0. Masked: the classifier is told which, and \
-         sees their training mean instead (`--dead`).",
+         sees their training mean instead.",
     ),
     (
         "Gain",

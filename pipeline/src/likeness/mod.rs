@@ -15,6 +15,7 @@ mod difference;
 mod distances;
 mod reference;
 mod report;
+mod search;
 #[cfg(test)]
 mod tests;
 

@@ -3,8 +3,8 @@
 use serde::Serialize;
 use tactnet_data::{Seed, SweepView};
 
-use super::difference::{Difference, find_differences};
-use super::{Likeness, constant_taxels};
+use super::search::find_differences;
+use super::{Difference, Likeness, constant_taxels};
 
 /// Level of the tests: the share of sweeps, or sets of sweeps, of the training data's kind that are called unlike.
 const LEVEL: f64 = 0.05;

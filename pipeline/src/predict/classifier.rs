@@ -166,7 +166,11 @@ impl Classifier {
         let taxels = self.config.shape.taxels();
         let dead: BTreeSet<usize> = dead.iter().copied().collect();
         let refused = |expected: String, found: String| {
-            Err(PipelineError::incompatible("dead taxels", expected, found))
+            Err(PipelineError::Spec {
+                setting: "dead",
+                expected,
+                found,
+            })
         };
         if let Some(taxel) = dead.last().filter(|taxel| **taxel >= taxels) {
             let expected = format!("numbers from 0 to {}", taxels - 1);
