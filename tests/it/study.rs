@@ -188,10 +188,8 @@ fn models_of_all_kinds_are_tested_under_disturbances() {
             assert_eq!(settings, conditions, "{measure} of {model}");
         }
     }
-    assert_eq!(
-        found["comparisons"].as_array().unwrap().len(),
-        conditions.len()
-    );
+    let comparisons = found["comparisons"].as_array().unwrap();
+    assert_eq!(comparisons.len(), conditions.len());
     let page = String::from_utf8(lab.read("robustness/report.html")).unwrap();
     assert!(page.contains("Dead taxels that are masked: accuracy on twin (eight)"));
     let refused = study(&lab, "robustness", &["dead=[1.5]"], "refused");
