@@ -198,7 +198,7 @@ impl ArmKinematics {
     /// `elbow_angle` on its circle about the line from shoulder to wrist. There are up to eight sets, with angles in
     /// (-pi, pi]. Joint ranges are not checked.
     ///
-    /// There is no solution if the wrist is out of reach, or if the arm is stretched or folded to less than a
+    /// A solution does not exist if the wrist is out of reach, or if the arm is stretched or folded to less than a
     /// milliradian, where the circle degenerates to a point.
     pub fn inverse(
         &self,

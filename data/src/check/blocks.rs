@@ -13,7 +13,7 @@ use crate::{Dataset, Finding, FindingKind, Place, Severity};
 /// ```
 /// use tactnet_data::{Confounding, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 ///
-/// // `cork` was recorded in a session of its own; the others share two sessions.
+/// // `cork` was recorded in a separate session; the others share two sessions.
 /// let sessions = [(0, 1), (0, 1), (1, 2), (2, 2), (1, 3), (2, 3)];
 /// let record = |(label, block)| SweepRecord { label, sweep: 0, block: Some(block), test: None };
 /// let shape = SweepShape { steps: 1, rows: 1, cols: 1 };
@@ -176,7 +176,7 @@ mod tests {
                         recognising the session (83 % of the sweeps: ";
         assert!(message.starts_with(sentence), "{message}");
         assert_eq!(Confounding::of(&of(&sweeps)).unwrap().unconfounded, [8, 9]);
-        // A floor that has sessions of its own can still be recognised by them.
+        // A floor that has separate sessions can still be recognised by them.
         sweeps.push((9, 12));
         assert_eq!(Confounding::of(&of(&sweeps)).unwrap().unconfounded, [8]);
     }

@@ -164,7 +164,7 @@ pub(super) fn read_lines(
     Ok((values, chosen.len(), note.into_iter().collect()))
 }
 
-/// Returns the numbers of a frame's lines; or the line, counted from 1, and the cell that is no number.
+/// Returns the numbers of a frame's lines; or the line, counted from 1, and the cell that is not a number.
 fn numbers_of<'a>(frame: &[(usize, &'a str)]) -> Result<Vec<f64>, (usize, &'a str)> {
     let mut numbers = Vec::new();
     for (line, text) in frame {

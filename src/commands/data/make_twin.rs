@@ -52,7 +52,7 @@ pub struct TwinArgs {
     /// JSON file with fields of `Construction` that replace the version's numbers, for calibration
     #[arg(long, value_name = "FILE")]
     construction: Option<PathBuf>,
-    /// Print signal statistics beside those of TactMat
+    /// Print signal statistics compared with those of TactMat
     #[arg(long)]
     stats: bool,
     /// With --stats: print one JSON document instead of a table

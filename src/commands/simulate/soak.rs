@@ -33,7 +33,7 @@ pub struct SoakArgs {
     /// Data set of the played sweeps, except the network's training sweeps
     #[arg(long, value_name = "FILE|twin", default_value = "twin")]
     data: String,
-    /// Processes beside the classifier
+    /// Processes that run next to the classifier
     #[arg(long, value_enum, default_value_t)]
     with: CompanyChoice,
     /// Scheduling of the 1 kHz loop, the skin and the classifier

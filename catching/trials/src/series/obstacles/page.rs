@@ -86,7 +86,7 @@ fn counted(name: &str, look: usize, count: usize, of: usize) -> Share {
     }
 }
 
-/// Returns the table of all results beside those without the map and the goals.
+/// Returns the table of all results, compared with those without the map and the goals.
 fn side_by_side(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
     let throws = report.throws;
     let without = obstacles.without_map.as_ref();
@@ -136,7 +136,7 @@ fn side_by_side(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
     table(["What", "With the map", "Without", "Goal"], &rows)
 }
 
-/// Draws the rates beside those without the map.
+/// Draws the rates with and without the map.
 fn rates(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
     let throws = report.throws;
     let of_throws = |count: usize| (count, throws);
