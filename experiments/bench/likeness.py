@@ -5,6 +5,7 @@
 
 For every fold of every repeat of a stratified cross-validation, `tactnet train --recipe lda` describes the training sweeps. The test sweeps
 are then judged as they are (level: the share that is called unlike, 5 % wanted), and after each change that a sensor may bring (power).
+"other skin" is a gain and an offset for every taxel, with standard deviations of 0.2 of its logarithm and of half a spread.
 A data set is a `.npz` with the arrays that `tactnet data import` writes; `--other FILE` adds further sweeps of the same materials.
 """
 
@@ -64,12 +65,20 @@ def changes(taxels, rng):
         x[:, :, first] = np.median(x[:, :, first])
         return x
 
+    gains, offsets = np.exp(0.2 * rng.normal(size=taxels)), 0.5 * rng.normal(size=taxels)
+
+    def other_skin(x):
+        spread = x.std(axis=(0, 1)) + 1e-9
+        mean = x.mean(axis=(0, 1))
+        return mean + gains * (x - mean) + offsets * spread
+
     found = {
         "sign": lambda x: -x,
         "gain 1.5": lambda x: 1.5 * x,
         "gain 1.1": lambda x: 1.1 * x,
         "half speed": half_speed,
         "dead taxel": dead,
+        "other skin": other_skin,
     }
     if taxels > 1:
         found["two taxels exchanged"] = exchanged

@@ -302,10 +302,10 @@ impl TrainSpec {
             return refused("folds", "at least 2", folds.to_string());
         }
         if let (Some(_), Some(split)) = (self.folds, self.split)
-            && split != SplitKind::KFold
+            && !matches!(split, SplitKind::KFold | SplitKind::GroupKFold)
         {
             let found = format!("the split `{}`", split.name());
-            return refused("folds", "a k-fold split", found);
+            return refused("folds", "a split `k-fold` or `group-k-fold`", found);
         }
         if self.split == Some(SplitKind::TrainOnAll) {
             let found = "all sweeps to train on".into();

@@ -43,7 +43,7 @@ pub struct EvalArgs {
     /// Runtime of the scores; the result compares it with Burn [default: burn]
     #[arg(long, value_enum)]
     runtime: Option<RuntimeChoice>,
-    /// Dead taxels, counted from 0 row by row: they are masked, as if they read their training mean
+    /// Dead taxels, counted from 0 row by row: they are masked, as if they read their typical value in training
     #[arg(long, value_name = "TAXEL,…", value_delimiter = ',')]
     dead: Vec<usize>,
     /// Compute device

@@ -41,7 +41,7 @@ pub struct PredictArgs {
     /// Number of Monte Carlo dropout samples of a network; 0 disables dropout [default: the recipe's]
     #[arg(long, value_name = "M")]
     mc: Option<u32>,
-    /// Dead taxels, counted from 0 row by row: they are masked, as if they read their training mean
+    /// Dead taxels, counted from 0 row by row: they are masked, as if they read their typical value in training
     #[arg(long, value_name = "TAXEL,…", value_delimiter = ',')]
     dead: Vec<usize>,
     /// Compute device

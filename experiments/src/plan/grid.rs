@@ -104,12 +104,17 @@ impl<'a> Grid<'a> {
         tasks
     }
 
-    /// Returns the splits of a data set: those of the question, or folds of whole blocks and random folds, or
-    /// random folds where the data has no blocks.
+    /// Returns the splits of a data set: those of the question, or folds of whole blocks and random folds. Only the former
+    /// where sweeps of a block share frames, only the latter without blocks.
     fn splits(&self, asked: &Crossval, data: &str) -> Vec<SplitKind> {
         match asked.split[..] {
             [] if self.data.folds(data, SplitKind::GroupKFold).is_some() => {
-                vec![SplitKind::GroupKFold, SplitKind::KFold]
+                let shares_frames = self
+                    .data
+                    .file(data)
+                    .is_some_and(|file| !file.shared().is_empty());
+                let random = (!shares_frames).then_some(SplitKind::KFold);
+                [SplitKind::GroupKFold].into_iter().chain(random).collect()
             }
             [] => vec![SplitKind::KFold],
             _ => asked.split.clone(),

@@ -8,7 +8,7 @@ use tactnet_models::Weights;
 use super::fitted::Baseline;
 use super::method::{Fit, TrainFeatures};
 use crate::features::extractor::Extractor;
-use crate::features::normalize::taxel_means;
+use crate::features::normalize::taxel_medians;
 use crate::{BaselineRecipe, DeadTaxels, PipelineError};
 
 /// Result of fitting a baseline.
@@ -55,7 +55,7 @@ pub fn fit_baseline(
         extractor,
         scaler,
         classifier,
-        means: taxel_means(sweeps),
+        medians: taxel_medians(sweeps),
         dead: DeadTaxels::default(),
     };
     Ok(BaselineFit {

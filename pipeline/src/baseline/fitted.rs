@@ -9,17 +9,17 @@ use crate::features::extractor::Extractor;
 use crate::features::scaler::Scaler;
 use crate::{BaselineRecipe, ClassifierConfig, DeadTaxels, FeatureScaling, PipelineError};
 
-/// Name of the taxels' training means among the fitted numbers.
-const MEANS: &str = "taxels.mean";
+/// Name of the taxels' training medians among the fitted numbers.
+const MEDIANS: &str = "taxels.median";
 
 /// Fitted baseline.
 pub(crate) struct Baseline {
     pub extractor: Extractor,
     pub scaler: Option<Scaler>,
     pub classifier: Box<dyn FittedMethod>,
-    /// Mean of each taxel over the training sweeps, in digits; empty in runs of earlier versions.
-    pub means: Vec<f32>,
-    /// Masked taxels, which read their means.
+    /// Median of each taxel over the training sweeps, in digits; empty in runs of earlier versions.
+    pub medians: Vec<f32>,
+    /// Masked taxels, which read their medians.
     pub dead: DeadTaxels,
 }
 
@@ -34,19 +34,19 @@ impl Baseline {
         self.classifier.log_probabilities(&features)
     }
 
-    /// Masks these taxels: they read their training means, and scaled features of these taxels alone become zero, their training mean.
+    /// Masks these taxels: they read their training medians, and scaled features of these taxels alone become zero, their training mean.
     ///
     /// # Errors
-    /// A run of an earlier version, whose means are unknown.
+    /// A run of an earlier version, whose medians are unknown.
     pub fn mask(&mut self, dead: &[usize]) -> Result<(), PipelineError> {
-        let known = self.means.len();
-        let reading = |&taxel: &usize| Some((taxel, *self.means.get(taxel)?));
+        let known = self.medians.len();
+        let reading = |&taxel: &usize| Some((taxel, *self.medians.get(taxel)?));
         let readings: Option<_> = dead.iter().map(reading).collect();
         self.dead = DeadTaxels(readings.ok_or_else(|| {
             PipelineError::incompatible(
                 "dead taxels",
-                "a run that names the mean of every taxel; train it again",
-                format!("{known} means, as in runs of earlier versions"),
+                "a run that names the median of every taxel; train it again",
+                format!("{known} medians, as in runs of earlier versions"),
             )
         })?);
         Ok(())
@@ -73,7 +73,7 @@ impl Baseline {
             scaler.save(&mut weights);
         }
         self.classifier.save(&mut weights);
-        put(&mut weights, MEANS, self.means.clone());
+        put(&mut weights, MEDIANS, self.medians.clone());
         weights
     }
 
@@ -105,15 +105,15 @@ impl Baseline {
                 Some(Scaler::load(weights, width, extractor.hydra_width())?)
             }
         };
-        let means = weights.0.get(MEANS).map(|array| array.values.clone());
-        if let Some(means) = &means {
-            of_length(MEANS, means.len(), config.shape.taxels())?;
+        let medians = weights.0.get(MEDIANS).map(|array| array.values.clone());
+        if let Some(medians) = &medians {
+            of_length(MEDIANS, medians.len(), config.shape.taxels())?;
         }
         Ok(Self {
             extractor,
             scaler,
             classifier,
-            means: means.unwrap_or_default(),
+            medians: medians.unwrap_or_default(),
             dead: DeadTaxels::default(),
         })
     }

@@ -147,10 +147,27 @@ fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> Normalizer {
     }
 }
 
-/// Returns the mean of each taxel, in digits: `[taxels]`.
-pub(crate) fn taxel_means(train: &TrainSplit<'_>) -> Vec<f32> {
-    let means = means(train, MeanRemoval::None);
-    means.into_iter().map(|mean| mean as f32).collect()
+/// Maximum number of frames behind a median.
+const MEDIAN_FRAMES: usize = 20_000;
+
+/// Returns the median of each taxel over the training sweeps, in digits.
+pub(crate) fn taxel_medians(train: &TrainSplit<'_>) -> Vec<f32> {
+    let shape = train.shape();
+    let every = (train.len() * shape.steps).div_ceil(MEDIAN_FRAMES);
+    let mut values = vec![Vec::new(); shape.taxels()];
+    let mut frames = 0;
+    for_each_frame(train, MeanRemoval::None, |frame| {
+        if frames % every == 0 {
+            let taxels = values.iter_mut().zip(frame);
+            taxels.for_each(|(of, value): (&mut Vec<f32>, _)| of.push(*value));
+        }
+        frames += 1;
+    });
+    let medians = values.iter_mut().map(|of| {
+        let middle = of.len() / 2;
+        *of.select_nth_unstable_by(middle, f32::total_cmp).1
+    });
+    medians.collect()
 }
 
 fn means(train: &SweepView<'_>, levels: MeanRemoval) -> Vec<f64> {

@@ -10,6 +10,7 @@
 //! materials. Distances of training sweeps that were held out say how large a distance may be, so that the p-values of
 //! further sweeps of the same kind are uniform (conformal: Vovk et al., 2005).
 
+mod constant_taxels;
 mod descriptor;
 mod difference;
 mod distances;
@@ -25,9 +26,10 @@ use tactnet_data::{Seed, SweepShape, SweepView, TrainSplit, shuffle};
 use tactnet_models::{Features, NamedTensor, Weights};
 
 use crate::PipelineError;
+use constant_taxels::{ConstantTaxels, constant_taxels};
 use descriptor::Descriptor;
 use distances::{Distance, Distances};
-use reference::ReferenceScores;
+use reference::{ReferenceScores, ReferenceSweep};
 
 pub use difference::{Difference, Property, TaxelOrder};
 pub use report::{LikenessReport, LikenessVerdict};
@@ -43,8 +45,7 @@ const MIN_BLOCKS: usize = 3;
 pub struct Likeness {
     descriptor: Descriptor,
     distances: Distances,
-    /// Per taxel, share of the training sweeps in which it does not change.
-    constant_shares: Vec<f64>,
+    constant: ConstantTaxels,
     /// Scores of training sweeps against others of the same recording blocks.
     within: ReferenceScores,
     /// Scores of training sweeps against other recording blocks; `None` without several blocks.
@@ -114,34 +115,39 @@ impl Likeness {
             .iter()
             .map(|label| *label as usize)
             .collect();
+        let taxels = shape.taxels();
+        let flags = vector("constant", known.len() * taxels)?;
+        let flags = flags.chunks_exact(taxels);
+        let flags = flags.map(|of| of.iter().map(|flag| *flag != 0.0).collect());
+        let constant = ConstantTaxels::new(flags.collect());
         let scores = |kind: &str| -> Result<Option<ReferenceScores>, String> {
             let name = |of: &str| format!("{kind}.{of}");
             let Some(distances) = weights.0.get(&name("distance")) else {
                 return Ok(None);
             };
-            let sweeps = distances.values.len();
-            let nearest = vector(&name("nearest"), sweeps)?;
-            let stuck = vector(&name("stuck"), sweeps)?;
-            let units = vector(&name("unit"), sweeps)?;
-            let scores = (0..sweeps).map(|at| Distance {
-                log: f64::from(distances.values[at]),
-                nearest: nearest[at] as usize,
-                stuck: f64::from(stuck[at]),
+            let held_out = distances.values.len();
+            let nearest = vector(&name("nearest"), held_out)?;
+            let sweeps = vector(&name("sweep"), held_out)?;
+            let units = vector(&name("unit"), held_out)?;
+            if let Some(sweep) = sweeps.iter().find(|sweep| **sweep as usize >= known.len()) {
+                return Err(format!("`{}`: no sweep {sweep}", name("sweep")));
+            }
+            let scores = (0..held_out).map(|at| ReferenceSweep {
+                distance: Distance {
+                    log: f64::from(distances.values[at]),
+                    nearest: nearest[at] as usize,
+                    stuck: constant.surprise_of_training(sweeps[at] as usize),
+                },
+                constant: constant.scores_of_training(sweeps[at] as usize),
+                unit: units[at] as usize,
             });
-            let units = units.iter().map(|unit| *unit as usize);
-            Ok(Some(ReferenceScores::new(
-                scores.collect(),
-                units.collect(),
-            )))
+            Ok(Some(ReferenceScores::new(scores.collect())))
         };
         Ok(Self {
-            constant_shares: vector("constant", shape.taxels())?
-                .iter()
-                .map(|share| f64::from(*share))
-                .collect(),
             distances: Distances::fit(&known, &labels).map_err(|error| error.to_string())?,
             within: scores("within")?.ok_or("no tensor `within.distance`")?,
             between: scores("between")?,
+            constant,
             descriptor,
             weights,
         })
@@ -170,52 +176,39 @@ impl Likeness {
             None => Vec::new(),
         };
         let new = self.descriptor.of_view(sweeps);
-        let constant = constant_taxels(sweeps);
         let known = Features::new(new.width(), values("descriptions"));
         let mut labels = values("labels");
-        let scores = self.scores_of_new(&known, &labels, &new, label, &constant)?;
+        let scores = self.scores_of_new(&known, &labels, &new, label)?;
         let unit = values("within.unit").into_iter().fold(0.0, f32::max) + 1.0;
-        let counts = (0..self.constant_shares.len()).map(|taxel| {
-            let own = constant.iter().filter(|of| of[taxel]).count() as f64;
-            let before = self.constant_shares[taxel] * (1 + known.len()) as f64;
-            ((before + own) / (1 + known.len() + new.len()) as f64) as f32
-        });
         labels.extend(vec![label as f32; new.len()]);
+        let constant = flags(&constant_taxels(sweeps));
+        let constant = [values("constant"), constant.values].concat();
         let mut weights = self.weights.clone();
         let mut set = |name: &str, tensor| weights.0.insert(name.into(), tensor);
-        set("constant", vector(counts.collect()));
+        set("constant", vector(constant));
         set("labels", vector(labels));
         set("descriptions", matrix(&joined(&known, &new)));
         let mut extend = |name: &str, own: Vec<f32>| {
             set(name, vector([values(name), own].concat()));
         };
-        extend(
-            "within.distance",
-            scores.iter().map(|of| of.log as f32).collect(),
-        );
-        extend(
-            "within.nearest",
-            scores.iter().map(|of| of.nearest as f32).collect(),
-        );
-        extend(
-            "within.stuck",
-            scores.iter().map(|of| of.stuck as f32).collect(),
-        );
-        extend("within.unit", vec![unit; scores.len()]);
+        let of = |value: &dyn Fn(&(usize, Distance)) -> f32| scores.iter().map(value).collect();
+        extend("within.distance", of(&|(_, of)| of.log as f32));
+        extend("within.nearest", of(&|(_, of)| of.nearest as f32));
+        extend("within.sweep", of(&|(at, _)| (known.len() + at) as f32));
+        extend("within.unit", of(&|_| unit));
         Self::from_weights(weights, self.descriptor.shape())
             .map_err(|reason| PipelineError::incompatible("description", "sound tensors", reason))
     }
 
-    /// Returns the distances of the sweeps of a new material, each from the known sweeps and the other new ones; nothing for a
-    /// single sweep.
+    /// Returns the distances of the sweeps of a new material, each from the known sweeps and the other new ones, with the
+    /// position of the sweep; nothing for a single sweep.
     fn scores_of_new(
         &self,
         known: &Features,
         labels: &[f32],
         new: &Features,
         label: usize,
-        constant: &[Vec<bool>],
-    ) -> Result<Vec<Distance>, PipelineError> {
+    ) -> Result<Vec<(usize, Distance)>, PipelineError> {
         let mut scores = Vec::new();
         for part in 0..PARTS.min(new.len()) {
             let (own, others): (Vec<usize>, Vec<usize>) =
@@ -226,11 +219,8 @@ impl Likeness {
             let mut others_labels: Vec<usize> = labels.iter().map(|of| *of as usize).collect();
             others_labels.extend(vec![label; others.len()]);
             let distances = Distances::fit(&joined(known, &new.select(&others)), &others_labels)?;
-            for (at, mut of) in own.iter().zip(distances.of(&new.select(&own))) {
-                let share = |taxel: usize| self.constant_shares[taxel];
-                of.stuck = surprise_of_constant(&constant[*at], share);
-                scores.push(of);
-            }
+            let own_distances = distances.of(&new.select(&own));
+            scores.extend(own.into_iter().zip(own_distances));
         }
         Ok(scores)
     }
@@ -239,7 +229,7 @@ impl Likeness {
     fn distances_of(&self, descriptions: &Features, constant: &[Vec<bool>]) -> Vec<Distance> {
         let mut distances = self.distances.of(descriptions);
         for (distance, constant) in distances.iter_mut().zip(constant) {
-            distance.stuck = surprise_of_constant(constant, |taxel| self.constant_shares[taxel]);
+            distance.stuck = self.constant.surprise(constant);
         }
         distances
     }
@@ -258,23 +248,11 @@ struct Known {
 impl Known {
     /// Returns the tensors of a description, with the scores of the sweeps that are held out in turn.
     fn to_weights(&self, floor: f64, seed: Seed) -> Result<Weights, PipelineError> {
-        let sweeps = self.labels.len();
-        let taxels = self.constant[0].len();
-        let counts: Vec<usize> = (0..taxels)
-            .map(|taxel| self.constant.iter().filter(|of| of[taxel]).count())
-            .collect();
-        let share = |others: usize, of: usize| (1 + others) as f64 / (1 + of) as f64;
-        let stuck: Vec<f64> = self
-            .constant
-            .iter()
-            .map(|of| surprise_of_constant(of, |taxel| share(counts[taxel] - 1, sweeps - 1)))
-            .collect();
         let labels = self.labels.iter().map(|label| *label as f32).collect();
-        let shares = counts.iter().map(|n| share(*n, sweeps) as f32).collect();
         let mut tensors = BTreeMap::from([
             ("descriptions".to_string(), matrix(&self.descriptions)),
             ("labels".into(), vector(labels)),
-            ("constant".into(), vector(shares)),
+            ("constant".into(), flags(&self.constant)),
             ("floor".into(), vector(vec![floor as f32])),
         ]);
         let units = self.units();
@@ -293,7 +271,7 @@ impl Known {
             };
             add("distance", &|_, of| of.log as f32);
             add("nearest", &|_, of| of.nearest as f32);
-            add("stuck", &|sweep, _| stuck[sweep] as f32);
+            add("sweep", &|sweep, _| sweep as f32);
             add("unit", &|sweep, _| units[sweep] as f32);
         }
         Ok(Weights(tensors))
@@ -383,33 +361,14 @@ fn matrix(features: &Features) -> NamedTensor {
     }
 }
 
+fn flags(rows: &[Vec<bool>]) -> NamedTensor {
+    let values = rows.iter().flatten();
+    vector(values.map(|flag| f32::from(u8::from(*flag))).collect())
+}
+
 /// Returns the rows of both.
 fn joined(first: &Features, second: &Features) -> Features {
     Features::new(first.width(), [first.values(), second.values()].concat())
-}
-
-/// Returns minus the logarithm of the share of training sweeps in which the most unusual of the constant taxels is
-/// constant, too; 0 if none is.
-fn surprise_of_constant(constant: &[bool], share: impl Fn(usize) -> f64) -> f64 {
-    let taxels = (0..constant.len()).filter(|taxel| constant[*taxel]);
-    taxels.map(|taxel| -share(taxel).ln()).fold(0.0, f64::max)
-}
-
-/// Returns true for the taxels that do not change during a sweep: `[sweeps][taxels]`.
-fn constant_taxels(view: &SweepView<'_>) -> Vec<Vec<bool>> {
-    let taxels = view.shape().taxels();
-    let mut sweep = vec![0.0; view.shape().values()];
-    (0..view.len())
-        .map(|position| {
-            view.copy_batch(&[position], &mut sweep);
-            (0..taxels)
-                .map(|taxel| {
-                    let mut values = sweep[taxel..].iter().step_by(taxels);
-                    values.all(|value| *value == sweep[taxel])
-                })
-                .collect()
-        })
-        .collect()
 }
 
 /// Returns the recording block of every sweep; `None` if a sweep has none.

@@ -11,6 +11,33 @@ const SHRUNK_SWEEPS: f64 = 3.0;
 /// Number of resampled sets of sweeps behind a p-value.
 const RESAMPLES: usize = 999;
 
+/// Held-out training sweep.
+pub(super) struct ReferenceSweep {
+    /// Distance from the other training sweeps.
+    pub distance: Distance,
+    /// How many standard deviations a taxel is more constant than in the other training sweeps, `[taxels]`.
+    pub constant: Vec<f64>,
+    /// Unit of sweeps that are resampled together.
+    pub unit: usize,
+}
+
+/// Sweeps to compare with the training sweeps.
+pub(super) struct SweepSet<'a> {
+    /// Distance of every sweep.
+    pub distances: &'a [Distance],
+    /// How many standard deviations a taxel is more constant than in training sweeps, `[sweeps][taxels]`.
+    pub constant: Vec<Vec<f64>>,
+}
+
+/// Statistics of a set of sweeps; large ones are evidence of a difference.
+#[derive(Clone, Copy)]
+struct Statistics {
+    /// Mean surprise about a sweep.
+    surprise: f64,
+    /// Largest mean score over taxels of being constant.
+    constant: f64,
+}
+
 /// Scores of held-out training sweeps.
 pub(super) struct ReferenceScores {
     /// Typical logarithmic distance by nearest material.
@@ -23,15 +50,20 @@ pub(super) struct ReferenceScores {
     stuck: Vec<f64>,
     /// Smaller p-value of the two, ascending.
     smaller: Vec<f64>,
-    /// Negative logarithms of p-values, by unit that is resampled as a whole.
-    units: Vec<Vec<f64>>,
+    /// Negative logarithm of the p-value of every sweep.
+    surprises: Vec<f64>,
+    /// Scores of being constant: `[sweeps][taxels]`.
+    constant: Vec<Vec<f64>>,
+    /// Positions of the sweeps of every unit that is resampled as a whole.
+    units: Vec<Vec<usize>>,
     /// Number of sweeps by nearest material.
     sweeps: BTreeMap<usize, usize>,
 }
 
 impl ReferenceScores {
-    /// - `units`: unit of every sweep, whose sweeps are resampled together
-    pub fn new(distances: Vec<Distance>, units: Vec<usize>) -> Self {
+    /// - `reference`: held-out training sweeps, at least one
+    pub fn new(reference: Vec<ReferenceSweep>) -> Self {
+        let distances: Vec<Distance> = reference.iter().map(|of| of.distance).collect();
         let mut sums: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
         for distance in &distances {
             let (sum, sweeps) = sums.entry(distance.nearest).or_default();
@@ -62,6 +94,8 @@ impl ReferenceScores {
             excess: sorted(excess.clone()),
             stuck: sorted(distances.iter().map(|of| of.stuck).collect()),
             smaller: Vec::new(),
+            surprises: Vec::new(),
+            constant: Vec::new(),
             units: Vec::new(),
             sweeps: sums.into_iter().map(|(label, (_, n))| (label, n)).collect(),
         };
@@ -70,11 +104,13 @@ impl ReferenceScores {
             .map(|(excess, distance)| scores.smaller_of(*excess, distance.stuck))
             .collect();
         scores.smaller = sorted(smaller.clone());
-        let mut by_unit: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
-        for (smaller, unit) in smaller.into_iter().zip(units) {
-            // Counts the sweep itself in place of the one that is added to those of a further sweep.
-            let p = scores.as_small(smaller) as f64 / (1 + scores.smaller.len()) as f64;
-            by_unit.entry(unit).or_default().push(-p.ln());
+        // Counts the sweep itself in place of the one that is added to those of a further sweep.
+        let p = |smaller| scores.as_small(smaller) as f64 / (1 + scores.smaller.len()) as f64;
+        scores.surprises = smaller.into_iter().map(|of| -p(of).ln()).collect();
+        let mut by_unit: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (at, sweep) in reference.into_iter().enumerate() {
+            by_unit.entry(sweep.unit).or_default().push(at);
+            scores.constant.push(sweep.constant);
         }
         scores.units = by_unit.into_values().collect();
         scores
@@ -98,38 +134,71 @@ impl ReferenceScores {
         self.smaller.partition_point(|of| *of <= bound)
     }
 
-    /// Returns the p-value of all sweeps together: the share of equally large sets of reference sweeps whose mean surprise
-    /// is as large.
-    pub fn p_of_all(&self, distances: &[Distance], rng: &mut impl Rng) -> f64 {
-        let sweeps = distances.len() as f64;
-        let surprises = distances.iter().map(|of| -self.p_of_sweep(of).ln());
-        let found = surprises.sum::<f64>() / sweeps;
-        let all = || self.units.iter().flatten();
-        let mean = all().sum::<f64>() / all().count() as f64;
-        let mut nearest: Vec<usize> = distances.iter().map(|of| of.nearest).collect();
+    /// Returns the p-value of all sweeps together: the share of equally large sets of reference sweeps of which the mean
+    /// surprise, or the taxel that is constant most often, is as unusual.
+    pub fn p_of_all(&self, set: &SweepSet<'_>, rng: &mut impl Rng) -> f64 {
+        let found = self.statistics_of(set);
+        let resamples: Vec<Statistics> = (0..RESAMPLES)
+            .map(|_| self.statistics_of_resample(set.distances.len(), rng))
+            .collect();
+        // Rank by rank, so that the two count alike; the resamples say how small the smaller rank is by chance.
+        let ranks = |value: &dyn Fn(&Statistics) -> f64| -> Vec<usize> {
+            let mut sorted: Vec<f64> = resamples.iter().map(value).collect();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let as_large = |of: f64| RESAMPLES - sorted.partition_point(|other| *other < of);
+            let all = resamples.iter().map(value).chain([value(&found)]);
+            all.map(as_large).collect()
+        };
+        let surprise = ranks(&|of| of.surprise);
+        let constant = ranks(&|of| of.constant);
+        let smaller: Vec<usize> = surprise
+            .into_iter()
+            .zip(constant)
+            .enumerate()
+            // A resample counts itself.
+            .map(|(at, (a, b))| a.min(b) + usize::from(at == RESAMPLES))
+            .collect();
+        let as_small = smaller[..RESAMPLES]
+            .iter()
+            .filter(|of| **of <= smaller[RESAMPLES])
+            .count();
+        (1 + as_small) as f64 / (1 + RESAMPLES) as f64
+    }
+
+    fn statistics_of(&self, set: &SweepSet<'_>) -> Statistics {
+        let sweeps = set.distances.len() as f64;
+        let surprises = set.distances.iter().map(|of| -self.p_of_sweep(of).ln());
+        let mean = self.surprises.iter().sum::<f64>() / self.surprises.len() as f64;
+        let mut nearest: Vec<usize> = set.distances.iter().map(|of| of.nearest).collect();
         nearest.sort_unstable();
         nearest.dedup();
         let of_material = |label: &usize| self.sweeps.get(label).copied().unwrap_or(0);
         let reference = nearest.iter().map(of_material).sum::<usize>().max(1) as f64;
         // The mean of the reference sweeps is uncertain, too.
-        let found = mean + (found - mean) / (1.0 + sweeps / reference).sqrt();
-        let as_large = (0..RESAMPLES)
-            .filter(|_| self.resampled_mean(distances.len(), rng) >= found)
-            .count();
-        (1 + as_large) as f64 / (1 + RESAMPLES) as f64
+        let uncertain = |excess: f64| excess / (1.0 + sweeps / reference).sqrt();
+        Statistics {
+            surprise: mean + uncertain(surprises.sum::<f64>() / sweeps - mean),
+            constant: match largest_mean(set.constant.iter()) {
+                score if score > 0.0 => uncertain(score),
+                score => score,
+            },
+        }
     }
 
-    /// Returns the mean surprise of `sweeps` reference sweeps in random units.
-    fn resampled_mean(&self, sweeps: usize, rng: &mut impl Rng) -> f64 {
-        let (mut sum, mut left) = (0.0, sweeps);
-        while left > 0 {
+    /// Returns the statistics of `sweeps` reference sweeps in random units.
+    fn statistics_of_resample(&self, sweeps: usize, rng: &mut impl Rng) -> Statistics {
+        let mut drawn = Vec::with_capacity(sweeps);
+        while drawn.len() < sweeps {
             let unit = &self.units[rng.random_range(0..self.units.len())];
-            let taken = unit.len().min(left);
+            let taken = unit.len().min(sweeps - drawn.len());
             let first = rng.random_range(0..=unit.len() - taken);
-            sum += unit[first..first + taken].iter().sum::<f64>();
-            left -= taken;
+            drawn.extend_from_slice(&unit[first..first + taken]);
         }
-        sum / sweeps as f64
+        let surprises = drawn.iter().map(|at| self.surprises[*at]);
+        Statistics {
+            surprise: surprises.sum::<f64>() / sweeps as f64,
+            constant: largest_mean(drawn.iter().map(|at| &self.constant[*at])),
+        }
     }
 
     /// Returns the smaller of the p-values of an excess and of the surprise about constant taxels.
@@ -140,4 +209,17 @@ impl ReferenceScores {
         };
         share_above(&self.excess, excess).min(share_above(&self.stuck, stuck))
     }
+}
+
+/// Returns the largest over the taxels of the mean score over the sweeps.
+fn largest_mean<'a>(scores: impl ExactSizeIterator<Item = &'a Vec<f64>>) -> f64 {
+    let sweeps = scores.len() as f64;
+    let mut sums: Vec<f64> = Vec::new();
+    for of in scores {
+        sums.resize(of.len(), 0.0);
+        sums.iter_mut()
+            .zip(of)
+            .for_each(|(sum, score)| *sum += score);
+    }
+    sums.into_iter().fold(f64::NEG_INFINITY, f64::max) / sweeps
 }

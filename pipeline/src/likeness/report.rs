@@ -3,8 +3,10 @@
 use serde::Serialize;
 use tactnet_data::{Seed, SweepView};
 
+use super::constant_taxels::constant_taxels;
+use super::reference::SweepSet;
 use super::search::find_differences;
-use super::{Difference, Likeness, constant_taxels};
+use super::{Difference, Likeness};
 
 /// Level of the tests: the share of sweeps, or sets of sweeps, of the training data's kind that are called unlike.
 const LEVEL: f64 = 0.05;
@@ -47,11 +49,16 @@ impl LikenessReport {
         let constant = constant_taxels(view);
         let distances = likeness.distances_of(&descriptions, &constant);
         let mut rng = seed.rng("likeness, resamples");
-        let p = likeness.within.p_of_all(&distances, &mut rng);
+        let scores = constant.iter().map(|of| likeness.constant.scores(of));
+        let set = SweepSet {
+            constant: scores.collect(),
+            distances: &distances,
+        };
+        let p = likeness.within.p_of_all(&set, &mut rng);
         let p_other_block = likeness
             .between
             .as_ref()
-            .map(|between| between.p_of_all(&distances, &mut rng));
+            .map(|between| between.p_of_all(&set, &mut rng));
         let verdict = if p > LEVEL {
             LikenessVerdict::Like
         } else if p_other_block.is_some_and(|p| p > LEVEL) {

@@ -96,7 +96,7 @@ impl<'a> Search<'a> {
         (0..self.taxels())
             .filter(|taxel| {
                 let sweeps = constant.iter().filter(|of| of[*taxel]).count();
-                sweeps as f64 >= least && self.likeness.constant_shares[*taxel] < USUALLY_CONSTANT
+                sweeps as f64 >= least && self.likeness.constant.share(*taxel) < USUALLY_CONSTANT
             })
             .collect()
     }

@@ -305,3 +305,34 @@ fn too_few_sweeps_have_no_description() {
     let train = TrainSplit::all(&few, Seed(1));
     assert!(Likeness::fit(&train, Seed(1)).unwrap().is_none());
 }
+
+/// A taxel that a third of the sweeps do not touch is not unusual in any single sweep, but in ten of ten it is.
+#[test]
+fn a_dead_taxel_that_is_often_untouched_is_found() {
+    let taxels = SHAPE.taxels();
+    let untouched = |dataset: &Dataset, one_in: usize| {
+        let mut values: Vec<f32> = (0..dataset.len())
+            .flat_map(|index| dataset.sweep(index))
+            .collect();
+        for sweep in (0..dataset.len()).filter(|sweep| sweep % one_in == 0) {
+            let of_sweep = &mut values[sweep * SHAPE.values()..][..SHAPE.values()];
+            let taxel = of_sweep[4..].iter_mut().step_by(taxels);
+            taxel.for_each(|value| *value = 46.0);
+        }
+        let (labels, records) = (dataset.labels().clone(), dataset.records().to_vec());
+        Dataset::new("", 100.0, SHAPE, labels, records, Samples::F32(values)).unwrap()
+    };
+    let mut unlike = 0;
+    for seed in 0..10 {
+        let likeness = fitted(&untouched(&sweeps(plain(25), seed), 3));
+        let others = sweeps(plain(3), 100 + seed);
+        let p = |one_in: usize| {
+            let others = untouched(&others, one_in);
+            likeness.assess(&SweepView::all(&others), Seed(seed)).p
+        };
+        unlike += usize::from(p(3) <= 0.05);
+        assert!(p(1) <= 0.05, "{}", p(1));
+    }
+    // Of ten sets, 0.5 are expected; four or more have a probability of 0.1 %.
+    assert!(unlike <= 3, "{unlike} of 10");
+}

@@ -158,7 +158,7 @@ impl Classifier {
     }
 
     /// Masks dead taxels in all further predictions, in place of those masked before: networks see them as dropped taxels in training, zero
-    /// after scaling; for baselines they read their training mean.
+    /// after scaling; for baselines they read their training median.
     ///
     /// # Errors
     /// A taxel that does not exist; no taxel that remains; a baseline of an earlier version.

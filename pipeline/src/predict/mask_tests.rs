@@ -159,7 +159,7 @@ fn masks_that_cannot_be_are_refused() {
     let mut weights = fit_baseline(&recipe, &fold.train, Seed(1), |_| {})
         .unwrap()
         .weights;
-    weights.0.remove("taxels.mean").unwrap();
+    weights.0.remove("taxels.median").unwrap();
     let config = ClassifierConfig::new(ModelConfig::Baseline(recipe), &fold.train, Seed(1));
     let device = Compute::Cpu.open().unwrap();
     let mut earlier = Classifier::new(config, &weights, &device).unwrap();
