@@ -3,7 +3,8 @@
 
 Fails on console messages, requests to other servers, and missing parts of the page: prediction, true material, score, skin, traces. Fails if more
 than three sweeps are fused, a prediction during a sweep is not marked provisional, the scale shrinks after a sweep, a stale page looks live, content is
-cut off or scrolls horizontally, or the demo does not end when asked to. Writes screenshots: laptop and phone, light and dark, without a connection, and
+cut off or scrolls horizontally, or the demo does not end when asked to. Fails unless a skin with transposed taxels shows the banner `unlike the
+training data` and an unchanged one does not. Writes screenshots: laptop and phone, light and dark, without a connection, and
 with other skins and numbers of materials.
 """
 
@@ -14,6 +15,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 
 import page
@@ -56,13 +58,22 @@ AT_REST = """(() => {
   return document.getElementById('scale-low').textContent + ' to ' + document.getElementById('scale-high').textContent;
 })()"""
 
+# Number of verdicts on the likeness with the training data that are awaited.
+VERDICTS = 6
+
 tactnet = pathlib.Path(sys.argv[1]).resolve()
 folder = pathlib.Path(sys.argv[2])
 folder.mkdir(parents=True, exist_ok=True)
-with socket.socket() as free:
-    free.bind(("127.0.0.1", 0))
-    address = f"127.0.0.1:{free.getsockname()[1]}"
 wrong = []
+
+
+def free_address():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{free.getsockname()[1]}"
+
+
+address = free_address()
 demo = subprocess.Popen([tactnet, "demo", "--listen", address], stdout=subprocess.PIPE, text=True)
 
 
@@ -148,6 +159,59 @@ def check_choice(browser):
         wrong.append(f"the keyboard reaches only {reached}")
 
 
+def end(process):
+    """Ends a demo. If killed at once, it could not end its child processes."""
+    process.terminate()
+    try:
+        process.wait(20)
+    except subprocess.TimeoutExpired:
+        process.kill()
+
+
+def check_banner(run, faults, shown):
+    """The banner is shown for a skin with faults, and only then; `shown` is its expected text or empty."""
+    where = " ".join(faults) or "unchanged skin"
+    own = free_address()
+    process = subprocess.Popen([tactnet, "demo", "--run", run, "--listen", own, *faults], stdout=subprocess.PIPE, text=True)
+    browser = None
+    try:
+        if process.stdout.readline() != "ready\n":
+            return wrong.append(f"{where}: the demo did not start")
+        browser = Browser()
+        browser.call("Page.enable")
+        browser.call("Page.navigate", url=f"http://{own}/")
+        wait_for(browser, "typeof view !== 'undefined' && view && view.counters.length > 0", 10, f"{where}: the page loads")
+        show_at(browser, "laptop", "light")
+        if shown:
+            if wait_for(browser, "!document.getElementById('unlike').hidden", 60, f"{where}: the banner is shown"):
+                text = browser.run("document.getElementById('unlike').textContent")
+                if not (text.startswith("UNLIKE the training data (p = 0.0") and shown in text):
+                    wrong.append(f"{where}: the banner says `{text}`")
+                for size in SIZES:
+                    show_at(browser, size, "light")
+                    check_frame(browser, f"{size} {where}")
+                    shoot(browser, f"{size}_unlike")
+        else:
+            browser.run("seen = false; setInterval(() => { seen = seen || !document.getElementById('unlike').hidden; }, 20)")
+            sweeps = f"view.counters.some(([name, n]) => name === 'sweeps classified' && n > {VERDICTS})"
+            wait_for(browser, sweeps, 60, f"{where}: sweeps are classified")
+            if browser.run("seen"):
+                wrong.append(f"{where}: the banner was shown")
+    finally:
+        if browser:
+            browser.close()
+        end(process)
+
+
+def check_banners():
+    with tempfile.TemporaryDirectory() as lab:
+        data, run = f"{lab}/sweeps.h5", f"{lab}/run"
+        for words in (["data", "twin", "--materials", "4", "--sweeps", "30", "--out", data], ["train", "--epochs", "1", "--data", data, "--out", run]):
+            subprocess.run([tactnet, *words], check=True, stdout=subprocess.DEVNULL)
+        check_banner(run, ["--taxel-order", "transposed"], "taxels are transposed: rows and columns are exchanged")
+        check_banner(run, [], "")
+
+
 try:
     if demo.stdout.readline() != "ready\n":
         sys.exit("the demo did not start")
@@ -208,12 +272,8 @@ try:
     finally:
         browser.close()
 finally:
-    # If killed at once, it could not end its child processes.
-    demo.terminate()
-    try:
-        demo.wait(20)
-    except subprocess.TimeoutExpired:
-        demo.kill()
+    end(demo)
+check_banners()
 if wrong:
     sys.exit("\n".join(wrong))
 print(f"the dashboard passes all checks; screenshots in {folder}")

@@ -8,6 +8,7 @@ mod metrics;
 mod model;
 mod model_worker;
 mod realtime;
+mod recent_sweeps;
 mod report;
 mod serve_error;
 mod service;

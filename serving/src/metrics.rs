@@ -22,6 +22,7 @@ pub struct Metrics {
     rejected: AtomicU64,
     deadline_misses: AtomicU64,
     worst_delay_ns: AtomicU64,
+    uncompared: AtomicU64,
     compute: [Histogram; 3],
     version: AtomicU64,
     /// Run directory of each version.
@@ -72,6 +73,11 @@ impl Metrics {
     /// Sets the serving version. Neither allocates nor blocks.
     pub(crate) fn serve(&self, version: u64) {
         self.version.store(version, Ordering::Relaxed);
+    }
+
+    /// Counts a complete sweep that is not compared with the training data. Neither allocates nor blocks.
+    pub(crate) fn count_uncompared(&self) {
+        self.uncompared.fetch_add(1, Ordering::Relaxed);
     }
 
     pub(crate) fn count_prediction(&self, stage: Stage, compute_ns: u64) {
@@ -134,6 +140,11 @@ impl Metrics {
             ),
             ("rejected", "Rejected sweeps.", &self.rejected),
             (
+                "uncompared",
+                "Complete sweeps not compared with the training data because the model worker was busy.",
+                &self.uncompared,
+            ),
+            (
                 "deadline_miss",
                 "Predictions that missed their deadline.",
                 &self.deadline_misses,
@@ -185,6 +196,7 @@ mod tests {
             deadline_misses: 2,
             ..Counters::default()
         });
+        metrics.count_uncompared();
         metrics.loaded(3, Path::new("a \"b\""));
         metrics.loaded(4, Path::new("c\nd"));
         metrics.serve(4);
@@ -201,6 +213,7 @@ mod tests {
             "tactnet_deadline_miss_total 2",
             "tactnet_dropped_frames_total 0",
             "tactnet_unknown_total 0",
+            "tactnet_uncompared_total 1",
             "tactnet_model_info{model=\"a \\\"b\\\"\",version=\"3\"} 1",
         ] {
             assert!(text.lines().any(|found| found == line), "{line}\n{text}");

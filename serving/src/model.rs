@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Classifier, ClassifierConfig, EnrolledMaterial, OnlineClassifier, PipelineError, RunDir,
-    Thresholds, TrainEmbeddings, enroll,
+    Classifier, ClassifierConfig, EnrolledMaterial, Likeness, LikenessReport, OnlineClassifier,
+    PipelineError, RunDir, Thresholds, TrainEmbeddings, enroll,
 };
 use tactnet_skin::packets::{MAX_MATERIALS, ModelNames, Text, unfit};
 
@@ -51,17 +51,19 @@ impl ModelSource {
     /// Loads the newest version that can serve, and returns it with the errors of newer ones.
     ///
     /// - `mc_samples`: number of Monte Carlo dropout masks
+    /// - `dead`: taxels to mask
     ///
     /// # Errors
     /// Returns the newest version's error if no version can serve.
     pub fn load_newest(
         &self,
         mc_samples: usize,
+        dead: &[usize],
     ) -> Result<(ServedModel, Vec<ServeError>), ServeError> {
         let mut damaged = Vec::new();
         for (version, path) in self.versions()? {
             let loaded = ServedModel::load(&path, version);
-            match loaded.and_then(|model| model.online(mc_samples).map(|_| model)) {
+            match loaded.and_then(|mut model| model.online(mc_samples, dead).map(|_| model)) {
                 Ok(model) => return Ok((model, damaged)),
                 Err(error) => damaged.push(error),
             }
@@ -98,6 +100,8 @@ pub struct ServedModel {
     /// Embeddings of the training sweeps, needed for enrolment.
     known: Option<TrainEmbeddings>,
     thresholds: Option<Thresholds>,
+    /// Description of the training sweeps; `None` for a run with too few of them, or of an earlier version.
+    likeness: Option<Likeness>,
 }
 
 impl ServedModel {
@@ -125,6 +129,7 @@ impl ServedModel {
             version,
             known: run.train_embeddings().ok(),
             thresholds: run.thresholds(&classifier)?,
+            likeness: run.likeness()?,
             classifier,
             run,
         })
@@ -150,13 +155,61 @@ impl ServedModel {
         self.thresholds.is_some()
     }
 
+    /// Returns true if sweeps can be compared with the training sweeps.
+    pub fn compares(&self) -> bool {
+        self.likeness.is_some()
+    }
+
+    /// Compares recent sweeps with the training sweeps; returns `None` if the run has no description of these.
+    ///
+    /// - `digits`: `[sweeps][steps][taxels]`
+    ///
+    /// # Errors
+    /// Fails if there are no sweeps.
+    pub fn assess(&self, digits: Vec<f32>) -> Result<Option<LikenessReport>, ServeError> {
+        let Some(likeness) = &self.likeness else {
+            return Ok(None);
+        };
+        let config = self.classifier.config();
+        let recent = recent_dataset(config, "unlabelled", digits)?;
+        Ok(Some(likeness.assess(&SweepView::all(&recent), config.seed)))
+    }
+
+    /// Returns the taxels that are most likely dead; none if the run has no description of its training sweeps.
+    ///
+    /// - `digits`: `[sweeps][steps][taxels]`
+    ///
+    /// # Errors
+    /// Fails if there are no sweeps.
+    pub fn dead_taxels(&self, digits: Vec<f32>) -> Result<Vec<usize>, ServeError> {
+        let Some(likeness) = &self.likeness else {
+            return Ok(Vec::new());
+        };
+        let recent = recent_dataset(self.classifier.config(), "unlabelled", digits)?;
+        Ok(likeness.dead_taxels(&SweepView::all(&recent)))
+    }
+
+    /// Masks dead taxels in place of those masked before.
+    ///
+    /// # Errors
+    /// Fails for a taxel that does not exist, and if no other taxel remains.
+    pub fn mask(&mut self, dead: &[usize]) -> Result<(), ServeError> {
+        Ok(self.classifier.mask(dead)?)
+    }
+
     /// Creates a classifier for the frames of one finger.
     ///
     /// - `mc_samples`: number of Monte Carlo dropout masks
+    /// - `dead`: taxels to mask
     ///
     /// # Errors
-    /// Fails if the model needs complete sweeps.
-    pub fn online(&self, mc_samples: usize) -> Result<OnlineClassifier, ServeError> {
+    /// Fails if the model needs complete sweeps, or the taxels cannot be masked.
+    pub fn online(
+        &mut self,
+        mc_samples: usize,
+        dead: &[usize],
+    ) -> Result<OnlineClassifier, ServeError> {
+        self.mask(dead)?;
         let calibration = self.thresholds.as_ref().map(|of| of.calibration.clone());
         Ok(OnlineClassifier::new(
             &self.classifier,

@@ -1,4 +1,7 @@
-//! A second thread for work that must not delay a frame: loading models, enrolling materials, freeing memory.
+//! A second thread for work that must not delay a frame: loading models, comparing sweeps with the training data, enrolling
+//! materials, freeing memory.
+
+mod sweeps;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -15,17 +18,26 @@ use tactnet_skin::packets::{Event, ModelNames, Text};
 use crate::ServeError;
 use crate::metrics::Metrics;
 use crate::model::{ModelSource, ServedModel, numbered};
+use crate::recent_sweeps::{CompleteSweep, SweepId};
+use sweeps::SweptFinger;
 
 /// Interval between checks for a new version.
 const CHECK_INTERVAL: Duration = Duration::from_millis(500);
 
+/// Number of buffers for the complete sweeps of each finger.
+const BUFFERS: usize = 4;
+
 /// A request of the service.
 pub(crate) enum Job {
-    /// Enroll `material` from `[sweeps][steps][taxels]` digits.
+    /// Keep a complete sweep, and compare it and those before it with the training data.
+    Sweep(CompleteSweep),
+    /// Enroll `material` from the newest `sweeps` sweeps of an object.
     Enroll {
         finger: u32,
+        /// Number of resets before the sweeps.
+        object: u64,
         material: Text<56>,
-        digits: Vec<f32>,
+        sweeps: usize,
     },
     /// Free these classifiers.
     Retire(Vec<OnlineClassifier>),
@@ -41,6 +53,12 @@ pub(crate) enum WorkerEvent {
         finger: u32,
         text: Text<192>,
     },
+    /// The sweeps of an object up to `id` were compared with the training data.
+    Compared {
+        id: SweepId,
+        event: Event,
+        text: Text<192>,
+    },
     /// A job failed.
     Failed {
         event: Event,
@@ -53,6 +71,8 @@ pub(crate) enum WorkerEvent {
 pub(crate) struct ModelWorker {
     jobs: Option<SyncSender<Job>>,
     events: Option<Receiver<WorkerEvent>>,
+    /// Buffers for complete sweeps, `[steps][taxels]` each, which the worker returns.
+    buffers: Receiver<Vec<f32>>,
     /// Set while an event is queued, so that the service reads the queue only then.
     has_event: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -67,18 +87,28 @@ impl ModelWorker {
         metrics: Arc<Metrics>,
         git: &'static str,
     ) -> Result<Self, ServeError> {
-        let (jobs, requests) = sync_channel(4);
+        let fingers = config.fingers.len();
+        let (jobs, requests) = sync_channel(4 + BUFFERS * fingers);
         let (sender, events) = sync_channel(4);
+        let (free, buffers) = sync_channel(BUFFERS * fingers);
+        let values = model.classifier().config().shape.values();
+        for _ in 0..BUFFERS * fingers {
+            // The channel holds all of them.
+            let _ = free.try_send(vec![0.0; values]);
+        }
         let has_event = Arc::new(AtomicBool::new(false));
         let mut worker = Worker {
             refused: BTreeSet::new(),
             model,
             source,
-            fingers: config.fingers.len(),
+            swept: (0..fingers).map(|_| SweptFinger::new(values)).collect(),
+            dead: config.dead.clone(),
+            mask_dead: config.mask_dead,
             mc_samples: config.mc_samples,
             git,
             metrics,
             sender,
+            free,
             has_event: has_event.clone(),
             scratch: None,
         };
@@ -92,9 +122,15 @@ impl ModelWorker {
         Ok(Self {
             jobs: Some(jobs),
             events: Some(events),
+            buffers,
             has_event,
             thread: Some(thread),
         })
+    }
+
+    /// Returns a buffer for a complete sweep; `None` while all are in use. Neither allocates nor blocks.
+    pub(crate) fn free_buffer(&self) -> Option<Vec<f32>> {
+        self.buffers.try_recv().ok()
     }
 
     /// Queues a job; returns it if the queue is full.
@@ -143,11 +179,17 @@ impl Drop for ModelWorker {
 struct Worker {
     model: ServedModel,
     source: ModelSource,
-    fingers: usize,
+    swept: Vec<SweptFinger>,
+    /// Dead taxels of every finger by the settings.
+    dead: Vec<usize>,
+    /// True if further dead taxels are searched for.
+    mask_dead: bool,
     mc_samples: usize,
     git: &'static str,
     metrics: Arc<Metrics>,
     sender: SyncSender<WorkerEvent>,
+    /// Takes back the buffers of complete sweeps.
+    free: SyncSender<Vec<f32>>,
     has_event: Arc<AtomicBool>,
     /// Versions that cannot serve; each is reported once.
     refused: BTreeSet<u64>,
@@ -161,12 +203,22 @@ impl Worker {
         loop {
             match requests.recv_timeout(CHECK_INTERVAL) {
                 Ok(Job::Retire(classifiers)) => drop(classifiers),
+                Ok(Job::Sweep(sweep)) => {
+                    if !self.take_sweep(sweep) {
+                        return;
+                    }
+                }
                 Ok(Job::Enroll {
                     finger,
+                    object,
                     material,
-                    digits,
+                    sweeps,
                 }) => {
-                    if !self.enroll(finger, material.as_str(), digits) {
+                    let enrolled = match self.digits_of(finger, object, material, sweeps) {
+                        Ok(digits) => self.enroll(finger, material.as_str(), digits),
+                        Err(reason) => self.refuse(finger, &reason),
+                    };
+                    if !enrolled {
                         return;
                     }
                 }
@@ -192,6 +244,14 @@ impl Worker {
             event,
             finger,
             text: Text::new(&error.to_string()),
+        })
+    }
+
+    fn refuse(&self, finger: u32, reason: &str) -> bool {
+        self.send(WorkerEvent::Failed {
+            event: Event::Refused,
+            finger,
+            text: Text::new(reason),
         })
     }
 
@@ -234,7 +294,9 @@ impl Worker {
 
     fn enroll(&mut self, finger: u32, material: &str, digits: Vec<f32>) -> bool {
         let started = Instant::now();
+        let masks = self.masks(finger);
         let enrolled = self.enrolled_path().and_then(|(path, version)| {
+            self.model.mask(&masks)?;
             self.model
                 .enroll(material, digits, &path, version, self.git)
         });
@@ -284,22 +346,12 @@ impl Worker {
         }
     }
 
-    fn publish(&mut self, model: ServedModel, event: Event, finger: u32, text: &str) -> bool {
-        let classifiers: Result<Vec<_>, _> = (0..self.fingers)
-            .map(|_| model.online(self.mc_samples))
-            .collect();
-        match classifiers {
+    fn publish(&mut self, mut model: ServedModel, event: Event, finger: u32, text: &str) -> bool {
+        match classifiers(&mut model, self.mc_samples, &self.all_masks()) {
             Ok(classifiers) => {
                 self.metrics.loaded(model.version(), model.path());
-                let sent = self.send(WorkerEvent::Ready {
-                    classifiers,
-                    names: Box::new(model.names(self.mc_samples)),
-                    event,
-                    finger,
-                    text: Text::new(text),
-                });
                 self.model = model;
-                sent
+                self.send_ready(classifiers, event, finger, text)
             }
             Err(error) => {
                 self.refused.insert(model.version());
@@ -307,4 +359,33 @@ impl Worker {
             }
         }
     }
+
+    /// Sends the classifiers of the serving model.
+    fn send_ready(
+        &self,
+        classifiers: Vec<OnlineClassifier>,
+        event: Event,
+        finger: u32,
+        text: &str,
+    ) -> bool {
+        self.send(WorkerEvent::Ready {
+            classifiers,
+            names: Box::new(self.model.names(self.mc_samples)),
+            event,
+            finger,
+            text: Text::new(text),
+        })
+    }
+}
+
+/// Returns a classifier for every finger.
+///
+/// - `masks`: masked taxels of every finger
+fn classifiers(
+    model: &mut ServedModel,
+    mc_samples: usize,
+    masks: &[Vec<usize>],
+) -> Result<Vec<OnlineClassifier>, ServeError> {
+    let online = |dead: &Vec<usize>| model.online(mc_samples, dead);
+    masks.iter().map(online).collect()
 }

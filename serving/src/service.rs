@@ -3,7 +3,8 @@
 //! ```text
 //! skin/<finger> ──> SweepSegmenter ──> OnlineClassifier ──> tactile/belief
 //! sweep/command ──┘        └──────── events, counters ───> tactile/status
-//!                   ModelWorker (a thread): new versions, enrolment ──> swapped in between sweeps
+//!                   ModelWorker (a thread): new versions, enrolment, masks ──> swapped in between sweeps
+//!                                           comparison with the training data ──> tactile/status
 //! ```
 //!
 //! The service is one thread without its own clock. While it processes frames it allocates nothing, and its only system
@@ -11,12 +12,13 @@
 
 mod command_rates;
 mod commands;
+mod complete_sweeps;
 mod predict;
-mod recent_sweeps;
 mod reconnect;
 mod waiting_commands;
 mod worker_events;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -24,20 +26,20 @@ use tactnet_channel::{
     Bus, GetPort, GetSide, Priority, PutPort, Received, Start, SyncGroup, Wait, now_ns,
 };
 use tactnet_pipeline::OnlineClassifier;
-use tactnet_skin::Frame;
 use tactnet_skin::packets::{
     Counters, Event, ModelNames, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus, Text,
 };
+use tactnet_skin::{Frame, MAX_FINGERS};
 use tactnet_skin::{Reject, ServeConfig, SweepChange, SweepSegmenter};
 
 use crate::ServeError;
 use crate::metrics::Metrics;
 use crate::model::{ModelSource, ServedModel};
 use crate::model_worker::{ModelWorker, WorkerEvent};
+use crate::recent_sweeps::{CompleteSweep, SweepId};
 use crate::skin_limits::{limits, settle};
 use crate::status_line::StatusLine;
 use command_rates::CommandRates;
-use recent_sweeps::RecentSweeps;
 use reconnect::Connections;
 use waiting_commands::WaitingCommands;
 
@@ -45,6 +47,8 @@ use waiting_commands::WaitingCommands;
 const STATUS_INTERVAL_NS: u64 = 100_000_000;
 /// Maximum number of frames of one finger processed in one step.
 const MAX_FRAMES: usize = 256;
+/// Number of complete sweeps for which memory is reserved: more than the worker has buffers.
+const MAX_COMPLETE: usize = 4 * MAX_FINGERS;
 
 /// The online classifier between its channels.
 pub struct Service {
@@ -59,6 +63,8 @@ pub struct Service {
     names: Box<ModelNames>,
     /// True if the first model's training data did not state its sample rate.
     rate_assumed: bool,
+    /// True if the first model can compare sweeps with its training data.
+    compares: bool,
     fingers: Vec<Finger>,
     waiting: WaitingCommands,
     counters: Counters,
@@ -75,6 +81,8 @@ pub struct Service {
     /// Rejections since the last call of `take_messages`.
     rejections: Rejections,
     worker: ModelWorker,
+    /// Sweeps that have not been handed to the worker.
+    complete: VecDeque<CompleteSweep>,
     /// Event of the worker that waits for a pause between sweeps.
     worker_event: Option<WorkerEvent>,
     /// Replaced classifiers, to be freed by the worker.
@@ -104,7 +112,10 @@ struct Finger {
     sequences: Option<(u64, u64)>,
     /// Time at which the newest frame was sent, in ns; 0 before the first.
     last_frame_ns: u64,
-    recent: RecentSweeps,
+    /// Number of resets.
+    object: u64,
+    /// Newest verdict on the likeness with the training data.
+    likeness: Option<Event>,
 }
 
 impl Service {
@@ -120,12 +131,13 @@ impl Service {
         source: ModelSource,
         git: &'static str,
     ) -> Result<Self, ServeError> {
-        let (served, damaged) = source.load_newest(config.mc_samples)?;
+        let (mut served, damaged) = source.load_newest(config.mc_samples, &config.dead)?;
         let version = served.version();
         let names = Box::new(served.names(config.mc_samples));
         let metrics = Arc::new(Metrics::serving(version, served.path()));
         let rate_assumed = served.classifier().config().sample_rate_assumed;
-        let fingers = open_fingers(&served, &config)?;
+        let compares = served.compares();
+        let fingers = open_fingers(&mut served, &config)?;
         let skins = config
             .fingers
             .iter()
@@ -147,6 +159,7 @@ impl Service {
             model: bus.put_port(config.model.as_str(), Priority::Normal)?,
             names,
             rate_assumed,
+            compares,
             fingers,
             waiting: WaitingCommands::new(config.fingers.len()),
             counters: Counters::default(),
@@ -161,6 +174,7 @@ impl Service {
             messages: Vec::new(),
             rejections: Rejections::default(),
             worker: ModelWorker::start(served, source, &config, metrics, git)?,
+            complete: VecDeque::with_capacity(MAX_COMPLETE),
             worker_event: None,
             retired: None,
             allocations: || 0,
@@ -225,6 +239,11 @@ impl Service {
         self.fingers
             .iter()
             .all(|finger| finger.classifier.tells_unknown())
+    }
+
+    /// Returns true if sweeps are compared with the training data.
+    pub fn tells_unlike(&self) -> bool {
+        self.compares
     }
 
     /// Returns the sequence numbers of the first and the newest frame, by finger.
@@ -295,6 +314,7 @@ impl Service {
             self.publish_status(Event::Alive, 0, format_args!(""))?;
             self.keep_connections(now)?;
         }
+        self.hand_over_sweeps();
         self.apply_worker_event()
     }
 
@@ -358,10 +378,7 @@ impl Service {
                 if self.config.mc_samples > 0 {
                     self.predict(number, Stage::Dropout, sequence, put_ns)?;
                 }
-                let finger = &mut self.fingers[number];
-                if let Some(sweep) = finger.segmenter.window().sweep() {
-                    finger.recent.keep(sweep);
-                }
+                self.keep_sweep(number);
                 self.counters.sweeps += 1;
                 self.publish_status(Event::Classified, number as u32, format_args!(""))
             }
@@ -397,17 +414,30 @@ impl Service {
         finger: u32,
         text: std::fmt::Arguments<'_>,
     ) -> Result<(), ServeError> {
-        let mut line = StatusLine::<192>::default();
-        line.write(text);
-        let (sweep, motion) = self
-            .fingers
-            .get(finger as usize)
-            .map_or((0, 0), |finger| (finger.sweep, finger.motion));
-        self.status.put_copy(&[TactileStatus {
-            event: event as u32,
+        let newest = self.fingers.get(finger as usize);
+        let (sweep, motion) = newest.map_or((0, 0), |finger| (finger.sweep, finger.motion));
+        let id = SweepId {
             finger,
             sweep,
             motion,
+        };
+        self.publish_status_of(event, id, text)
+    }
+
+    /// - `id`: the sweep that the status names
+    fn publish_status_of(
+        &mut self,
+        event: Event,
+        id: SweepId,
+        text: std::fmt::Arguments<'_>,
+    ) -> Result<(), ServeError> {
+        let mut line = StatusLine::<192>::default();
+        line.write(text);
+        self.status.put_copy(&[TactileStatus {
+            event: event as u32,
+            finger: id.finger,
+            sweep: id.sweep,
+            motion: id.motion,
             model_version: self.names.version,
             counters: self.counters,
             text: Text::new(line.as_str()),
@@ -418,28 +448,32 @@ impl Service {
 }
 
 /// Creates the state of each finger for a model.
-fn open_fingers(served: &ServedModel, config: &ServeConfig) -> Result<Vec<Finger>, ServeError> {
-    let model = served.classifier().config();
-    let segmenter = settle(&config.segmenter, model).map_err(|reason| ServeError::Unfit {
+fn open_fingers(served: &mut ServedModel, config: &ServeConfig) -> Result<Vec<Finger>, ServeError> {
+    let model = served.classifier().config().clone();
+    let segmenter = settle(&config.segmenter, &model).map_err(|reason| ServeError::Unfit {
         path: served.path().into(),
         reason,
     })?;
     let fingers = config.fingers.iter().map(|_| {
+        let mut segmenter = SweepSegmenter::new(
+            segmenter,
+            model.shape.steps,
+            model.shape.taxels(),
+            model.sample_rate_hz,
+        );
+        let classifier = served.online(config.mc_samples, &config.dead)?;
+        segmenter.set_dead(classifier.dead().0.keys().copied());
         Ok(Finger {
-            segmenter: SweepSegmenter::new(
-                segmenter,
-                model.shape.steps,
-                model.shape.taxels(),
-                model.sample_rate_hz,
-            ),
-            classifier: served.online(config.mc_samples)?,
+            segmenter,
+            classifier,
             sweep: 0,
             motion: 0,
             taken: 0,
             next_belief: 0,
             sequences: None,
             last_frame_ns: 0,
-            recent: RecentSweeps::new(model.shape.values()),
+            object: 0,
+            likeness: None,
         })
     });
     fingers.collect()

@@ -2,6 +2,7 @@
 
 mod dashboard;
 mod guard;
+mod likeness_banner;
 mod listen;
 mod objects;
 mod range;

@@ -4,9 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use tactnet_models::argmax;
-use tactnet_pipeline::{ClassifiedObject, ClassifiedSweep, ClassifiedSweeps};
+use tactnet_pipeline::{ClassifiedObject, ClassifiedSweep, ClassifiedSweeps, LikenessReport};
 
-use super::likeness_text::verdict_text;
 use crate::output::counted;
 
 /// Maximum number of names in a message.
@@ -16,7 +15,7 @@ const MAX_ROWS: usize = 40;
 
 /// Returns a table with the two most probable materials of each sweep, and a summary.
 pub fn table(found: &ClassifiedSweeps) -> String {
-    let likeness = found.likeness.as_ref().map(verdict_text);
+    let likeness = found.likeness.as_ref().map(LikenessReport::text);
     let mut text = likeness.map_or_else(String::new, |verdict| format!("{verdict}\n"));
     text.push_str(&rows(found));
     text.push_str(&summary(found));

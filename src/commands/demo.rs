@@ -15,6 +15,7 @@ use tactnet_simulation::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_s
 
 use super::choices::{listen, rate};
 use super::simulate::check_fit;
+use super::simulate::fault::FaultArgs;
 use crate::stop::Stop;
 use crate::{output, source};
 
@@ -28,6 +29,7 @@ const UNTAUGHT: usize = 2;
     tactnet demo                                     trains a small network first (half a minute)\n  \
     tactnet demo --run runs/own                      your network, on the held-out sweeps of its data set\n  \
     tactnet demo --run runs/own --data tuesday.h5    on other sweeps\n  \
+    tactnet demo --taxel-order transposed            a skin that is unlike the one of the training data\n  \
     tactnet demo --catching                          a robot catches balls and classifies their material\n  \
     tactnet demo --listen 0.0.0.0:8750               a page that other machines can open")]
 pub struct DemoArgs {
@@ -41,11 +43,13 @@ pub struct DemoArgs {
     #[arg(long, value_name = "HZ", value_parser = rate, requires = "run")]
     rate: Option<f64>,
     /// Also run a robot that catches balls and classifies their material
-    #[arg(long, conflicts_with = "rate")]
+    #[arg(long, conflicts_with_all = ["rate", "taxel_order", "gain", "dead"])]
     catching: bool,
     /// Address of the page: an address with a port, or a port on this machine
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8750", value_parser = listen)]
     listen: SocketAddr,
+    #[command(flatten)]
+    fault: FaultArgs,
 }
 
 /// Runs the demo until Ctrl-C.
@@ -69,14 +73,9 @@ pub fn run(arguments: &DemoArgs) -> anyhow::Result<ExitCode> {
     if arguments.catching {
         return catching_demo::run(&program, folder.path(), &run, &sweeps, listener, &stop);
     }
-    let mut demo = Demo::start(
-        &program,
-        folder.path(),
-        &run,
-        &sweeps,
-        arguments.rate,
-        listener,
-    )?;
+    let rate = arguments.rate.map(|rate| format!("--rate={rate}"));
+    let words = [rate.into_iter().collect(), arguments.fault.words()].concat();
+    let mut demo = Demo::start(&program, folder.path(), &run, &sweeps, &words, listener)?;
     say!(
         "a simulated fingertip sweeps over one object after the other, up to three sweeps each; open {} in a browser; Ctrl-C ends",
         demo.link()

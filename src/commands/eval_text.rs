@@ -2,11 +2,10 @@
 
 use std::fmt::Write as _;
 
-use tactnet_pipeline::{Confusion, Estimate, EvalResult, Verdicts};
+use tactnet_pipeline::{Confusion, Estimate, EvalResult, LikenessReport, Verdicts};
 
 use super::block_text::confounded_text;
 use super::evaluation_table::evaluation_table;
-use super::likeness_text::verdict_text;
 use super::recall_text::recall_text;
 use crate::output::counted;
 
@@ -15,7 +14,7 @@ const MOST: usize = 5;
 
 /// Returns accuracies, comparisons of runtimes, the most frequent confusions, rates of a calibrated classifier, and warnings.
 pub fn text(result: &EvalResult) -> String {
-    let likeness = result.likeness.as_ref().map(verdict_text);
+    let likeness = result.likeness.as_ref().map(LikenessReport::text);
     let mut text = likeness.map_or_else(String::new, |verdict| format!("{verdict}\n"));
     let _ = writeln!(
         text,

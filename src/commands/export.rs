@@ -16,7 +16,8 @@ use crate::GIT;
     tactnet export runs/a --out tactnet.onnx            digits in, log-probabilities out, for any ONNX runtime\n  \
     tactnet export runs/a --out tactnet.onnx --masks    with dropout masks as a second input\n  \
     tactnet export runs/a --out tactnet.safetensors     weights and scaling, by name\n\n\
-    The ONNX file has the input `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [samples, features]. Its metadata_props hold labels, \
+    The ONNX file has the input `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [samples, features]. Its output `likeness` \
+    is the p-value of every sweep against the training data, if the run has one. Its metadata_props hold labels, \
     sample rate, window, thresholds and hashes; its doc_string is a Python program that runs it.")]
 pub struct ExportArgs {
     #[command(flatten)]
@@ -82,6 +83,7 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
             &config.classifier,
             &weights,
             calibration.as_ref(),
+            run.likeness()?.as_ref(),
             if arguments.masks {
                 OnnxInputs::DigitsAndMasks
             } else {

@@ -19,7 +19,6 @@ mod eval_text;
 mod evaluation_table;
 pub mod experiment;
 pub mod export;
-mod likeness_text;
 pub mod man;
 pub mod predict;
 pub mod progress_line;

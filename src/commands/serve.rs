@@ -27,7 +27,8 @@ use crate::{GIT, output};
     tactnet channel hub --table robot.toml &                          start the hub, once per host\n  \
     tactnet serve --run runs/twin-fast-fold0-1 --table robot.toml     serve one trained network\n  \
     tactnet serve --models models/right --table robot.toml            serve the newest of models/right/1, models/right/2, …\n  \
-    tactnet serve --run runs/a --table robot.toml --priority 60 --cpu 1 --lock-memory\n\n\
+    tactnet serve --run runs/a --table robot.toml --priority 60 --cpu 1 --lock-memory\n  \
+    tactnet serve --run runs/a --table robot.toml --dead 3,7          taxels 3 and 7 are broken: classify without them\n\n\
     `tactnet serve --print-table` prints a table with all names, rates and deadlines. Move a new version into the folder as a whole (`mv`): \
     if its shape, sample rate and materials fit, it serves from the next pause between sweeps.")]
 pub struct ServeArgs {
@@ -40,6 +41,9 @@ pub struct ServeArgs {
     /// Channel table with a section [components.tactnet]
     #[arg(long, value_name = "FILE")]
     table: Option<PathBuf>,
+    /// Dead taxels, counted from 0 row by row, in addition to those of the table: they are masked, as if they read their training mean
+    #[arg(long, value_name = "TAXEL,…", value_delimiter = ',')]
+    dead: Vec<usize>,
     /// Address of the Prometheus metrics (path /metrics), or `off`
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:9464")]
     metrics: String,
@@ -73,7 +77,8 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     };
     let stop = Stop::listen_saying("stopping")?;
     let table = table::load(path)?;
-    let config = ServeConfig::of(&table).with_context(|| path.display().to_string())?;
+    let mut config = ServeConfig::of(&table).with_context(|| path.display().to_string())?;
+    config.dead.extend(&arguments.dead);
     // A wrong folder is reported before the channels are opened.
     if let ModelSource::Run(run) = &source {
         RunDir::open(run)?.config()?;
@@ -193,6 +198,12 @@ fn describe(service: &Service, skip: FrameSpan) {
         say!(
             "warning: the sample rate of {} Hz is assumed, because the training data did not state it; train with `--rate HZ`",
             names.sample_rate_hz
+        );
+    }
+    if !service.tells_unlike() {
+        say!(
+            "sweeps are not compared with the training data: the run has no likeness.safetensors, because it is of an earlier version or has too \
+             few training sweeps"
         );
     }
     if !service.tells_unknown() {

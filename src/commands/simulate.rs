@@ -1,6 +1,7 @@
 //! `tactnet simulate`: simulated robot components on the channels.
 
 mod catching;
+pub(super) mod fault;
 mod skin;
 mod soak;
 

@@ -1,18 +1,19 @@
 //! The online classifier in this process, step by step: the effect of frames and commands does not depend on when the
 //! service reads them.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tactnet_channel::{Bus, Domain, GetPort, Packet, Priority, PutPort, Start};
-use tactnet_data::Dataset;
-use tactnet_serving::{ModelSource, Service};
-use tactnet_simulation::SkinSimulator;
+use tactnet_data::{Dataset, SweepView};
+use tactnet_pipeline::{DeadTaxels, PredictionMethod, RunDir, TaxelOrder};
+use tactnet_serving::{ModelSource, ServeError, Service, allocations_of_this_thread};
+use tactnet_simulation::{SkinFault, SkinSimulator};
 use tactnet_skin::packets::{
     Command, Event, SkinFrame, Stage, SweepCommand, TactileBelief, TactileStatus,
 };
 use tactnet_skin::{SegmenterConfig, ServeConfig};
 
-use crate::robot::{Robot, STEPS, offline};
+use crate::robot::{Robot, STEPS, classifier, offline};
 
 const SKIP: usize = 20;
 
@@ -24,14 +25,24 @@ struct ServiceUnderTest {
     beliefs: GetPort<TactileBelief>,
     status: GetPort<TactileStatus>,
     dataset: Dataset,
+    /// Fault of the skin.
+    fault: SkinFault,
+    /// Number of sweeps so far.
+    sweeps: u64,
 }
 
 impl ServiceUnderTest {
     fn new(robot: &Robot) -> Self {
+        Self::with_dead(robot, &[]).unwrap()
+    }
+
+    /// - `dead`: taxels that are masked from the start
+    fn with_dead(robot: &Robot, dead: &[usize]) -> Result<Self, ServeError> {
         let config = ServeConfig {
             fingers: vec!["skin/left".into(), "skin/right".into()],
             anytime_ms: 0.0,
             mc_samples: 0,
+            dead: dead.to_vec(),
             segmenter: SegmenterConfig {
                 skip: SKIP.into(),
                 ..SegmenterConfig::default()
@@ -41,14 +52,18 @@ impl ServiceUnderTest {
         let bus = Bus::open(Domain::Process, &config.table("tested")).unwrap();
         let source = ModelSource::Run(robot.lab.path("models/1"));
         let finger = |id| bus.put_port::<SkinFrame>(id, Priority::High).unwrap();
-        Self {
-            service: Service::start(&bus, config, source, "test").unwrap(),
+        let mut service = Service::start(&bus, config, source, "test")?;
+        service.count_allocations(allocations_of_this_thread);
+        Ok(Self {
+            service,
             fingers: [finger("skin/left"), finger("skin/right")],
             commands: bus.put_port("sweep/command", Priority::High).unwrap(),
             beliefs: bus.get_port("tactile/belief", Start::Now).unwrap(),
             status: bus.get_port("tactile/status", Start::Now).unwrap(),
             dataset: tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap(),
-        }
+            fault: SkinFault::default(),
+            sweeps: 0,
+        })
     }
 
     fn command(&self, kind: Command, finger: u32, motion: u64) {
@@ -65,7 +80,8 @@ impl ServiceUnderTest {
 
     /// Returns the frames of a motion over a sweep, from its first frame on.
     fn frames(&self, sweep: usize, first_sequence: u64) -> Vec<SkinFrame> {
-        let mut skin = SkinSimulator::new(&self.dataset, vec![sweep], SKIP, 1);
+        let skin = SkinSimulator::new(&self.dataset, vec![sweep], SKIP, 1);
+        let mut skin = skin.with_fault(self.fault.clone());
         skin.step();
         let mut frames: Vec<SkinFrame> = (0..SKIP + STEPS).map(|_| skin.step().frame).collect();
         for (at, frame) in frames.iter_mut().enumerate() {
@@ -74,6 +90,34 @@ impl ServiceUnderTest {
                 (frame.sequence as f64 * 1e9 / self.dataset.sample_rate_hz()) as u64;
         }
         frames
+    }
+
+    /// Sweeps with the first finger and returns the belief, and all events up to the comparison with the training data.
+    fn sweep(&mut self, sweep: usize) -> (TactileBelief, Vec<TactileStatus>) {
+        self.sweeps += 1;
+        self.command(Command::Start, 0, self.sweeps);
+        let first = (self.sweeps - 1) * (SKIP + STEPS) as u64;
+        for frame in self.frames(sweep, first) {
+            self.fingers[0].put_copy(&[frame]).unwrap();
+        }
+        self.command(Command::Stop, 0, self.sweeps);
+        let number = self.sweeps;
+        let events = self.events_until(|status| verdict(status) && status.motion == number);
+        let beliefs = all(&self.beliefs);
+        assert_eq!(beliefs.len(), 1);
+        (beliefs[0], events)
+    }
+
+    /// Lets the service work until an event arrives; returns all events.
+    fn events_until(&mut self, wanted: impl Fn(&TactileStatus) -> bool) -> Vec<TactileStatus> {
+        let begun = Instant::now();
+        let mut events: Vec<TactileStatus> = Vec::new();
+        while !events.iter().any(&wanted) {
+            assert!(begun.elapsed() < Duration::from_secs(30), "no such event");
+            self.service.step(Duration::from_millis(5)).unwrap();
+            events.extend(all(&self.status));
+        }
+        events
     }
 
     /// Lets the service process everything that is waiting.
@@ -87,6 +131,23 @@ impl ServiceUnderTest {
 
 fn all<T: Packet>(port: &GetPort<T>) -> Vec<T> {
     std::iter::from_fn(|| port.try_get().unwrap().map(|packet| packet[0])).collect()
+}
+
+/// Returns true for a verdict on the likeness with the training data.
+fn verdict(status: &TactileStatus) -> bool {
+    let events = [Event::Like, Event::OtherBlock, Event::Unlike];
+    events.iter().any(|event| status.event == *event as u32)
+}
+
+/// Returns the offline prediction for a sweep without some taxels: `[materials]` probabilities.
+fn masked(robot: &Robot, sweep: usize, dead: &[usize]) -> Vec<f64> {
+    let mut classifier = classifier(robot, "models/1");
+    classifier.mask(dead).unwrap();
+    let dataset = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
+    let view = SweepView::new(&dataset, vec![sweep]);
+    let found = classifier.predict(&view, PredictionMethod::Plain).unwrap();
+    let log_p = found.sweeps[0].log_probability.iter();
+    log_p.map(|log_p| log_p.exp()).collect()
 }
 
 fn assert_alike(belief: &TactileBelief, offline: &[f64]) {
@@ -176,5 +237,103 @@ fn commands_divide_the_frames_at_their_own_time_however_late_both_are_seen() {
     assert!(
         told.iter().any(|line| line.contains("rejected: ")),
         "{told:?}"
+    );
+}
+
+/// Sweeps of all four materials.
+const SWEEPS: [usize; 6] = [0, 41, 82, 123, 7, 48];
+
+#[test]
+fn sweeps_are_compared_with_the_training_data_as_offline_and_another_order_is_named() {
+    let robot = Robot::new("likeness");
+    let mut tested = ServiceUnderTest::new(&robot);
+    assert!(tested.service.tells_unlike());
+    let run = RunDir::open(&robot.lab.path("models/1")).unwrap();
+    let (likeness, config) = (run.likeness().unwrap().unwrap(), run.config().unwrap());
+    let dataset = tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap();
+    for (at, sweep) in SWEEPS.into_iter().enumerate() {
+        let (_, events) = tested.sweep(sweep);
+        let found = events.iter().find(|status| verdict(status)).unwrap();
+        let view = SweepView::new(&dataset, SWEEPS[..=at].to_vec());
+        let offline = likeness.assess(&view, config.classifier.seed);
+        assert_eq!(found.text.as_str(), offline.text_with_last_sweep());
+        assert_eq!(found.event, Event::Like as u32, "{}", found.text.as_str());
+    }
+    // After a reset the sweeps before do not count.
+    tested.fault.order = Some(TaxelOrder::Transposed);
+    tested.command(Command::Reset, 0, 0);
+    let unlike = SWEEPS.map(|sweep| {
+        let (_, events) = tested.sweep(sweep);
+        *events.iter().find(|status| verdict(status)).unwrap()
+    });
+    let last = unlike.last().unwrap();
+    assert_eq!((last.event, last.finger), (Event::Unlike as u32, 0));
+    let text = last.text.as_str();
+    assert!(
+        text.starts_with("UNLIKE the training data (p = 0.00"),
+        "{text}"
+    );
+    assert!(
+        text.contains(" of 6 sweeps): taxels are transposed: "),
+        "{text}"
+    );
+    let messages = tested.service.take_messages();
+    assert_eq!(messages.len(), 1, "{messages:?}");
+    assert!(
+        messages[0].contains(": UNLIKE the training data"),
+        "{messages:?}"
+    );
+    assert_eq!(tested.service.counters().allocations, 0);
+}
+
+#[test]
+fn dead_taxels_are_found_and_masked_until_they_change_again() {
+    let robot = Robot::new("dead");
+    let mut tested = ServiceUnderTest::new(&robot);
+    let is_masked = |status: &TactileStatus| status.event == Event::Masked as u32;
+    tested.fault.dead = DeadTaxels([(5, 0.0)].into());
+    let mut events: Vec<TactileStatus> = Vec::new();
+    for sweep in &SWEEPS[..3] {
+        assert!(!events.iter().any(is_masked));
+        events = tested.sweep(*sweep).1;
+    }
+    if !events.iter().any(is_masked) {
+        events = tested.events_until(is_masked);
+    }
+    let found = events.iter().find(|status| is_masked(status)).unwrap();
+    assert_eq!(found.text.as_str(), "taxel 5 never changes: masked");
+    // As an offline classifier that knows of the dead taxel; the beliefs before are forgotten.
+    let (belief, _) = tested.sweep(SWEEPS[3]);
+    assert_alike(&belief, &masked(&robot, SWEEPS[3], &[5]));
+    assert!(belief.fused_sweeps <= 1, "{}", belief.fused_sweeps);
+    tested.fault = SkinFault::default();
+    let (belief, mut events) = tested.sweep(SWEEPS[4]);
+    assert_alike(&belief, &masked(&robot, SWEEPS[4], &[5]));
+    if !events.iter().any(is_masked) {
+        events = tested.events_until(is_masked);
+    }
+    let found = events.iter().find(|status| is_masked(status)).unwrap();
+    assert_eq!(found.text.as_str(), "taxel 5 changes again: not masked");
+    let (belief, _) = tested.sweep(SWEEPS[5]);
+    assert_alike(&belief, &offline(&robot, "models/1", SWEEPS[5]));
+}
+
+#[test]
+fn known_dead_taxels_are_masked_from_the_start() {
+    let robot = Robot::new("known");
+    let mut tested = ServiceUnderTest::with_dead(&robot, &[3, 7]).unwrap();
+    // Their values are out of range.
+    tested.fault.dead = DeadTaxels([(3, -9.0), (7, 4000.0)].into());
+    let (belief, events) = tested.sweep(130);
+    assert_alike(&belief, &masked(&robot, 130, &[3, 7]));
+    assert!(
+        !events
+            .iter()
+            .any(|status| status.event == Event::Masked as u32)
+    );
+    let error = ServiceUnderTest::with_dead(&robot, &[16]).err().unwrap();
+    assert_eq!(
+        error.to_string(),
+        "`dead`: expected numbers from 0 to 15, found 16"
     );
 }

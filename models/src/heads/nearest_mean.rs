@@ -25,6 +25,11 @@ impl NearestMean {
         }
     }
 
+    /// Returns the class means, `[materials][width]`.
+    pub fn means(&self) -> &[Vec<f64>] {
+        &self.means
+    }
+
     /// Returns minus half the squared distance to every class mean, `[sweeps][materials]`: log-likelihoods up to a constant on whitened features.
     pub fn scores(&self, features: &Features) -> Vec<Vec<f64>> {
         features

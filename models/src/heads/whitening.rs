@@ -66,6 +66,16 @@ impl Whitening {
         })
     }
 
+    /// Returns the mean of all features, which is mapped to zero: `[width]`.
+    pub fn centre(&self) -> &[f64] {
+        &self.centre
+    }
+
+    /// Returns the weight of feature `from` in the whitened feature `to`.
+    pub fn weight(&self, from: usize, to: usize) -> f64 {
+        self.map[(from, to)]
+    }
+
     /// Returns the whitened features, `[sweeps][width]`.
     pub fn apply(&self, features: &Features) -> Features {
         faer::set_global_parallelism(Par::Seq);

@@ -6,11 +6,13 @@
 //!                                                                                         └> mutual_information [sweeps], nats
 //! ```
 //!
+//! The output `likeness` is the p-value of every sweep against the training data ([`crate::Likeness`]), if there is a description of these.
 //! The second row exists only with [`OnnxInputs::DigitsAndMasks`]. A mask value is `1 / keep_probability` or 0 (inverted dropout). Monte Carlo
 //! outputs average probabilities over runs (thesis, section 4.5.2).
 
 mod builder;
 mod convolutions;
+mod likeness;
 mod message;
 mod spectral;
 
@@ -20,9 +22,10 @@ use prost::Message;
 use tactnet_models::{Compute, NORM_EPSILON, NetworkConfig, Weights};
 
 use super::properties::{network_setup, properties};
-use crate::{Calibration, Classifier, ClassifierConfig, NetworkSetup, PipelineError};
+use crate::{Calibration, Classifier, ClassifierConfig, Likeness, NetworkSetup, PipelineError};
 use builder::{Builder, Stored};
 use convolutions::convolutions;
+use likeness::likeness as add_likeness;
 use message::{Attribute, Graph, IR_VERSION, Model, OPSET, OperatorSet, Property, Size, Value};
 use spectral::spectral;
 
@@ -281,6 +284,7 @@ fn documentation(inputs: OnnxInputs, sizes: &Sizes, keep: f64) -> String {
 
 /// Returns the bytes of an ONNX file.
 ///
+/// - `likeness`: description of the training sweeps
 /// - `about`: additional properties besides labels, rate, window and calibration
 ///
 /// # Errors
@@ -289,6 +293,7 @@ pub fn to_onnx(
     config: &ClassifierConfig,
     weights: &Weights,
     calibration: Option<&Calibration>,
+    likeness: Option<&Likeness>,
     inputs: OnnxInputs,
     about: &BTreeMap<String, String>,
 ) -> Result<Vec<u8>, PipelineError> {
@@ -330,6 +335,15 @@ pub fn to_onnx(
         builder.monte_carlo();
     }
     builder.declare_inputs_and_outputs(inputs, &sizes);
+    // A single frame has no changes.
+    if let Some(likeness) = likeness.filter(|_| sizes.steps > 1) {
+        add_likeness(&mut builder, &likeness.tables());
+        builder.graph.output.push(Value::floats(
+            "likeness",
+            vec![Size::open("sweeps")],
+            "p-value: share of training sweeps that differ as much from the others",
+        ));
+    }
 
     builder.graph.name = setup.network.kind().into();
     let documentation = documentation(inputs, &sizes, setup.network.keep_probability);

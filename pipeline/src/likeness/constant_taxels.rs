@@ -21,6 +21,11 @@ impl ConstantTaxels {
         }
     }
 
+    /// Returns the number of sweeps.
+    pub fn sweeps(&self) -> usize {
+        self.of_sweeps.len()
+    }
+
     /// Returns the share of sweeps in which a taxel does not change; at least that of one among one more sweep.
     pub fn share(&self, taxel: usize) -> f64 {
         (1 + self.counts[taxel]) as f64 / (1 + self.of_sweeps.len()) as f64

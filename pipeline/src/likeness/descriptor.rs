@@ -8,6 +8,8 @@ use tactnet_models::Features;
 const BANDS: usize = 8;
 /// Maximum number of groups of taxels; the taxels of larger skins are averaged in groups of neighbours.
 const MAX_GROUPS: usize = 64;
+/// Floor of the power of a band, as a share of the power of all bands.
+pub(super) const LEAST_POWER: f64 = 1e-9;
 /// Floor of a standard deviation, as a share of the median one of the training sweeps.
 const FLOOR_SHARE: f64 = 1e-3;
 
@@ -136,7 +138,7 @@ impl Descriptor {
             let moments = Moments::of(sweep, taxel, taxels);
             let spread = (moments.spread + self.floor).ln();
             let change = (moments.change + self.floor).ln() - spread;
-            let of_group = &mut sums[taxel * groups / taxels];
+            let of_group = &mut sums[self.group(taxel)];
             for (sum, value) in of_group
                 .iter_mut()
                 .zip([moments.level, spread, change, 1.0])
@@ -161,12 +163,30 @@ impl Descriptor {
         for part in 0..3 {
             values.extend(sums.iter().map(|of| (of[part] / of[3]) as f32));
         }
-        let least = 1e-9 * bands.iter().sum::<f64>() + self.floor * self.floor;
+        let least = LEAST_POWER * bands.iter().sum::<f64>() + self.floor * self.floor;
         bands
             .iter_mut()
             .for_each(|power| *power = (*power + least).ln());
         let mean = bands.iter().sum::<f64>() / bands.len() as f64;
         values.extend(bands.iter().map(|band| (band - mean) as f32));
+    }
+
+    /// Returns 1 for the frequency bins of every band, else 0, for sweeps as long as the training sweeps: `[bands][steps / 2 + 1]`.
+    pub fn band_bins(&self) -> Vec<Vec<f32>> {
+        let bins = self.shape.steps / 2 + 1;
+        (0..self.bands())
+            .map(|band| {
+                let [start, end] = self.bins(band, self.shape.steps, bins);
+                (0..bins)
+                    .map(|bin| f32::from(u8::from((start..end).contains(&bin))))
+                    .collect()
+            })
+            .collect()
+    }
+
+    /// Returns the group of a taxel.
+    pub fn group(&self, taxel: usize) -> usize {
+        taxel * self.groups() / self.taxels()
     }
 
     fn bands(&self) -> usize {

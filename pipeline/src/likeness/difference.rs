@@ -1,6 +1,7 @@
 //! What makes sweeps unlike the training sweeps.
 
 use serde::Serialize;
+use tactnet_data::SweepShape;
 
 /// Difference between sweeps and the training sweeps.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -69,6 +70,43 @@ pub enum TaxelOrder {
         /// For every taxel of the training sweeps, its place now, from 0.
         places: Vec<usize>,
     },
+}
+
+impl TaxelOrder {
+    /// Returns the place of every taxel of the training sweeps: `[taxels]`.
+    ///
+    /// - `shape`: shape of the training sweeps
+    ///
+    /// # Example
+    /// ```
+    /// use tactnet_data::SweepShape;
+    /// use tactnet_pipeline::TaxelOrder;
+    ///
+    /// let shape = SweepShape { steps: 1, rows: 2, cols: 3 };
+    /// assert_eq!(TaxelOrder::MirroredColumns.places(shape), [2, 1, 0, 5, 4, 3]);
+    /// // Written as three rows of two.
+    /// assert_eq!(TaxelOrder::Transposed.places(shape), [0, 2, 4, 1, 3, 5]);
+    /// ```
+    pub fn places(&self, shape: SweepShape) -> Vec<usize> {
+        let (rows, cols, taxels) = (shape.rows, shape.cols, shape.taxels());
+        let by_position = |place: &dyn Fn(usize, usize) -> usize| {
+            (0..taxels).map(|at| place(at / cols, at % cols)).collect()
+        };
+        match self {
+            Self::Transposed => by_position(&|r, c| c * rows + r),
+            Self::Rotated { degrees: 90 } => by_position(&|r, c| c * rows + rows - 1 - r),
+            Self::Rotated { degrees: 270 } => by_position(&|r, c| (cols - 1 - c) * rows + r),
+            Self::Rotated { .. } | Self::Reversed => (0..taxels).rev().collect(),
+            Self::MirroredColumns => by_position(&|r, c| r * cols + cols - 1 - c),
+            Self::MirroredRows => by_position(&|r, c| (rows - 1 - r) * cols + c),
+            Self::Exchanged { pairs } => {
+                let mut places: Vec<usize> = (0..taxels).collect();
+                pairs.iter().for_each(|[a, b]| places.swap(*a, *b));
+                places
+            }
+            Self::Permuted { places } => places.clone(),
+        }
+    }
 }
 
 /// Property of a sweep.

@@ -91,6 +91,21 @@ impl Distances {
             .collect()
     }
 
+    /// Returns the whitening of descriptions.
+    pub fn whitening(&self) -> &Whitening {
+        &self.whitening
+    }
+
+    /// Returns the means of the materials after scaling and whitening, `[materials][width]`.
+    pub fn means(&self) -> &[Vec<f64>] {
+        self.means.means()
+    }
+
+    /// Returns the label of every mean.
+    pub fn labels(&self) -> &[usize] {
+        &self.labels
+    }
+
     /// Returns the standard deviations within materials, `[width]`.
     pub fn scale(&self) -> &[f32] {
         &self.scale

@@ -11,14 +11,17 @@
 //! further sweeps of the same kind are uniform (conformal: Vovk et al., 2005).
 
 mod constant_taxels;
+mod dead;
 mod descriptor;
 mod difference;
 mod distances;
 mod reference;
 mod report;
 mod search;
+mod tables;
 #[cfg(test)]
 mod tests;
+mod text;
 
 use std::collections::BTreeMap;
 
@@ -30,6 +33,8 @@ use constant_taxels::{ConstantTaxels, constant_taxels};
 use descriptor::Descriptor;
 use distances::{Distance, Distances};
 use reference::{ReferenceScores, ReferenceSweep};
+
+pub(crate) use tables::LikenessTables;
 
 pub use difference::{Difference, Property, TaxelOrder};
 pub use report::{LikenessReport, LikenessVerdict};
@@ -116,8 +121,11 @@ impl Likeness {
             .map(|label| *label as usize)
             .collect();
         let taxels = shape.taxels();
-        let flags = vector("constant", known.len() * taxels)?;
-        let flags = flags.chunks_exact(taxels);
+        let flags = weights.0.get("constant").ok_or("no tensor `constant`")?;
+        if flags.values.is_empty() || flags.values.len() % taxels != 0 {
+            return Err(format!("`constant`: expected rows of {taxels} values"));
+        }
+        let flags = flags.values.chunks_exact(taxels);
         let flags = flags.map(|of| of.iter().map(|flag| *flag != 0.0).collect());
         let constant = ConstantTaxels::new(flags.collect());
         let scores = |kind: &str| -> Result<Option<ReferenceScores>, String> {
@@ -129,7 +137,7 @@ impl Likeness {
             let nearest = vector(&name("nearest"), held_out)?;
             let sweeps = vector(&name("sweep"), held_out)?;
             let units = vector(&name("unit"), held_out)?;
-            if let Some(sweep) = sweeps.iter().find(|sweep| **sweep as usize >= known.len()) {
+            if let Some(sweep) = sweeps.iter().find(|sweep| **sweep as usize >= constant.sweeps()) {
                 return Err(format!("`{}`: no sweep {sweep}", name("sweep")));
             }
             let scores = (0..held_out).map(|at| ReferenceSweep {
@@ -194,7 +202,7 @@ impl Likeness {
         let of = |value: &dyn Fn(&(usize, Distance)) -> f32| scores.iter().map(value).collect();
         extend("within.distance", of(&|(_, of)| of.log as f32));
         extend("within.nearest", of(&|(_, of)| of.nearest as f32));
-        extend("within.sweep", of(&|(at, _)| (known.len() + at) as f32));
+        extend("within.sweep", of(&|(at, _)| (self.constant.sweeps() + at) as f32));
         extend("within.unit", of(&|_| unit));
         Self::from_weights(weights, self.descriptor.shape())
             .map_err(|reason| PipelineError::incompatible("description", "sound tensors", reason))

@@ -116,6 +116,21 @@ impl ReferenceScores {
         scores
     }
 
+    /// Returns the logarithmic distances relative to the typical one, ascending.
+    pub fn excesses(&self) -> &[f64] {
+        &self.excess
+    }
+
+    /// Returns the surprises about constant taxels, ascending.
+    pub fn surprises(&self) -> &[f64] {
+        &self.stuck
+    }
+
+    /// Returns the smaller p-value of the two for every sweep, ascending.
+    pub fn smaller_p_values(&self) -> &[f64] {
+        &self.smaller
+    }
+
     /// Returns the logarithmic distance relative to the typical one of the nearest material.
     pub fn excess_of(&self, distance: &Distance) -> f64 {
         let typical = self.typical.get(&distance.nearest);

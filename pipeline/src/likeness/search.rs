@@ -223,46 +223,26 @@ impl<'a> Search<'a> {
     fn orders(&self) -> Vec<Undone> {
         let shape = self.likeness.descriptor.shape();
         let (rows, cols, taxels) = (shape.rows, shape.cols, shape.taxels());
-        // Each gives the place of the training sweeps' taxel at row `r`, column `c`.
-        type Place = Box<dyn Fn(usize, usize) -> usize>;
-        let mut named: Vec<(TaxelOrder, Place)> = Vec::new();
-        if taxels > 1 {
-            let order = match rows > 1 && cols > 1 {
-                true => TaxelOrder::Rotated { degrees: 180 },
-                false => TaxelOrder::Reversed,
-            };
-            named.push((order, Box::new(move |r, c| taxels - 1 - (r * cols + c))));
-        }
+        let mut named = Vec::new();
         if rows > 1 && cols > 1 {
-            named.push((
+            named.extend([
+                TaxelOrder::Rotated { degrees: 180 },
                 TaxelOrder::MirroredColumns,
-                Box::new(move |r, c| r * cols + cols - 1 - c),
-            ));
-            named.push((
                 TaxelOrder::MirroredRows,
-                Box::new(move |r, c| (rows - 1 - r) * cols + c),
-            ));
-            // A sweep of R x C taxels that is written as C x R.
-            named.push((TaxelOrder::Transposed, Box::new(move |r, c| c * rows + r)));
+                TaxelOrder::Transposed,
+            ]);
+        } else if taxels > 1 {
+            named.push(TaxelOrder::Reversed);
         }
         if rows == cols && rows > 1 {
-            named.push((
-                TaxelOrder::Rotated { degrees: 90 },
-                Box::new(move |r, c| c * cols + cols - 1 - r),
-            ));
-            named.push((
-                TaxelOrder::Rotated { degrees: 270 },
-                Box::new(move |r, c| (rows - 1 - c) * cols + r),
-            ));
+            let quarters = [90, 270].map(|degrees| TaxelOrder::Rotated { degrees });
+            named.extend(quarters);
         }
-        let mut found: Vec<Undone> = named
-            .into_iter()
-            .map(|(order, place)| {
-                let places: Vec<usize> =
-                    (0..taxels).map(|at| place(at / cols, at % cols)).collect();
-                self.reorder(order, &places)
-            })
-            .collect();
+        let named = named.into_iter().map(|order| {
+            let places = order.places(shape);
+            self.reorder(order, &places)
+        });
+        let mut found: Vec<Undone> = named.collect();
         if taxels > 1 && taxels <= MAX_AXES {
             for places in permutations(taxels) {
                 let order = TaxelOrder::Permuted {

@@ -336,3 +336,48 @@ fn a_dead_taxel_that_is_often_untouched_is_found() {
     // Of ten sets, 0.5 are expected; four or more have a probability of 0.1 %.
     assert!(unlike <= 3, "{unlike} of 10");
 }
+
+#[test]
+fn dead_taxels_are_those_that_change_in_training_sweeps_only() {
+    let taxels = SHAPE.taxels();
+    let constant = |of: &'static [usize]| {
+        move |sweep: &[f32]| -> Vec<f32> {
+            let values = sweep.iter().enumerate();
+            values
+                .map(|(at, value)| {
+                    if of.contains(&(at % taxels)) {
+                        0.0
+                    } else {
+                        *value
+                    }
+                })
+                .collect()
+        }
+    };
+    // Taxel 2 does not change in four of 100 training sweeps.
+    let training = sweeps(plain(25), 1);
+    let count = std::cell::Cell::new(0);
+    let training = changed(&training, |sweep| {
+        count.set(count.get() + 1);
+        match count.get() % 25 {
+            0 => constant(&[2])(sweep),
+            _ => sweep.to_vec(),
+        }
+    });
+    let likeness = fitted(&training);
+    let three = sweeps(plain(3), 2);
+    let three = |of| changed(&three, constant(of));
+    let dead = |of| likeness.dead_taxels(&SweepView::all(&three(of)));
+    assert_eq!(dead(&[]), []);
+    assert_eq!(dead(&[2, 7]), [7]);
+    assert_eq!(dead(&[5, 7]), [5, 7]);
+    // More than a quarter of nine.
+    assert_eq!(dead(&[4, 5, 7]), []);
+    // Constant in the first sweep only.
+    let first = std::cell::Cell::new(true);
+    let once = changed(&sweeps(plain(1), 3), |sweep| match first.replace(false) {
+        true => constant(&[7])(sweep),
+        false => sweep.to_vec(),
+    });
+    assert_eq!(likeness.dead_taxels(&SweepView::all(&once)), []);
+}

@@ -123,6 +123,11 @@ impl OnlineClassifier {
         &self.config
     }
 
+    /// Returns the masked taxels with their readings.
+    pub fn dead(&self) -> &DeadTaxels {
+        &self.dead
+    }
+
     /// Returns the number of dropout masks.
     pub fn mc_samples(&self) -> usize {
         self.net.mc_samples()

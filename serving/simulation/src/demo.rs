@@ -32,7 +32,7 @@ impl Demo {
     /// - `folder`: folder in which the table is written
     /// - `run`: run directory of the serving network
     /// - `sweeps`: data set whose sweeps the skin plays, except the network's training sweeps
-    /// - `rate_hz`: frames per second, for sweeps whose file does not state it
+    /// - `skin_words`: further arguments of the program that plays the skin
     /// - `listener`: socket of the page
     ///
     /// # Errors
@@ -42,7 +42,7 @@ impl Demo {
         folder: &Path,
         run: &Path,
         sweeps: &Path,
-        rate_hz: Option<f64>,
+        skin_words: &[String],
         listener: TcpListener,
     ) -> Result<Self, SimulationError> {
         let config = ServeConfig::default();
@@ -61,10 +61,9 @@ impl Demo {
         let cycle = folder.join("cycle.json");
         let cycle_name = cycle.display().to_string();
         let skin = ["simulate", "skin", "--data", &sweeps, "--unseen-by", &run];
-        let rate = rate_hz.map(|rate| rate.to_string());
-        let rate = rate.as_deref().map(|rate| ["--rate", rate]);
-        let rate: &[&str] = rate.as_ref().map(|words| &words[..]).unwrap_or_default();
-        let skin = [&skin[..], rate, &["--cycle-out", &cycle_name, "--table"]].concat();
+        let words = skin_words.iter().map(String::as_str);
+        let skin: Vec<&str> = skin.into_iter().chain(words).collect();
+        let skin = [&skin[..], &["--cycle-out", &cycle_name, "--table"]].concat();
         let mut start = |name: &'static str, arguments: &[&str]| {
             let process = ChildProcess::start(program, name, arguments, &demo.path)?;
             demo.processes.push(process);

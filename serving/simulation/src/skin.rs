@@ -4,6 +4,8 @@ use tactnet_data::Dataset;
 
 use tactnet_skin::packets::{Command, MAX_TAXELS, SkinFrame, SweepCommand, Text};
 
+use crate::SkinFault;
+
 /// Duration of the rest without contact between two motions, in s.
 const REST_SECONDS: f64 = 0.5;
 
@@ -33,6 +35,7 @@ pub struct SkinSimulator<'a> {
     /// `[taxels]`: readings without contact, in digits.
     untouched: Vec<f32>,
     finger: u32,
+    fault: SkinFault,
     /// `[steps][taxels]` of the current sweep.
     sweep: Vec<f32>,
     /// Number of motions so far.
@@ -73,6 +76,7 @@ impl<'a> SkinSimulator<'a> {
             pause: rest,
             untouched: untouched(dataset),
             finger: 0,
+            fault: SkinFault::default(),
             sweep: vec![0.0; shape.values()],
             motion: 0,
             at: 0,
@@ -90,6 +94,11 @@ impl<'a> SkinSimulator<'a> {
         self.object_sweeps = Some(sweeps);
         self.pause = self.rest * OBJECT_REST;
         self
+    }
+
+    /// Sends frames as a skin with this fault gives them.
+    pub fn with_fault(self, fault: SkinFault) -> Self {
+        Self { fault, ..self }
     }
 
     /// Returns the index of the sweep that a motion plays.
@@ -139,6 +148,7 @@ impl<'a> SkinSimulator<'a> {
         } else if self.at + 1 == self.pause && self.object_is_next() {
             command = Some(Command::Reset);
         }
+        self.fault.apply(&mut digits[..taxels], shape);
         let frame = SkinFrame {
             sequence: self.sequence,
             sensor_time_ns: (self.sequence as f64 * 1e9 / self.dataset.sample_rate_hz()) as u64,

@@ -63,7 +63,7 @@ const fn follows(
 const CLASSIFIER: &str = "components.tactnet";
 const SEGMENTER: &str = "components.tactnet.segmenter";
 
-const SETTINGS: [Setting; 41] = [
+const SETTINGS: [Setting; 43] = [
     setting(
         "",
         "bus",
@@ -177,6 +177,16 @@ const SETTINGS: [Setting; 41] = [
         CLASSIFIER,
         "mc_samples",
         "number of Monte Carlo dropout masks of the final belief; 0 disables dropout",
+    ),
+    setting(
+        CLASSIFIER,
+        "dead",
+        "dead taxels of every finger, counted from 0 row by row, which are masked from the start",
+    ),
+    setting(
+        CLASSIFIER,
+        "mask_dead",
+        "true: masks further taxels that change in none of three sweeps in succession, but in 99 % of the training sweeps, until they change again",
     ),
     follows(
         CLASSIFIER,

@@ -292,6 +292,14 @@ choices! {
         Enrolled = 8,
         /// A component cannot be reached; the text gives the reason.
         Unreachable = 9,
+        /// The sweeps of this object, the newest of which the packet names, are like the training data; the text gives p-values.
+        Like = 10,
+        /// They differ from the training data no more than its recording blocks differ from one another.
+        OtherBlock = 11,
+        /// They are unlike the training data; the text says what differs.
+        Unlike = 12,
+        /// Other taxels are masked as dead from now on; the text names them.
+        Masked = 13,
     }
 }
 

@@ -237,6 +237,10 @@ impl Event {
             Self::ModelRejected => "model rejected",
             Self::Enrolled => "enrolled",
             Self::Unreachable => "unreachable",
+            Self::Like => "like",
+            Self::OtherBlock => "other block",
+            Self::Unlike => "unlike",
+            Self::Masked => "masked",
         }
     }
 }

@@ -112,6 +112,8 @@ pub struct SweepSegmenter {
     limits: [f32; 2],
     /// `[taxels]`
     health: Vec<TaxelHealth>,
+    /// `[taxels]`: true for dead taxels, whose values are not checked.
+    dead: Vec<bool>,
     /// Number of window frames whose taxels have been checked.
     examined: usize,
 }
@@ -142,6 +144,7 @@ impl SweepSegmenter {
             first: None,
             turning: 0,
             health: vec![TaxelHealth::default(); taxels],
+            dead: vec![false; taxels],
             examined: 0,
         }
     }
@@ -149,6 +152,13 @@ impl SweepSegmenter {
     /// Sets the minimum and maximum value of a taxel, in digits, from the next frame on.
     pub fn set_values(&mut self, values: [f32; 2]) {
         self.limits = values;
+    }
+
+    /// Sets the dead taxels in place of those set before, from the next frame on. Their values neither reject a sweep, if they are finite, nor
+    /// count as contact.
+    pub fn set_dead(&mut self, dead: impl IntoIterator<Item = usize>) {
+        self.dead.fill(false);
+        dead.into_iter().for_each(|taxel| self.dead[taxel] = true);
     }
 
     /// Returns the window of the current or the last sweep.
@@ -227,7 +237,9 @@ impl SweepSegmenter {
 
     /// Starts or ends a sweep when contact starts or ends.
     fn update_contact(&mut self, contact: Contact, taxels: &[f32]) -> SweepChange {
-        let mean = taxels.iter().sum::<f32>() / taxels.len().max(1) as f32;
+        let alive = || taxels.iter().zip(&self.dead).filter(|(_, dead)| !**dead);
+        let sum: f32 = alive().map(|(digit, _)| digit).sum();
+        let mean = sum / alive().count().max(1) as f32;
         // A broken taxel must not hold the contact forever.
         let mean = if mean.is_finite() {
             mean
@@ -249,10 +261,8 @@ impl SweepSegmenter {
 
     fn take(&mut self, frame: &Frame<'_>) -> Result<Push, Reject> {
         let [least, greatest] = self.limits;
-        let off = frame
-            .taxels
-            .iter()
-            .position(|digit| *digit < least || *digit > greatest);
+        let mut checked = frame.taxels.iter().zip(&self.dead);
+        let off = checked.position(|(digit, dead)| !dead && (*digit < least || *digit > greatest));
         if let Some(taxel) = off {
             return Err(Reject::Range {
                 sequence: frame.sequence,
@@ -279,8 +289,11 @@ impl SweepSegmenter {
             });
         }
         for row in self.examined..self.window.kept() {
-            let row = self.window.row(row);
-            examine(&self.counts, greatest, &mut self.health, row)?;
+            let checked = self.health.iter_mut().zip(self.window.row(row));
+            let checked = checked.enumerate().filter(|(taxel, _)| !self.dead[*taxel]);
+            for (taxel, (health, digit)) in checked {
+                health.examine(&self.counts, greatest, taxel, *digit)?;
+            }
         }
         self.examined = self.window.kept();
         Ok(pushed)
@@ -318,40 +331,43 @@ impl SweepSegmenter {
     }
 }
 
-/// Updates the health of all taxels with one frame and rejects stalled and saturated ones.
-///
-/// - `greatest`: value of a saturated taxel, in digits
-fn examine(
-    counts: &FrameCounts,
-    greatest: f32,
-    health: &mut [TaxelHealth],
-    row: &[f32],
-) -> Result<(), Reject> {
-    for (taxel, (health, digit)) in health.iter_mut().zip(row).enumerate() {
-        health.repeated = if *digit == health.digit && *digit != 0.0 {
-            health.repeated + 1
+impl TaxelHealth {
+    /// Adds the next value of a taxel; rejects stalled and saturated taxels.
+    ///
+    /// - `greatest`: value of a saturated taxel, in digits
+    /// - `taxel`: index of the taxel
+    /// - `digit`: its value, in digits
+    fn examine(
+        &mut self,
+        counts: &FrameCounts,
+        greatest: f32,
+        taxel: usize,
+        digit: f32,
+    ) -> Result<(), Reject> {
+        self.repeated = if digit == self.digit && digit != 0.0 {
+            self.repeated + 1
         } else {
             1
         };
-        health.digit = *digit;
-        health.saturated = if *digit >= greatest {
-            health.saturated + 1
+        self.digit = digit;
+        self.saturated = if digit >= greatest {
+            self.saturated + 1
         } else {
             0
         };
-        if health.saturated >= counts.saturated {
+        if self.saturated >= counts.saturated {
             return Err(Reject::Saturated {
                 taxel,
-                frames: health.saturated,
+                frames: self.saturated,
             });
         }
-        if health.repeated >= counts.stalled {
+        if self.repeated >= counts.stalled {
             return Err(Reject::Stalled {
                 taxel,
-                digit: *digit,
-                frames: health.repeated,
+                digit,
+                frames: self.repeated,
             });
         }
+        Ok(())
     }
-    Ok(())
 }

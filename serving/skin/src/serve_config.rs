@@ -42,6 +42,10 @@ pub struct ServeConfig {
     /// Number of Monte Carlo dropout masks; 0 gives plain predictions only.
     #[serde(alias = "runs")]
     pub mc_samples: usize,
+    /// Dead taxels of every finger, counted from 0 row by row, which are masked from the start.
+    pub dead: Vec<usize>,
+    /// True if further taxels are masked that change in no sweep any more, but in the training sweeps.
+    pub mask_dead: bool,
     /// Deadline from a sweep's last frame to its plain belief, in ms. `None`: one frame period of the network.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plain_deadline_ms: Option<f64>,
@@ -63,6 +67,8 @@ impl Default for ServeConfig {
             model: "tactile/model".into(),
             anytime_ms: 50.0,
             mc_samples: 100,
+            dead: Vec::new(),
+            mask_dead: true,
             plain_deadline_ms: None,
             dropout_deadline_ms: None,
             segmenter: SegmenterConfig::default(),

@@ -113,7 +113,7 @@ impl Service {
             }
             Some(Command::Reset) => {
                 finger.classifier.reset();
-                finger.recent.forget();
+                finger.object += 1;
                 self.publish_status(Event::Reset, number, format_args!("fused sweeps discarded"))
             }
             Some(Command::Enroll) => self.enroll(number, command),
@@ -129,31 +129,18 @@ impl Service {
     }
 
     fn enroll(&mut self, number: u32, command: &SweepCommand) -> Result<(), ServeError> {
-        let recent = &self.fingers[number as usize].recent;
-        let kept = recent.kept();
-        let (material, sweeps) = (command.material, command.sweeps);
+        let material = command.material;
         if material.as_str().is_empty() {
             return self.publish_status(Event::Refused, number, format_args!("enroll: no name"));
         }
-        let Some(digits) = recent.newest(sweeps as usize) else {
-            return self.publish_status(
-                Event::Refused,
-                number,
-                format_args!(
-                    "enroll `{}`: {sweeps} sweeps requested, {kept} complete sweeps since the last reset",
-                    material.as_str()
-                ),
-            );
+        let job = Job::Enroll {
+            finger: number,
+            object: self.fingers[number as usize].object,
+            material,
+            sweeps: command.sweeps as usize,
         };
-        if self
-            .worker
-            .ask(Job::Enroll {
-                finger: number,
-                material,
-                digits,
-            })
-            .is_err()
-        {
+        // The sweeps before the command are among those to enroll.
+        if !self.hand_over_sweeps() || self.worker.ask(job).is_err() {
             return self.publish_status(
                 Event::Refused,
                 number,

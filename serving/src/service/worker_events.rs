@@ -1,11 +1,13 @@
-//! Events of the model worker: new models, enrolled materials, failures.
+//! Events of the model worker: new models, enrolled materials, masks, comparisons with the training data, failures.
 
+use tactnet_pipeline::OnlineClassifier;
 use tactnet_skin::MAX_FINGERS;
 use tactnet_skin::packets::Event;
 
 use super::Service;
 use crate::ServeError;
 use crate::model_worker::{Job, WorkerEvent};
+use crate::recent_sweeps::SweepId;
 use crate::skin_limits::limits;
 
 impl Service {
@@ -29,37 +31,37 @@ impl Service {
         }
         match self.worker_event.take() {
             Some(WorkerEvent::Ready {
-                mut classifiers,
+                classifiers,
                 names,
                 event,
-                finger: asked,
+                finger,
                 text,
             }) => {
-                let mut forgotten = [false; MAX_FINGERS];
-                let fingers = self.fingers.iter_mut().zip(&mut classifiers);
-                for ((finger, classifier), forgotten) in fingers.zip(&mut forgotten) {
-                    std::mem::swap(&mut finger.classifier, classifier);
-                    // Another network may have other value limits.
-                    let set = self.config.segmenter.values;
-                    if let Some(values) = set.or_else(|| limits(finger.classifier.config())) {
-                        finger.segmenter.set_values(values);
-                    }
-                    // Fused beliefs do not carry over to other materials.
-                    *forgotten = !finger.classifier.take_fused(classifier)
-                        && classifier.fused().sweeps() > 0;
-                }
+                // Fused beliefs of the former mask are wrong.
+                let masked = (event == Event::Masked).then_some(finger as usize);
+                let forgotten = self.replace_classifiers(classifiers, masked);
                 self.names = names;
                 self.metrics.serve(self.names.version);
-                self.retired = Some(classifiers);
                 self.model.put_copy(&[*self.names])?;
-                self.publish_status(event, asked, format_args!("{}", text.as_str()))?;
+                if masked.is_some() {
+                    self.messages.push(text.as_str().into());
+                }
+                self.publish_status(event, finger, format_args!("{}", text.as_str()))?;
                 for (number, forgotten) in forgotten.into_iter().enumerate() {
                     if forgotten {
-                        let text = format_args!("fused sweeps discarded: other materials");
+                        let other = if masked.is_some() {
+                            "mask"
+                        } else {
+                            "materials"
+                        };
+                        let text = format_args!("fused sweeps discarded: other {other}");
                         self.publish_status(Event::Reset, number as u32, text)?;
                     }
                 }
                 Ok(())
+            }
+            Some(WorkerEvent::Compared { id, event, text }) => {
+                self.report_likeness(id, event, text.as_str())
             }
             Some(WorkerEvent::Failed {
                 event,
@@ -68,5 +70,42 @@ impl Service {
             }) => self.publish_status(event, finger, format_args!("{}", text.as_str())),
             None => Ok(()),
         }
+    }
+
+    /// Replaces the classifiers of all fingers. Returns true for the fingers whose fused beliefs are discarded: all if the
+    /// materials differ.
+    ///
+    /// - `masked`: a finger whose beliefs are discarded in any case
+    fn replace_classifiers(
+        &mut self,
+        mut classifiers: Vec<OnlineClassifier>,
+        masked: Option<usize>,
+    ) -> [bool; MAX_FINGERS] {
+        let mut forgotten = [false; MAX_FINGERS];
+        let fingers = self.fingers.iter_mut().zip(&mut classifiers);
+        for ((number, (finger, classifier)), forgotten) in fingers.enumerate().zip(&mut forgotten) {
+            std::mem::swap(&mut finger.classifier, classifier);
+            // Another network may have other value limits.
+            let set = self.config.segmenter.values;
+            if let Some(values) = set.or_else(|| limits(finger.classifier.config())) {
+                finger.segmenter.set_values(values);
+            }
+            let dead = finger.classifier.dead().0.keys();
+            finger.segmenter.set_dead(dead.copied());
+            let kept = masked != Some(number) && finger.classifier.take_fused(classifier);
+            *forgotten = !kept && classifier.fused().sweeps() > 0;
+        }
+        self.retired = Some(classifiers);
+        forgotten
+    }
+
+    /// Publishes a comparison with the training data, and tells the operator when it changes to `unlike` and back.
+    fn report_likeness(&mut self, id: SweepId, event: Event, text: &str) -> Result<(), ServeError> {
+        let known = &mut self.fingers[id.finger as usize].likeness;
+        let before = known.replace(event);
+        if (event == Event::Unlike) != (before == Some(Event::Unlike)) {
+            self.messages.push(format!("sweep {}: {text}", id.sweep));
+        }
+        self.publish_status_of(event, id, format_args!("{text}"))
     }
 }

@@ -63,6 +63,10 @@ function showBars(rows) {
   if (!rows.length) items.push(node("li", view.materials ? "One of " + view.materials + (view.tells_unknown ? " materials, or none of them." : " materials.") : "No network yet.", "rest"));
   el("bars").replaceChildren(...items);
 }
+function showUnlike() {
+  el("unlike").hidden = !view.unlike;
+  set("unlike", view.unlike || "");
+}
 function showScore() {
   const { right, all, new_right, new_all, marks } = view.score, truth = view.object.truth !== null || all > 0;
   el("score-card").hidden = !truth; document.body.classList.toggle("unscored", !truth);
@@ -248,7 +252,7 @@ function show() {
   chooseScale();
   set("trace-title", "The same sensors over the last " + SECONDS + " seconds, each from " + number(low_) + " to " + number(top_));
   document.body.style.setProperty("--shape", skin()[1] + " / " + skin()[0]);
-  showStage(); showAnswer(); showScore(); showEvents(); showCounters(); showAge(); draw();
+  showStage(); showUnlike(); showAnswer(); showScore(); showEvents(); showCounters(); showAge(); draw();
 }
 const source = new EventSource("events");
 source.onmessage = message => {

@@ -190,6 +190,7 @@ impl Dashboard {
             score: &state.objects.score,
             note: &self.note,
             tells_unknown: state.tells_unknown,
+            unlike: state.banner.text(),
             stage,
             model_version: state.model_version,
             counters: &state.counters,

@@ -8,6 +8,7 @@ use tactnet_skin::packets::{
     Command, Counters, Event, Stage, SweepCommand, TactileBelief, TactileStatus, Verdict,
 };
 
+use super::likeness_banner::{LikenessBanner, is_verdict};
 use super::objects::{Object, Objects, Prediction, Score};
 use super::range::DisplayRange;
 
@@ -43,6 +44,8 @@ pub(super) struct View<'a> {
     pub(super) note: &'a str,
     /// True if a belief has had a verdict, so that the classifier can predict unknown.
     pub(super) tells_unknown: bool,
+    /// Difference of the sweeps from the training data, while they are unlike it.
+    pub(super) unlike: Option<&'a str>,
     /// State of the catching stage, if there is one.
     pub(super) stage: Option<&'a serde_json::Value>,
     pub(super) model_version: u64,
@@ -94,6 +97,7 @@ pub(super) struct ClassifierState {
     pub(super) messages: VecDeque<String>,
     /// True once a belief has had a verdict.
     pub(super) tells_unknown: bool,
+    pub(super) banner: LikenessBanner,
     /// True if dropout beliefs decide complete sweeps.
     pub(super) by_dropout: bool,
 }
@@ -152,6 +156,15 @@ impl ClassifierState {
     pub(super) fn take_status(&mut self, status: &TactileStatus) {
         self.counters = counters(&status.counters);
         let text = status.text.as_str();
+        if status.event == Event::Swapped as u32 {
+            self.banner = LikenessBanner::default();
+        }
+        if is_verdict(status) {
+            if status.finger == 0 && self.banner.take(status) {
+                self.announce(format!("sweep {}: {text}", status.sweep), None);
+            }
+            return;
+        }
         match &self.belief {
             Some(belief) if status.event == Event::Classified as u32 => {
                 let said = match belief.posterior.first() {
@@ -167,7 +180,9 @@ impl ClassifierState {
             _ if status.event == Event::Rejected as u32 => {
                 self.announce(format!("sweep {} rejected: {text}", status.sweep), None);
             }
-            _ if status.event == Event::Refused as u32 => self.announce(text.into(), None),
+            _ if [Event::Refused as u32, Event::Masked as u32].contains(&status.event) => {
+                self.announce(text.into(), None);
+            }
             _ => self.add(format!("sweep {}: {text}", status.sweep), None),
         }
     }

@@ -13,6 +13,7 @@ use tactnet_simulation::{PlayCycle, SkinDriver, SkinSimulator, play_order, rest_
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::ModelNames;
 
+use super::fault::FaultArgs;
 use super::{check_fit, unseen_by};
 use crate::commands::choices::rate;
 use crate::stop::Stop;
@@ -22,7 +23,8 @@ use crate::{output, source};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet simulate skin --table robot.toml                             all materials of the twin, in random order\n  \
-    tactnet simulate skin --table robot.toml --data sweeps.h5 --sweeps 5 five sweeps of a recorded data set")]
+    tactnet simulate skin --table robot.toml --data sweeps.h5 --sweeps 5 five sweeps of a recorded data set\n  \
+    tactnet simulate skin --table robot.toml --taxel-order transposed    a skin whose rows and columns are exchanged")]
 pub struct SkinArgs {
     /// Channel table; `tactnet serve --print-table` prints one
     #[arg(long, value_name = "FILE")]
@@ -58,6 +60,8 @@ pub struct SkinArgs {
     /// Seed of the order of the sweeps
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    fault: FaultArgs,
 }
 
 /// Timeout for the names of a serving network.
@@ -185,6 +189,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
             dataset.sample_rate_hz()
         );
     }
+    let fault = arguments.fault.fault(dataset.shape().taxels())?;
     refuse_another_skin(&bus, &table, &config, &dataset)?;
     let mut driver = SkinDriver::open(&bus, &config)?.at_speed(arguments.speed);
     if arguments.no_commands {
@@ -193,7 +198,7 @@ pub fn run(arguments: &SkinArgs) -> anyhow::Result<ExitCode> {
     let rest = rest_frames(dataset.sample_rate_hz());
     let lead = config.segmenter.skip.frames(dataset.sample_rate_hz());
     let in_order = order.len() as u64;
-    let mut skin = SkinSimulator::new(&dataset, order, lead, rest);
+    let mut skin = SkinSimulator::new(&dataset, order, lead, rest).with_fault(fault);
     if object_sweeps > 0 {
         skin = skin.with_objects_of(object_sweeps);
     }

@@ -38,6 +38,11 @@ impl Builder {
             .push(Tensor::floats(name, shape, values));
     }
 
+    /// Adds a constant of rows of equal length.
+    pub(super) fn matrix(&mut self, name: &str, rows: &[Vec<f32>]) {
+        self.floats(name, &[rows.len(), rows[0].len()], &rows.concat());
+    }
+
     pub(super) fn integers(&mut self, name: &str, values: &[i64]) {
         self.graph.initializer.push(Tensor::integers(name, values));
     }

@@ -151,7 +151,7 @@ fn compare_exported(
                 0 => crate::OnnxInputs::Digits,
                 _ => crate::OnnxInputs::DigitsAndMasks,
             };
-            let model = crate::to_onnx(config, &weights, None, inputs, &about)?;
+            let model = crate::to_onnx(config, &weights, None, None, inputs, &about)?;
             let threads = std::thread::available_parallelism().map_or(1, usize::from);
             let features = weights.0["hidden.weight"].shape[1];
             let network =

@@ -65,25 +65,118 @@ impl OnnxRuntime {
 
 impl ExportedNetwork for OnnxRuntime {
     fn score(&mut self, digits: &[f32]) -> Result<Vec<f64>, RuntimeFailure> {
+        let output = match self.masks.is_empty() {
+            true => "log_probability",
+            false => "mc_log_probability",
+        };
+        self.output(output, digits)
+    }
+}
+
+impl OnnxRuntime {
+    /// Returns the values of an output.
+    ///
+    /// - `digits`: `[sweeps][steps][taxels]`
+    fn output(&mut self, output: &str, digits: &[f32]) -> Result<Vec<f64>, RuntimeFailure> {
         let sweeps = digits.len() / self.shape.values();
         let digits =
             TensorRef::from_array_view(([sweeps, self.shape.steps, self.shape.taxels()], digits))?;
         let mut outputs;
-        let output = if self.masks.is_empty() {
+        if self.masks.is_empty() {
             outputs = self.session.run(ort::inputs!["digits" => digits])?;
-            "log_probability"
         } else {
             let mc_samples = self.masks.len() / self.features;
             let masks = TensorRef::from_array_view(([mc_samples, self.features], &*self.masks))?;
             outputs = self
                 .session
                 .run(ort::inputs!["digits" => digits, "masks" => masks])?;
-            "mc_log_probability"
-        };
+        }
         let found = outputs
             .remove(output)
             .ok_or_else(|| format!("the model has no output `{output}`"))?;
         let (_, scores) = found.try_extract_tensor::<f32>()?;
         Ok(scores.iter().map(|score| f64::from(*score)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::{Dataset, Fold, Samples, Scheme, Seed, SweepView};
+    use tactnet_models::Compute;
+
+    use super::*;
+    use crate::{Likeness, NetworkRecipe, OnnxInputs, to_onnx, train_network};
+
+    /// Returns the test sweeps, then the same with a dead taxel, with another gain, and with two taxels exchanged.
+    fn disturbed(fold: &Fold<'_>) -> Dataset {
+        let (view, shape) = (&fold.test, fold.test.shape());
+        let mut values = vec![0.0; 4 * view.len() * shape.values()];
+        let mut records = Vec::new();
+        let sweeps = values.chunks_exact_mut(shape.values());
+        for (number, sweep) in sweeps.enumerate() {
+            let position = number % view.len();
+            view.copy_batch(&[position], sweep);
+            for frame in sweep.chunks_exact_mut(shape.taxels()) {
+                match number / view.len() {
+                    0 => {}
+                    1 => frame[6] = 0.0,
+                    2 => frame.iter_mut().for_each(|value| *value *= 1.5),
+                    _ => frame.swap(0, 9),
+                }
+            }
+            records.push(view.dataset().records()[view.indices()[position]].clone());
+        }
+        let labels = view.dataset().labels().clone();
+        let samples = Samples::F32(values);
+        Dataset::new("disturbed", 750.0, shape, labels, records, samples).unwrap()
+    }
+
+    #[test]
+    fn p_values_of_the_exported_file_are_those_of_the_comparison_with_training_data() {
+        assert!(
+            std::env::var_os(LIBRARY).is_some(),
+            "{LIBRARY} names ONNX Runtime's shared library"
+        );
+        let twin = TwinConfig {
+            materials: 6,
+            sweeps: 20,
+            steps: 125,
+            ..TwinConfig::default()
+        };
+        let dataset = generate(&twin).unwrap();
+        let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let recipe = "name = \"small\"\nnetwork = { maps = [4], hidden = 8 }\ninput = { scaling = \"per-taxel\" }\n\
+             [training]\nepochs = 1\nbatch = 16\nlearning_rate = 0.005\nmethod = { kind = \"base\" }\n";
+        let recipe = NetworkRecipe::parse("small", recipe).unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let trained = train_network(&recipe, &fold.train, Seed(1), &device, |_| true);
+        let classifier = trained.unwrap().unwrap();
+        let likeness = Likeness::fit(&fold.train, Seed(1)).unwrap().unwrap();
+        let weights = classifier.network().unwrap().weights();
+        let (config, about) = (classifier.config(), BTreeMap::new());
+        let inputs = OnnxInputs::Digits;
+        let model = to_onnx(config, &weights, None, Some(&likeness), inputs, &about).unwrap();
+        let mut runtime = OnnxRuntime::new(&model, dataset.shape(), 0, Vec::new(), 1).unwrap();
+
+        let sweeps = disturbed(&fold);
+        let offline = likeness.assess(&SweepView::all(&sweeps), Seed(1));
+        let digits: Vec<f32> = (0..sweeps.len()).flat_map(|at| sweeps.sweep(at)).collect();
+        let found = runtime.output("likeness", &digits).unwrap();
+        assert_eq!(found.len(), sweeps.len());
+        // A p-value is a rank among the training sweeps; the file computes in single precision, which may exchange two neighbours.
+        let rank = 1.0 / (1 + fold.train.len()) as f64;
+        let apart: Vec<f64> = found
+            .iter()
+            .zip(&offline.p_of_sweeps)
+            .map(|(found, offline)| (found - offline).abs())
+            .collect();
+        assert!(apart.iter().all(|apart| *apart < 1.5 * rank), "{apart:?}");
+        let same = apart.iter().filter(|apart| **apart < 1e-6).count();
+        assert!(20 * same >= 19 * apart.len(), "{same} of {}", apart.len());
+        // Both small and large ones occur.
+        assert!(found.iter().any(|p| *p < 0.02) && found.iter().any(|p| *p > 0.5));
     }
 }

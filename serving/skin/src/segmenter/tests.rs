@@ -188,6 +188,54 @@ fn stalled_and_saturated_taxels_are_found_and_silent_ones_are_not() {
 }
 
 #[test]
+fn dead_taxels_reject_no_sweep_and_hold_no_contact() {
+    let mut segmenter = segmenter(config());
+    segmenter.set_dead([1]);
+    let mut sequence = 0;
+    let mut sweep = |values: [f32; 2]| {
+        segmenter.start();
+        for n in 0..8 {
+            let digits = [n as f32, values[n % 2]];
+            push(&mut segmenter, sequence, sequence * PERIOD, digits);
+            sequence += 1;
+        }
+        segmenter.window().is_complete()
+    };
+    // Stalled, saturated, out of range.
+    assert!(sweep([7.0, 7.0]));
+    assert!(sweep([255.0, 255.0]));
+    assert!(sweep([-1.0, 300.0]));
+    let contact = Contact {
+        begins: 10.0,
+        ends: 5.0,
+        frames: 1.into(),
+    };
+    let mut segmenter = SweepSegmenter::new(
+        SegmenterConfig {
+            segmentation: Segmentation::Contact(contact),
+            ..config()
+        },
+        6,
+        2,
+        1e9 / PERIOD as f64,
+    );
+    segmenter.set_dead([1]);
+    assert_eq!(
+        push(&mut segmenter, 0, 0, [9.0, 90.0]),
+        SweepChange::Unchanged
+    );
+    assert_eq!(
+        push(&mut segmenter, 1, PERIOD, [10.0, 0.0]),
+        SweepChange::Begun
+    );
+    segmenter.set_dead([]);
+    assert!(matches!(
+        push(&mut segmenter, 2, 2 * PERIOD, [9.0, 0.0]),
+        SweepChange::Rejected(Reject::Short { .. })
+    ));
+}
+
+#[test]
 fn values_below_zero_are_as_good_as_others_where_the_skin_gives_them() {
     let sweep = |values: Option<[f32; 2]>, digit: f32| {
         let mut segmenter = segmenter(SegmenterConfig { values, ..config() });

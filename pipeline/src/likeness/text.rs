@@ -1,33 +1,44 @@
 //! Comparison of sweeps with the training sweeps as text.
 
-use tactnet_pipeline::{Difference, LikenessReport, LikenessVerdict, Property, TaxelOrder};
+use super::{Difference, LikenessReport, LikenessVerdict, Property, TaxelOrder};
 
 /// Maximum number of taxels in a sentence.
 const MAX_TAXELS: usize = 8;
 
-/// Returns the verdict in one line.
-pub fn verdict_text(report: &LikenessReport) -> String {
-    let sweeps = report.p_of_sweeps.len();
-    let p = p_text(report.p);
-    if sweeps == 0 {
-        return String::new();
+impl LikenessReport {
+    /// Returns the verdict in one line; empty without sweeps.
+    pub fn text(&self) -> String {
+        let sweeps = self.p_of_sweeps.len();
+        let p = p_text(self.p);
+        if sweeps == 0 {
+            return String::new();
+        }
+        let differences: Vec<String> = self.differences.iter().map(difference_text).collect();
+        let differences = match differences.is_empty() {
+            true => String::new(),
+            false => format!(": {}", differences.join("; ")),
+        };
+        match self.verdict {
+            LikenessVerdict::Like => format!("like the training data ({p})"),
+            LikenessVerdict::OtherBlock => format!(
+                "like another recording block: unlike the training sweeps ({p}), but their recording blocks differ as much from one \
+                 another ({}){differences}",
+                p_text(self.p_other_block.unwrap_or(1.0))
+            ),
+            LikenessVerdict::Unlike => format!(
+                "UNLIKE the training data ({p}; {} of {sweeps} sweeps){differences}",
+                self.unlike_sweeps
+            ),
+        }
     }
-    let differences: Vec<String> = report.differences.iter().map(difference_text).collect();
-    let differences = match differences.is_empty() {
-        true => String::new(),
-        false => format!(": {}", differences.join("; ")),
-    };
-    match report.verdict {
-        LikenessVerdict::Like => format!("like the training data ({p})"),
-        LikenessVerdict::OtherBlock => format!(
-            "like another recording block: unlike the training sweeps ({p}), but their recording blocks differ as much from one \
-             another ({}){differences}",
-            p_text(report.p_other_block.unwrap_or(1.0))
-        ),
-        LikenessVerdict::Unlike => format!(
-            "UNLIKE the training data ({p}; {} of {sweeps} sweeps){differences}",
-            report.unlike_sweeps
-        ),
+
+    /// Returns the verdict in one line, with the p-value of the last of several sweeps.
+    pub fn text_with_last_sweep(&self) -> String {
+        let text = self.text();
+        match self.p_of_sweeps.as_slice() {
+            [_, .., last] => format!("{text}; the last sweep alone: {}", p_text(*last)),
+            _ => text,
+        }
     }
 }
 
@@ -136,12 +147,18 @@ mod tests {
             }],
         };
         assert_eq!(
-            verdict_text(&report),
+            report.text(),
             "UNLIKE the training data (p = 0.001; 9 of 12 sweeps): taxels are exchanged: 0 and 2"
         );
         report.verdict = LikenessVerdict::Like;
         report.differences.clear();
         report.p = 0.4;
-        assert_eq!(verdict_text(&report), "like the training data (p = 0.40)");
+        assert_eq!(report.text(), "like the training data (p = 0.40)");
+        assert_eq!(
+            report.text_with_last_sweep(),
+            "like the training data (p = 0.40); the last sweep alone: p = 0.001"
+        );
+        report.p_of_sweeps.truncate(1);
+        assert_eq!(report.text_with_last_sweep(), report.text());
     }
 }
