@@ -5,8 +5,6 @@
     reason = "a test that cannot go on should say where"
 )]
 
-use tactnet_serving::CountingAllocator;
-
 mod arrays;
 mod attacks;
 mod baselines;
@@ -46,7 +44,3 @@ mod unlabelled;
 mod view;
 #[cfg(feature = "vulkan")]
 mod vulkan;
-
-/// Counts the allocations of each thread, as in the command.
-#[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
