@@ -5,10 +5,9 @@ use std::path::Path;
 use tactnet_data::{SplitManifest, SweepShape, SweepView, TrainSplit};
 use tactnet_models::Weights;
 use tactnet_pipeline::{
-    BatchReport, Calibration, ClassifierConfig, Likeness, LikenessReport, ModelConfig, ModelRecipe,
+    BatchReport, Calibration, FittedModel, Likeness, LikenessReport, ModelConfig, ModelRecipe,
     NoveltyScore, NoveltyScorer, OnlineClassifier, PredictionMethod, Predictions, Provenance,
-    RunConfig, RunDir, Thresholds, TrainEmbeddings, TrainJob, TrainSpec, fit_baseline,
-    train_network,
+    RunConfig, RunDir, Thresholds, TrainEmbeddings, TrainJob, TrainSpec, fit_model,
 };
 
 use crate::Error;
@@ -35,25 +34,16 @@ impl Classifier {
         go_on: impl FnMut(&BatchReport) -> bool,
     ) -> Result<Option<Self>, Error> {
         let (spec, device) = (job.spec(), job.device());
-        let (fitted, weights) = match job.recipe() {
-            ModelRecipe::Network(recipe) => {
-                let Some(fitted) = train_network(recipe, train, spec.seed, device, go_on)? else {
-                    return Ok(None);
-                };
-                let weights = fitted.network()?.weights();
-                (fitted, weights)
-            }
-            ModelRecipe::Baseline(recipe) => {
-                let weights = fit_baseline(recipe, train, spec.seed, |_| {})?.weights;
-                let model = ModelConfig::Baseline(recipe.clone());
-                let config = ClassifierConfig::new(model, train, spec.seed);
-                let fitted = tactnet_pipeline::Classifier::new(config, &weights, device)?;
-                (fitted, weights)
-            }
+        let Some(fitted) = fit_model(job.recipe(), train, spec.seed, device, go_on)? else {
+            return Ok(None);
         };
+        let FittedModel {
+            classifier: fitted,
+            weights,
+        } = fitted;
         let embeddings = match job.recipe() {
             ModelRecipe::Network(_) => Some(TrainEmbeddings::of(&fitted.embed(train)?)),
-            ModelRecipe::Baseline(_) => None,
+            ModelRecipe::Baseline(_) | ModelRecipe::Committee(_) => None,
         };
         let config = RunConfig {
             schema_version: RunConfig::SCHEMA_VERSION,
@@ -102,7 +92,7 @@ impl Classifier {
             tactnet_pipeline::Classifier::new(config.classifier.clone(), &weights, &device)?;
         let embeddings = match &config.classifier.model {
             ModelConfig::Network(_) => Some(run.train_embeddings()?),
-            ModelConfig::Baseline(_) => None,
+            ModelConfig::Baseline(_) | ModelConfig::Committee(_) => None,
         };
         Ok(Self {
             fitted,

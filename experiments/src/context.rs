@@ -7,7 +7,7 @@ use rand::Rng;
 use tactnet_data::{Dataset, Seed, SweepView, TrainSplit};
 use tactnet_pipeline::{
     BatchReport, Classifier, ClassifierConfig, Embedding, ModelConfig, ModelRecipe, NetworkRecipe,
-    NetworkSetup, PipelineError, fit_baseline, train_network, train_siamese,
+    NetworkSetup, PipelineError, fit_model, train_network, train_siamese,
 };
 
 use crate::networks::FinishedNetworks;
@@ -47,11 +47,11 @@ impl<'a> StudyContext<'a> {
     /// Returns the recipe of the networks.
     ///
     /// # Panics
-    /// If the model is a baseline, which only questions with [`Ask::takes_baselines`](crate::questions::Ask) get.
+    /// If the model is not a network, which only questions with [`Ask::takes_baselines`](crate::questions::Ask) get.
     pub(crate) fn recipe(&self) -> &'a NetworkRecipe {
         match self.model {
             ModelRecipe::Network(recipe) => recipe,
-            ModelRecipe::Baseline(recipe) => panic!("a network, not the baseline {}", recipe.name),
+            other => panic!("a network, not {}", other.name()),
         }
     }
 
@@ -79,13 +79,13 @@ impl<'a> StudyContext<'a> {
         train: &TrainSplit<'_>,
         seed: Seed,
     ) -> Result<Classifier, Cancelled> {
-        let ModelRecipe::Baseline(recipe) = self.model else {
+        if let ModelRecipe::Network(_) = self.model {
             return self.trained(what, train, seed);
-        };
+        }
         self.say(what)?;
-        let fit = fit_baseline(recipe, train, seed, |_| {})?;
-        let config = ClassifierConfig::new(ModelConfig::Baseline(recipe.clone()), train, seed);
-        Ok(Classifier::new(config, &fit.weights, self.device)?)
+        let go_on = |_: &_| (self.on_progress)(what, None);
+        let fitted = fit_model(self.model, train, seed, self.device, go_on)?;
+        fitted.map(|of| of.classifier).ok_or(Cancelled::Stopped)
     }
 
     /// Trains a network on `train`, or loads it if an interrupted session of the task has already trained it.

@@ -89,7 +89,7 @@ pub fn answer_question(
 ) -> Result<Option<QuestionResult>, ExperimentError> {
     let begun = Instant::now();
     let question = task.question.ask();
-    if matches!(model, ModelRecipe::Baseline(_)) && !question.takes_baselines() {
+    if !matches!(model, ModelRecipe::Network(_)) && !question.takes_baselines() {
         return Err(ExperimentError::Recipe {
             origin: model.name().into(),
             reason: format!("the question `{}` needs a network", question.name()),

@@ -19,6 +19,7 @@
 //! stop after any of them, because every random choice is derived from seed, epoch and batch.
 
 mod baseline;
+mod committee;
 mod error;
 mod export;
 mod features;
@@ -39,6 +40,9 @@ pub use baseline::recipe::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
 pub use baseline::ridge::RidgeRecipe;
 pub use baseline::svm::SvmRecipe;
 pub use burn::tensor::Device;
+pub use committee::fitted::MemberConfig;
+pub use committee::recipe::{CommitteeRecipe, LeftOutMember};
+pub use committee::training::{FittedModel, fit_model};
 pub use error::PipelineError;
 pub use export::onnx::{OnnxInputs, to_onnx};
 pub use export::safetensors::to_safetensors;

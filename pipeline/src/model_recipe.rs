@@ -5,7 +5,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use tactnet_data::known_names;
 
-use crate::{BaselineRecipe, MeanRemoval, NetworkRecipe, PipelineError, PredictionMethod};
+use crate::{
+    BaselineRecipe, CommitteeRecipe, MeanRemoval, NetworkRecipe, PipelineError, PredictionMethod,
+};
 
 /// Names and TOML of the built-in recipes of baselines.
 const BASELINES: [(&str, &str); 11] = [
@@ -25,6 +27,9 @@ const BASELINES: [(&str, &str); 11] = [
     ),
 ];
 
+/// Names and TOML of the built-in committees.
+const COMMITTEES: [(&str, &str); 1] = [("committee", include_str!("../recipes/committee.toml"))];
+
 /// Recipe of any kind of model.
 #[allow(clippy::large_enum_variant)] // few recipes exist at a time
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,12 +40,16 @@ pub enum ModelRecipe {
     /// Features and a classical classifier.
     #[serde(rename = "baseline")]
     Baseline(BaselineRecipe),
+    /// Several models whose probabilities are averaged.
+    #[serde(rename = "committee")]
+    Committee(CommitteeRecipe),
 }
 
 impl ModelRecipe {
     /// Returns the names of all built-in recipes.
     pub fn built_in_names() -> impl Iterator<Item = &'static str> {
-        NetworkRecipe::built_in_names().chain(BASELINES.iter().map(|(name, _)| *name))
+        let others = BASELINES.iter().chain(&COMMITTEES);
+        NetworkRecipe::built_in_names().chain(others.map(|(name, _)| *name))
     }
 
     /// Returns the TOML of a built-in recipe, including its comments.
@@ -48,8 +57,8 @@ impl ModelRecipe {
     /// # Errors
     /// An unknown name.
     pub fn built_in_text(name: &str) -> Result<&'static str, PipelineError> {
-        let baselines = BASELINES.iter().copied();
-        baselines
+        let others = BASELINES.iter().chain(&COMMITTEES).copied();
+        others
             .chain(NetworkRecipe::built_in_texts())
             .find_map(|(known, text)| (known == name).then_some(text))
             .ok_or_else(|| PipelineError::UnknownRecipe {
@@ -63,7 +72,8 @@ impl ModelRecipe {
     /// # Errors
     /// An unknown name that is not a readable file either; invalid TOML; a setting out of range.
     pub fn load(name_or_path: &str) -> Result<Self, PipelineError> {
-        if let Some((name, text)) = BASELINES.iter().find(|(name, _)| *name == name_or_path) {
+        let mut others = BASELINES.iter().chain(&COMMITTEES);
+        if let Some((name, text)) = others.find(|(name, _)| *name == name_or_path) {
             return Self::parse(name, text);
         }
         if NetworkRecipe::built_in_names().any(|name| name == name_or_path) {
@@ -86,7 +96,8 @@ impl ModelRecipe {
         Self::parse(name_or_path, &text)
     }
 
-    /// Parses and validates TOML: a baseline if it has the key `features`, else a network. Error messages name `origin`.
+    /// Parses and validates TOML: a baseline if it has the key `features`, a committee if it has `members`, else a network. Error messages name
+    /// `origin`.
     ///
     /// # Errors
     /// Invalid TOML; an unknown field; a setting out of range.
@@ -95,10 +106,12 @@ impl ModelRecipe {
             origin: origin.into(),
             reason,
         };
-        let is_baseline = text
-            .parse::<toml::Table>()
-            .is_ok_and(|table| table.contains_key("features"));
-        if !is_baseline {
+        let table = text.parse::<toml::Table>().unwrap_or_default();
+        if table.contains_key("members") {
+            let recipe = CommitteeRecipe::parse(text).map_err(refused)?;
+            return Ok(Self::Committee(recipe));
+        }
+        if !table.contains_key("features") {
             return NetworkRecipe::parse(origin, text).map(Self::Network);
         }
         let recipe: BaselineRecipe = toml::from_str(text)
@@ -114,6 +127,7 @@ impl ModelRecipe {
         match self {
             Self::Network(recipe) => &recipe.name,
             Self::Baseline(recipe) => &recipe.name,
+            Self::Committee(recipe) => &recipe.name,
         }
     }
 
@@ -126,6 +140,13 @@ impl ModelRecipe {
         match self {
             Self::Network(_) => None,
             Self::Baseline(recipe) => recipe.starved(counts),
+            // Members with too few sweeps are left out.
+            Self::Committee(recipe) => {
+                let starved = recipe.members.iter().map(|member| member.starved(counts));
+                starved
+                    .min_by_key(|of| of.map_or(0, |(_, needed)| needed))
+                    .flatten()
+            }
         }
     }
 
@@ -146,14 +167,16 @@ impl ModelRecipe {
         match self {
             Self::Network(recipe) => recipe.prediction.method,
             Self::Baseline(_) => PredictionMethod::Plain,
+            Self::Committee(recipe) => recipe.method(),
         }
     }
 
-    /// Returns the removal of each taxel's mean over a sweep.
+    /// Returns the removal of each taxel's mean over a sweep; of a committee, that of its first member.
     pub fn levels(&self) -> MeanRemoval {
         match self {
             Self::Network(recipe) => recipe.input.levels,
             Self::Baseline(recipe) => recipe.levels,
+            Self::Committee(recipe) => recipe.members[0].levels(),
         }
     }
 
@@ -162,6 +185,28 @@ impl ModelRecipe {
         match &mut self {
             Self::Network(recipe) => recipe.input.levels = levels,
             Self::Baseline(recipe) => recipe.levels = levels,
+            Self::Committee(recipe) => {
+                for member in &mut recipe.members {
+                    *member = member.clone().with_levels(levels);
+                }
+            }
+        }
+        self
+    }
+
+    /// Returns the recipe with another number of epochs of all networks, whatever the number of sweeps.
+    pub fn with_epochs(mut self, epochs: usize) -> Self {
+        match &mut self {
+            Self::Network(recipe) => {
+                recipe.training.epochs = epochs;
+                recipe.training.least_steps = None;
+            }
+            Self::Baseline(_) => {}
+            Self::Committee(recipe) => {
+                for member in &mut recipe.members {
+                    *member = member.clone().with_epochs(epochs);
+                }
+            }
         }
         self
     }
@@ -175,6 +220,7 @@ impl ModelRecipe {
             Self::Network(recipe) => recipe.to_toml(),
             Self::Baseline(recipe) => toml::to_string(recipe)
                 .unwrap_or_else(|error| panic!("a recipe is always valid TOML: {error}")),
+            Self::Committee(recipe) => recipe.to_toml(),
         }
     }
 }

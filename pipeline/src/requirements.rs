@@ -68,6 +68,18 @@ impl ModelRecipe {
                 Ok(())
             }
             Self::Baseline(recipe) => recipe.features.check(shape, rate_hz),
+            // Members that do not exist for these sweeps are left out.
+            Self::Committee(recipe) => {
+                let mut checks = recipe
+                    .members
+                    .iter()
+                    .map(|member| member.check_sweeps(shape, rate_hz));
+                let first = checks.next().unwrap_or(Ok(()));
+                match first.is_ok() || checks.any(|check| check.is_ok()) {
+                    true => Ok(()),
+                    false => first,
+                }
+            }
         }
     }
 

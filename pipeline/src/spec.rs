@@ -257,9 +257,8 @@ impl TryFrom<TrainSpec> for TrainJob {
             recipe = recipe.with_levels(levels);
         }
         spec.validate(&recipe)?;
-        if let (ModelRecipe::Network(network), Some(epochs)) = (&mut recipe, spec.epochs) {
-            network.training.epochs = epochs;
-            network.training.least_steps = None;
+        if let Some(epochs) = spec.epochs {
+            recipe = recipe.with_epochs(epochs);
         }
         let device = spec.device.open()?;
         Ok(Self {
@@ -282,14 +281,16 @@ impl TrainSpec {
         if self.epochs == Some(0) {
             return refused("epochs", "at least 1", "0".into());
         }
-        if let ModelRecipe::Baseline(baseline) = recipe {
+        if !matches!(recipe, ModelRecipe::Network(_)) {
+            let is_baseline = matches!(recipe, ModelRecipe::Baseline(_));
             let only_networks = [
-                ("epochs", self.epochs.is_some()),
+                ("epochs", is_baseline && self.epochs.is_some()),
                 ("watch-test", self.watch_test),
                 ("calibrate", self.calibration.is_some()),
             ];
             if let Some((setting, _)) = only_networks.into_iter().find(|(_, is_set)| *is_set) {
-                let found = format!("the baseline `{}`", baseline.name);
+                let kind = if is_baseline { "baseline" } else { "committee" };
+                let found = format!("the {kind} `{}`", recipe.name());
                 return refused(setting, "the recipe of a network", found);
             }
         }

@@ -22,7 +22,7 @@ pub(crate) fn limits(config: &ClassifierConfig) -> Option<[f32; 2]> {
                 .all(|mean| (zero..=full).contains(mean))
                 .then_some(ValueRange::DIGITS)
         }
-        (None, ModelConfig::Baseline(_)) => Some(ValueRange::DIGITS),
+        (None, ModelConfig::Baseline(_) | ModelConfig::Committee(_)) => Some(ValueRange::DIGITS),
     }
 }
 

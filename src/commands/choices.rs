@@ -31,6 +31,8 @@ pub enum ModelChoice {
     Minirocket,
     /// MultiRocket and Hydra and a ridge classifier
     MultirocketHydra,
+    /// The mean of the probabilities of six of these models
+    Committee,
     /// Nearest neighbour on the taxels' means: a probe of what the data set gives away
     Means,
     /// Nearest neighbour on the first frame: another probe
@@ -53,6 +55,7 @@ impl ModelChoice {
             Self::SvmSpectra => "svm-spectra",
             Self::Minirocket => "minirocket",
             Self::MultirocketHydra => "multirocket-hydra",
+            Self::Committee => "committee",
             Self::Means => "means",
             Self::FirstFrame => "first-frame",
             Self::LastFrame => "last-frame",

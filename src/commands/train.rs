@@ -167,7 +167,7 @@ fn refuse_other_model(job: &TrainJob, model: ModelChoice) -> anyhow::Result<()> 
             Trunk::Convolutions(_) => model == ModelChoice::Tactnet2,
             Trunk::Spectra(_) => model == ModelChoice::Spectra,
         },
-        ModelRecipe::Baseline(recipe) => recipe.name == model.recipe(),
+        other => other.name() == model.recipe(),
     };
     if !fits {
         bail!(

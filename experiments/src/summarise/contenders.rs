@@ -191,7 +191,7 @@ fn sum(matrices: impl Iterator<Item = Vec<Vec<usize>>>) -> Vec<Vec<usize>> {
 fn network(fold: &Fold<'_>) -> Option<&'static str> {
     match &fold.config.recipe {
         ModelRecipe::Network(recipe) => Some(recipe.network.kind()),
-        ModelRecipe::Baseline(_) => None,
+        ModelRecipe::Baseline(_) | ModelRecipe::Committee(_) => None,
     }
 }
 

@@ -11,7 +11,7 @@ use crate::{Calibration, ClassifierConfig, ModelConfig, NetworkSetup, PipelineEr
 pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&NetworkSetup, PipelineError> {
     match &config.model {
         ModelConfig::Network(setup) => Ok(setup),
-        ModelConfig::Baseline(_) => Err(PipelineError::incompatible(
+        ModelConfig::Baseline(_) | ModelConfig::Committee(_) => Err(PipelineError::incompatible(
             "export",
             "a network",
             "a baseline",

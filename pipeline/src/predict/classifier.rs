@@ -10,9 +10,10 @@ use tactnet_data::{
 use tactnet_models::{Architecture, InputShape, Network, NetworkConfig, Weights};
 
 use crate::baseline::fitted::Baseline;
+use crate::committee::fitted::Committee;
 use crate::network::network_scorer::NetworkScorer;
 use crate::{
-    BaselineRecipe, DeadTaxels, Embedding, NetworkRecipe, Normalizer, PipelineError,
+    BaselineRecipe, DeadTaxels, Embedding, MemberConfig, NetworkRecipe, Normalizer, PipelineError,
     PipelineRemedy, Prediction, PredictionMethod, Predictions, SweepScore,
 };
 
@@ -47,6 +48,9 @@ pub enum ModelConfig {
     /// Features and a classical classifier.
     #[serde(rename = "baseline")]
     Baseline(BaselineRecipe),
+    /// Several models whose probabilities are averaged.
+    #[serde(rename = "committee")]
+    Committee(Vec<MemberConfig>),
 }
 
 /// Settings of a network and its fitted normaliser.
@@ -95,6 +99,14 @@ impl ClassifierConfig {
         match &self.model {
             ModelConfig::Network(setup) => self.network_config(setup).map(drop),
             ModelConfig::Baseline(recipe) => recipe.features.check(self.shape, self.sample_rate_hz),
+            ModelConfig::Committee(members) => members.iter().try_for_each(|member| {
+                let model = member.model.clone();
+                Self {
+                    model,
+                    ..self.clone()
+                }
+                .validate()
+            }),
         }
     }
 
@@ -124,6 +136,7 @@ pub struct Classifier {
 enum Model {
     Network(Box<NetworkScorer>),
     Baseline(Box<Baseline>),
+    Committee(Committee),
 }
 
 impl Classifier {
@@ -152,6 +165,9 @@ impl Classifier {
             }
             ModelConfig::Baseline(recipe) => {
                 Model::Baseline(Box::new(Baseline::from_weights(recipe, &config, weights)?))
+            }
+            ModelConfig::Committee(members) => {
+                Model::Committee(Committee::new(&config, members, weights, device)?)
             }
         };
         Ok(Self { config, model })
@@ -183,15 +199,17 @@ impl Classifier {
         match &mut self.model {
             Model::Network(network) => network.mask(&dead),
             Model::Baseline(baseline) => baseline.mask(&dead)?,
+            Model::Committee(committee) => committee.mask(&dead)?,
         }
         Ok(())
     }
 
-    /// Returns the masked taxels with their readings.
+    /// Returns the masked taxels with their readings; of a committee, those of its first member.
     pub fn dead(&self) -> &DeadTaxels {
         match &self.model {
             Model::Network(network) => network.dead(),
             Model::Baseline(baseline) => &baseline.dead,
+            Model::Committee(committee) => committee.members()[0].dead(),
         }
     }
 
@@ -202,7 +220,11 @@ impl Classifier {
 
     /// Returns true if the model has dropout and so supports [`PredictionMethod::McDropout`].
     pub fn has_dropout(&self) -> bool {
-        matches!(self.model, Model::Network(_))
+        match &self.model {
+            Model::Network(_) => true,
+            Model::Baseline(_) => false,
+            Model::Committee(committee) => committee.members().iter().any(Self::has_dropout),
+        }
     }
 
     /// Predicts every sweep of `view`. Materials are matched by name, so their order is irrelevant and the classifier may know more.
@@ -245,21 +267,20 @@ impl Classifier {
         method: PredictionMethod,
     ) -> Result<Vec<Vec<f64>>, PipelineError> {
         self.check_shape(view)?;
-        match (&self.model, method) {
-            (Model::Network(network), _) => {
+        if method != PredictionMethod::Plain && !self.has_dropout() {
+            return Err(PipelineError::incompatible(
+                "prediction",
+                "plain prediction, since the model has no dropout",
+                "a request for Monte Carlo dropout",
+            ));
+        }
+        match &self.model {
+            Model::Network(network) => {
                 network.check_masks(method.mc_samples_or(0))?;
                 Ok(network.log_probabilities(view, method))
             }
-            (Model::Baseline(baseline), PredictionMethod::Plain) => {
-                Ok(baseline.log_probabilities(view))
-            }
-            (Model::Baseline(_), PredictionMethod::McDropout { .. }) => {
-                Err(PipelineError::incompatible(
-                    "prediction",
-                    "plain prediction, since the model has no dropout",
-                    "a request for Monte Carlo dropout",
-                ))
-            }
+            Model::Baseline(baseline) => Ok(baseline.log_probabilities(view)),
+            Model::Committee(committee) => committee.log_probabilities(view, method),
         }
     }
 
@@ -286,14 +307,14 @@ impl Classifier {
         Ok(scorer.mutual_information(&embedding.convolution, mc_samples))
     }
 
-    /// Returns the number of multiply-adds of one prediction without dropout; `None` if it overflows, and for baselines.
+    /// Returns the number of multiply-adds of one prediction without dropout; `None` if it overflows, and for baselines and committees.
     ///
     /// # Errors
     /// A setting of the network that is out of range.
     pub fn multiply_adds(&self) -> Result<Option<u64>, PipelineError> {
         match &self.config.model {
             ModelConfig::Network(setup) => Ok(self.config.network_config(setup)?.multiply_adds()),
-            ModelConfig::Baseline(_) => Ok(None),
+            ModelConfig::Baseline(_) | ModelConfig::Committee(_) => Ok(None),
         }
     }
 
@@ -318,7 +339,7 @@ impl Classifier {
     pub(crate) fn scorer(&self) -> Result<&NetworkScorer, PipelineError> {
         match &self.model {
             Model::Network(network) => Ok(network),
-            Model::Baseline(_) => Err(PipelineError::incompatible(
+            Model::Baseline(_) | Model::Committee(_) => Err(PipelineError::incompatible(
                 "embedding",
                 "none, since the model is not a network",
                 "sweeps to embed",

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, sha256_hex};
 
 use crate::{
@@ -15,13 +16,13 @@ pub(crate) const FUSED: usize = 3;
 const MC_SAMPLES: usize = 100;
 
 /// Result of a training besides its weights.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct TrainingSummary {
     /// Time spent in training steps or in fitting, seconds.
     pub seconds: f64,
     /// Number of training sweeps.
     pub sweeps: usize,
-    /// Number of epochs trained; `None` for a baseline.
+    /// Number of epochs trained; `None` for a baseline or committee.
     pub epochs: Option<usize>,
     /// Settings selected on training sweeps, by name.
     pub chosen: BTreeMap<String, f64>,

@@ -4,10 +4,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{Dataset, Fold, Scheme};
 
 use super::set_aside::set_aside;
-use crate::{
-    Classifier, ClassifierConfig, Device, Estimate, ModelConfig, ModelRecipe, RunConfig,
-    describe_split, fit_baseline, train_network,
-};
+use crate::{Device, Estimate, RunConfig, describe_split, fit_model};
 
 /// Accuracy of the same training on a random fold, which has sweeps of the same recordings in training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,18 +37,11 @@ impl RandomFold {
         if recipe.starved(&train.sweeps_per_label()).is_some() {
             return None;
         }
-        let classifier = match recipe {
-            ModelRecipe::Network(recipe) => {
-                train_network(recipe, train, spec.seed, device, |_| !stop()).ok()??
-            }
-            ModelRecipe::Baseline(recipe) => {
-                let weights = fit_baseline(recipe, train, spec.seed, |_| {}).ok()?.weights;
-                let model = ModelConfig::Baseline(recipe.clone());
-                let config = ClassifierConfig::new(model, train, spec.seed);
-                Classifier::new(config, &weights, device).ok()?
-            }
-        };
-        let predictions = classifier.predict(&fold.test, recipe.method()).ok()?;
+        let fitted = fit_model(recipe, train, spec.seed, device, |_| !stop()).ok()??;
+        let predictions = fitted
+            .classifier
+            .predict(&fold.test, recipe.method())
+            .ok()?;
         Some(Self {
             split: describe_split(&fold.manifest(), None),
             n_train: train.len(),

@@ -73,19 +73,16 @@ impl RunConfig {
     /// - `what`: action that only networks support, as a verb phrase
     ///
     /// # Errors
-    /// A baseline.
+    /// A baseline or committee.
     pub fn require_network(&self, run: &Path, what: &str) -> Result<(), PipelineError> {
-        match &self.recipe {
-            ModelRecipe::Network(_) => Ok(()),
-            ModelRecipe::Baseline(recipe) => Err(PipelineError::run(
-                run,
-                format!(
-                    "it is a baseline ({}), and only networks can {what}",
-                    recipe.name
-                ),
-            )
-            .with_remedy(PipelineRemedy::TrainNetwork)),
-        }
+        let kind = match &self.recipe {
+            ModelRecipe::Network(_) => return Ok(()),
+            ModelRecipe::Baseline(_) => "baseline",
+            ModelRecipe::Committee(_) => "committee",
+        };
+        let name = self.recipe.name();
+        let reason = format!("it is a {kind} ({name}), and only networks can {what}");
+        Err(PipelineError::run(run, reason).with_remedy(PipelineRemedy::TrainNetwork))
     }
 
     /// Returns settings that reproduce this run, with every value that the recipe or data set supplied.
@@ -106,6 +103,7 @@ impl RunConfig {
             epochs: match &self.recipe {
                 ModelRecipe::Network(recipe) => Some(recipe.training.epochs),
                 ModelRecipe::Baseline(_) => None,
+                ModelRecipe::Committee(_) => self.spec.epochs,
             },
             ..self.spec.clone()
         }

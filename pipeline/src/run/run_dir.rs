@@ -105,7 +105,7 @@ impl RunDir {
         Ok(run)
     }
 
-    fn unopened(path: &Path) -> Self {
+    pub(super) fn unopened(path: &Path) -> Self {
         Self {
             path: path.to_path_buf(),
             lock: None,

@@ -11,16 +11,18 @@ use tactnet_data::{
     refuse_leaks,
 };
 
+use super::committee_session::setups;
 use super::free_folder::free_folder;
 use super::random_fold::RandomFold;
 use super::set_aside::set_aside;
 use super::training_record::{TrainingRecord, train_batches};
+use crate::committee::recipe::CommitteeSweeps;
 use crate::{
     BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
-    Device, Likeness, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup, NoveltyScore,
-    NoveltyScorer, PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir, RunResult,
-    SplitKind, TrainEmbeddings, TrainJob, TrainSpec, Training, TrainingSettings, TrainingSteps,
-    TrainingSummary, evaluate_run, fit_baseline,
+    Device, LeftOutMember, Likeness, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup,
+    NoveltyScore, NoveltyScorer, PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir,
+    RunResult, SplitKind, TrainEmbeddings, TrainJob, TrainSpec, Training, TrainingSettings,
+    TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
 };
 
 /// Progress of a session.
@@ -30,6 +32,17 @@ pub enum TrainEvent<'a> {
     AlreadyEnded,
     /// Another build of the program trained before; the result will name both commits.
     OtherBuild,
+    /// The training of a member of a committee begins.
+    Member {
+        /// Name of its recipe.
+        name: &'a str,
+        /// Number of the member, from 1.
+        number: usize,
+        /// Number of members.
+        members: usize,
+    },
+    /// A committee has no such member, since the sweeps do not allow it.
+    LeftOut(&'a LeftOutMember),
     /// The training of a network begins or continues.
     Begun {
         /// Number of batches trained before an interruption.
@@ -92,6 +105,8 @@ pub struct Session {
     device: OnceLock<Device>,
     /// Settings of the recipe before they were adapted to the number of sweeps; `None` for a resumed run.
     asked: Option<TrainingSettings>,
+    /// Members of a committee that the sweeps do not allow; empty for a resumed run.
+    left_out: Vec<LeftOutMember>,
     /// Time below which a training is repeated on a random fold; `None`: never.
     random_fold_below: Option<Duration>,
 }
@@ -123,13 +138,45 @@ fn fit_inputs(
     train: &TrainSplit<'_>,
     seed: Seed,
 ) -> Result<ClassifierConfig, PipelineError> {
-    let model = match recipe {
-        ModelRecipe::Network(recipe) => ModelConfig::Network(NetworkSetup::fit(recipe, train)),
-        ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
-    };
-    let classifier = ClassifierConfig::new(model, train, seed);
+    let classifier = ClassifierConfig::new(setup_of(recipe, train), train, seed);
     classifier.validate()?;
     Ok(classifier)
+}
+
+/// Returns the model with its normaliser, fitted to the training sweeps.
+fn setup_of(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> ModelConfig {
+    match recipe {
+        ModelRecipe::Network(recipe) => ModelConfig::Network(NetworkSetup::fit(recipe, train)),
+        ModelRecipe::Baseline(recipe) => ModelConfig::Baseline(recipe.clone()),
+        ModelRecipe::Committee(recipe) => {
+            ModelConfig::Committee(setups(recipe, |member| setup_of(member, train)))
+        }
+    }
+}
+
+/// Returns the recipe for training sweeps, and the members of a committee that they do not allow.
+fn recipe_for(
+    recipe: &ModelRecipe,
+    train: &TrainSplit<'_>,
+) -> Result<(ModelRecipe, Vec<LeftOutMember>), PipelineError> {
+    match recipe {
+        ModelRecipe::Network(recipe) => {
+            let recipe = recipe.for_sweeps(train.len());
+            Ok((ModelRecipe::Network(recipe), Vec::new()))
+        }
+        ModelRecipe::Baseline(_) => Ok((recipe.clone(), Vec::new())),
+        ModelRecipe::Committee(recipe) => {
+            let (mut kept, left_out) = recipe.clone().for_sweeps(CommitteeSweeps {
+                shape: train.shape(),
+                rate_hz: train.dataset().sample_rate_hz(),
+                counts: &train.sweeps_per_label(),
+            })?;
+            for member in &mut kept.members {
+                *member = recipe_for(member, train)?.0;
+            }
+            Ok((ModelRecipe::Committee(kept), left_out))
+        }
+    }
 }
 
 impl Session {
@@ -161,12 +208,7 @@ impl Session {
             target.check(aside.len())?;
         }
         refuse_starved(job.recipe(), &fitted.train)?;
-        let recipe = match job.recipe() {
-            ModelRecipe::Network(recipe) => {
-                ModelRecipe::Network(recipe.for_sweeps(fitted.train.len()))
-            }
-            baseline => baseline.clone(),
-        };
+        let (recipe, left_out) = recipe_for(job.recipe(), &fitted.train)?;
         let classifier = fit_inputs(&recipe, &fitted.train, spec.seed)?;
         let config = RunConfig {
             schema_version: RunConfig::SCHEMA_VERSION,
@@ -185,7 +227,7 @@ impl Session {
         let run = RunDir::create(&folder, &config, &fold.manifest(), &program.provenance)?;
         let asked = match job.recipe() {
             ModelRecipe::Network(recipe) => Some(recipe.training.clone()),
-            ModelRecipe::Baseline(_) => None,
+            ModelRecipe::Baseline(_) | ModelRecipe::Committee(_) => None,
         };
         Ok(Self {
             dataset,
@@ -193,6 +235,7 @@ impl Session {
             program,
             device: OnceLock::from(job.device().clone()),
             asked,
+            left_out,
             random_fold_below: None,
         })
     }
@@ -236,6 +279,7 @@ impl Session {
             program,
             device: OnceLock::new(),
             asked: None,
+            left_out: Vec::new(),
             random_fold_below: None,
         })
     }
@@ -283,20 +327,15 @@ impl Session {
             Opened::Ended(result) => return Ok(TrainOutcome::Finished(result)),
             Opened::Begun(begun) => begun,
         };
-        let (config, fitted) = (&begun.config, &begun.fitted);
+        let config = &begun.config;
+        for member in &self.left_out {
+            on_event(TrainEvent::LeftOut(member));
+        }
         let trained = match (&config.recipe, &config.classifier.model) {
-            (ModelRecipe::Network(recipe), ModelConfig::Network(setup)) => {
-                self.train_network(&begun, recipe, setup, &mut on_event, &stop)?
+            (ModelRecipe::Committee(recipe), ModelConfig::Committee(members)) => {
+                self.train_committee(&begun, recipe, members, &mut on_event, &stop)?
             }
-            (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
-                self.fit_baseline(config, recipe, &fitted.train, &mut on_event, &stop)?
-            }
-            _ => {
-                return Err(PipelineError::run(
-                    self.run.path(),
-                    "recipe and model do not belong together",
-                ));
-            }
+            model => self.train_model(&self.run, &begun, model, &mut on_event, &stop)?,
         };
         match trained {
             Some(trained) => self.finish(*begun, trained, &mut on_event, &stop),
@@ -387,15 +426,39 @@ impl Session {
         Ok(TrainOutcome::Finished(Box::new(result)))
     }
 
+    /// Trains a network or baseline and writes weights, metrics and checkpoints into `run`; returns `None` if stopped.
+    pub(super) fn train_model(
+        &self,
+        run: &RunDir,
+        begun: &Begun<'_>,
+        model: (&ModelRecipe, &ModelConfig),
+        on_event: &mut impl FnMut(TrainEvent<'_>),
+        stop: &impl Fn() -> bool,
+    ) -> Trained {
+        match model {
+            (ModelRecipe::Network(recipe), ModelConfig::Network(setup)) => {
+                self.train_network(run, begun, recipe, setup, on_event, stop)
+            }
+            (ModelRecipe::Baseline(recipe), ModelConfig::Baseline(_)) => {
+                self.fit_baseline(run, begun, recipe, on_event, stop)
+            }
+            _ => Err(PipelineError::run(
+                self.run.path(),
+                "recipe and model do not belong together",
+            )),
+        }
+    }
+
     /// Trains a network; returns `None` if stopped, and a later session then continues from a checkpoint.
     fn train_network(
         &self,
+        run: &RunDir,
         begun: &Begun<'_>,
         recipe: &NetworkRecipe,
         setup: &NetworkSetup,
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,
-    ) -> Result<Option<TrainingSummary>, PipelineError> {
+    ) -> Trained {
         let (config, train) = (&begun.config, &begun.fitted.train);
         let watched = config.spec.watch_test.then_some(&*begun.fold.test);
         let device = self.device(config)?;
@@ -409,7 +472,7 @@ impl Session {
             config.spec.seed,
             device,
         )?;
-        let (mut record, mut training) = TrainingRecord::resume(&self.run, training)?;
+        let (mut record, mut training) = TrainingRecord::resume(run, training)?;
         let (epochs, batches) = (recipe.training.epochs, training.batches());
         let steps = TrainingSteps { epochs, batches };
         let position = training.position();
@@ -422,7 +485,7 @@ impl Session {
             return Ok(None);
         }
         record.save(&mut training)?;
-        self.run.write_weights(&training.state()?.weights)?;
+        run.write_weights(&training.state()?.weights)?;
         Ok(Some(TrainingSummary {
             seconds: record.seconds(),
             sweeps: train.len(),
@@ -449,24 +512,24 @@ impl Session {
     /// Fits a baseline; returns `None` if stopped, and a later session then starts over.
     fn fit_baseline(
         &self,
-        config: &RunConfig,
+        run: &RunDir,
+        begun: &Begun<'_>,
         recipe: &BaselineRecipe,
-        train: &TrainSplit<'_>,
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,
-    ) -> Result<Option<TrainingSummary>, PipelineError> {
-        let begun = Instant::now();
-        let fitted = fit_baseline(recipe, train, config.spec.seed, |step| {
+    ) -> Trained {
+        let (start, train) = (Instant::now(), &begun.fitted.train);
+        let fitted = fit_baseline(recipe, train, begun.config.spec.seed, |step| {
             on_event(TrainEvent::Fitting {
                 step: &step,
-                seconds: begun.elapsed().as_secs_f64(),
+                seconds: start.elapsed().as_secs_f64(),
             });
         })?;
         if stop() {
             return Ok(None);
         }
-        let seconds = begun.elapsed().as_secs_f64();
-        self.run.write_baseline(&fitted.weights)?;
+        let seconds = start.elapsed().as_secs_f64();
+        run.write_baseline(&fitted.weights)?;
         Ok(Some(TrainingSummary {
             seconds,
             sweeps: train.len(),
@@ -475,6 +538,9 @@ impl Session {
         }))
     }
 }
+
+/// Summary of a training; `None` if it was stopped.
+pub(super) type Trained = Result<Option<TrainingSummary>, PipelineError>;
 
 /// State of a run when a session opens it.
 pub(super) enum Opened<'a> {

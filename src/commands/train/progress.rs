@@ -44,6 +44,14 @@ impl Progress {
             TrainEvent::OtherBuild => {
                 say!("another build began this run; its result will name both commits");
             }
+            TrainEvent::LeftOut(member) => {
+                say!("note: without `{}`: {}", member.name, member.reason);
+            }
+            TrainEvent::Member {
+                name,
+                number,
+                members,
+            } => say!("{name}, {number} of {members}:"),
             TrainEvent::Begun {
                 batches_before,
                 steps,

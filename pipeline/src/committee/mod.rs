@@ -1,0 +1,5 @@
+//! Committees: several models whose probabilities are averaged.
+
+pub(crate) mod fitted;
+pub(crate) mod recipe;
+pub(crate) mod training;
