@@ -5,9 +5,10 @@ use std::path::Path;
 use tactnet_data::{SplitManifest, SweepShape, SweepView, TrainSplit};
 use tactnet_models::Weights;
 use tactnet_pipeline::{
-    BatchReport, Calibration, FittedModel, Likeness, LikenessReport, ModelConfig, ModelRecipe,
-    NoveltyScore, NoveltyScorer, OnlineClassifier, PredictionMethod, Predictions, Provenance,
-    RunConfig, RunDir, Thresholds, TrainEmbeddings, TrainJob, TrainSpec, fit_model,
+    Adaptation, BatchReport, Calibration, FittedModel, Likeness, LikenessReport, ModelConfig,
+    ModelRecipe, NewSweeps, NoveltyScore, NoveltyScorer, OnlineClassifier, PredictionMethod,
+    Predictions, Provenance, RiskPolicy, RunConfig, RunDir, Thresholds, TrainEmbeddings, TrainJob,
+    TrainSpec, fit_model,
 };
 
 use crate::Error;
@@ -25,6 +26,8 @@ pub struct Classifier {
     calibration: Option<Calibration>,
     /// Description of the training sweeps; `None` if they are few.
     likeness: Option<Likeness>,
+    /// Adaptations after training, in order.
+    adaptations: Vec<Adaptation>,
 }
 
 impl Classifier {
@@ -63,6 +66,7 @@ impl Classifier {
             embeddings,
             calibration: None,
             likeness: Likeness::fit(train, spec.seed)?,
+            adaptations: Vec::new(),
         }))
     }
 
@@ -101,6 +105,7 @@ impl Classifier {
             embeddings,
             calibration: run.calibration()?,
             likeness: run.likeness()?,
+            adaptations: run.adaptations()?,
             config,
         })
     }
@@ -129,6 +134,9 @@ impl Classifier {
         }
         if let Some(likeness) = &self.likeness {
             run.write_likeness(likeness)?;
+        }
+        if !self.adaptations.is_empty() {
+            run.write_adaptations(&self.adaptations)?;
         }
         match &self.embeddings {
             Some(embeddings) => {
@@ -302,7 +310,51 @@ impl Classifier {
             weights: enrolled.weights,
             embeddings: Some(enrolled.known),
             calibration: enrolled.calibration,
+            adaptations: self.adaptations.clone(),
         })
+    }
+
+    /// Returns a classifier that is adapted to sweeps of another skin, robot or day; see [`tactnet_pipeline::adapt`]. Thresholds of a
+    /// calibration are left out.
+    ///
+    /// # Errors
+    /// Fails for sweeps of another shape or sample rate, for risks that are not accepted, and for models that cannot be adapted.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, NewSweeps, Recipe, RiskPolicy, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 20, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// let classifier = Recipe::named("lda")?.fit(&fold.train)?;
+    /// let new = NewSweeps { unlabelled: Some(&fold.test), labelled: None };
+    /// let adapted = classifier.adapt(new, RiskPolicy::Refuse)?;
+    /// assert_eq!(adapted.materials().count(), 3);
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
+    pub fn adapt(&self, new: NewSweeps<'_>, policy: RiskPolicy) -> Result<Self, Error> {
+        let adapted = tactnet_pipeline::adapt(&self.fitted, self.likeness.as_ref(), new, policy)?;
+        let own = Adaptation::new(&adapted, new, &self.weights, env!("TACTNET_GIT"))?;
+        let device = self.config.spec.device.open()?;
+        let (config, weights) = (adapted.config, adapted.weights);
+        Ok(Self {
+            fitted: tactnet_pipeline::Classifier::new(config.clone(), &weights, &device)?,
+            config: RunConfig {
+                classifier: config,
+                ..self.config.clone()
+            },
+            split: self.split.clone(),
+            weights,
+            embeddings: self.embeddings.clone(),
+            calibration: None,
+            likeness: adapted.likeness,
+            adaptations: [self.adaptations.clone(), vec![own]].concat(),
+        })
+    }
+
+    /// Returns the adaptations after training, in order, with their warnings.
+    pub fn adaptations(&self) -> &[Adaptation] {
+        &self.adaptations
     }
 
     fn embeddings(&self) -> Result<&TrainEmbeddings, Error> {

@@ -15,6 +15,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
             "predict",
             "same",
             "enroll",
+            "adapt",
             "export",
             "experiment",
         ],

@@ -33,6 +33,7 @@ pub use tactnet_data::{
 };
 pub use tactnet_models::{Belief, Compute};
 pub use tactnet_pipeline::{
-    BatchReport, LikenessReport, LikenessVerdict, MeanRemoval, OnlineClassifier,
-    PipelineError as Error, PredictionMethod, Predictions, SweepBelief,
+    AdaptRisk, Adaptation, BatchReport, LikenessReport, LikenessVerdict, MeanRemoval, NewSweeps,
+    OnlineClassifier, PipelineError as Error, PredictionMethod, Predictions, RiskPolicy,
+    SweepBelief,
 };

@@ -16,8 +16,9 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{
-    bench, catch, channel, completions, dashboard, data, demo, doctor, enroll, eval, experiment,
-    export, man, predict, record, replay, same, serve, simulate, task, train, version, view,
+    adapt, bench, catch, channel, completions, dashboard, data, demo, doctor, enroll, eval,
+    experiment, export, man, predict, record, replay, same, serve, simulate, task, train, version,
+    view,
 };
 
 #[global_allocator]
@@ -40,6 +41,7 @@ const GIT: &str = env!("TACTNET_GIT");
         tactnet predict runs/twin-fast-fold0-1 --data new.npz   predict the material of new sweeps\n  \
         tactnet same runs/twin-fast-fold0-1 cup.npz plate.npz   compare the materials of two objects\n  \
         tactnet enroll runs/twin-fast-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
+        tactnet adapt runs/twin-fast-fold0-1 --data today.npz --out runs/today\n  \
         tactnet experiment run crossval_baselines    compare models over folds\n  \
         tactnet data info sweeps.h5                  show the contents of a data set\n\n\
         See `tactnet COMMAND --help` or `tactnet help COMMAND` for each command."
@@ -61,6 +63,8 @@ enum Command {
     Same(same::SameArgs),
     /// Add a material to a trained classifier from a few sweeps
     Enroll(enroll::EnrollArgs),
+    /// Adapt a trained classifier to another skin, robot or day
+    Adapt(adapt::AdaptArgs),
     /// Export a trained network: ONNX, safetensors
     Export(export::ExportArgs),
     /// Run cross-validations and other experiments, and write reports
@@ -162,6 +166,7 @@ fn main() -> ExitCode {
         Command::Predict(arguments) => predict::run(&arguments),
         Command::Same(arguments) => same::run(&arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
+        Command::Adapt(arguments) => adapt::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),
         Command::Task(arguments) => task::run(&arguments),

@@ -58,6 +58,14 @@ impl ConvTrunk {
         flat_features(blocks.fold(maps, |maps, block| block.forward(maps)))
     }
 
+    /// Returns the batch statistics of a block; those before it use their running statistics.
+    pub(crate) fn statistics_of(&self, block: usize, sweeps: Tensor<3>) -> BatchStatistics {
+        let maps = sweeps.unsqueeze_dim::<4>(3);
+        let before = self.blocks[..block].iter();
+        let maps = before.fold(maps, |maps, block| block.forward(maps));
+        self.blocks[block].forward_train(maps).1
+    }
+
     /// Returns the number of layers with running statistics.
     pub(crate) fn normalized_layers(&self) -> usize {
         self.blocks.len()

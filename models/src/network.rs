@@ -82,6 +82,28 @@ impl TrunkNet {
         }
     }
 
+    fn statistics_of(&self, layer: usize, sweeps: Tensor<3>) -> BatchStatistics {
+        match self {
+            Self::Convolutions(trunk) => trunk.statistics_of(layer, sweeps),
+            Self::Spectra(trunk) => trunk.statistics_of(layer, sweeps),
+        }
+    }
+
+    /// Returns running mean and running variance of a layer.
+    fn running_mut(&mut self, layer: usize) -> [&mut Tensor<1>; 2] {
+        match self {
+            Self::Convolutions(trunk) => {
+                let block = &mut trunk.blocks[layer];
+                [&mut block.running_mean, &mut block.running_variance]
+            }
+            Self::Spectra(trunk) => {
+                let [taxel, window] = trunk.layers_mut();
+                let (_, dense) = if layer == 0 { taxel } else { window };
+                [&mut dense.running_mean, &mut dense.running_variance]
+            }
+        }
+    }
+
     fn update_running_stats(&mut self, statistics: &[BatchStatistics]) {
         match self {
             Self::Convolutions(trunk) => trunk.update_running_stats(statistics),
@@ -151,6 +173,53 @@ impl Network {
         );
         self.trunk.update_running_stats(&statistics[..trunk]);
         self.hidden.update_running_stats(&statistics[trunk]);
+    }
+
+    /// Returns the number of layers with running statistics: those of the trunk in their order, then the dense layer.
+    pub fn normalized_layers(&self) -> usize {
+        self.trunk.normalized_layers() + 1
+    }
+
+    /// Returns the batch statistics of a layer with running statistics, for sweeps that pass the layers before it with fixed statistics.
+    ///
+    /// - `layer`: below [`Network::normalized_layers`]
+    /// - `sweeps`: `[batch, 1, steps, taxels]`
+    /// - `masks`: `[rows, features]` in front of the dense layer; a single sweep meets each of them
+    pub fn statistics_of(
+        &self,
+        layer: usize,
+        sweeps: Tensor<4>,
+        masks: Tensor<2>,
+    ) -> BatchStatistics {
+        if layer < self.trunk.normalized_layers() {
+            return self.trunk.statistics_of(layer, without_channel(sweeps));
+        }
+        let features = self.features(sweeps);
+        self.hidden.forward_train(features * masks).1
+    }
+
+    /// Returns the running statistics of a layer.
+    pub fn running_statistics(&self, layer: usize) -> BatchStatistics {
+        let mut net = self.clone();
+        let [mean, variance] = net.running_mut(layer);
+        BatchStatistics {
+            mean: mean.clone(),
+            variance: variance.clone(),
+        }
+    }
+
+    /// Replaces the running statistics of a layer.
+    pub fn set_running_statistics(&mut self, layer: usize, statistics: BatchStatistics) {
+        let [mean, variance] = self.running_mut(layer);
+        (*mean, *variance) = (statistics.mean, statistics.variance);
+    }
+
+    fn running_mut(&mut self, layer: usize) -> [&mut Tensor<1>; 2] {
+        if layer < self.trunk.normalized_layers() {
+            return self.trunk.running_mut(layer);
+        }
+        let hidden = &mut self.hidden;
+        [&mut hidden.running_mean, &mut hidden.running_variance]
     }
 
     /// Returns features with fixed statistics: `[batch, 1, steps, taxels] -> [batch, features]`.

@@ -69,6 +69,21 @@ impl SpectralTrunk {
         self.pass(sweeps, |layer, rows| layer.forward(rows))
     }
 
+    /// Returns the batch statistics of a layer; the others use their running statistics.
+    pub(crate) fn statistics_of(&self, layer: usize, sweeps: Tensor<3>) -> BatchStatistics {
+        let (mut number, mut found) = (0, None);
+        self.pass(sweeps, |dense, rows| {
+            number += 1;
+            if number != layer + 1 {
+                return dense.forward(rows);
+            }
+            let (rows, statistics) = dense.forward_train(rows);
+            found = Some(statistics);
+            rows
+        });
+        found.unwrap_or_else(|| panic!("a trunk on spectra has a layer {layer}"))
+    }
+
     fn pass(
         &self,
         sweeps: Tensor<3>,

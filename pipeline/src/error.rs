@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use tactnet_data::{DataError, Remedy, is_wrong_path};
 use tactnet_models::{MissingFeature, ModelError};
 
-use crate::PipelineRemedy;
+use crate::{AdaptRisk, PipelineRemedy};
 
 /// An error of training, prediction or a run directory.
 #[derive(Debug, thiserror::Error)]
@@ -125,6 +125,26 @@ pub enum PipelineError {
         /// Reason why it cannot be enrolled.
         reason: String,
     },
+    /// Adaptation that would probably lower the accuracy.
+    #[error("the adaptation would probably lower the accuracy: {}", joined(risks))]
+    AdaptRefused {
+        /// Reasons, at least one.
+        risks: Vec<AdaptRisk>,
+    },
+    /// Model without anything that unlabelled sweeps could adapt.
+    #[error(
+        "model `{model}` uses features without scaling, so that unlabelled sweeps cannot adapt it"
+    )]
+    AdaptScaling {
+        /// Name of the recipe.
+        model: String,
+    },
+    /// Model that labelled sweeps cannot adapt.
+    #[error("model `{model}` is not linear, so that a few labelled sweeps cannot adapt it")]
+    AdaptHead {
+        /// Name of the recipe.
+        model: String,
+    },
     /// Runtime that this build lacks.
     #[error("{source}")]
     NoRuntime {
@@ -200,6 +220,9 @@ impl PipelineError {
             | Self::TooFewSweeps { .. }
             | Self::TooFewSetAside { .. }
             | Self::Enroll { .. }
+            | Self::AdaptRefused { .. }
+            | Self::AdaptScaling { .. }
+            | Self::AdaptHead { .. }
             | Self::NoRuntime { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
             Self::Runtime { .. } | Self::NotFinite { .. } | Self::Optimizer(_) => false,
@@ -215,6 +238,9 @@ impl PipelineError {
             Self::TooFewSweeps { models, .. } => Some(PipelineRemedy::ChooseModel {
                 models: models.clone(),
             }),
+            Self::AdaptRefused { .. } => Some(PipelineRemedy::AcceptRisk),
+            Self::AdaptScaling { .. } => Some(PipelineRemedy::ChooseScaledModel),
+            Self::AdaptHead { .. } => Some(PipelineRemedy::AdaptWithoutLabels),
             _ => None,
         }
     }
@@ -257,6 +283,12 @@ impl PipelineError {
             source,
         }
     }
+}
+
+/// Returns all risks as one clause.
+fn joined(risks: &[AdaptRisk]) -> String {
+    let texts: Vec<String> = risks.iter().map(ToString::to_string).collect();
+    texts.join("; ")
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@
 //! | `features` | scaling, augmentation and the features of baselines |
 //! | `network` | training of networks, embeddings, novelty scores |
 //! | `baseline` | features followed by a classical classifier |
+//! | `adapt` | adaptation to sweeps of another skin, robot or day |
 //! | `likeness` | comparison of sweeps with the training sweeps: like them or unlike, and what differs |
 //! | `predict` | offline and online classifiers, predictions, evaluations |
 //! | `run` | run directories and the session that fills one |
@@ -18,6 +19,7 @@
 //! Only a [`tactnet_data::TrainSplit`] can be fitted to; any view can be predicted. A [`Training`] runs one batch per call and can
 //! stop after any of them, because every random choice is derived from seed, epoch and batch.
 
+mod adapt;
 mod baseline;
 mod committee;
 mod error;
@@ -33,6 +35,10 @@ mod requirements;
 mod run;
 mod spec;
 
+pub use adapt::{
+    ADAPT_MINIMUM, AdaptRisk, Adaptation, Adapted, AdaptedSweeps, NewSweeps, Presence, RiskPolicy,
+    Shift, adapt,
+};
 pub use baseline::fit::{BaselineFit, fit_baseline};
 pub use baseline::knn::KnnRecipe;
 pub use baseline::lda::LdaRecipe;

@@ -51,6 +51,12 @@ pub enum PipelineRemedy {
         /// Coverage of prediction sets; `None`: keep it.
         coverage: Option<f64>,
     },
+    /// Accept the risks of an adaptation.
+    AcceptRisk,
+    /// Train a network, or a baseline with scaled features, instead.
+    ChooseScaledModel,
+    /// Adapt without labels, or train a network or a linear baseline instead.
+    AdaptWithoutLabels,
     /// Record more sweeps.
     RecordMore,
 }

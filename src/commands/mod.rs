@@ -1,5 +1,7 @@
 //! Subcommands, one per file: arguments, progress, exit code.
 
+pub mod adapt;
+pub mod adapt;
 mod array_names;
 pub mod bench;
 mod block_text;

@@ -69,6 +69,17 @@ fn worded(remedy: &PipelineRemedy) -> String {
             let options: Vec<String> = options.collect();
             format!("{} is possible with them", options.join(" with "))
         }
+        PipelineRemedy::AcceptRisk => {
+            "record sweeps of all materials in about equal numbers, or adapt nevertheless with `--accept-risk`"
+                .into()
+        }
+        PipelineRemedy::ChooseScaledModel => {
+            "train a network, `--model lda`, `svm-spectra` or `minirocket` instead".into()
+        }
+        PipelineRemedy::AdaptWithoutLabels => {
+            "give the sweeps by `--data`, without labels, or train a network, `--model lda` or `minirocket` instead"
+                .into()
+        }
         PipelineRemedy::RecordMore => "record more sweeps".into(),
     }
 }

@@ -7,7 +7,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use tactnet::Recipe;
 use tactnet_data::{Seed, SweepView, TrainSplit};
-use tactnet_pipeline::{BatchReport, MeanRemoval};
+use tactnet_pipeline::{BatchReport, MeanRemoval, NewSweeps, RiskPolicy};
 
 use crate::dataset::Dataset;
 use crate::error::{TactnetError, raised};
@@ -150,6 +150,43 @@ impl Classifier {
         })
         .map(Self::from)
         .map_err(raised)
+    }
+
+    /// Returns a classifier that is adapted to sweeps of another skin, robot or day, and its warnings.
+    ///
+    /// - `labelled`: True: the output layer is also fitted to the labels
+    #[pyo3(signature = (dataset, labelled=false, accept_risk=false))]
+    fn adapt(
+        &self,
+        py: Python<'_>,
+        dataset: &Dataset,
+        labelled: bool,
+        accept_risk: bool,
+    ) -> PyResult<(Self, Vec<String>)> {
+        let policy = match accept_risk {
+            true => RiskPolicy::Accept,
+            false => RiskPolicy::Refuse,
+        };
+        let adapted = py.detach(|| {
+            let sweeps = SweepView::all(&dataset.inner);
+            let new = match labelled {
+                true => NewSweeps {
+                    unlabelled: None,
+                    labelled: Some(&sweeps),
+                },
+                false => NewSweeps {
+                    unlabelled: Some(&sweeps),
+                    labelled: None,
+                },
+            };
+            self.lock().adapt(new, policy)
+        });
+        let adapted = adapted.map_err(raised)?;
+        let last = adapted.adaptations().last();
+        let risks = last.map_or(Vec::new(), |last| {
+            last.risks.iter().map(ToString::to_string).collect()
+        });
+        Ok((adapted.into(), risks))
     }
 
     /// Returns the same network for frame-by-frame classification.

@@ -102,6 +102,16 @@ fn words_of_pipeline(remedy: &PipelineRemedy) -> Option<String> {
             "name another folder, or continue it with `tactnet train --resume {}`",
             run.display()
         ),
+        PipelineRemedy::AcceptRisk => {
+            "record sweeps of all materials in about equal numbers, or pass `accept_risk=True`"
+                .into()
+        }
+        PipelineRemedy::ChooseScaledModel => {
+            "fit a TactNetClassifier, or `lda`, `svm-spectra` or `minirocket` instead".into()
+        }
+        PipelineRemedy::AdaptWithoutLabels => {
+            "leave out `y`, or fit a TactNetClassifier, `lda` or `minirocket` instead".into()
+        }
         PipelineRemedy::ConfirmAxes
         | PipelineRemedy::AcceptWarnings
         | PipelineRemedy::NameData

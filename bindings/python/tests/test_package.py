@@ -204,6 +204,27 @@ def test_one_material_more_and_strange_sweeps(data, network):
     assert scores.shape == (len(test),) and (scores >= 0).all()
 
 
+def test_adapting_to_another_skin_without_labels_and_with(data, tmp_path):
+    own, _, train, test = data
+    lda = tactnet.LdaClassifier(rate=own.rate).fit(own.X[train], own.y[train])
+    gains = np.linspace(0.5, 2, own.X.shape[2]).reshape(1, 1, own.X.shape[2], -1) if own.X.ndim == 4 else np.linspace(0.5, 2, own.X.shape[2])
+    other = (own.X * gains + 40).astype(np.float32)
+    adapted = lda.adapt(other[train])
+    assert (adapted.predict(other[test]) == own.y[test]).mean() > (lda.predict(other[test]) == own.y[test]).mean()
+    assert adapted.likeness(other[test])["p"] > lda.likeness(other[test])["p"]
+    few = np.concatenate([train[own.y[train] == name][:2] for name in own.materials])
+    with pytest.warns(UserWarning, match="8 sweeps are too few"):
+        labelled = lda.adapt(other[few], own.y[few])
+    labelled.save(tmp_path / "labelled")
+    again = tactnet.SweepClassifier.load(tmp_path / "labelled")
+    assert (again.predict_log_proba(other[test]) == labelled.predict_log_proba(other[test])).all()
+    assert json.loads((tmp_path / "labelled" / "adapted.json").read_text())[0]["presence"]["materials"] == 4
+    with pytest.raises(tactnet.TactnetError, match="accept_risk=True"):
+        lda.adapt(other[train[own.y[train] == own.materials[0]]])
+    with pytest.raises(tactnet.TactnetError, match="`enroll` adds one"):
+        lda.adapt(other[few], ["felt"] * len(few))
+
+
 def test_frame_by_frame_is_the_whole_sweep(data, network):
     own, _, _, test = data
     online = network.online()

@@ -98,6 +98,8 @@ struct SoftmaxRegression<'a> {
     rows: &'a [Vec<f64>],
     /// `[sweeps]`
     labels: &'a [usize],
+    /// Scores that are added to those of the weights, `[sweeps][materials]`; `None`: none.
+    offsets: Option<&'a [Vec<f64>]>,
     /// `[dimension]`, mean of the prior
     mean: &'a [f64],
     strength: f64,
@@ -115,11 +117,15 @@ impl SoftmaxRegression<'_> {
                 value += self.strength * (w - m).powi(2);
             }
         }
-        for (row, label) in self.rows.iter().zip(self.labels) {
-            let scores: Vec<f64> = x
+        for (sweep, (row, label)) in self.rows.iter().zip(self.labels).enumerate() {
+            let mut scores: Vec<f64> = x
                 .chunks_exact(size)
                 .map(|weights| dot(weights, row))
                 .collect();
+            if let Some(offsets) = self.offsets {
+                let own = scores.iter_mut().zip(&offsets[sweep]);
+                own.for_each(|(score, offset)| *score += offset);
+            }
             let largest = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let sum: f64 = scores.iter().map(|s| (s - largest).exp()).sum();
             value += largest + sum.ln() - scores[*label];
@@ -149,6 +155,63 @@ impl LinearHead {
         materials: usize,
         prior: &WeightPrior,
     ) -> Result<Self, ModelError> {
+        Self::fit_beside(features, labels, materials, prior, None)
+    }
+
+    /// Fits softmax regression with this head as the mean of the prior: minimises `-log p(labels | W) + s sum over classes of |w_c - old_c|^2`.
+    ///
+    /// Features count from their mean over the sweeps, and `s` is `strength` times their mean squared length, so that it does not depend on
+    /// their scale. The bias is penalised with `strength`.
+    ///
+    /// - `labels`: `[sweeps]`, below the number of this head's materials; materials may be missing
+    ///
+    /// # Errors
+    /// The gradient does not vanish.
+    pub fn fit_from(
+        &self,
+        features: &Features,
+        labels: &[usize],
+        strength: f64,
+    ) -> Result<Self, ModelError> {
+        let (width, sweeps) = (features.width(), features.len().max(1) as f64);
+        let mut centre = vec![0.0; width];
+        for row in features.rows() {
+            let own = centre.iter_mut().zip(row);
+            own.for_each(|(mean, value)| *mean += f64::from(*value) / sweeps);
+        }
+        let centred = features.rows().flat_map(|row| {
+            let own = row.iter().zip(&centre);
+            own.map(|(value, mean)| (f64::from(*value) - mean) as f32)
+        });
+        let centred = Features::new(width, centred.collect());
+        let squares = centred.values().iter().map(|v| f64::from(*v).powi(2));
+        // The length of a single sweep, which is its own mean, is zero.
+        let square = (squares.sum::<f64>() / sweeps).max(1e-12);
+        let prior = WeightPrior {
+            mean: vec![0.0; width + 1],
+            strength: strength * square,
+            bias_scale: square.sqrt(),
+        };
+        let scores = self.scores(features);
+        let materials = self.biases.len();
+        let change = Self::fit_beside(&centred, labels, materials, &prior, Some(&scores))?;
+        let mut fitted = self.clone();
+        for (label, row) in change.weights.iter().enumerate() {
+            let own = fitted.weights[label].iter_mut().zip(row);
+            own.for_each(|(weight, change)| *weight += change);
+            fitted.biases[label] += change.biases[label] - dot(row, &centre);
+        }
+        Ok(fitted)
+    }
+
+    /// - `offsets`: scores that are added to those of the head, `[sweeps][materials]`
+    fn fit_beside(
+        features: &Features,
+        labels: &[usize],
+        materials: usize,
+        prior: &WeightPrior,
+        offsets: Option<&[Vec<f64>]>,
+    ) -> Result<Self, ModelError> {
         let width = features.width() + 1;
         assert_eq!(
             prior.mean.len(),
@@ -166,6 +229,7 @@ impl LinearHead {
         let problem = SoftmaxRegression {
             rows,
             labels,
+            offsets,
             mean: &mean,
             strength: prior.strength,
         };
@@ -223,5 +287,83 @@ impl LinearHead {
                 log_softmax(&scores)
             })
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two overlapping clouds, so that the likelihood has a maximum at finite weights.
+    fn clouds(shift: f32) -> (Features, Vec<usize>) {
+        let values = (0..24).flat_map(|i| {
+            let label = (i % 2) as f32;
+            let wave = |k: f32| (i as f32 * k).sin();
+            [
+                label + 1.5 * wave(1.7) + shift,
+                2.0 * wave(2.3) - 0.5 * label,
+            ]
+        });
+        (
+            Features::new(2, values.collect()),
+            (0..24).map(|i| i % 2).collect(),
+        )
+    }
+
+    fn fresh(features: &Features, labels: &[usize], strength: f64) -> LinearHead {
+        let prior = WeightPrior {
+            mean: vec![0.0; 3],
+            strength,
+            bias_scale: 1.0,
+        };
+        LinearHead::fit(features, labels, 2, &prior).unwrap()
+    }
+
+    fn most_apart(a: &LinearHead, b: &LinearHead, features: &Features) -> f64 {
+        let (a, b) = (a.log_probabilities(features), b.log_probabilities(features));
+        let pairs = a.iter().flatten().zip(b.iter().flatten());
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_strong_prior_keeps_the_old_head_and_a_weak_one_gives_the_fresh_one() {
+        let (features, labels) = clouds(0.0);
+        let old = fresh(&features, &labels, 0.1);
+        let (moved, labels) = clouds(3.0);
+        let strong = old.fit_from(&moved, &labels, 1e9).unwrap();
+        // The change of a score is about one over the strength.
+        assert!(most_apart(&strong, &old, &moved) < 1e-6);
+        let weak = old.fit_from(&moved, &labels, 1e-8).unwrap();
+        let anew = fresh(&moved, &labels, 1e-8);
+        // Both stop at a relative gradient of 1e-7; scores are below 100.
+        assert!(most_apart(&weak, &anew, &moved) < 1e-3);
+        assert!(most_apart(&old, &anew, &moved) > 0.5, "the sets differ");
+    }
+
+    #[test]
+    fn the_prior_does_not_depend_on_the_scale_of_the_features() {
+        let (features, labels) = clouds(0.0);
+        let old = fresh(&features, &labels, 0.1);
+        let (moved, labels) = clouds(3.0);
+        let times = |by: f32| {
+            let values = moved.values().iter().map(|value| by * value);
+            Features::new(2, values.collect())
+        };
+        let by_eight = |by: f64| LinearHead {
+            weights: old
+                .weights
+                .iter()
+                .map(|row| row.iter().map(|weight| weight / by).collect())
+                .collect(),
+            biases: old.biases.clone(),
+        };
+        let plain = old.fit_from(&moved, &labels, 0.3).unwrap();
+        let large = by_eight(8.0).fit_from(&times(8.0), &labels, 0.3).unwrap();
+        let plain = plain.log_probabilities(&moved);
+        let large = large.log_probabilities(&times(8.0));
+        for (a, b) in plain.iter().flatten().zip(large.iter().flatten()) {
+            // Both stop at a relative gradient of 1e-7.
+            assert!((a - b).abs() < 1e-4, "{a} {b}");
+        }
     }
 }

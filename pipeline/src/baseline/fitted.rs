@@ -26,12 +26,23 @@ pub(crate) struct Baseline {
 impl Baseline {
     /// Returns log-probabilities `[sweeps][materials]`.
     pub fn log_probabilities(&self, view: &SweepView<'_>) -> Vec<Vec<f64>> {
-        let mut features = self.extractor.features(view, &self.dead);
+        self.classifier
+            .log_probabilities(&self.scaled_features(view))
+    }
+
+    /// Returns the features of all sweeps before scaling.
+    pub fn features(&self, view: &SweepView<'_>) -> Features {
+        self.extractor.features(view, &self.dead)
+    }
+
+    /// Returns the input of the classifier.
+    pub fn scaled_features(&self, view: &SweepView<'_>) -> Features {
+        let mut features = self.features(view);
         if let Some(scaler) = &self.scaler {
             scaler.apply(&mut features);
             self.mask_features(&mut features);
         }
-        self.classifier.log_probabilities(&features)
+        features
     }
 
     /// Masks these taxels: they read their training medians, and scaled features of these taxels alone become zero, their training mean.

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use tactnet_models::{Features, Lda, Weights};
+use tactnet_models::{Features, Lda, LinearHead, Weights};
 
-use super::method::{Fit, FittedMethod, Method, Stored, TrainFeatures, fewest};
+use super::method::{Fit, FittedMethod, LinearMethod, Method, Stored, TrainFeatures, fewest};
 use crate::PipelineError;
 use crate::error::InvalidSetting;
 use crate::features::arrays::put_doubles;
@@ -59,5 +59,30 @@ impl FittedMethod for Lda {
     fn save(&self, weights: &mut Weights) {
         put_doubles(weights, "lda.coefficients", &self.coefficients);
         put_doubles(weights, "lda.intercepts", &self.intercepts);
+    }
+    fn as_linear(&self) -> Option<&dyn LinearMethod> {
+        Some(self)
+    }
+}
+
+impl LinearMethod for Lda {
+    fn head(&self) -> LinearHead {
+        let width = self.coefficients.len() / self.intercepts.len();
+        LinearHead {
+            weights: self
+                .coefficients
+                .chunks_exact(width)
+                .map(<[f64]>::to_vec)
+                .collect(),
+            biases: self.intercepts.clone(),
+        }
+    }
+
+    fn save_head(&self, head: &LinearHead, weights: &mut Weights) {
+        let adapted = Self {
+            coefficients: head.weights.concat(),
+            intercepts: head.biases.clone(),
+        };
+        adapted.save(weights);
     }
 }

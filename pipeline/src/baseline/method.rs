@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use tactnet_data::TrainSplit;
-use tactnet_models::{Features, Weights, log_softmax};
+use tactnet_models::{Features, LinearHead, Weights, log_softmax};
 
 use crate::error::InvalidSetting;
 use crate::features::arrays::{get, get_doubles, of_length};
@@ -55,6 +55,20 @@ pub(crate) trait FittedMethod: Send + Sync {
 
     /// Writes the fitted numbers into `weights`.
     fn save(&self, weights: &mut Weights);
+
+    /// Returns the classifier as softmax regression; `None` if it is not linear.
+    fn as_linear(&self) -> Option<&dyn LinearMethod> {
+        None
+    }
+}
+
+/// Fitted classifier whose log-probabilities are the softmax of linear scores.
+pub(crate) trait LinearMethod {
+    /// Returns weights and biases of the scores.
+    fn head(&self) -> LinearHead;
+
+    /// Writes another head in place of that of this classifier into `weights`.
+    fn save_head(&self, head: &LinearHead, weights: &mut Weights);
 }
 
 /// Result of [`Method::fit`].

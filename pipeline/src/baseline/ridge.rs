@@ -1,9 +1,13 @@
 //! Ridge regression on targets of +1 and -1, with calibrated temperature.
 
 use serde::{Deserialize, Serialize};
-use tactnet_models::{Features, Gram, Ridge, Weights, default_penalties, fit_inverse_temperature};
+use tactnet_models::{
+    Features, Gram, LinearHead, Ridge, Weights, default_penalties, fit_inverse_temperature,
+};
 
-use super::method::{Fit, FittedMethod, Method, Stored, TrainFeatures, are_positive, tempered};
+use super::method::{
+    Fit, FittedMethod, LinearMethod, Method, Stored, TrainFeatures, are_positive, tempered,
+};
 use crate::PipelineError;
 use crate::error::InvalidSetting;
 use crate::features::arrays::{get, of_length, put, put_doubles};
@@ -118,5 +122,39 @@ impl FittedMethod for TemperedRidge {
             "ridge.inverse_temperature",
             &[*inverse_temperature],
         );
+    }
+    fn as_linear(&self) -> Option<&dyn LinearMethod> {
+        Some(self)
+    }
+}
+
+impl LinearMethod for TemperedRidge {
+    fn head(&self) -> LinearHead {
+        let (ridge, scale) = (&self.ridge, self.inverse_temperature);
+        let width = ridge.coefficients.len() / ridge.intercepts.len();
+        let rows = ridge.coefficients.chunks_exact(width);
+        let scaled = |row: &[f32]| row.iter().map(|w| scale * f64::from(*w)).collect();
+        LinearHead {
+            weights: rows.map(scaled).collect(),
+            biases: ridge.intercepts.iter().map(|bias| scale * bias).collect(),
+        }
+    }
+
+    fn save_head(&self, head: &LinearHead, weights: &mut Weights) {
+        let scale = self.inverse_temperature;
+        let adapted = Self {
+            ridge: Ridge {
+                coefficients: head
+                    .weights
+                    .iter()
+                    .flatten()
+                    .map(|weight| (weight / scale) as f32)
+                    .collect(),
+                intercepts: head.biases.iter().map(|bias| bias / scale).collect(),
+                penalty: self.ridge.penalty,
+            },
+            inverse_temperature: scale,
+        };
+        adapted.save(weights);
     }
 }

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use tactnet_data::{SweepShape, SweepView, TrainSplit};
 
-use crate::MeanRemoval;
+use crate::adapt::shift::{Moment, believed};
+use crate::{MeanRemoval, Shift};
 
 /// Scaling of digits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -40,6 +41,55 @@ impl Normalizer {
             },
             Scaling::PerTaxel => per_taxel(train, levels),
         }
+    }
+
+    /// Returns the normaliser of sweeps like `sweeps`: means and standard deviations change as far as they differ from those of the training
+    /// sweeps beyond chance. Raw digits stay raw, without a shift.
+    pub(crate) fn adapted(&self, sweeps: &SweepView<'_>) -> (Self, Option<Shift>) {
+        if self.is_raw() {
+            return (self.clone(), None);
+        }
+        let known = self.offset.iter().zip(&self.gain);
+        let known: Vec<Moment> = known
+            .map(|(offset, gain)| Moment {
+                mean: f64::from(*offset),
+                variance: f64::from(*gain).powi(-2),
+            })
+            .collect();
+        let found: Vec<Vec<Moment>> = (0..sweeps.len())
+            .map(|position| self.moments_of(sweeps, position))
+            .collect();
+        let (moments, shift) = believed(&known, &found);
+        let adapted = Self {
+            offset: moments.iter().map(|of| of.mean as f32).collect(),
+            gain: moments
+                .iter()
+                .map(|of| of.variance.powf(-0.5) as f32)
+                .collect(),
+            levels: self.levels,
+        };
+        (adapted, Some(shift))
+    }
+
+    /// Returns true if it does not scale.
+    fn is_raw(&self) -> bool {
+        self.offset.iter().all(|offset| *offset == 0.0) && self.gain.iter().all(|gain| *gain == 1.0)
+    }
+
+    /// Returns mean and variance of every taxel over the steps of a sweep, in digits.
+    fn moments_of(&self, sweeps: &SweepView<'_>, position: usize) -> Vec<Moment> {
+        let (shape, taxels) = (sweeps.shape(), self.taxels());
+        let mut sweep = vec![0.0; shape.values()];
+        sweeps.copy_batch(&[position], &mut sweep);
+        self.levels.apply(&mut sweep, shape);
+        let of_taxel = |taxel: usize| {
+            let values = || sweep[taxel..].iter().step_by(taxels).map(|v| f64::from(*v));
+            let mean = values().sum::<f64>() / shape.steps as f64;
+            let squares = values().map(|value| (value - mean).powi(2));
+            let variance = squares.sum::<f64>() / shape.steps as f64;
+            Moment { mean, variance }
+        };
+        (0..taxels).map(of_taxel).collect()
     }
 
     /// Returns the offset of each taxel, in digits.

@@ -3,6 +3,8 @@
 use tactnet_models::{Features, Weights};
 
 use crate::PipelineError;
+use crate::Shift;
+use crate::adapt::shift::{Moment, believed};
 use crate::features::arrays::{get, of_length, put};
 
 /// Scaler that subtracts a mean from every feature and multiplies by a gain.
@@ -86,6 +88,39 @@ impl Scaler {
                 };
             }
         }
+    }
+
+    /// Returns the scaler of sweeps with these features, which are not scaled: means and standard deviations change as far as they differ from
+    /// those of the training sweeps beyond chance.
+    pub fn adapted(&self, features: &Features) -> (Self, Shift) {
+        let dense = features.width() - self.sparse;
+        let known: Vec<Moment> = self
+            .mean
+            .iter()
+            .zip(&self.gain)
+            .map(|(mean, gain)| Moment {
+                mean: f64::from(*mean),
+                variance: f64::from(*gain).powi(-2),
+            })
+            .collect();
+        let sweeps: Vec<Vec<Moment>> = features
+            .rows()
+            .map(|row| {
+                let values = row.iter().enumerate();
+                let rooted = values.map(|(index, value)| rooted(*value, index >= dense));
+                rooted.map(Moment::of_value).collect()
+            })
+            .collect();
+        let (moments, shift) = believed(&known, &sweeps);
+        let adapted = Self {
+            mean: moments.iter().map(|of| of.mean as f32).collect(),
+            gain: moments
+                .iter()
+                .map(|of| of.variance.powf(-0.5) as f32)
+                .collect(),
+            sparse: self.sparse,
+        };
+        (adapted, shift)
     }
 
     /// Writes means and gains into `weights`.

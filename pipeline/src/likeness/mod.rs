@@ -15,6 +15,7 @@ mod dead;
 mod descriptor;
 mod difference;
 mod distances;
+mod moved;
 mod reference;
 mod report;
 mod search;

@@ -173,7 +173,8 @@ impl NetworkScorer {
         &self.net
     }
 
-    fn load(&self, view: &SweepView<'_>, positions: &[usize]) -> Tensor<4> {
+    /// Returns scaled sweeps, `[sweeps, 1, steps, taxels]`.
+    pub(crate) fn load(&self, view: &SweepView<'_>, positions: &[usize]) -> Tensor<4> {
         let shape = view.shape();
         let mut values = spare_memory(positions.len() * shape.values());
         values
@@ -189,7 +190,7 @@ impl NetworkScorer {
     }
 
     /// Returns dropout masks `[mc_samples, features]`.
-    fn masks(&self, mc_samples: usize) -> Tensor<2> {
+    pub(crate) fn masks(&self, mc_samples: usize) -> Tensor<2> {
         let mut drawn = self.masks.lock().unwrap_or_else(PoisonError::into_inner);
         match &*drawn {
             Some((known, masks)) if *known == mc_samples => masks.clone(),

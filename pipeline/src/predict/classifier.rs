@@ -347,6 +347,30 @@ impl Classifier {
         }
     }
 
+    /// Returns the baseline; `None` for a network.
+    pub(crate) fn baseline(&self) -> Option<&Baseline> {
+        match &self.model {
+            Model::Network(_) => None,
+            Model::Baseline(baseline) => Some(baseline),
+        }
+    }
+
+    /// Returns the compute device.
+    pub(crate) fn device(&self) -> Device {
+        match &self.model {
+            Model::Network(network) => network.device().clone(),
+            Model::Baseline(_) => Device::default(),
+        }
+    }
+
+    /// Returns the name of a baseline's recipe, or "network".
+    pub(crate) fn model_name(&self) -> String {
+        match &self.config.model {
+            ModelConfig::Network(_) => "network".into(),
+            ModelConfig::Baseline(recipe) => recipe.name.clone(),
+        }
+    }
+
     /// Splits the sweeps into those of known and those of unknown materials.
     pub fn by_known_material<'a>(&self, view: &SweepView<'a>) -> (SweepView<'a>, SweepView<'a>) {
         let dataset = view.dataset();
@@ -361,7 +385,7 @@ impl Classifier {
     }
 
     /// Returns the classifier's own label of the material of every sweep.
-    fn own_labels(&self, view: &SweepView<'_>) -> Result<Vec<usize>, PipelineError> {
+    pub(crate) fn own_labels(&self, view: &SweepView<'_>) -> Result<Vec<usize>, PipelineError> {
         self.check_shape(view)?;
         let own: Vec<&str> = self.config.labels.names().collect();
         let labels = view.dataset().labels();
@@ -424,7 +448,7 @@ impl Classifier {
         })
     }
 
-    fn check_shape(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
+    pub(crate) fn check_shape(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
         let (own, shape) = (view.shape(), self.config.shape);
         if own == shape {
             return self.check_rate(view.dataset());

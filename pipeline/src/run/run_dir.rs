@@ -14,13 +14,14 @@
 //! | `calibration.json` | thresholds for unknown materials and prediction sets, if calibrated | at the end |
 //! | `held_out.safetensors` | embeddings of the calibration sweeps, to refit the thresholds at an enrolment | at the end |
 //! | `enrolled.json` | materials added after training | at an enrolment |
+//! | `adapted.json` | sweeps that the classifier was adapted to | at an adaptation |
 //! | `predictions_test.csv` | scores of every test sweep in tsml format | at the end |
 //! | `confusion.svg` | confusion matrix | at the end |
 //! | `result.json` | evaluation of the test sweeps | at the end |
 //! | `manifest.json` | SHA-256 of all other files except the checkpoint; a later change is an error | last |
 
+mod derived_run;
 mod embedding_files;
-mod enrolled_run;
 mod folder_lock;
 mod manifest;
 mod verified_result;
@@ -38,8 +39,8 @@ use manifest::Manifest;
 
 use crate::network::checkpoint::{decode_checkpoint, encode_checkpoint};
 use crate::{
-    EnrolledMaterial, EpochMetrics, PipelineError, PipelineRemedy, PredictionMethod, Predictions,
-    Provenance, RunConfig, RunResult, TrainingState, write_whole,
+    Adaptation, EnrolledMaterial, EpochMetrics, PipelineError, PipelineRemedy, PredictionMethod,
+    Predictions, Provenance, RunConfig, RunResult, TrainingState, write_whole,
 };
 
 const CONFIG: &str = "config.json";
@@ -49,6 +50,7 @@ const RESULT: &str = "result.json";
 const WEIGHTS: &str = "weights.safetensors";
 const HELD_OUT: &str = "held_out.safetensors";
 const ENROLLED: &str = "enrolled.json";
+const ADAPTED: &str = "adapted.json";
 
 /// Folder that holds one run.
 #[derive(Debug)]
@@ -234,6 +236,26 @@ impl RunDir {
         } else {
             Ok(Vec::new())
         }
+    }
+
+    /// Reads the adaptations after training, in order.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn adaptations(&self) -> Result<Vec<Adaptation>, PipelineError> {
+        if self.file(ADAPTED).exists() {
+            self.read_json(ADAPTED)
+        } else {
+            Ok(Vec::new())
+        }
+    }
+
+    /// Writes the adaptations after training.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_adaptations(&self, adaptations: &[Adaptation]) -> Result<(), PipelineError> {
+        self.write_json(ADAPTED, &adaptations)
     }
 
     /// Returns true if training has ended, so that the weights are final.

@@ -258,6 +258,10 @@ impl Session {
                           enroll again";
             return Err(refused(folder, reason.into()));
         }
+        if !run.adaptations()?.is_empty() {
+            let reason = "an adapted classifier cannot be trained further; train the run that it was made from, then adapt again";
+            return Err(refused(folder, reason.into()));
+        }
         let config = run.config()?;
         let dataset = config.spec.read_sweeps_of_run(data)?;
         if dataset.sha256() != config.data_sha256 {

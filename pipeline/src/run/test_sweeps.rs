@@ -1,5 +1,7 @@
 //! Test sweeps of a trained classifier: sweeps that nothing was fitted to.
 
+use std::collections::BTreeSet;
+
 use tactnet_data::{Dataset, SplitManifest, SweepView};
 
 use crate::predict::overlap::{without_sweeps, without_sweeps_of};
@@ -17,8 +19,8 @@ pub struct TestSweeps<'a> {
 }
 
 impl<'a> TestSweeps<'a> {
-    /// Returns the run's own test sweeps if `dataset` is its training data, else all sweeps except those of the training set. Enrolled sweeps are
-    /// left out in both cases.
+    /// Returns the run's own test sweeps if `dataset` is its training data, else all sweeps except those of the training set. Enrolled sweeps, and
+    /// those whose labels an adaptation used, are left out in both cases.
     ///
     /// # Errors
     /// A damaged run directory; no remaining sweep.
@@ -33,13 +35,13 @@ impl<'a> TestSweeps<'a> {
         } else {
             Self::unseen(dataset, &config, &manifest)?
         };
-        found = found.without_enrolled(run)?;
+        found = found.without_enrolled(run)?.without_adapted(run)?;
         if found.view.is_empty() {
             return Err(PipelineError::incompatible(
                 "test sweeps",
                 "sweeps that it has not been trained on",
                 format!(
-                    "none: all sweeps of {} were trained on or enrolled",
+                    "none: all sweeps of {} were trained on, enrolled, or used with their labels",
                     dataset.name()
                 ),
             )
@@ -72,6 +74,41 @@ impl<'a> TestSweeps<'a> {
         if dropped > 0 {
             self.view = SweepView::new(dataset, left);
             self.description += &format!("; {dropped} enrolled sweeps are left out");
+        }
+        Ok(self)
+    }
+
+    /// Removes the sweeps whose labels an adaptation used. Sweeps that it used without labels stay; the description counts them.
+    ///
+    /// # Errors
+    /// A damaged run directory.
+    pub fn without_adapted(mut self, run: &RunDir) -> Result<Self, PipelineError> {
+        let (mut labelled, mut unlabelled) = (BTreeSet::new(), BTreeSet::new());
+        for adaptation in run.adaptations()? {
+            labelled.extend(
+                adaptation
+                    .labelled
+                    .into_iter()
+                    .flat_map(|of| of.sweeps_sha256),
+            );
+            unlabelled.extend(
+                adaptation
+                    .unlabelled
+                    .into_iter()
+                    .flat_map(|of| of.sweeps_sha256),
+            );
+        }
+        if labelled.is_empty() && unlabelled.is_empty() {
+            return Ok(self);
+        }
+        let (view, dropped) = without_sweeps(&self.view, &labelled);
+        let (_, adapted_to) = without_sweeps(&view, &unlabelled);
+        self.view = view;
+        if dropped > 0 {
+            self.description += &format!("; {dropped} sweeps of the adaptation are left out");
+        }
+        if adapted_to > 0 {
+            self.description += &format!("; {adapted_to} were adapted to without their labels");
         }
         Ok(self)
     }

@@ -127,7 +127,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         """Returns the sweeps of validated input; the tests override it."""
         return X
 
-    def _dataset(self, X: Any) -> Any:
+    def _dataset(self, X: Any, y: Any = None) -> Any:
         check_is_fitted(self, "classifier_")
         # For more than two axes the error below is clearer: scikit-learn would call steps features.
         many_axes = np.asarray(X).ndim > 2
@@ -143,8 +143,17 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
             raise TactnetError(
                 f"X: expected sweeps of {steps} steps of {rows}x{cols} taxels, as in fit, found shape {X.shape}"
             )
-        labels = [0] * len(values)
-        return _tactnet.Dataset.from_arrays(values, labels, ["unlabelled"], self.classifier_.rate_hz)
+        labels, names = [0] * len(values), ["unlabelled"]
+        if y is not None:
+            names = [str(name) for name in self.classes_]
+            if len(y) != len(values):
+                raise TactnetError(f"y: expected a material for each of {len(values)} sweeps, found {len(y)}")
+            unknown = [name for name in map(str, y) if name not in names]
+            if unknown:
+                raise TactnetError(f"y: expected known materials ({', '.join(names[:4])}, …), found {unknown[0]!r}; `enroll` adds one")
+            labels = [names.index(str(name)) for name in y]
+            names = self.classifier_.materials
+        return _tactnet.Dataset.from_arrays(values, labels, names, self.classifier_.rate_hz)
 
     def predict_log_proba(self, X: Any) -> np.ndarray:
         """Returns ``(sweeps, materials)``, the natural logarithms of the probabilities."""
@@ -168,6 +177,19 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         """
         found = self.classifier_.likeness(self._dataset(X))
         return None if found is None else json.loads(found)
+
+    def adapt(self, X: Any, y: Any = None, *, accept_risk: bool = False) -> SweepClassifier:
+        """Returns a classifier that is adapted to sweeps of another skin, robot or day. This object is unchanged.
+
+        The scaling (and a network's running statistics) follow the sweeps, which must be of all materials in about equal numbers, 16 or more.
+        With y, a material per sweep, the output layer is fitted, too, with the old one as prior; one or two sweeps of each material help.
+        accept_risk: adapts to fewer than 8 sweeps, or to sweeps of few materials, with a warning in place of a TactnetError.
+        """
+        adapted = copy_without_classifier(self)
+        adapted.classifier_, risks = self.classifier_.adapt(self._dataset(X, y), y is not None, accept_risk)
+        for risk in risks:
+            warnings.warn(risk, UserWarning, stacklevel=2)
+        return adapted
 
     def predict_table(self, X: Any) -> Any:
         """Returns a pandas DataFrame with a row per sweep: ``material``, ``probability``, and one probability column per material."""

@@ -1,0 +1,256 @@
+use rand::RngExt;
+use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::{Dataset, Fold, Samples, Scheme, Seed, SweepView};
+use tactnet_models::Compute;
+
+use super::{AdaptRisk, Adapted, NewSweeps, RiskPolicy, adapt};
+use crate::{
+    Classifier, ClassifierConfig, Likeness, LikenessVerdict, ModelConfig, ModelRecipe,
+    NetworkRecipe, PipelineError, PredictionMethod, fit_baseline, train_network,
+};
+
+fn twin() -> Dataset {
+    let config = TwinConfig {
+        materials: 6,
+        sweeps: 40,
+        steps: 120,
+        ..TwinConfig::default()
+    };
+    generate(&config).unwrap()
+}
+
+fn first_fold(dataset: &Dataset) -> Fold<'_> {
+    Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap()
+}
+
+fn baseline(fold: &Fold<'_>, name: &str) -> Classifier {
+    let ModelRecipe::Baseline(recipe) = ModelRecipe::load(name).unwrap() else {
+        panic!("{name} is a baseline");
+    };
+    let fit = fit_baseline(&recipe, &fold.train, Seed(1), |_| {}).unwrap();
+    let config = ClassifierConfig::new(ModelConfig::Baseline(recipe), &fold.train, Seed(1));
+    Classifier::new(config, &fit.weights, &Compute::Cpu.open().unwrap()).unwrap()
+}
+
+fn network(fold: &Fold<'_>) -> Classifier {
+    let text = "name = \"small\"\nnetwork = { maps = [8, 8], hidden = 32 }\ninput = { scaling = \"per-taxel\" }\n\
+                [training]\nepochs = 12\nbatch = 16\nlearning_rate = 0.005\nmethod = { kind = \"base\" }\n";
+    let recipe = NetworkRecipe::parse("small", text).unwrap();
+    let device = Compute::Cpu.open().unwrap();
+    let trained = train_network(&recipe, &fold.train, Seed(1), &device, |_| true);
+    trained.unwrap().unwrap()
+}
+
+/// Returns the sweeps as another skin feels them: every taxel has another gain and an offset of up to four spreads.
+fn other_skin(view: &SweepView<'_>) -> Dataset {
+    let (dataset, shape) = (view.dataset(), view.shape());
+    let taxels = shape.taxels();
+    let mut rng = Seed(5).rng("other skin");
+    let gains: Vec<f32> = (0..taxels).map(|_| rng.random_range(0.6..1.6)).collect();
+    let offsets: Vec<f32> = (0..taxels).map(|_| rng.random_range(-80.0..80.0)).collect();
+    let mut values = vec![0.0; view.len() * shape.values()];
+    for (position, sweep) in values.chunks_exact_mut(shape.values()).enumerate() {
+        view.copy_batch(&[position], sweep);
+        for frame in sweep.chunks_exact_mut(taxels) {
+            let scales = gains.iter().zip(&offsets);
+            for (value, (gain, offset)) in frame.iter_mut().zip(scales) {
+                *value = *value * gain + offset;
+            }
+        }
+    }
+    let records = view.indices().iter();
+    let records = records.map(|&at| dataset.records()[at].clone()).collect();
+    let (rate, labels) = (dataset.sample_rate_hz(), dataset.labels().clone());
+    Dataset::new("other", rate, shape, labels, records, Samples::F32(values)).unwrap()
+}
+
+fn every_other(dataset: &Dataset, first: usize) -> SweepView<'_> {
+    // Sweeps are sorted by material, so that every other one is of mixed materials.
+    SweepView::new(dataset, (first..dataset.len()).step_by(2).collect())
+}
+
+fn accuracy(classifier: &Classifier, view: &SweepView<'_>) -> f64 {
+    let predictions = classifier.predict(view, PredictionMethod::Plain).unwrap();
+    let right = predictions.sweeps.iter().filter(|sweep| {
+        let rows = &sweep.log_probability;
+        rows.iter().all(|of| *of <= rows[sweep.label])
+    });
+    right.count() as f64 / view.len() as f64
+}
+
+fn unlabelled<'a>(view: &'a SweepView<'a>) -> NewSweeps<'a> {
+    NewSweeps {
+        unlabelled: Some(view),
+        labelled: None,
+    }
+}
+
+fn built(adapted: &Adapted) -> Classifier {
+    let device = Compute::Cpu.open().unwrap();
+    Classifier::new(adapted.config.clone(), &adapted.weights, &device).unwrap()
+}
+
+#[test]
+fn unlabelled_sweeps_of_another_skin_restore_the_accuracy_on_held_out_ones() {
+    let dataset = twin();
+    let fold = first_fold(&dataset);
+    let likeness = Likeness::fit(&fold.train, Seed(1)).unwrap().unwrap();
+    let other = other_skin(&fold.test);
+    let (new, held_out) = (every_other(&other, 0), every_other(&other, 1));
+    let clean = SweepView::clone(&fold.test);
+    for classifier in [network(&fold), baseline(&fold, "lda")] {
+        let name = classifier.model_name();
+        let before = accuracy(&classifier, &held_out);
+        let found = adapt(
+            &classifier,
+            Some(&likeness),
+            unlabelled(&new),
+            RiskPolicy::Refuse,
+        );
+        let found = found.unwrap();
+        let after = accuracy(&built(&found), &held_out);
+        let clean = accuracy(&classifier, &clean);
+        // 24 sweeps: three of them are less than two standard errors.
+        assert!(after > clean - 0.13, "{name}: {clean} {before} {after}");
+        assert!(after > before + 0.2, "{name}: {clean} {before} {after}");
+        assert!(found.shift.level > 0.5, "{name}: {:?}", found.shift);
+        assert_eq!(found.risks, [], "{name}");
+        // Verdicts are about the new skin now.
+        let moved = found.likeness.unwrap();
+        let unlike = |of: &Likeness, view: &SweepView<'_>| {
+            of.assess(view, Seed(1)).verdict == LikenessVerdict::Unlike
+        };
+        assert!(unlike(&likeness, &held_out), "{name}");
+        assert!(!unlike(&moved, &held_out), "{name}");
+        assert!(unlike(&moved, &fold.test), "{name}");
+    }
+}
+
+#[test]
+fn sweeps_of_the_training_skin_hardly_change_predictions() {
+    let dataset = twin();
+    let fold = first_fold(&dataset);
+    for classifier in [network(&fold), baseline(&fold, "lda")] {
+        let found = adapt(
+            &classifier,
+            None,
+            unlabelled(&fold.train),
+            RiskPolicy::Refuse,
+        );
+        let adapted = built(&found.unwrap());
+        let rows = |of: &Classifier| {
+            of.log_probabilities(&fold.test, PredictionMethod::Plain)
+                .unwrap()
+        };
+        let (before, after) = (rows(&classifier), rows(&adapted));
+        let apart: f64 = before
+            .iter()
+            .flatten()
+            .zip(after.iter().flatten())
+            .map(|(a, b)| (a.exp() - b.exp()).abs())
+            .sum();
+        // Total variation per sweep; running statistics of a network lag behind its last batches.
+        let apart = apart / 2.0 / before.len() as f64;
+        assert!(apart < 0.05, "{}: {apart}", classifier.model_name());
+    }
+}
+
+#[test]
+fn few_sweeps_and_few_materials_are_refused() {
+    let dataset = twin();
+    let fold = first_fold(&dataset);
+    let likeness = Likeness::fit(&fold.train, Seed(1)).unwrap();
+    let classifier = baseline(&fold, "lda");
+    let risks = |indices: Vec<usize>| {
+        let view = SweepView::new(&dataset, indices);
+        let found = adapt(
+            &classifier,
+            likeness.as_ref(),
+            unlabelled(&view),
+            RiskPolicy::Refuse,
+        );
+        let Err(PipelineError::AdaptRefused { risks }) = found else {
+            panic!("not refused: {:?}", found.map(|found| found.presence));
+        };
+        let policy = RiskPolicy::Accept;
+        let accepted = adapt(&classifier, likeness.as_ref(), unlabelled(&view), policy).unwrap();
+        assert!(risks.iter().all(|risk| accepted.risks.contains(risk)));
+        risks
+    };
+    let one_material = (0..dataset.len()).filter(|at| dataset.records()[*at].label == 2);
+    let risks_of_one = risks(one_material.collect());
+    assert!(
+        matches!(risks_of_one[..], [AdaptRisk::FewMaterials { known: 6, .. }]),
+        "{risks_of_one:?}"
+    );
+    let six = fold.test.indices().iter().copied().step_by(8).collect();
+    let wanted = AdaptRisk::FewSweeps {
+        found: 6,
+        wanted: 16,
+    };
+    assert!(risks(six).contains(&wanted));
+}
+
+#[test]
+fn labels_improve_on_unlabelled_sweeps_where_materials_are_renamed() {
+    // Names of two materials are exchanged on the new skin: only labels can tell.
+    let dataset = twin();
+    let fold = first_fold(&dataset);
+    let mut other = other_skin(&fold.test);
+    let records = other.records().iter().cloned().map(|mut record| {
+        record.label = match record.label {
+            0 => 1,
+            1 => 0,
+            other => other,
+        };
+        record
+    });
+    let (rate, labels) = (other.sample_rate_hz(), other.labels().clone());
+    let mut values = vec![0.0; other.len() * other.shape().values()];
+    let all: Vec<usize> = (0..other.len()).collect();
+    SweepView::all(&other).copy_batch(&all, &mut values);
+    let samples = Samples::F32(values);
+    other = Dataset::new(
+        "renamed",
+        rate,
+        other.shape(),
+        labels,
+        records.collect(),
+        samples,
+    )
+    .unwrap();
+    let (new, held_out) = (every_other(&other, 0), every_other(&other, 1));
+    let labelled = NewSweeps {
+        unlabelled: None,
+        labelled: Some(&new),
+    };
+    for classifier in [
+        network(&fold),
+        baseline(&fold, "lda"),
+        baseline(&fold, "minirocket"),
+    ] {
+        let without = adapt(&classifier, None, unlabelled(&new), RiskPolicy::Accept).unwrap();
+        let with = adapt(&classifier, None, labelled, RiskPolicy::Refuse).unwrap();
+        let (without, with) = (built(&without), built(&with));
+        let [without, with] = [without, with].map(|of| accuracy(&of, &held_out));
+        assert!(
+            with > without + 0.1,
+            "{}: {without} {with}",
+            classifier.model_name()
+        );
+    }
+    let refused = adapt(
+        &baseline(&fold, "svm-spectra"),
+        None,
+        labelled,
+        RiskPolicy::Refuse,
+    );
+    assert!(matches!(refused, Err(PipelineError::AdaptHead { .. })));
+    let refused = adapt(
+        &baseline(&fold, "knn-h"),
+        None,
+        unlabelled(&new),
+        RiskPolicy::Refuse,
+    );
+    assert!(matches!(refused, Err(PipelineError::AdaptScaling { .. })));
+}
