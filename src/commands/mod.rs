@@ -1,7 +1,6 @@
 //! Subcommands, one per file: arguments, progress, exit code.
 
 pub mod adapt;
-pub mod adapt;
 mod array_names;
 pub mod bench;
 mod block_text;

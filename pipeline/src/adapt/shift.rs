@@ -146,8 +146,8 @@ mod tests {
     fn sampling_noise_is_not_a_shift() {
         let mut rng = Seed(1).rng("shift");
         let (moments, shift) = believed(&[KNOWN; 100], &sweeps(8, 0.0, 1.0, &mut rng));
-        // A mean of eight sweeps has a standard error of 0.35; at most a third of its square may remain.
-        assert!(shift.level < 0.2 && shift.spread < 0.15, "{shift:?}");
+        // A mean of eight sweeps has a standard error of 0.35, a logarithmic spread one of 0.27; half of the variance may remain of each.
+        assert!(shift.level < 0.25 && shift.spread < 0.19, "{shift:?}");
         let squares: f64 = moments.iter().map(|of| of.mean.powi(2)).sum();
         assert!(squares / 100.0 < 0.125 / 3.0, "{squares}");
     }
