@@ -5,7 +5,8 @@ use tactnet_models::Features;
 
 use super::descriptor::DescriptionPart;
 use super::distances::{Distance, Distances};
-use super::{Likeness, MIN_SWEEPS, PARTS, constant_taxels, matrix, surprise_of_constant, vector};
+use super::constant_taxels::constant_taxels;
+use super::{Likeness, MIN_SWEEPS, PARTS, flags, matrix, vector};
 use crate::PipelineError;
 use crate::adapt::shift::{Moment, believed};
 
@@ -56,24 +57,17 @@ impl Likeness {
         let mut set = |name: &str, tensor| weights.0.insert(name.into(), tensor);
         set("descriptions", matrix(&moved(&known, &new)));
         if new.len() >= MIN_SWEEPS {
-            let constant = constant_taxels(sweeps);
-            let shares: Vec<f32> = (0..self.constant_shares.len())
-                .map(|taxel| {
-                    let own = constant.iter().filter(|of| of[taxel]).count();
-                    (1 + own) as f32 / (1 + new.len()) as f32
-                })
-                .collect();
-            let scores = self.scores_of_moved(&known, &new, &constant)?;
-            let of = |value: fn(&Distance) -> f64| {
+            let scores = self.scores_of_moved(&known, &new)?;
+            let of = |value: fn(&(usize, Distance)) -> f64| {
                 vector(scores.iter().map(|of| value(of) as f32).collect())
             };
-            set("constant", vector(shares));
-            set("within.distance", of(|of| of.log));
-            set("within.nearest", of(|of| of.nearest as f64));
-            set("within.stuck", of(|of| of.stuck));
-            let units = (0..scores.len()).map(|at| at as f32).collect();
-            set("within.unit", vector(units));
-            for name in ["distance", "nearest", "stuck", "unit"] {
+            set("constant", flags(&constant_taxels(sweeps)));
+            set("within.distance", of(|(_, of)| of.log));
+            set("within.nearest", of(|(_, of)| of.nearest as f64));
+            for name in ["within.sweep", "within.unit"] {
+                set(name, of(|(at, _)| *at as f64));
+            }
+            for name in ["distance", "nearest", "sweep", "unit"] {
                 weights.0.remove(&format!("between.{name}"));
             }
         }
@@ -81,13 +75,12 @@ impl Likeness {
             .map_err(|reason| PipelineError::incompatible("description", "sound tensors", reason))
     }
 
-    /// Returns the distances of new sweeps from the training descriptions, moved to the other new sweeps.
+    /// Returns the distances of new sweeps from the training descriptions, moved to the other new sweeps, with the positions of the sweeps.
     fn scores_of_moved(
         &self,
         known: &Features,
         new: &Features,
-        constant: &[Vec<bool>],
-    ) -> Result<Vec<Distance>, PipelineError> {
+    ) -> Result<Vec<(usize, Distance)>, PipelineError> {
         let labels = &self.weights.0["labels"].values;
         let labels: Vec<usize> = labels.iter().map(|label| *label as usize).collect();
         let mut scores = Vec::with_capacity(new.len());
@@ -95,14 +88,8 @@ impl Likeness {
             let (own, others): (Vec<usize>, Vec<usize>) =
                 (0..new.len()).partition(|at| at % PARTS == part);
             let distances = Distances::fit(&moved(known, &new.select(&others)), &labels)?;
-            for (at, mut of) in own.iter().zip(distances.of(&new.select(&own))) {
-                let share = |taxel: usize| {
-                    let also = others.iter().filter(|at| constant[**at][taxel]).count();
-                    (1 + also) as f64 / (1 + others.len()) as f64
-                };
-                of.stuck = surprise_of_constant(&constant[*at], share);
-                scores.push(of);
-            }
+            let own_distances = distances.of(&new.select(&own));
+            scores.extend(own.into_iter().zip(own_distances));
         }
         Ok(scores)
     }
