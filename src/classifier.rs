@@ -52,6 +52,7 @@ impl Classifier {
             schema_version: RunConfig::SCHEMA_VERSION,
             spec: TrainSpec {
                 data: train.dataset().name().into(),
+                lengths: spec.lengths_in(train.dataset()),
                 ..spec.clone()
             },
             data_sha256: train.dataset().sha256().into(),
@@ -377,6 +378,22 @@ impl Classifier {
     /// ```
     pub fn shape(&self) -> SweepShape {
         self.fitted.config().shape
+    }
+
+    /// Returns true if the training sweeps differ in length, so that sweeps of any length can be classified.
+    ///
+    /// # Example
+    /// ```
+    /// use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    ///
+    /// let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// assert!(!Recipe::named("means")?.fit(&fold.train)?.any_length());
+    /// # Ok::<(), tactnet::Error>(())
+    /// ```
+    pub fn any_length(&self) -> bool {
+        self.fitted.config().trained_steps.is_some()
     }
 
     /// Returns the sample rate of the training sweeps in Hz, and true if it is assumed.

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`NotFinite`](FindingKind::NotFinite) | error | a NaN or an infinity |
 //! | [`UnequalLengths`](FindingKind::UnequalLengths) | error | sweeps that are longer or shorter than most, see [`check_lengths`] |
+//! | [`TellingLengths`](FindingKind::TellingLengths) | warning | the lengths of the sweeps alone separate the materials |
 //! | [`ConstantSweep`](FindingKind::ConstantSweep) | error | all taxels of a sweep are constant |
 //! | [`IdenticalSweeps`](FindingKind::IdenticalSweeps) | error | equal values in two sweeps, which would leak test data into training |
 //! | [`Overlap`](FindingKind::Overlap) | error; warning within a block | two sweeps share a run of frames that is too long and too lively for chance, as windows of one recording do |
@@ -100,6 +101,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     let mut findings = of_values(dataset, &sweeps);
     findings.extend(sweeps_per_material::check(dataset));
     findings.extend(blocks::confounded(dataset));
+    findings.extend(lengths::telling_lengths(dataset));
     findings.extend(names::numbered(dataset));
     findings.extend(names::that_mislead(dataset));
     findings.extend(clock_taxels::clock_taxels(dataset, &sweeps));

@@ -83,7 +83,7 @@ impl DataSource {
                 let twin = twin.with_named_rate(options.rate_hz)?;
                 match options.keep {
                     Keep::First(steps) => twin.first_steps(steps),
-                    Keep::Equal | Keep::Shortest | Keep::Most => Ok(twin),
+                    Keep::Equal | Keep::All | Keep::Shortest | Keep::Most => Ok(twin),
                 }
             }
             Self::File(path) if path.exists() => format::read_with(path, options),

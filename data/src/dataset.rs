@@ -1,6 +1,7 @@
 //! Data sets: ordered sweeps with material, block and checksum.
 
 mod derived;
+mod lengths;
 
 use crate::{DataError, DataOrigin, Finding, LabelSet, Samples, hex, is_control};
 use serde::{Deserialize, Serialize};
@@ -73,7 +74,7 @@ impl SweepRecord {
     }
 }
 
-/// Ordered sweeps of equal shape, each with its material.
+/// Ordered sweeps, each with its material. They have one shape, except for their lengths; see [`Dataset::with_lengths`].
 ///
 /// ```
 /// use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
@@ -98,6 +99,8 @@ pub struct Dataset {
     /// Findings that only the reader of the file can make.
     reading_findings: Vec<Finding>,
     shape: SweepShape,
+    /// Number of frames of each sweep; `None` if all have `shape.steps`.
+    lengths: Option<Vec<usize>>,
     labels: LabelSet,
     records: Vec<SweepRecord>,
     samples: Samples,
@@ -134,6 +137,7 @@ impl Dataset {
             patch_assumed: false,
             reading_findings: Vec::new(),
             shape,
+            lengths: None,
             labels,
             records,
             samples,
@@ -194,7 +198,7 @@ impl Dataset {
         self.sample_rate_hz
     }
 
-    /// Returns the shape of all sweeps.
+    /// Returns the shape of all sweeps; of the longest if their lengths differ.
     pub fn shape(&self) -> SweepShape {
         self.shape
     }
@@ -209,7 +213,8 @@ impl Dataset {
         &self.records
     }
 
-    /// Returns all values: `[sweeps][steps][rows][cols]`.
+    /// Returns all values: `[sweeps][steps][rows][cols]`. The last frame of a shorter sweep is repeated to the length of
+    /// the longest.
     pub fn samples(&self) -> &Samples {
         &self.samples
     }
@@ -245,7 +250,7 @@ impl Dataset {
         &self.sha256
     }
 
-    /// Copies sweep `index` as `f32` to `out` (`[steps][rows][cols]`, digits).
+    /// Copies sweep `index` as `f32` to `out` (`[steps][rows][cols]`, digits), up to the length of the longest sweep.
     ///
     /// # Panics
     /// If there is no such sweep, or `out` has another length.
@@ -259,13 +264,13 @@ impl Dataset {
         self.samples.copy_to(index * self.shape.values(), out);
     }
 
-    /// Returns sweep `index` as `[steps][rows][cols]` digits.
+    /// Returns the frames of sweep `index` as `[steps][rows][cols]` digits.
     ///
     /// # Panics
     /// If there is no such sweep.
     pub fn sweep(&self, index: usize) -> Vec<f32> {
-        let mut out = vec![0.0; self.shape.values()];
-        self.copy_sweep(index, &mut out);
+        let mut out = vec![0.0; self.steps_of(index) * self.shape.taxels()];
+        self.samples.copy_to(index * self.shape.values(), &mut out);
         out
     }
 

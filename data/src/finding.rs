@@ -26,6 +26,8 @@ pub enum FindingKind {
     NotFinite,
     /// Sweeps of several lengths.
     UnequalLengths,
+    /// The lengths of the sweeps alone separate the materials.
+    TellingLengths,
     /// A sweep in which no taxel ever changes.
     ConstantSweep,
     /// Two sweeps have equal values.
@@ -169,6 +171,7 @@ impl fmt::Display for FindingKind {
         f.pad(match self {
             Self::NotFinite => "values that are not finite",
             Self::UnequalLengths => "sweeps of several lengths",
+            Self::TellingLengths => "lengths that tell the material",
             Self::ConstantSweep => "constant sweeps",
             Self::IdenticalSweeps => "identical sweeps",
             Self::FewSweeps => "too few sweeps",

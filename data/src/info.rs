@@ -19,8 +19,11 @@ pub struct Info {
     pub sha256: String,
     /// Number of sweeps.
     pub sweeps: usize,
-    /// Shape of every sweep.
+    /// Shape of every sweep, or of the longest if their lengths differ.
     pub shape: SweepShape,
+    /// Lengths of the sweeps; absent if all have the length of the shape.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lengths: Option<LengthRange>,
     /// Element type: `u8`, `u16` or `f32`.
     pub element: &'static str,
     /// Memory of the values, in bytes.
@@ -29,7 +32,7 @@ pub struct Info {
     pub sample_rate_hz: f64,
     /// True if the data does not name its sample rate.
     pub sample_rate_assumed: bool,
-    /// Duration of a sweep, in s.
+    /// Duration of a sweep, or of the longest, in s.
     pub sweep_seconds: f64,
     /// The materials in label order; empty if the file names none.
     pub materials: Vec<MaterialInfo>,
@@ -65,6 +68,33 @@ pub struct MaterialInfo {
     pub sweeps: usize,
     /// Number of its sweeps in the author's test split, if it is known.
     pub test_sweeps: Option<usize>,
+    /// Lengths of its sweeps; absent if all sweeps of the data set have one length.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lengths: Option<LengthRange>,
+}
+
+/// Lengths of some sweeps, in frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct LengthRange {
+    /// Length of the shortest sweep.
+    pub shortest: usize,
+    /// Median of the lengths.
+    pub median: usize,
+    /// Length of the longest sweep.
+    pub longest: usize,
+}
+
+impl LengthRange {
+    /// Returns the range of some lengths; `None` without any.
+    pub fn of(lengths: impl IntoIterator<Item = usize>) -> Option<Self> {
+        let mut sorted: Vec<usize> = lengths.into_iter().collect();
+        sorted.sort_unstable();
+        Some(Self {
+            shortest: *sorted.first()?,
+            median: sorted[sorted.len() / 2],
+            longest: *sorted.last()?,
+        })
+    }
 }
 
 impl Info {
@@ -100,6 +130,11 @@ pub fn info(dataset: &Dataset) -> Info {
             .then(|| records.iter().filter(test).count())
     };
     let counts = dataset.sweeps_per_label();
+    let lengths_of = |label: Option<usize>| {
+        let lengths = dataset.lengths()?.iter().zip(records);
+        let of_label = lengths.filter(|(_, r)| label.is_none_or(|l| r.label == l));
+        LengthRange::of(of_label.map(|(steps, _)| *steps))
+    };
     let materials = dataset
         .labels()
         .names()
@@ -108,6 +143,7 @@ pub fn info(dataset: &Dataset) -> Info {
             name: name.to_owned(),
             sweeps: counts[label],
             test_sweeps: tests_of(Some(label)),
+            lengths: lengths_of(Some(label)),
         });
     let blocks: BTreeSet<_> = records
         .iter()
@@ -123,6 +159,7 @@ pub fn info(dataset: &Dataset) -> Info {
         min,
         max,
     } = moments(dataset);
+    let values = dataset.frames() * shape.taxels();
     let finite = count.max(1) as f64;
     let mean = sum / finite;
     Info {
@@ -130,6 +167,7 @@ pub fn info(dataset: &Dataset) -> Info {
         sha256: dataset.sha256().to_owned(),
         sweeps: dataset.len(),
         shape,
+        lengths: lengths_of(None),
         element: dataset.samples().element(),
         memory_bytes: dataset.samples().bytes(),
         sample_rate_hz: dataset.sample_rate_hz(),
@@ -143,9 +181,9 @@ pub fn info(dataset: &Dataset) -> Info {
         max,
         mean,
         std: (squares / finite - mean * mean).max(0.0).sqrt(),
-        percentiles: percentiles(dataset.samples()),
-        zeros: zeros as f64 / dataset.samples().len() as f64,
-        not_finite: dataset.samples().len() - count,
+        percentiles: percentiles(dataset),
+        zeros: zeros as f64 / values as f64,
+        not_finite: values - count,
     }
 }
 
@@ -208,19 +246,15 @@ impl Moments {
 }
 
 /// Returns the value at each percentage of the sorted values (nearest rank).
-fn percentiles(samples: &Samples) -> Vec<(f64, f64)> {
+fn percentiles(dataset: &Dataset) -> Vec<(f64, f64)> {
     let rank = |percent: f64, count: usize| (percent / 100.0 * (count - 1) as f64).round() as usize;
-    match samples {
-        Samples::U8(values) => from_counts(&counts(values, usize::from, 1 << 8), rank),
-        Samples::U16(values) => from_counts(&counts(values, usize::from, 1 << 16), rank),
+    match dataset.samples() {
+        Samples::U8(values) => from_counts(&counts(dataset, values, usize::from, 1 << 8), rank),
+        Samples::U16(values) => from_counts(&counts(dataset, values, usize::from, 1 << 16), rank),
         Samples::F32(values) => {
             let stride = values.len().div_ceil(PERCENTILE_VALUES);
-            let mut some: Vec<f32> = values
-                .iter()
-                .step_by(stride)
-                .copied()
-                .filter(|x| x.is_finite())
-                .collect();
+            let read = of_frames(dataset, values).step_by(stride);
+            let mut some: Vec<f32> = read.copied().filter(|x| x.is_finite()).collect();
             if some.is_empty() {
                 return Vec::new();
             }
@@ -232,9 +266,21 @@ fn percentiles(samples: &Samples) -> Vec<(f64, f64)> {
     }
 }
 
-fn counts<T: Copy>(values: &[T], index: impl Fn(T) -> usize, kinds: usize) -> Vec<usize> {
+/// Returns the values of all frames, without padding.
+fn of_frames<'a, T>(dataset: &'a Dataset, values: &'a [T]) -> impl Iterator<Item = &'a T> {
+    let shape = dataset.shape();
+    let sweeps = values.chunks_exact(shape.values()).enumerate();
+    sweeps.flat_map(move |(index, sweep)| &sweep[..dataset.steps_of(index) * shape.taxels()])
+}
+
+fn counts<T: Copy>(
+    dataset: &Dataset,
+    values: &[T],
+    index: impl Fn(T) -> usize,
+    kinds: usize,
+) -> Vec<usize> {
     let mut counts = vec![0; kinds];
-    for &value in values {
+    for &value in of_frames(dataset, values) {
         counts[index(value)] += 1;
     }
     counts

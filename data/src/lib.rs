@@ -61,7 +61,7 @@ pub use finding::{
 };
 pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, ValidationSplit};
 pub use hex::{hex, sha256_hex};
-pub use info::{Info, MaterialInfo, info};
+pub use info::{Info, LengthRange, MaterialInfo, info};
 pub use known_names::{is_same_name, known_names, near_name};
 pub use material::{LabelSet, Material, is_control};
 pub use material_name::normal_name;

@@ -27,6 +27,11 @@ pub enum Remedy {
         /// Columns of that grid.
         cols: usize,
     },
+    /// Keep the length of every sweep, or the first frames of all.
+    KeepLengths {
+        /// Number of frames of the shortest sweep.
+        steps: usize,
+    },
     /// Keep the first frames of every sweep.
     KeepSteps {
         /// Number of frames to keep.

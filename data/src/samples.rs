@@ -98,6 +98,25 @@ impl Samples {
         }
     }
 
+    /// Replaces the frames of each sweep after its last one by this frame.
+    ///
+    /// - `whole`: number of values of a padded sweep
+    /// - `lengths`: number of frames of each sweep, at least 1
+    pub(crate) fn repeat_last_frames(&mut self, whole: usize, taxels: usize, lengths: &[usize]) {
+        fn fill<T: Copy>(values: &mut [T], whole: usize, taxels: usize, lengths: &[usize]) {
+            for (sweep, steps) in values.chunks_exact_mut(whole).zip(lengths) {
+                for at in steps * taxels..whole {
+                    sweep[at] = sweep[at - taxels];
+                }
+            }
+        }
+        match self {
+            Self::U8(v) => fill(v, whole, taxels, lengths),
+            Self::U16(v) => fill(v, whole, taxels, lengths),
+            Self::F32(v) => fill(v, whole, taxels, lengths),
+        }
+    }
+
     /// Returns the runs of `whole` values at `positions`, in that order.
     pub(crate) fn gather(&self, whole: usize, positions: &[usize]) -> Self {
         fn pick<T: Copy>(values: &[T], whole: usize, positions: &[usize]) -> Vec<T> {

@@ -30,10 +30,9 @@ impl ValueRange {
     /// Returns the range of all sweeps of `view`; `None` if no value is finite.
     pub fn of(view: &SweepView<'_>) -> Option<Self> {
         let shape = view.shape();
-        let mut sweep = vec![0.0; shape.values()];
         let mut range: Option<Self> = None;
         for position in 0..view.len() {
-            view.copy_batch(&[position], &mut sweep);
+            let sweep = view.sweep(position);
             for frame in sweep.chunks_exact(shape.taxels()) {
                 range = range.into_iter().chain(Self::of_frame(frame)).reduce(union);
             }

@@ -34,6 +34,10 @@ pub struct Audit {
     /// data set is sorted by material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording_order: Option<f64>,
+    /// Accuracy of naming the material of the training sweep of the most similar length, on random folds; absent if all sweeps have
+    /// one length.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep_length: Option<f64>,
     /// Recognition of the recording block within a material, on random folds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub block_identity: Option<BlockIdentity>,
@@ -82,6 +86,7 @@ impl Audit {
             ("first frame", self.first_frame),
             ("last frame", self.last_frame),
             ("order of the sweeps in the file", self.recording_order),
+            ("length of the sweeps", self.sweep_length),
         ];
         self.nearly_as_accurate(accuracy, probes)
     }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize, Serializer};
 use tactnet_data::DataOrigin;
 use tactnet_pipeline::{
-    ConfoundedAccuracy, MeanRemoval, PredictionMethod, SplitKind, TrainingSteps,
+    ConfoundedAccuracy, LengthAccuracy, MeanRemoval, PredictionMethod, SplitKind, TrainingSteps,
 };
 
 use crate::confidence::{ReliabilityBin, RiskCoverage};
@@ -54,6 +54,9 @@ pub struct Contender {
     /// Accuracy without the materials that coincide with recording blocks, over all folds; absent if there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub confounded: Option<ConfoundedAccuracy>,
+    /// Accuracy for each quartile of length, over all folds; empty if all sweeps have one length.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub by_length: Vec<LengthAccuracy>,
     /// Counts `[true][predicted]` of three fused sweeps, with each sweep in 20 groups, summed over folds.
     #[serde(skip)]
     pub fused_confusion: Vec<Vec<usize>>,

@@ -15,6 +15,9 @@ pub struct DataProbes {
     /// the file is sorted; absent if it is sorted by material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording_order: Option<f64>,
+    /// Accuracy of naming the material of the training sweep of the most similar length; absent if all sweeps have one length.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sweep_length: Option<f64>,
     /// Recognition of the recording block within a material; absent if no material was recorded in several blocks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub block_identity: Option<BlockIdentity>,
@@ -37,12 +40,16 @@ impl DataProbes {
         let folds = folds.map(|fold| Fold::new(dataset, scheme, Seed(seed), 0, fold).ok());
         let folds: Vec<Fold<'_>> = folds.collect::<Option<_>>()?;
         let recording_order = is_interleaved(dataset).then(|| by_order(dataset, &folds));
+        let sweep_length = dataset.lengths().map(|all| by_length(dataset, all, &folds));
         let block_identity = by_means(dataset, &folds);
-        (recording_order.is_some() || block_identity.is_some()).then(|| Self {
+        let probes = Self {
             data: dataset.name().into(),
             recording_order,
+            sweep_length,
             block_identity,
-        })
+        };
+        let has_any = recording_order.or(sweep_length).is_some() || block_identity.is_some();
+        has_any.then_some(probes)
     }
 }
 
@@ -79,6 +86,26 @@ fn by_order(dataset: &Dataset, folds: &[Fold<'_>]) -> f64 {
         fold.test.indices().iter().filter(is_right).count()
     });
     right.sum::<usize>() as f64 / dataset.len() as f64
+}
+
+/// Returns the expected accuracy of naming the material of the training sweep of the most similar length; of several such sweeps one is
+/// drawn.
+fn by_length(dataset: &Dataset, lengths: &[usize], folds: &[Fold<'_>]) -> f64 {
+    let label = |sweep: usize| dataset.records()[sweep].label;
+    let mut right = 0.0;
+    for fold in folds {
+        for &sweep in fold.test.indices() {
+            let distance = |other: usize| lengths[other].abs_diff(lengths[sweep]);
+            let train = fold.train.indices().iter().copied();
+            let least = train.clone().map(distance).min();
+            let nearest = train.filter(|other| Some(distance(*other)) == least);
+            let same = nearest
+                .clone()
+                .filter(|other| label(*other) == label(sweep));
+            right += same.count() as f64 / nearest.count() as f64;
+        }
+    }
+    right / dataset.len() as f64
 }
 
 /// Maximum number of tested sweeps of each fold.
@@ -143,7 +170,7 @@ fn means(dataset: &Dataset, sweep: usize) -> Vec<f32> {
         let values = sums.iter_mut().zip(frame);
         values.for_each(|(sum, value)| *sum += f64::from(*value));
     }
-    let mean = |sum: f64| (sum / shape.steps as f64) as f32;
+    let mean = |sum: f64| (sum / dataset.steps_of(sweep) as f64) as f32;
     sums.into_iter().map(mean).collect()
 }
 

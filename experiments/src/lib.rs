@@ -77,6 +77,6 @@ pub use statistic::{Statistic, holm, resampled_t_test};
 pub use status::{Status, TaskStatus};
 pub use summarise::summarise;
 pub use summary::{AssumedRate, DataRecord, FailedTasks, Summary, TaskRecord};
-pub use sweep_length::{NamedSweep, SweepLength};
+pub use sweep_length::{NamedLength, SweepLength};
 pub use tasks::{ExperimentDir, STOPPING, Start, TaskState};
 pub use time_left::TimeLeft;

@@ -81,7 +81,8 @@ pub struct ExperimentRecipe {
     /// Treatments of the mean of each taxel; each is evaluated separately.
     #[serde(default = "kept", deserialize_with = "one_or_many")]
     pub levels: Vec<MeanRemoval>,
-    /// Numbers of time steps to which sweeps are cut, or `"shortest"`; each is evaluated separately. Empty for complete sweeps.
+    /// Numbers of time steps to which sweeps are cut, `"shortest"`, or `"all"` for sweeps of unequal length; each is evaluated separately. Empty
+    /// for complete sweeps.
     #[serde(default, deserialize_with = "one_or_many")]
     pub steps: Vec<SweepLength>,
     /// Sample rate in Hz for data that does not state one; absent for the stated or assumed rate.

@@ -2,6 +2,7 @@
 
 mod audit;
 mod beside_published;
+mod by_length;
 mod calibration;
 mod class_bars;
 mod confusion;
@@ -80,6 +81,7 @@ pub fn to_html(summary: &Summary) -> String {
             "Best contenders",
             contender::section(summary, &sets),
         ),
+        Section::new("lengths", "Length of the sweeps", by_length::section(&sets)),
         Section::new("published", "Beside the published confusions", published),
         Section::new(
             "groups",
@@ -147,6 +149,7 @@ mod tests {
             "comparisons",
             "audit",
             "contenders",
+            "lengths",
             "published",
             "groups",
             "ranks",
@@ -163,7 +166,7 @@ mod tests {
         );
         assert_eq!(
             sections_of(&to_html(&fake::tactmat())),
-            without(&["comparisons", "audit", "groups", "ranks"])
+            without(&["comparisons", "audit", "lengths", "groups", "ranks"])
         );
         assert_eq!(
             sections_of(&to_html(&fake::empty())),

@@ -3,34 +3,44 @@
 use serde::{Deserialize, Serialize};
 use tactnet_data::DataSource;
 use tactnet_data::format::{Keep, ReadOptions};
-use tactnet_pipeline::PipelineError;
+use tactnet_pipeline::{PipelineError, SweepLengths};
 
 use crate::{ExperimentError, ExperimentRecipe};
 
-/// Number of time steps to which sweeps are cut: a number, or `"shortest"`.
+/// Number of time steps to which sweeps are cut: a number, `"shortest"` or `"all"`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SweepLength {
     /// This many time steps.
     Steps(usize),
-    /// As many as the shortest sweep of all data sets has.
-    OfSweep(NamedSweep),
+    /// A length that depends on the data.
+    Named(NamedLength),
 }
 
-/// Sweep whose length others are cut to.
+/// Length that depends on the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum NamedSweep {
-    /// The shortest one.
+pub enum NamedLength {
+    /// That of the shortest sweep of all data sets.
     Shortest,
+    /// Every sweep has its own length.
+    All,
 }
 
 impl SweepLength {
-    /// Returns the number of time steps; `None` if it is that of a sweep which has not been read.
+    /// Returns the number of time steps; `None` if sweeps differ, or if it is that of a sweep which has not been read.
     pub fn steps(self) -> Option<usize> {
         match self {
             Self::Steps(steps) => Some(steps),
-            Self::OfSweep(NamedSweep::Shortest) => None,
+            Self::Named(_) => None,
+        }
+    }
+
+    /// Returns the lengths of sweeps of which all steps are kept.
+    pub(crate) fn lengths(self) -> SweepLengths {
+        match self {
+            Self::Named(NamedLength::All) => SweepLengths::Own,
+            Self::Steps(_) | Self::Named(NamedLength::Shortest) => SweepLengths::Equal,
         }
     }
 }
@@ -41,7 +51,8 @@ impl ExperimentRecipe {
     /// # Errors
     /// Data that cannot be read.
     pub fn measure_lengths(&mut self) -> Result<(), ExperimentError> {
-        if self.steps.iter().all(|length| length.steps().is_some()) {
+        let unknown = SweepLength::Named(NamedLength::Shortest);
+        if !self.steps.contains(&unknown) {
             return Ok(());
         }
         let mut shortest = usize::MAX;
@@ -55,14 +66,20 @@ impl ExperimentRecipe {
             let dataset = read.map_err(PipelineError::from)?;
             shortest = shortest.min(dataset.shape().steps);
         }
-        for length in &mut self.steps {
-            *length = SweepLength::Steps(length.steps().unwrap_or(shortest));
-        }
+        let measured = self.steps.iter_mut().filter(|length| **length == unknown);
+        measured.for_each(|length| *length = SweepLength::Steps(shortest));
         Ok(())
     }
 
     /// Returns the frames of the data sets that the experiment reads: the longest of its lengths.
     pub(crate) fn kept_frames(&self) -> Keep {
+        if self
+            .steps
+            .iter()
+            .any(|length| length.lengths() == SweepLengths::Own)
+        {
+            return Keep::All;
+        }
         let lengths = self.steps.iter().filter_map(|length| length.steps());
         lengths.max().into()
     }
@@ -99,6 +116,11 @@ mod tests {
         assert_eq!(recipe.kept_frames(), Keep::Equal);
         recipe.measure_lengths().unwrap();
         assert_eq!(recipe.steps, [SweepLength::Steps(25)]);
+        let all = ["steps=all".into(), settings[0].clone()];
+        let mut recipe = ExperimentRecipe::load("crossval_baselines", &all).unwrap();
+        recipe.measure_lengths().unwrap();
+        assert_eq!(recipe.steps, [SweepLength::Named(NamedLength::All)]);
+        assert_eq!(recipe.kept_frames(), Keep::All);
         assert!(ExperimentRecipe::load("crossval_baselines", &["steps=longest".into()]).is_err());
     }
 }

@@ -100,7 +100,7 @@ impl ConvolutionShape {
         product(&[self.input.steps, self.input.taxels, maps])
     }
 
-    fn pooled_steps(&self) -> usize {
+    pub(crate) fn pooled_steps(&self) -> usize {
         self.pools
             .iter()
             .fold(self.input.steps, |steps, pool| steps.div_ceil(*pool))
@@ -255,6 +255,11 @@ impl NetworkConfig {
             TrunkShape::Convolutions(_) => None,
             TrunkShape::Spectra(shape) => Some(shape),
         }
+    }
+
+    /// Returns the number of steps of the shortest sweep that the network can classify.
+    pub fn least_steps(&self) -> usize {
+        self.spectra().map_or(1, SpectralShape::window)
     }
 
     /// Returns the number of features in front of the dropout.

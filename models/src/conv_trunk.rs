@@ -11,6 +11,9 @@ use crate::config::ConvolutionShape;
 #[derive(Module, Debug)]
 pub struct ConvTrunk {
     pub(crate) blocks: Vec<ConvBlock>,
+    /// Number of pooled steps of the longest sweep.
+    #[module(skip)]
+    pub(crate) pooled_steps: usize,
 }
 
 impl ConvTrunk {
@@ -33,10 +36,14 @@ impl ConvTrunk {
             blocks.push(ConvBlock::init(block, next_id(), device, rng));
             maps_in = maps_out;
         }
-        Self { blocks }
+        Self {
+            blocks,
+            pooled_steps: shape.pooled_steps(),
+        }
     }
 
-    /// Returns features `[batch, maps x pooled steps x taxels]` with batch statistics, which it appends to `statistics`.
+    /// Returns features `[batch, maps x pooled steps x taxels]` with batch statistics, which it appends to `statistics`. Pooled steps that a
+    /// shorter sweep does not have are zero.
     pub(crate) fn forward_train(
         &self,
         sweeps: Tensor<3>,
@@ -48,14 +55,25 @@ impl ConvTrunk {
             maps = pooled;
             statistics.push(batch);
         }
-        flat_features(maps)
+        flat_features(self.filled(maps))
     }
 
     /// Returns features with fixed statistics.
     pub(crate) fn forward(&self, sweeps: Tensor<3>) -> Tensor<2> {
         let maps = sweeps.unsqueeze_dim::<4>(3);
         let blocks = self.blocks.iter();
-        flat_features(blocks.fold(maps, |maps, block| block.forward(maps)))
+        flat_features(self.filled(blocks.fold(maps, |maps, block| block.forward(maps))))
+    }
+
+    /// Returns `[batch, steps, taxels, maps]` with zeros for the pooled steps that are missing.
+    fn filled(&self, maps: Tensor<4>) -> Tensor<4> {
+        let [batch, steps, taxels, of_step] = maps.dims();
+        if steps == self.pooled_steps {
+            return maps;
+        }
+        let missing = [batch, self.pooled_steps - steps, taxels, of_step];
+        let zeros = Tensor::zeros(missing, &maps.device());
+        Tensor::cat(vec![maps, zeros], 1)
     }
 
     /// Returns the batch statistics of a block; those before it use their running statistics.

@@ -48,6 +48,11 @@ impl Features {
         &self.values[sweep * self.width..][..self.width]
     }
 
+    /// Returns the row of one sweep for writing.
+    pub fn row_mut(&mut self, sweep: usize) -> &mut [f32] {
+        &mut self.values[sweep * self.width..][..self.width]
+    }
+
     /// Returns an iterator over the rows.
     pub fn rows(&self) -> std::slice::ChunksExact<'_, f32> {
         self.values.chunks_exact(self.width)

@@ -73,11 +73,13 @@ pub use network::stacked::{StackMember, StackedTraining};
 pub use network::train_embeddings::TrainEmbeddings;
 pub use network::train_network::{train_network, train_siamese};
 pub use network::training::{BatchReport, Position, Training, TrainingState};
+pub use predict::by_length::LengthAccuracy;
 pub use predict::by_method::serialize_by_method;
 pub use predict::calibration::{
     Calibration, CalibrationTarget, Verdict, least_probability, prediction_set, upper_quantile,
 };
-pub use predict::classifier::{Classifier, ClassifierConfig, ModelConfig, NetworkSetup};
+pub use predict::classifier::Classifier;
+pub use predict::classifier_config::{ClassifierConfig, ModelConfig, NetworkSetup, StepRange};
 pub use predict::classify::{ClassifiedObject, ClassifiedSweep, ClassifiedSweeps};
 pub use predict::confounded_accuracy::ConfoundedAccuracy;
 pub use predict::confusion::Confusion;
@@ -110,5 +112,5 @@ pub use run::test_sweeps::TestSweeps;
 pub use run::together::{Ended, train_together};
 pub use run::training_steps::TrainingSteps;
 pub use run::write_whole::write_whole;
-pub use spec::{SplitKind, TrainJob, TrainSpec, quoted};
+pub use spec::{SplitKind, SweepLengths, TrainJob, TrainSpec, quoted};
 pub use tactnet_data::UNFINISHED;

@@ -1,6 +1,6 @@
 //! Requirements of models: the sweeps without which a model cannot be trained.
 
-use tactnet_data::SweepShape;
+use tactnet_data::{Dataset, SweepShape};
 use tactnet_models::{InputShape, NetworkConfig};
 
 use crate::{ModelRecipe, PipelineError};
@@ -81,6 +81,18 @@ impl ModelRecipe {
                 }
             }
         }
+    }
+
+    /// Succeeds if the model exists for all sweeps of a data set.
+    ///
+    /// # Errors
+    /// As [`ModelRecipe::check_sweeps`].
+    pub(crate) fn check_data(&self, dataset: &Dataset) -> Result<(), PipelineError> {
+        let shortest = SweepShape {
+            steps: dataset.shortest(),
+            ..dataset.shape()
+        };
+        self.check_sweeps(shortest, dataset.sample_rate_hz())
     }
 
     /// Succeeds if there are enough materials to tell apart.

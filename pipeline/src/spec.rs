@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use tactnet_data::format::Keep;
 use tactnet_data::{DataError, Dataset, Fold, Scheme, Seed};
 use tactnet_models::Compute;
 
@@ -28,6 +29,9 @@ pub struct TrainSpec {
     /// Number of time steps kept from the beginning of every sweep; absent: all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<usize>,
+    /// Lengths of the sweeps if all steps are kept.
+    #[serde(skip_serializing_if = "is_default")]
+    pub lengths: SweepLengths,
     /// Name or path of the samples in a file that holds several arrays; absent: the usual names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<String>,
@@ -81,6 +85,7 @@ impl Default for TrainSpec {
             mean_removal: None,
             rate_hz: None,
             steps: None,
+            lengths: SweepLengths::default(),
             samples: None,
             labels: None,
             blocks: None,
@@ -97,6 +102,17 @@ impl Default for TrainSpec {
             device: Compute::default(),
         }
     }
+}
+
+/// Lengths of the sweeps of a data set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SweepLengths {
+    /// All sweeps have one length, unless the file states the length of each.
+    #[default]
+    Equal,
+    /// Every sweep has its own length.
+    Own,
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -166,6 +182,32 @@ impl SplitKind {
 }
 
 impl TrainSpec {
+    /// Returns the frames of every sweep that are read.
+    pub fn keep(&self) -> Keep {
+        match (self.steps, self.lengths) {
+            (Some(steps), _) => Keep::First(steps),
+            (None, SweepLengths::Equal) => Keep::Equal,
+            (None, SweepLengths::Own) => Keep::All,
+        }
+    }
+
+    /// Sets the frames of every sweep that are read.
+    pub fn set_keep(&mut self, keep: Keep) {
+        (self.steps, self.lengths) = match keep {
+            Keep::First(steps) => (Some(steps), SweepLengths::Equal),
+            Keep::All => (None, SweepLengths::Own),
+            Keep::Equal | Keep::Shortest | Keep::Most => (None, SweepLengths::Equal),
+        };
+    }
+
+    /// Returns the lengths with which other data is read for a classifier trained on `dataset`.
+    pub fn lengths_in(&self, dataset: &Dataset) -> SweepLengths {
+        match dataset.lengths() {
+            Some(_) => SweepLengths::Own,
+            None => self.lengths,
+        }
+    }
+
     /// Returns the fold of the training: that of its number, or a part of its training sweeps.
     ///
     /// # Errors
@@ -340,6 +382,7 @@ mod tests {
             mean_removal: Some(MeanRemoval::PerSweep),
             rate_hz: Some(100.0),
             steps: Some(250),
+            lengths: SweepLengths::Own,
             samples: Some("recorded/skin".into()),
             labels: Some("recorded/material".into()),
             blocks: Some("session".into()),

@@ -199,9 +199,17 @@ pub fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses a number of time steps, or `shortest`.
+/// Parses a number of time steps, `shortest` or `all`.
 pub fn steps(text: &str) -> Result<Keep, String> {
     text.parse().map_err(|error: DataError| error.to_string())
+}
+
+/// Parses a number of time steps, or `all`.
+pub fn steps_or_all(text: &str) -> Result<Keep, String> {
+    match steps(text)? {
+        Keep::Shortest => Err("expected a number of time steps, or `all`".into()),
+        keep => Ok(keep),
+    }
 }
 
 /// Parses a sample rate: a positive number of Hz.

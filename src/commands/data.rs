@@ -79,8 +79,9 @@ pub struct FileArgs {
     /// Sample rate, in Hz; it takes precedence over that of the data
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Number of time steps of each sweep to use, from its start, or `shortest` [default: all]
-    #[arg(long, value_name = "N|shortest", value_parser = steps)]
+    /// Number of time steps of each sweep to use, from its start; `shortest`; or `all`, which keeps unequal lengths [default: all of
+    /// equally long sweeps]
+    #[arg(long, value_name = "N|shortest|all", value_parser = steps)]
     steps: Option<Keep>,
     #[command(flatten)]
     arrays: ArrayNames,
@@ -247,7 +248,7 @@ fn check_sweeps(arguments: &CheckArgs, sweeps: SweepsToClassify) -> anyhow::Resu
             "{}: {} sweeps of {} at {} Hz, {materials}",
             arguments.file.data,
             dataset.len(),
-            dataset.shape(),
+            dataset.describe_shape(),
             dataset.sample_rate_hz(),
         ))?;
         print_report(arguments, &report)?;

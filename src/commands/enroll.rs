@@ -8,6 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use clap::Args;
 use serde::Serialize;
+use tactnet_data::format::Keep;
 use tactnet_data::{Dataset, SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
@@ -15,7 +16,7 @@ use tactnet_pipeline::{
     RunConfig, RunDir, TestSweeps, Thresholds, enroll,
 };
 
-use super::choices::{DeviceChoice, rate};
+use super::choices::{DeviceChoice, rate, steps_or_all};
 use super::run_choice::RunChoice;
 use crate::{GIT, output, source};
 
@@ -36,9 +37,9 @@ pub struct EnrollArgs {
     /// Sample rate, in Hz; takes precedence over that of the data [default: the run's sample rate]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Number of time steps of each sweep to use, from its start [default: as in training]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    steps: Option<u32>,
+    /// Number of time steps of each sweep to use, from its start, or `all`, which keeps unequal lengths [default: as in training]
+    #[arg(long, value_name = "N|all", value_parser = steps_or_all)]
+    steps: Option<Keep>,
     /// Name of the new material, as in a labelled data set
     #[arg(long, value_name = "NAME")]
     material: String,
@@ -145,7 +146,7 @@ fn read_sweeps(
     let mut spec = config.spec.clone();
     spec.rate_hz = arguments.rate;
     if let Some(steps) = arguments.steps {
-        spec.steps = Some(steps as usize);
+        spec.set_keep(steps);
     }
     let known = &config.classifier;
     let read = spec

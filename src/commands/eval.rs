@@ -4,12 +4,13 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
+use tactnet_data::format::Keep;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Classifier, ModelRecipe, Reevaluation, RunDir, RuntimeKind, TestSweeps, quoted,
 };
 
-use super::choices::{DeviceChoice, RuntimeChoice, rate};
+use super::choices::{DeviceChoice, RuntimeChoice, rate, steps_or_all};
 use super::eval_text;
 use super::run_choice::RunChoice;
 use crate::output::OutputFormat;
@@ -31,9 +32,9 @@ pub struct EvalArgs {
     /// Sample rate, in Hz; takes precedence over that of the data [default: the run's setting]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Number of time steps of each sweep to use, from its start [default: as in training]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    steps: Option<u32>,
+    /// Number of time steps of each sweep to use, from its start, or `all`, which keeps unequal lengths [default: as in training]
+    #[arg(long, value_name = "N|all", value_parser = steps_or_all)]
+    steps: Option<Keep>,
     /// Number of sweeps of one material fused into one prediction
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     sweeps: u32,
@@ -75,7 +76,7 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     let data = arguments.data.as_deref().unwrap_or(&config.spec.data);
     spec.name_rate_of(data, arguments.rate);
     if let Some(steps) = arguments.steps {
-        spec.steps = Some(steps as usize);
+        spec.set_keep(steps);
     }
     source::announce(data);
     let in_file = |error| source::in_file(data, arguments.rate, error);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, PredictionMethod};
+use tactnet_pipeline::{Estimate, Evaluation, FusedAccuracy, LengthAccuracy, PredictionMethod};
 
 /// Returns a table with one row per prediction method: accuracies in percent with 95 % intervals, NLL in nats, ECE in percent, Brier
 /// score. Lines below explain the columns; no line of words exceeds 100 columns.
@@ -62,7 +62,27 @@ pub fn evaluation_table(evaluations: &BTreeMap<PredictionMethod, Evaluation>) ->
              smaller is better: NLL, how improbable the true material was held (nats); ECE, gap between\n\
              confidence and accuracy; Brier, squared error of the probabilities (0 to 2)"
     );
+    // The last method is that of the recipe, if there are several.
+    if let Some(evaluation) = evaluations.values().next_back() {
+        text.push_str(&by_length(&evaluation.by_length));
+    }
     text
+}
+
+/// Returns the accuracies for the quartiles of length as one line; empty if there are none.
+fn by_length(groups: &[LengthAccuracy]) -> String {
+    if groups.is_empty() {
+        return String::new();
+    }
+    let group = |of: &LengthAccuracy| {
+        let steps = match of.shortest == of.longest {
+            true => of.longest.to_string(),
+            false => format!("{} to {}", of.shortest, of.longest),
+        };
+        format!("{steps} steps: {}", percent(of.accuracy))
+    };
+    let groups: Vec<String> = groups.iter().map(group).collect();
+    format!("\naccuracy by length, 1 sweep [%]: {}", groups.join("; "))
 }
 
 fn percent(estimate: Estimate) -> String {

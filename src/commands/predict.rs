@@ -5,9 +5,10 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
+use tactnet_data::format::Keep;
 use tactnet_pipeline::write_whole;
 
-use super::choices::{DeviceChoice, rate};
+use super::choices::{DeviceChoice, rate, steps_or_all};
 use super::classified_text;
 use super::run_choice::RunChoice;
 use super::run_classifier::RunClassifier;
@@ -32,9 +33,9 @@ pub struct PredictArgs {
     /// Sample rate, in Hz; takes precedence over that of the data [default: the run's sample rate]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Number of time steps of each sweep to use, from its start [default: as in training]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    steps: Option<u32>,
+    /// Number of time steps of each sweep to use, from its start, or `all`, which keeps unequal lengths [default: as in training]
+    #[arg(long, value_name = "N|all", value_parser = steps_or_all)]
+    steps: Option<Keep>,
     /// Treat all sweeps as one object and add a fused prediction
     #[arg(long)]
     one_object: bool,

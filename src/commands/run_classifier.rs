@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use tactnet_data::Dataset;
+use tactnet_data::format::Keep;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     Calibration, ClassifiedSweeps, Classifier, ModelRecipe, PredictionMethod, RunConfig, RunDir,
@@ -69,20 +70,20 @@ impl RunClassifier {
     /// Reads the sweeps of `data`, classifies them, and prints notes about the file.
     ///
     /// - `rate`: sample rate of data that does not state it, in Hz
-    /// - `steps`: number of time steps of each sweep to use
+    /// - `steps`: time steps of each sweep to use; `None`: as in training
     /// - `one_object`: true if all sweeps are of the same object
     pub fn classify(
         &self,
         data: &str,
         rate: Option<f64>,
-        steps: Option<u32>,
+        steps: Option<Keep>,
         one_object: bool,
     ) -> anyhow::Result<ClassifiedSweeps> {
         source::announce(data);
         let mut spec = self.config.spec.clone();
         spec.rate_hz = rate;
         if let Some(steps) = steps {
-            spec.steps = Some(steps as usize);
+            spec.set_keep(steps);
         }
         let known = &self.config.classifier;
         let sweeps = spec

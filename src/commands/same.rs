@@ -7,9 +7,10 @@ use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
 use clap::Args;
+use tactnet_data::format::Keep;
 use tactnet_pipeline::{ClassifiedSweeps, SameMaterial, quoted};
 
-use super::choices::{DeviceChoice, rate};
+use super::choices::{DeviceChoice, rate, steps_or_all};
 use super::run_classifier::RunClassifier;
 use super::{classified_text, same_text};
 use crate::output::{self, OutputFormat};
@@ -42,9 +43,9 @@ pub struct SameArgs {
     /// Sample rate, in Hz; takes precedence over that of the data [default: the run's sample rate]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// Number of time steps of each sweep to use, from its start [default: as in training]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    steps: Option<u32>,
+    /// Number of time steps of each sweep to use, from its start, or `all`, which keeps unequal lengths [default: as in training]
+    #[arg(long, value_name = "N|all", value_parser = steps_or_all)]
+    steps: Option<Keep>,
     /// Number of Monte Carlo dropout samples of a network; 0 disables dropout [default: the recipe's]
     #[arg(long, value_name = "M")]
     mc: Option<u32>,

@@ -29,6 +29,9 @@ pub(super) fn words_of(remedy: &Remedy) -> String {
         Remedy::NameShape { rows, cols } => format!(
             "for a grid of taxels: `tactnet data import FILE --shape {rows}x{cols} --out NEW.npz`"
         ),
+        Remedy::KeepLengths { steps } => format!(
+            "keep the length of every sweep with `--steps all`, or the first {steps} frames of all with `--steps shortest`"
+        ),
         Remedy::KeepSteps { steps } => format!(
             "keep the first {steps} frames of every sweep with `--steps shortest` or `--steps {steps}`"
         ),
@@ -131,6 +134,7 @@ mod tests {
             (Remedy::NameLabels, "data import --material NAME"),
             (Remedy::NameSamples, "--samples NAME"),
             (Remedy::NameShape { rows: 4, cols: 5 }, "--shape 4x5"),
+            (Remedy::KeepLengths { steps: 150 }, "--steps all`"),
             (Remedy::KeepSteps { steps: 150 }, "--steps 150`"),
             (Remedy::Resample, "--resample HZ`"),
             (Remedy::CutWindows, "--window 1s`"),

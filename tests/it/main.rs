@@ -28,6 +28,7 @@ mod facade;
 mod golden;
 mod host_attacks;
 mod interrupted;
+mod lengths;
 mod newcomer;
 mod own_skin;
 mod recording;

@@ -209,6 +209,12 @@ impl Classifier {
         (shape.steps, shape.rows, shape.cols)
     }
 
+    /// True if it was trained on sweeps of unequal length, so that sweeps may have any length.
+    #[getter]
+    fn any_length(&self) -> bool {
+        self.lock().any_length()
+    }
+
     /// Expected frames per second; None if the rate was assumed.
     #[getter]
     fn rate_hz(&self) -> Option<f64> {

@@ -42,7 +42,7 @@ impl TryFrom<Length> for Span {
     }
 }
 
-/// Frames to keep of each sweep: a number, or `shortest`.
+/// Frames to keep of each sweep: a number, `shortest` or `all`.
 #[derive(FromPyObject)]
 pub(crate) enum StepsToKeep {
     Steps(usize),
@@ -113,8 +113,9 @@ impl Dataset {
     /// - `samples`: `[sweeps][steps][rows][cols]` of uint8, uint16 or float32, C-contiguous; copied once
     /// - `labels`: `[sweeps]`, indices into `materials`
     /// - `rate_hz`: frames per second; None: 750, marked as assumed
+    /// - `lengths`: `[sweeps]`, numbers of frames; None: all
     #[staticmethod]
-    #[pyo3(signature = (samples, labels, materials, rate_hz=None, blocks=None, name="arrays"))]
+    #[pyo3(signature = (samples, labels, materials, rate_hz=None, blocks=None, name="arrays", lengths=None))]
     fn from_arrays(
         samples: Values<'_>,
         labels: Vec<usize>,
@@ -122,6 +123,7 @@ impl Dataset {
         rate_hz: Option<f64>,
         blocks: Option<Vec<u32>>,
         name: &str,
+        lengths: Option<Vec<usize>>,
     ) -> PyResult<Self> {
         let (extents, samples) = samples
             .samples()
@@ -159,6 +161,10 @@ impl Dataset {
         };
         let labels = LabelSet::new(materials).map_err(raised)?;
         tactnet_data::Dataset::at_rate(name, rate_hz, shape, labels, records, samples)
+            .and_then(|dataset| match lengths {
+                Some(lengths) => dataset.with_lengths(lengths),
+                None => Ok(dataset),
+            })
             .map(Self::from)
             .map_err(raised)
     }
@@ -229,12 +235,13 @@ impl Dataset {
         py: Python<'_>,
         path: PathBuf,
         rate_hz: Option<f64>,
-        steps: Option<usize>,
+        steps: Option<StepsToKeep>,
     ) -> PyResult<(Self, Vec<String>)> {
         py.detach(|| -> Result<_, DataError> {
             let options = ReadOptions {
                 rate_hz,
-                ..ReadOptions::keeping(steps)
+                keep: steps.map_or(Ok(Keep::Equal), Keep::try_from)?,
+                ..ReadOptions::default()
             };
             let sweeps = format::read_to_classify_with(&path, &options)?;
             Ok((Self::from(sweeps.dataset), sweeps.names))
@@ -370,6 +377,13 @@ impl Dataset {
         PyArray1::from_vec(py, labels)
     }
 
+    /// Number of frames of each sweep; None if all sweeps have one length.
+    #[getter]
+    fn lengths<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<usize>>> {
+        let lengths = self.inner.lengths()?;
+        Some(PyArray1::from_slice(py, lengths))
+    }
+
     /// Recording block of each sweep, or None.
     #[getter]
     fn blocks<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<u32>>> {
@@ -428,7 +442,7 @@ impl Dataset {
             "Dataset({:?}: {} sweeps of {}, {} materials, {} Hz{})",
             self.inner.name(),
             self.inner.len(),
-            self.inner.shape(),
+            self.inner.describe_shape(),
             self.inner.labels().len(),
             self.inner.sample_rate_hz(),
             if self.inner.is_rate_assumed() {

@@ -66,6 +66,9 @@ fn words_of(remedy: &Remedy) -> String {
         Remedy::NameShape { rows, cols } => {
             format!("if the skin is a grid, pass an array [sweeps][steps][{rows}][{cols}]")
         }
+        Remedy::KeepLengths { steps } => {
+            format!("`steps=\"all\"` keeps the length of every sweep, `steps={steps}` the first {steps} steps of all")
+        }
         Remedy::KeepSteps { steps } => {
             format!("`X[:, :{steps}]`, or `steps={steps}` when reading, keeps the first {steps} steps")
         }

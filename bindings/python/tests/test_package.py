@@ -488,3 +488,29 @@ def test_sweeps_unlike_the_training_data_are_told(data):
     like, unlike = classifier.likeness(own.X[test]), classifier.likeness(-own.X[test].astype("float32"))
     assert like["verdict"] == "like" and len(like["p_of_sweeps"]) == len(test)
     assert unlike["verdict"] == "unlike" and unlike["differences"][0]["kind"] == "sign"
+
+
+def test_lists_of_sweeps_of_unequal_length_are_learnt_and_predicted(data, tmp_path):
+    own, _, train, test = data
+    lengths = 150 + np.random.default_rng(3).integers(0, 151, len(own.y))
+    sweeps = [sweep[:steps] for sweep, steps in zip(own.X, lengths)]
+    part = lambda indices: [sweeps[index] for index in indices]
+    for classifier in [tactnet.LdaClassifier(rate=own.rate), tactnet.TactNetClassifier(rate=own.rate, recipe="spectra", epochs=3)]:
+        classifier.fit(part(train), own.y[train])
+        found = classifier.predict_log_proba(part(test))
+        # One sweep at a time, and in another order: the same numbers.
+        assert (classifier.predict_log_proba([sweeps[test[2]]]) == found[2]).all()
+        assert (classifier.predict_log_proba(part(test[::-1])) == found[::-1]).all()
+        assert classifier.predict(own.X[test]).shape == (len(test),), "whole sweeps, all longer than some training sweeps"
+    unequal = tactnet.Dataset.from_arrays(sweeps, own.y, rate=own.rate)
+    assert (unequal.lengths == lengths).all() and own.lengths is None
+    unequal.write(tmp_path / "unequal.npz")
+    again = tactnet.Dataset.read(tmp_path / "unequal.npz")
+    assert again.sha256 == unequal.sha256
+    X = tactnet.read_sweeps(tmp_path / "unequal.npz").X
+    assert [sweep.shape for sweep in X] == [sweep.shape for sweep in sweeps]
+    whole = tactnet.LdaClassifier(rate=own.rate).fit(own.X[train], own.y[train])
+    with pytest.raises(tactnet.TactnetError, match="at least 300 steps, as all training sweeps"):
+        whole.predict(part(test))
+    with pytest.raises(tactnet.TactnetError, match=r"X\[1\]: expected at least one frame of the taxels of X\[0\]"):
+        whole.predict([np.zeros((10, 16)), np.zeros((20, 15))])

@@ -47,7 +47,7 @@ pub(super) fn dead_taxels(
     let is_lively = others
         .get(others.len() / 2)
         .is_some_and(|activity| *activity >= LIVELY_SHARE);
-    let frames = dataset.len() * dataset.shape().steps;
+    let frames = dataset.frames();
     let most_odd = match is_lively {
         true => FEW_ODD.max((ODD_SHARE * frames as f64) as usize),
         false => 0,

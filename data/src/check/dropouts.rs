@@ -29,11 +29,10 @@ pub(super) fn dropouts(
     rest: &Rest<'_>,
     fills: &FillValues,
 ) -> Vec<Finding> {
-    let steps = dataset.shape().steps;
     let mut found = Vec::new();
     for (index, sweep) in sweeps.iter().enumerate() {
         let lost: Vec<&Run> = sweep
-            .middle_runs(steps)
+            .middle_runs()
             .filter(|run| is_dropout(index, sweep, run, rest))
             .collect();
         if let Some(&&first) = lost.first()
@@ -48,8 +47,9 @@ pub(super) fn dropouts(
         }
     }
     let all: usize = found.iter().map(|dropouts| dropouts.frames).sum();
-    let is_many = all as f64 >= LARGE_SHARE_OF_ALL * (dataset.len() * steps) as f64;
+    let is_many = all as f64 >= LARGE_SHARE_OF_ALL * dataset.frames() as f64;
     let finding_of = |found: Dropouts| {
+        let steps = sweeps[found.sweep].steps;
         let is_large = found.frames as f64 >= LARGE_SHARE * steps as f64;
         let severity = if is_many || is_large {
             Severity::Error

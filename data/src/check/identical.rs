@@ -23,10 +23,8 @@ pub(super) fn identical(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Fi
         };
         let equals = |&&earlier: &&usize| {
             let earlier = dataset.sweep(earlier);
-            earlier
-                .iter()
-                .zip(&values)
-                .all(|(a, b)| a.to_bits() == b.to_bits())
+            let mut pairs = earlier.iter().zip(&values);
+            earlier.len() == values.len() && pairs.all(|(a, b)| a.to_bits() == b.to_bits())
         };
         match same_hash.iter().find(equals) {
             Some(&earlier) => {

@@ -45,11 +45,11 @@ type Sketch = [f32; PROJECTIONS];
 
 /// Returns each sweep that is nearly equal to an earlier one, with that sweep; not those with equal values.
 pub(super) fn near_duplicates(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<NearDuplicate> {
-    if dataset.shape().steps < SHORTEST {
-        return Vec::new();
-    }
     let sketch = |sweep: usize| {
-        let usable = sweeps[sweep].not_finite.is_none() && !sweeps[sweep].is_constant();
+        let statistics = &sweeps[sweep];
+        let usable = statistics.steps >= SHORTEST
+            && statistics.not_finite.is_none()
+            && !statistics.is_constant();
         Some((
             sweep,
             sketch(dataset, &sweeps[sweep], sweep).filter(|_| usable)?,
@@ -142,7 +142,7 @@ fn sketch(dataset: &Dataset, statistics: &SweepStatistics, sweep: usize) -> Opti
             squares[taxel] += value * value;
         }
     }
-    let steps = dataset.shape().steps as f64;
+    let steps = statistics.steps as f64;
     let scale = |taxel: usize| {
         let mean = means[taxel] / steps;
         let deviation = (squares[taxel] / steps - mean * mean).max(0.0).sqrt();
@@ -203,7 +203,7 @@ fn are_copies(dataset: &Dataset, earlier: usize, later: usize) -> bool {
     if compared.is_empty() && compare(Series::Sparse) == Likeness::Copy {
         compared.push(Series::Sparse);
     }
-    compared.len() * dataset.shape().steps >= VALUES
+    compared.len() * dataset.steps_of(later) >= VALUES
         && is_unlike_others(dataset, &compared, earlier, later)
 }
 

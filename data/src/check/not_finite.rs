@@ -14,7 +14,7 @@ pub(super) fn not_finite(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<F
         };
         let (step, taxel) = (first / shape.taxels(), first % shape.taxels());
         // NaN from one step to the end of the sweep is most likely padding.
-        let is_padded = step > 0 && count == shape.values() - step * shape.taxels();
+        let is_padded = step > 0 && count == (sweep.steps - step) * shape.taxels();
         let message = format!(
             "{} (`X[{index}]`): {count} not finite, the first at step {step}, taxel {}{}",
             dataset.describe(index),

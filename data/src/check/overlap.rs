@@ -20,7 +20,7 @@ pub(super) struct Overlap {
 
 /// Returns the pairs of sweeps that share a run of frames, sorted by the later sweep; not those with equal values.
 pub(super) fn overlaps(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Overlap> {
-    let Some(run) = shortest_run(dataset.shape().steps) else {
+    let Some(run) = shortest_run(dataset.shortest()) else {
         return Vec::new();
     };
     let taxels = dataset.shape().taxels();
@@ -43,7 +43,7 @@ pub(super) fn overlaps(dataset: &Dataset, sweeps: &[SweepStatistics]) -> Vec<Ove
         let [earlier, later] = [pair.earlier, pair.later].map(|sweep| sweep as usize);
         sweeps[earlier].hash != sweeps[later].hash
     });
-    let all_frames = dataset.len() * dataset.shape().steps;
+    let all_frames = dataset.frames();
     let by_sweep: Vec<&[Candidate]> = candidates.chunk_by(|a, b| a.later == b.later).collect();
     by_sweep
         .into_par_iter()
@@ -92,7 +92,7 @@ fn found(dataset: &Dataset, pair: &Overlap, others: usize, together: bool) -> Fi
         "{} (`X[{earlier}]`) and {} (`X[{later}]`) share {frames} of {} frames, from steps {} and {} on",
         dataset.describe(earlier),
         dataset.describe(later),
-        dataset.shape().steps,
+        dataset.steps_of(later),
         pair.start_in_earlier,
         pair.run.start,
     );

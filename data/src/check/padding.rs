@@ -2,6 +2,7 @@
 
 use super::fill_values::FillValues;
 use super::finding;
+use super::lengths::Separation;
 use super::rest::{End, Rest, run_at};
 use super::sweep_statistics::{JUMP, Run, SweepStatistics};
 use crate::{Dataset, Finding, FindingKind, Place, Remedy, Severity};
@@ -14,8 +15,6 @@ const QUIET_SWEEPS: f64 = 0.1;
 const QUIET_HEADS: f64 = 0.05;
 /// Maximum mean difference between frames in a quiet tail, for each taxel, as a share of that before the tail.
 const QUIET_TAXEL: f32 = 0.1;
-/// Number of standard deviations of guessing above which the lengths of the padding separate the materials.
-const SEPARATING: f64 = 3.0;
 
 /// Padding of one sweep.
 #[derive(Clone, Copy)]
@@ -33,7 +32,7 @@ pub(super) fn padding(
     rest: &Rest<'_>,
     fills: &FillValues,
 ) -> Vec<Finding> {
-    let equal = [End::Tail, End::Head].map(|end| equal_frames(dataset, sweeps, rest, end));
+    let equal = [End::Tail, End::Head].map(|end| equal_frames(sweeps, rest, end));
     let mut padded = equal.concat();
     if padded.is_empty() {
         padded = quiet_tails(dataset, sweeps, rest);
@@ -46,16 +45,10 @@ pub(super) fn padding(
 }
 
 /// Returns the sweeps that begin or end with equal frames, which no sensor at rest explains.
-fn equal_frames(
-    dataset: &Dataset,
-    sweeps: &[SweepStatistics],
-    rest: &Rest<'_>,
-    end: End,
-) -> Vec<Padding> {
-    let steps = dataset.shape().steps;
+fn equal_frames(sweeps: &[SweepStatistics], rest: &Rest<'_>, end: End) -> Vec<Padding> {
     let mut padded = Vec::new();
     for (index, sweep) in sweeps.iter().enumerate() {
-        let Some(run) = run_at(end, sweep, steps) else {
+        let Some(run) = run_at(end, sweep) else {
             continue;
         };
         let is_added = match end {
@@ -113,10 +106,9 @@ fn quiet_tails(dataset: &Dataset, sweeps: &[SweepStatistics], rest: &Rest<'_>) -
         return Vec::new();
     }
     // A finger that is lifted fades to the level of the sensor at rest, which is one in all sweeps.
-    let steps = dataset.shape().steps;
     let starts: Vec<(usize, usize)> = tails
         .clone()
-        .map(|(index, sweep)| (index, steps - sweep.quiet_tail + 1))
+        .map(|(index, sweep)| (index, sweep.steps - sweep.quiet_tail + 1))
         .collect();
     let fading = starts.iter().filter(|(sweep, start)| {
         let before = start.saturating_sub(2);
@@ -140,7 +132,7 @@ fn quiet_tails(dataset: &Dataset, sweeps: &[SweepStatistics], rest: &Rest<'_>) -
 fn is_quiet_in_all_taxels(dataset: &Dataset, sweep: usize, tail: usize) -> bool {
     let shape = dataset.shape();
     let values = dataset.sweep(sweep);
-    let (before, after) = values.split_at((shape.steps - tail) * shape.taxels());
+    let (before, after) = values.split_at(values.len() - tail * shape.taxels());
     let frames: Vec<&[f32]> = before.chunks_exact(shape.taxels()).collect();
     let change = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>();
     let greatest = frames.windows(2).map(|pair| change(pair[0], pair[1]));
@@ -161,7 +153,7 @@ fn is_quiet_in_all_taxels(dataset: &Dataset, sweep: usize, tail: usize) -> bool 
 }
 
 fn describe(dataset: &Dataset, padding: &Padding) -> Finding {
-    let steps = dataset.shape().steps;
+    let steps = dataset.steps_of(padding.sweep);
     let Padding {
         sweep,
         end,
@@ -192,33 +184,21 @@ fn separation(dataset: &Dataset, padded: &[Padding]) -> Option<Finding> {
     if padded.is_empty() || dataset.labels().len() < 2 {
         return None;
     }
-    let labels: Vec<usize> = dataset
-        .records()
-        .iter()
-        .map(|record| record.label)
-        .collect();
-    let mut lengths = vec![0; labels.len()];
+    let mut lengths = vec![0; dataset.len()];
     // Frames at rest before a contact look like padding; their number may be chance.
     let tails = padded.iter().filter(|padding| padding.end == End::Tail);
     for padding in tails {
         lengths[padding.sweep] += padding.frames;
     }
-    let right = nearest_neighbour(&lengths, &labels);
-    let counts = dataset.sweeps_per_label();
-    let all = labels.len() as f64;
-    let guessing = counts.into_iter().max().unwrap_or(0) as f64 / all;
-    let chance = (guessing * (1.0 - guessing) / all).sqrt();
-    if right <= guessing + SEPARATING * chance {
-        return None;
-    }
+    let by_length = Separation::by(dataset, &lengths)?;
     let tails = padded.iter().filter(|padding| padding.end == End::Tail);
-    let shortest = tails.map(|padding| dataset.shape().steps - padding.frames);
+    let shortest = tails.map(|padding| dataset.steps_of(padding.sweep) - padding.frames);
     let message = format!(
         "the length of the padding alone separates the materials: {:.0} % of the sweeps are recognised by it, {:.0} % by guessing; {} of {} sweeps are padded",
-        100.0 * right,
-        100.0 * guessing,
+        100.0 * by_length.right,
+        100.0 * by_length.guessing,
         padded.len(),
-        labels.len(),
+        dataset.len(),
     );
     Some(Finding {
         remedy: shortest.min().map(|steps| Remedy::KeepSteps { steps }),
@@ -229,34 +209,4 @@ fn separation(dataset: &Dataset, padded: &[Padding]) -> Option<Finding> {
             message,
         )
     })
-}
-
-/// Returns the expected share of sweeps whose material is that of the other sweep with the most similar length; of several
-/// such sweeps one is drawn.
-fn nearest_neighbour(lengths: &[usize], labels: &[usize]) -> f64 {
-    let mut right = 0.0;
-    for (own, (length, label)) in lengths.iter().zip(labels).enumerate() {
-        let others = || (0..lengths.len()).filter(|other| *other != own);
-        let distance = |other: usize| lengths[other].abs_diff(*length);
-        let Some(least) = others().map(distance).min() else {
-            continue;
-        };
-        let nearest = || others().filter(|other| distance(*other) == least);
-        let same = nearest().filter(|other| labels[*other] == *label).count();
-        right += same as f64 / nearest().count() as f64;
-    }
-    right / lengths.len().max(1) as f64
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lengths_that_follow_the_material_separate_and_others_do_not() {
-        let labels = [0, 0, 0, 1, 1, 1];
-        assert_eq!(nearest_neighbour(&[10, 12, 11, 40, 41, 44], &labels), 1.0);
-        assert!((nearest_neighbour(&[7; 6], &labels) - 0.4).abs() < 1e-12);
-        assert_eq!(nearest_neighbour(&[10, 20, 30, 10, 20, 30], &labels), 0.0);
-    }
 }

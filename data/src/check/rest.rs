@@ -75,19 +75,18 @@ impl<'a> Rest<'a> {
         sweeps: &[SweepStatistics],
         limits: &'a [TaxelLimits],
     ) -> Self {
-        let steps = dataset.shape().steps;
         let in_runs = |sweep: &SweepStatistics| -> usize {
             sweep.runs.iter().map(|run| run.frames - 1).sum()
         };
         let mut runs: Vec<usize> = sweeps
             .iter()
-            .map(|sweep| sweep.middle_runs(steps).count())
+            .map(|sweep| sweep.middle_runs().count())
             .collect();
         runs.sort_unstable();
         let repeats_frames = runs[runs.len() / 2] >= USUAL_RUNS;
         let pairs: usize = sweeps
             .iter()
-            .map(|sweep| (steps - 1).saturating_sub(in_runs(sweep)))
+            .map(|sweep| (sweep.steps - 1).saturating_sub(in_runs(sweep)))
             .sum();
         let repeated: usize = sweeps.iter().map(|sweep| sweep.repeated).sum();
         let (pairs, repeated) = (pairs.max(1) as f64, repeated as f64);
@@ -111,7 +110,7 @@ impl<'a> Rest<'a> {
             has_lifts: false,
         };
         for end in [End::Head, End::Tail] {
-            let runs = sweeps.iter().map(|sweep| run_at(end, sweep, steps));
+            let runs = sweeps.iter().map(|sweep| run_at(end, sweep));
             let fading = rest.share_fading(runs.enumerate());
             let of_end = match end {
                 End::Head => &mut rest.head,
@@ -122,7 +121,7 @@ impl<'a> Rest<'a> {
             }
         }
         let lifted = |(index, sweep): (usize, &SweepStatistics)| {
-            let mut runs = sweep.middle_runs(steps);
+            let mut runs = sweep.middle_runs();
             runs.any(|run| rest.is_zero(index, run) && rest.fades(index, run))
         };
         let lifted = sweeps.iter().enumerate().filter(|of| lifted(*of)).count();
@@ -145,7 +144,7 @@ impl<'a> Rest<'a> {
     /// Returns true if the frames before and after the run are near those in it.
     fn fades(&self, sweep: usize, run: &Run) -> bool {
         let end = run.start + run.frames;
-        let after = (end < self.dataset.shape().steps).then_some(end);
+        let after = (end < self.dataset.steps_of(sweep)).then_some(end);
         let next = [run.start.checked_sub(1), after].into_iter().flatten();
         next.into_iter()
             .all(|step| self.are_near(sweep, run.start, step))
@@ -210,7 +209,7 @@ impl<'a> Rest<'a> {
         let before: Vec<Vec<f32>> = (start..run.start)
             .map(|step| self.frame(sweep, step))
             .collect();
-        let after: Vec<Vec<f32>> = (end..(end + frames).min(shape.steps))
+        let after: Vec<Vec<f32>> = (end..(end + frames).min(self.dataset.steps_of(sweep)))
             .map(|step| self.frame(sweep, step))
             .collect();
         let pairs = || {
@@ -257,7 +256,7 @@ impl<'a> Rest<'a> {
     pub(super) fn is_like_own(&self, end: End, sweep: usize, run: &Run) -> bool {
         let step = match end {
             End::Head => 0,
-            End::Tail => self.dataset.shape().steps - 1,
+            End::Tail => self.dataset.steps_of(sweep) - 1,
         };
         self.are_alike(&self.frame(sweep, run.start), &self.frame(sweep, step))
     }
@@ -296,7 +295,8 @@ fn frame(dataset: &Dataset, sweep: usize, step: usize) -> Vec<f32> {
 }
 
 /// Returns the run of equal frames at one end of a sweep.
-pub(super) fn run_at(end: End, sweep: &SweepStatistics, steps: usize) -> Option<&Run> {
+pub(super) fn run_at(end: End, sweep: &SweepStatistics) -> Option<&Run> {
+    let steps = sweep.steps;
     let run = match end {
         End::Head => sweep.runs.first().filter(|run| run.start == 0),
         End::Tail => {
@@ -309,10 +309,9 @@ pub(super) fn run_at(end: End, sweep: &SweepStatistics, steps: usize) -> Option<
 
 /// Returns the median of the equal frames at one end of the sweeps.
 fn rest_frame(dataset: &Dataset, sweeps: &[SweepStatistics], end: End) -> Option<RestFrame> {
-    let steps = dataset.shape().steps;
     let at_rest = sweeps.iter().enumerate();
     let at_rest: Vec<(usize, &Run)> = at_rest
-        .filter_map(|(index, sweep)| Some((index, run_at(end, sweep, steps)?)))
+        .filter_map(|(index, sweep)| Some((index, run_at(end, sweep)?)))
         .collect();
     if at_rest.is_empty() || (at_rest.len() as f64) < RESTING_SHARE * sweeps.len() as f64 {
         return None;

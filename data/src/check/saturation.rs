@@ -57,16 +57,16 @@ pub(super) fn saturated(
             false => count_near(dataset, index, near..=ceiling, &is_explained),
         })
         .unzip();
-    let per_sweep = dataset.shape().values() as f64;
+    let taxels = dataset.shape().taxels();
+    let all = (dataset.frames() * taxels) as f64;
     let at: usize = at_ceiling.iter().sum();
-    let is_clip = at as f64 >= CEILING_SHARE * per_sweep * sweeps.len() as f64
-        && at > below.iter().sum()
-        && near > floor;
+    let is_clip = at as f64 >= CEILING_SHARE * all && at > below.iter().sum() && near > floor;
     if dataset.samples().element_max() != Some(ceiling) && !is_clip {
         return Vec::new();
     }
     let mut findings = Vec::new();
     for (index, &count) in at_ceiling.iter().enumerate() {
+        let per_sweep = (sweeps[index].steps * taxels) as f64;
         if sweeps[index].is_constant() || (count as f64) < SATURATED_SHARE * per_sweep {
             continue;
         }

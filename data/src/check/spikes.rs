@@ -65,7 +65,7 @@ pub(super) fn spikes(
         }
     }
     let total: usize = found.iter().map(|spikes| spikes.count).sum();
-    let values = dataset.len() * dataset.shape().values();
+    let values = dataset.frames() * dataset.shape().taxels();
     let is_many = total > FEW_SPIKES && total as f64 > MANY_SHARE * values as f64;
     let severity = if is_many {
         Severity::Error

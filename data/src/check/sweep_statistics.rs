@@ -20,6 +20,8 @@ const REST_SHARE: f32 = 0.2;
 
 /// Statistics of one sweep.
 pub(super) struct SweepStatistics {
+    /// Number of frames.
+    pub(super) steps: usize,
     /// Smallest and largest finite value of each taxel; positive and negative infinity if all values are not finite.
     pub(super) taxels: Vec<(f32, f32)>,
     /// Number of values that are not finite, and the index of the first within the sweep.
@@ -91,6 +93,7 @@ impl SweepStatistics {
         let repeated = changes.iter().filter(|&&change| change == 0.0).count();
         let (quiet_tail, quiet_head) = quiet_ends(&changes);
         Self {
+            steps: values.len() / taxels,
             not_finite: first.map(|(first, _)| (not_finite().count(), first)),
             negative: if low.iter().any(|&low| low < 0.0) {
                 values.iter().filter(|&&value| value < 0.0).count()
@@ -107,8 +110,9 @@ impl SweepStatistics {
         }
     }
 
-    /// Returns the runs that neither begin nor end a sweep of `steps` frames.
-    pub(super) fn middle_runs(&self, steps: usize) -> impl Iterator<Item = &Run> {
+    /// Returns the runs that neither begin nor end the sweep.
+    pub(super) fn middle_runs(&self) -> impl Iterator<Item = &Run> {
+        let steps = self.steps;
         let is_middle = move |run: &&Run| run.start > 0 && run.start + run.frames < steps;
         self.runs.iter().filter(is_middle)
     }

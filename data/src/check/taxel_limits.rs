@@ -32,13 +32,13 @@ impl TaxelLimits {
     /// Returns the limits of each taxel, from frames that are spread over all sweeps.
     pub(super) fn of_taxels(dataset: &Dataset) -> Vec<Self> {
         let taxels = dataset.shape().taxels();
-        let frames = dataset.len() * dataset.shape().steps;
+        let frames = dataset.frames();
+        let starts = FrameStarts::of(dataset);
         let sampled = frames.min(SAMPLED_FRAMES);
         let mut values = vec![0.0; sampled * taxels];
         for (number, frame) in values.chunks_exact_mut(taxels).enumerate() {
-            dataset
-                .samples()
-                .copy_to(sampled_frame(number, sampled, frames) * taxels, frame);
+            let at = starts.place(sampled_frame(number, sampled, frames));
+            dataset.samples().copy_to(at * taxels, frame);
         }
         let own: Vec<Self> = (0..taxels)
             .map(|taxel| Self::of(values[taxel..].iter().step_by(taxels).copied()))
@@ -118,6 +118,36 @@ impl TaxelLimits {
             (value - self.median).abs() / self.deviation_of_alike
         } else {
             0.0
+        }
+    }
+}
+
+/// Places of the frames of sweeps that are padded to one length.
+struct FrameStarts {
+    /// Number of frames before each sweep; empty if all sweeps have one length.
+    before: Vec<usize>,
+    /// Number of frames of a padded sweep.
+    padded: usize,
+}
+
+impl FrameStarts {
+    fn of(dataset: &Dataset) -> Self {
+        let lengths = dataset.lengths().unwrap_or_default();
+        let before = lengths.iter().scan(0, |sum, steps| {
+            *sum += steps;
+            Some(*sum - steps)
+        });
+        Self {
+            before: before.collect(),
+            padded: dataset.shape().steps,
+        }
+    }
+
+    /// Returns the place of a frame, which is counted without padding.
+    fn place(&self, frame: usize) -> usize {
+        match self.before.partition_point(|before| *before <= frame) {
+            0 => frame,
+            next => (next - 1) * self.padded + frame - self.before[next - 1],
         }
     }
 }

@@ -60,7 +60,8 @@ impl Dataset {
             labels.clone(),
             records(&of_sweep, labels.len(), sweeps.blocks, sweeps.test),
             sweeps.samples,
-        )?;
+        )?
+        .with_known_lengths(sweeps.lengths)?;
         let mut reading_findings = self.reading_findings.clone();
         reading_findings.extend(sweeps.findings);
         Ok(Self {
@@ -86,7 +87,8 @@ impl Dataset {
             self.labels,
             self.records,
             self.samples,
-        )?;
+        )?
+        .with_known_lengths(self.lengths)?;
         Ok(Self {
             origin,
             patch_assumed,
@@ -168,10 +170,11 @@ impl Dataset {
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
     pub fn first_steps(self, steps: usize) -> Result<Self, DataError> {
-        if steps == 0 || steps > self.shape.steps {
+        let shortest = self.shortest();
+        if steps == 0 || steps > shortest {
             return Err(DataError::inconsistent(
                 "steps",
-                format!("1 to {}", self.shape.steps),
+                format!("1 to {shortest}"),
                 steps.to_string(),
             ));
         }
@@ -184,7 +187,11 @@ impl Dataset {
         };
         let samples = self.samples.heads(self.shape.values(), shape.values());
         let name = format!("{}, first {steps} steps", self.name);
-        self.rebuilt(name, shape, |this| (this.records.clone(), samples))
+        let equal = Self {
+            lengths: None,
+            ..self
+        };
+        equal.rebuilt(name, shape, |this| (this.records.clone(), samples))
     }
 
     /// Permutes the labels at random among all sweeps. A sound experiment on the result scores chance; a better score
@@ -249,7 +256,10 @@ impl Dataset {
         }
         let samples = self.samples.gather(self.shape.values(), &indices);
         let name = format!("{}, {} materials", self.name, labels.len());
-        let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?;
+        let lengths = self.lengths.as_ref();
+        let lengths = lengths.map(|all| indices.iter().map(|index| all[*index]).collect());
+        let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?
+            .with_known_lengths(lengths)?;
         Ok(Self {
             origin: self.origin,
             rate_assumed: self.rate_assumed,
@@ -277,7 +287,8 @@ impl Dataset {
             labels,
             records.collect(),
             self.samples,
-        )?;
+        )?
+        .with_known_lengths(self.lengths)?;
         Ok(Self {
             rate_assumed: self.rate_assumed,
             patch_assumed: self.patch_assumed,
@@ -320,8 +331,10 @@ impl Dataset {
         let (rate, labels, origin) = (self.sample_rate_hz, self.labels.clone(), self.origin);
         let (rate_assumed, patch_assumed) = (self.rate_assumed, self.patch_assumed);
         let reading_findings = self.reading_findings.clone();
+        let lengths = self.lengths.clone();
         let (records, samples) = parts(self);
-        let rebuilt = Self::new(name, rate, shape, labels, records, samples)?;
+        let rebuilt =
+            Self::new(name, rate, shape, labels, records, samples)?.with_known_lengths(lengths)?;
         Ok(Self {
             origin,
             rate_assumed,

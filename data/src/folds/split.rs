@@ -25,6 +25,15 @@ use std::ops::Deref;
 pub struct SweepView<'a> {
     dataset: &'a Dataset,
     indices: Vec<usize>,
+    /// Frames of each sweep that are viewed; `None`: all.
+    window: Option<Window>,
+}
+
+/// Consecutive frames, the same in each sweep.
+#[derive(Debug, Clone, Copy)]
+struct Window {
+    start: usize,
+    steps: usize,
 }
 
 impl<'a> SweepView<'a> {
@@ -44,7 +53,11 @@ impl<'a> SweepView<'a> {
             indices.last(),
             dataset.len()
         );
-        Self { dataset, indices }
+        Self {
+            dataset,
+            indices,
+            window: None,
+        }
     }
 
     /// Returns a view of all sweeps.
@@ -52,6 +65,7 @@ impl<'a> SweepView<'a> {
         Self {
             dataset,
             indices: (0..dataset.len()).collect(),
+            window: None,
         }
     }
 
@@ -60,9 +74,95 @@ impl<'a> SweepView<'a> {
         self.dataset
     }
 
-    /// Returns the shape of all sweeps.
+    /// Returns the shape of all sweeps; that of the longest sweep of the data set if their lengths differ.
     pub fn shape(&self) -> SweepShape {
-        self.dataset.shape()
+        let shape = self.dataset.shape();
+        SweepShape {
+            steps: self.window.map_or(shape.steps, |window| window.steps),
+            ..shape
+        }
+    }
+
+    /// Returns the number of frames of the sweep at `position`.
+    ///
+    /// # Panics
+    /// If `position >= self.len()`.
+    pub fn steps(&self, position: usize) -> usize {
+        match self.window {
+            Some(window) => window.steps,
+            None => self.dataset.steps_of(self.indices[position]),
+        }
+    }
+
+    /// Returns the numbers of frames of all sweeps, in the order of the positions.
+    pub fn lengths(&self) -> impl ExactSizeIterator<Item = usize> + '_ {
+        (0..self.len()).map(|position| self.steps(position))
+    }
+
+    /// Returns the number of frames of the longest sweep, or that of the shape if there is none.
+    pub fn longest(&self) -> usize {
+        self.lengths().max().unwrap_or(self.shape().steps)
+    }
+
+    /// Returns the sweeps at `positions`, in ascending order.
+    ///
+    /// # Panics
+    /// If a position is out of range or occurs twice.
+    pub fn select(&self, positions: &[usize]) -> Self {
+        let indices = positions.iter().map(|&position| self.indices[position]);
+        Self {
+            window: self.window,
+            ..Self::new(self.dataset, indices.collect())
+        }
+    }
+
+    /// Returns a view of `steps` frames of every sweep, from `start` on.
+    ///
+    /// # Panics
+    /// If a sweep has fewer frames.
+    pub fn window(&self, start: usize, steps: usize) -> Self {
+        assert!(
+            self.lengths().all(|length| start + steps <= length),
+            "{steps} frames from {start} on in every sweep"
+        );
+        let before = self.window.map_or(0, |window| window.start);
+        Self {
+            window: Some(Window {
+                start: before + start,
+                steps,
+            }),
+            ..self.clone()
+        }
+    }
+
+    /// Returns the sweeps of each length with their positions, the shortest first. The shape of each part is that of all
+    /// its sweeps.
+    ///
+    /// ```
+    /// use tactnet_data::SweepView;
+    /// use tactnet_data::twin::{self, TwinConfig};
+    ///
+    /// let config = TwinConfig { materials: 3, sweeps: 1, steps: 100, ..TwinConfig::default() };
+    /// let twin = twin::generate(&config)?.with_lengths(vec![100, 60, 100])?;
+    /// let parts = SweepView::all(&twin).by_length();
+    /// assert_eq!(parts.len(), 2);
+    /// assert_eq!((parts[0].0.as_slice(), parts[0].1.shape().steps), (&[1][..], 60));
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
+    pub fn by_length(&self) -> Vec<(Vec<usize>, Self)> {
+        let mut positions: Vec<usize> = (0..self.len()).collect();
+        let whole = self.shape().steps;
+        if self.lengths().all(|steps| steps == whole) {
+            return vec![(positions, self.clone())];
+        }
+        positions.sort_by_key(|position| self.steps(*position));
+        positions
+            .chunk_by(|a, b| self.steps(*a) == self.steps(*b))
+            .map(|part| {
+                let steps = self.steps(part[0]);
+                (part.to_vec(), self.select(part).window(0, steps))
+            })
+            .collect()
     }
 
     /// Returns the indices of the sweeps in the data set, ascending.
@@ -102,7 +202,31 @@ impl<'a> SweepView<'a> {
         counts
     }
 
-    /// Copies the sweeps at `positions` as `f32` to `out`, in this order.
+    /// Returns the frames of the sweep at `position` as `[steps][rows][cols]` digits.
+    ///
+    /// # Panics
+    /// If `position >= self.len()`.
+    pub fn sweep(&self, position: usize) -> Vec<f32> {
+        let mut out = vec![0.0; self.steps(position) * self.shape().taxels()];
+        self.copy_sweep(position, &mut out);
+        out
+    }
+
+    /// Copies the first `out.len()` values of the sweep at `position`, `[steps][rows][cols]` digits. The last frame of a
+    /// sweep that is shorter than the shape is repeated.
+    ///
+    /// # Panics
+    /// If `position >= self.len()`, or `out` is longer than the shape.
+    pub fn copy_sweep(&self, position: usize, out: &mut [f32]) {
+        assert!(out.len() <= self.shape().values(), "{}", self.shape());
+        let shape = self.dataset.shape();
+        let before = self.window.map_or(0, |window| window.start) * shape.taxels();
+        let start = self.indices[position] * shape.values() + before;
+        self.dataset.samples().copy_to(start, out);
+    }
+
+    /// Copies the sweeps at `positions` as `f32` to `out`, in this order. The last frame of a sweep that is shorter than the
+    /// shape is repeated.
     ///
     /// - `positions`: `[batch]`; repetitions are allowed
     /// - `out`: `[batch][steps][rows][cols]`, digits
@@ -119,7 +243,7 @@ impl<'a> SweepView<'a> {
             self.shape()
         );
         for (&position, sweep) in positions.iter().zip(out.chunks_exact_mut(values)) {
-            self.dataset.copy_sweep(self.indices[position], sweep);
+            self.copy_sweep(position, sweep);
         }
     }
 }

@@ -47,10 +47,13 @@ pub(super) struct Other {
     pub(super) type_name: Option<String>,
 }
 
+/// Name of the array with the number of frames of each sweep.
+pub(super) const LENGTHS: &str = "lengths";
 /// Arrays that are read under these names from every file.
-const KNOWN: [&str; 5] = [
+const KNOWN: [&str; 6] = [
     "materials",
     "blocks",
+    LENGTHS,
     "test_flag",
     RATE_ATTRIBUTE,
     SYNTHETIC_ATTRIBUTE,

@@ -4,12 +4,17 @@ use std::path::Path;
 
 use crate::{DataError, Remedy};
 
+/// Maximum length of a sweep as a multiple of the mean: sweeps are padded to the longest in memory.
+const MOST_TIMES: usize = 50;
+
 /// Frames of each sweep that are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Keep {
-    /// All frames; sweeps must be equally long.
+    /// All frames; sweeps must be equally long, unless the file states the length of each.
     #[default]
     Equal,
+    /// All frames of each sweep; see [`Dataset::with_lengths`](crate::Dataset::with_lengths).
+    All,
     /// This many frames from the beginning; longer sweeps are cut, shorter ones refused.
     First(usize),
     /// As many frames as the shortest sweep has.
@@ -29,13 +34,14 @@ impl From<Option<usize>> for Keep {
 impl std::str::FromStr for Keep {
     type Err = DataError;
 
-    /// Reads a number of frames, or `shortest`.
+    /// Reads a number of frames, `shortest` or `all`.
     ///
     /// ```
     /// use tactnet_data::format::Keep;
     ///
     /// assert_eq!("100".parse::<Keep>()?, Keep::First(100));
     /// assert_eq!("shortest".parse::<Keep>()?, Keep::Shortest);
+    /// assert_eq!("all".parse::<Keep>()?, Keep::All);
     /// assert!("0".parse::<Keep>().is_err());
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
@@ -44,10 +50,13 @@ impl std::str::FromStr for Keep {
         if text.eq_ignore_ascii_case("shortest") {
             return Ok(Self::Shortest);
         }
+        if text.eq_ignore_ascii_case("all") {
+            return Ok(Self::All);
+        }
         match text.parse() {
             Ok(steps) if steps > 0 => Ok(Self::First(steps)),
             _ => {
-                let expected = "a number of time steps, or `shortest`";
+                let expected = "a number of time steps, `all` or `shortest`";
                 Err(DataError::inconsistent(
                     "steps",
                     expected,
@@ -67,7 +76,18 @@ pub struct OddLength {
     pub frames: usize,
 }
 
-/// Returns the number of frames that are read, and the sweeps that have more or fewer.
+/// Frames of the sweeps that are read.
+#[derive(Debug)]
+pub(super) struct Settled {
+    /// Number of frames of the shape; longer sweeps are cut.
+    pub(super) steps: usize,
+    /// Number of frames below which a sweep is omitted.
+    pub(super) least: usize,
+    /// Sweeps that are cut or omitted without being asked for.
+    pub(super) odd: Vec<OddLength>,
+}
+
+/// Returns the frames that are read.
 ///
 /// # Errors
 /// No sweep, or a sweep of a length that `keep` does not allow.
@@ -76,7 +96,7 @@ pub(super) fn settle(
     sweeps: &[&str],
     lengths: &[usize],
     keep: Keep,
-) -> Result<(usize, Vec<OddLength>), DataError> {
+) -> Result<Settled, DataError> {
     let Some(&shortest) = lengths.iter().min() else {
         return Err(DataError::format(path, "sweeps", "at least one", "none"));
     };
@@ -87,6 +107,12 @@ pub(super) fn settle(
             (most, lengths.iter().position(|&length| length != most))
         }
         Keep::Shortest => (shortest, None),
+        Keep::All => {
+            let longest = lengths.iter().copied().max().unwrap_or(shortest);
+            let most = MOST_TIMES * lengths.iter().sum::<usize>() / lengths.len();
+            let is_odd = |&length: &usize| length == 0 || length > most;
+            (longest, lengths.iter().position(is_odd))
+        }
         Keep::Most => (usual(lengths), None),
     };
     let Some(refused) = refused else {
@@ -96,10 +122,15 @@ pub(super) fn settle(
             sweep: (*sweep).into(),
             frames,
         });
-        return Ok((wanted, odd.collect()));
+        return Ok(Settled {
+            steps: wanted,
+            least: if keep == Keep::All { shortest } else { wanted },
+            odd: odd.collect(),
+        });
     };
     let expected = match keep {
         Keep::First(_) => format!("at least the {wanted} frames asked for"),
+        Keep::All => format!("1 frame to {MOST_TIMES} times the mean length"),
         _ => {
             let like = lengths.iter().position(|&length| length == wanted);
             format!("{wanted} frames, as `{}`", sweeps[like.unwrap_or(0)])
@@ -114,13 +145,17 @@ pub(super) fn settle(
         ),
         _ => String::new(),
     };
-    Err(DataError::format(
+    let error = DataError::format(
         path,
         format!("sweep `{}`", sweeps[refused]),
         expected,
         format!("{}{all}", lengths[refused]),
-    )
-    .with_remedy(Remedy::KeepSteps { steps: shortest }))
+    );
+    Err(match keep {
+        Keep::All => error,
+        Keep::Equal => error.with_remedy(Remedy::KeepLengths { steps: shortest }),
+        _ => error.with_remedy(Remedy::KeepSteps { steps: shortest }),
+    })
 }
 
 /// Returns the length of more than half of the sweeps, or, if none is so common, the length that keeps most frames.
@@ -146,6 +181,22 @@ fn longest_of_most(sorted: &[usize]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn all_lengths_but_none_and_far_longer_ones_than_the_others_are_kept() {
+        let settled = |lengths: &[usize]| {
+            let names = vec!["s"; lengths.len()];
+            settle(Path::new("a.csv"), &names, lengths, Keep::All)
+        };
+        let kept = settled(&[3, 7, 5]).unwrap();
+        assert_eq!((kept.steps, kept.least, kept.odd.len()), (7, 3, 0));
+        assert!(settled(&[3, 0, 5]).is_err());
+        let mut lengths = vec![10; 200];
+        lengths[7] = 2000;
+        assert!(settled(&lengths).is_err());
+        lengths[7] = 400;
+        assert!(settled(&lengths).is_ok());
+    }
 
     #[test]
     fn one_odd_sweep_does_not_make_the_others_odd() {

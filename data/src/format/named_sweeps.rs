@@ -35,6 +35,8 @@ pub(crate) struct NamedSweeps {
     pub(crate) test: Option<Vec<bool>>,
     /// Values, `[sweeps][steps][rows][cols]`.
     pub(crate) samples: Samples,
+    /// Number of frames of each sweep, `[sweeps]`; `None` if all have as many as the shape.
+    pub(crate) lengths: Option<Vec<usize>>,
     /// Findings that only the reader can make.
     pub(crate) findings: Vec<Finding>,
     /// Sweeps that were cut because they are longer, or omitted because they are shorter.
@@ -70,7 +72,8 @@ impl NamedSweeps {
             labels,
             records,
             self.samples,
-        )?;
+        )?
+        .with_known_lengths(self.lengths)?;
         let dataset = if self.patch_known {
             dataset
         } else {

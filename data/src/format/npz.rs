@@ -6,6 +6,7 @@
 //! | `labels`, or `y`; not with five dimensions | `[n]` | the material's name or number, or its index into `materials` |
 //! | `materials`; required only with five dimensions | `[materials]` | names or whole numbers |
 //! | `blocks`, `test_flag`, optional | `[n]` or `[materials][sweeps]` | as in [`tactmat`](super::tactmat) |
+//! | `lengths`, optional | `[n]` or `[materials][sweeps]` | number of frames of each sweep; the values after them are padding |
 //! | `sample_rate_hz`, optional | a single number | frames per second; otherwise [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed |
 //! | `synthetic`, optional | a single number | version of the twin that generated the sweeps; 0 for recorded ones |
 //!

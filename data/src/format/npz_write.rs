@@ -6,6 +6,7 @@ use std::path::Path;
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
+use super::arrays::LENGTHS;
 use super::npy;
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
 use crate::{DataError, Dataset, LabelSet, Samples, write_whole};
@@ -93,6 +94,10 @@ fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
             .map(u8::from)
             .collect();
         add("test_flag", "|b1", &leading, &flags)?;
+    }
+    if let Some(lengths) = dataset.lengths() {
+        let lengths = lengths.iter().map(|steps| *steps as u32);
+        add(LENGTHS, "<u4", &leading, &bytes_of(lengths))?;
     }
     if let Some(version) = dataset.origin().twin_version() {
         let mark = f64::from(version.number()).to_le_bytes();

@@ -104,12 +104,14 @@ impl ReadOptions {
             true => self.cut(path, &dataset)?,
             false => dataset,
         };
-        match self.keep {
-            Keep::First(steps) => dataset
-                .first_steps(steps)
-                .map_err(|error| in_file(path, error)),
-            Keep::Equal | Keep::Shortest | Keep::Most => Ok(dataset),
-        }
+        let steps = match self.keep {
+            Keep::First(steps) => steps,
+            Keep::Shortest => dataset.shortest(),
+            Keep::Equal | Keep::All | Keep::Most => return Ok(dataset),
+        };
+        dataset
+            .first_steps(steps)
+            .map_err(|error| in_file(path, error))
     }
 
     /// Returns the windows of all sweeps, or resampled sweeps.
@@ -143,7 +145,12 @@ impl ReadOptions {
         };
         pieces::cut(&mut recordings, &timing, self)?;
         let rate_hz = self.resample_hz.or(known);
-        let sweeps = recordings.of_one_length(self.keep, rate_hz)?;
+        let states_lengths = dataset.lengths().is_some();
+        let keep = match self.keep {
+            Keep::Equal | Keep::Most if states_lengths && self.windows.is_none() => Keep::All,
+            keep => keep,
+        };
+        let sweeps = recordings.of_one_array(keep, rate_hz)?;
         dataset
             .with_sweeps(sweeps)
             .map_err(|error| in_file(path, error))

@@ -1,8 +1,8 @@
-//! Recordings: frames in order of time, as tables and folders contain them, before all have one length.
+//! Recordings: frames in order of time, as tables and folders contain them, before they become one array.
 
 use std::path::{Path, PathBuf};
 
-use super::lengths::{Keep, OddLength, settle};
+use super::lengths::{Keep, Settled, settle};
 use super::named_sweeps::NamedSweeps;
 use super::pieces;
 use super::read_options::ReadOptions;
@@ -98,7 +98,7 @@ impl Recording {
 }
 
 impl Recordings<'_> {
-    /// Returns the recordings as sweeps of one length.
+    /// Returns the recordings as sweeps in one array.
     ///
     /// # Errors
     /// Different lengths, if the options do not allow them; time stamps that give no rate; values that no element type holds.
@@ -108,32 +108,42 @@ impl Recordings<'_> {
             pieces::cut(&mut self, &timing, options)?;
             timing
         } else {
-            let (steps, _) = self.settle(options.keep)?;
+            let Settled { least, .. } = self.settle(options.keep)?;
             let lengths = self.recordings.iter().map(|r| r.frames(self.patch));
             let mut kept = 0..;
-            let index = |frames| (frames >= steps).then(|| kept.next()).flatten();
+            let index = |frames| (frames >= least).then(|| kept.next()).flatten();
             let indices: Vec<Option<usize>> = lengths.map(index).collect();
             Timing::of(&self, &indices, options)?
         };
         self.findings.extend(timing.findings);
-        self.of_one_length(options.keep, options.resample_hz.or(timing.rate_hz))
+        self.of_one_array(options.keep, options.resample_hz.or(timing.rate_hz))
     }
 
-    /// Returns the recordings as sweeps of one length.
+    /// Returns the recordings as sweeps in one array.
     ///
     /// # Errors
     /// Different lengths, if they are not allowed; values that no element type holds.
-    pub(super) fn of_one_length(
+    pub(super) fn of_one_array(
         mut self,
         keep: Keep,
         rate_hz: Option<f64>,
     ) -> Result<NamedSweeps, DataError> {
         let patch = self.patch;
-        let (steps, odd_lengths) = self.settle(keep)?;
-        self.recordings.retain(|r| r.frames(patch) >= steps);
-        let mut values = Vec::with_capacity(self.recordings.len() * steps * patch.taxels());
-        for recording in &self.recordings {
-            values.extend_from_slice(&recording.values[..steps * patch.taxels()]);
+        let Settled { steps, least, odd } = self.settle(keep)?;
+        self.recordings.retain(|r| r.frames(patch) >= least);
+        let taxels = patch.taxels();
+        let lengths: Vec<usize> = self
+            .recordings
+            .iter()
+            .map(|r| r.frames(patch).min(steps))
+            .collect();
+        let mut values = Vec::with_capacity(self.recordings.len() * steps * taxels);
+        for (recording, frames) in self.recordings.iter().zip(&lengths) {
+            let read = &recording.values[..frames * taxels];
+            values.extend_from_slice(read);
+            for _ in *frames..steps {
+                values.extend_from_slice(&read[read.len() - taxels..]);
+            }
         }
         let samples = narrow_sweeps(self.path, patch.shape(steps), &values)?;
         let kept = &self.recordings;
@@ -147,13 +157,14 @@ impl Recordings<'_> {
             blocks: kept.iter().map(|r| r.block).collect(),
             test: kept.iter().map(|r| r.test).collect(),
             samples,
+            lengths: (least < steps).then_some(lengths),
             findings: self.findings,
-            odd_lengths,
+            odd_lengths: odd,
         })
     }
 
-    /// Returns the number of frames of each sweep that are kept, and the sweeps that have more or fewer.
-    fn settle(&self, keep: Keep) -> Result<(usize, Vec<OddLength>), DataError> {
+    /// Returns the frames of the sweeps that are kept.
+    fn settle(&self, keep: Keep) -> Result<Settled, DataError> {
         let lengths = self.recordings.iter().map(|r| r.frames(self.patch));
         let lengths: Vec<usize> = lengths.collect();
         let shown: Vec<String> = self.recordings.iter().map(|r| self.shown(r)).collect();

@@ -6,6 +6,7 @@
 //! | `materials` (also `maerials`, a typo of the published page) | `[materials]` | names, fixed or variable length, or whole numbers |
 //! | `blocks`, optional | `[materials][sweeps]` | number of the recording block |
 //! | `test_flag`, optional | `[materials][sweeps]` | 1 or true for the author's test sweeps |
+//! | `lengths`, optional | `[materials][sweeps]` | number of frames of each sweep; the values after them are padding |
 //! | attribute `sample_rate_hz`, optional | scalar, on the file or on `samples` | frames per second |
 //! | attribute `synthetic`, optional | scalar, on the file | version of the twin that generated the sweeps; 0 for recorded ones |
 //!
@@ -17,6 +18,7 @@
 pub use super::tactmat_write::write;
 
 use super::DEFLATE_LIMIT;
+use super::arrays::LENGTHS;
 use super::chunk_grid::RANK;
 use super::chunks::{read_samples, some_sweeps};
 use super::guarded::guarded;
@@ -79,6 +81,7 @@ pub(super) fn read_file(file: &Hdf5File, path: &Path) -> Result<Dataset, DataErr
             _ => Err(()),
         },
     )?;
+    let lengths = per_sweep(file, path, LENGTHS, [materials, sweeps], usize::try_from)?;
     let rate = sample_rate_hz(file, &samples, path)?;
     let mismatch = |m: Mismatch| DataError::format(path, item, m.expected, m.found);
     let values = read_samples(file, &samples, shape);
@@ -101,6 +104,7 @@ pub(super) fn read_file(file: &Hdf5File, path: &Path) -> Result<Dataset, DataErr
         .collect();
     let name = super::stem(path);
     let dataset = Dataset::at_rate(name, rate, sweep_shape, labels, records, values)
+        .and_then(|dataset| dataset.with_known_lengths(lengths))
         .map_err(|error| super::in_file(path, error))?;
     Ok(match twin_version(file) {
         Some(version) => dataset.into_twin(version),
@@ -300,10 +304,10 @@ fn per_sweep<T, E>(
         match accept(number) {
             Ok(value) => values.push(value),
             Err(_) => {
-                let expected = if name == "blocks" {
-                    "numbers of 32 bits from 0"
-                } else {
-                    "0 or 1"
+                let expected = match name {
+                    "blocks" => "numbers of 32 bits from 0",
+                    LENGTHS => "numbers of frames",
+                    _ => "0 or 1",
                 };
                 return Err(DataError::format(path, item, expected, number.to_string()));
             }

@@ -1,5 +1,6 @@
 //! Writer of TactMat's HDF5 layout.
 
+use super::arrays::LENGTHS;
 use super::tactmat;
 use crate::{DataError, Dataset, Samples, write_whole};
 use hdf5_writer::{
@@ -88,6 +89,14 @@ fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan
             "test_flag",
             &extents[..2],
             &flags,
+        )?);
+    }
+    if let Some(lengths) = dataset.lengths() {
+        let lengths: Vec<u32> = order.iter().map(|&index| lengths[index] as u32).collect();
+        file = file.dataset(DatasetBuilder::typed_data(
+            LENGTHS,
+            &extents[..2],
+            &lengths,
         )?);
     }
     file.into_plan()

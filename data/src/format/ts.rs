@@ -1,6 +1,6 @@
 //! The text format of aeon, sktime and the UEA archive (`.ts`), written only.
 //!
-//! A classification problem of equal length: one line per sweep, one dimension per taxel (row by row), one value per
+//! A classification problem: one line per sweep, one dimension per taxel (row by row), one value per
 //! step; the class is last. Class labels are the material names in a form that aeon's reader does not change (see
 //! [`class_label`]). The format has no sample rate, blocks or test flags.
 
@@ -18,10 +18,14 @@ use std::path::Path;
 pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
     let labels = class_labels(dataset).map_err(|error| super::in_file(path, error))?;
     let shape = dataset.shape();
+    let length = match dataset.lengths() {
+        None => format!("@equalLength true\n@seriesLength {}", shape.steps),
+        Some(_) => "@equalLength false".into(),
+    };
     let mut text = format!(
         "# {} sweeps at {} Hz, one dimension per taxel of a patch of {}x{}\n\
          @problemName {}\n@timeStamps false\n@missing false\n@univariate {}\n@dimensions {}\n\
-         @equalLength true\n@seriesLength {}\n@classLabel true {}\n@data\n",
+         {length}\n@classLabel true {}\n@data\n",
         dataset.len(),
         dataset.sample_rate_hz(),
         shape.rows,
@@ -29,7 +33,6 @@ pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
         class_label(dataset.name()),
         shape.taxels() == 1,
         shape.taxels(),
-        shape.steps,
         labels.join(" "),
     );
     let lines: Result<Vec<String>, DataError> = (0..dataset.len())

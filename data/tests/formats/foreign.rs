@@ -159,7 +159,7 @@ fn a_group_for_each_sweep_is_read_by_a_path_with_a_star() {
         assert_eq!(dataset.sample_rate_hz(), 20.0);
     }
     let error = read("episodes.h5", "data/*/obs/tactile", "data/*/material").unwrap_err();
-    assert_eq!(error.remedy(), Some(Remedy::KeepSteps { steps: 11 }));
+    assert_eq!(error.remedy(), Some(Remedy::KeepLengths { steps: 11 }));
     let error = format::read_with(&foreign("episodes.h5"), &shortest("")).unwrap_err();
     assert_eq!(error.remedy(), Some(Remedy::NameLabels));
     let error = read("episodes.h5", "", "").unwrap_err().to_string();

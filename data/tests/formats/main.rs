@@ -5,6 +5,7 @@
 mod foreign;
 mod hostile;
 mod layouts;
+mod lengths;
 mod own_data;
 mod resolution;
 mod tables;

@@ -115,7 +115,7 @@ fn a_sweep_that_is_shorter_than_the_others_is_named_left_out_or_decides_the_leng
     let text: String = whole.split_inclusive('\n').take(50).collect();
     write(&short, &text);
     let refused = format::read(&folders).unwrap_err();
-    assert_eq!(refused.remedy(), Some(Remedy::KeepSteps { steps: 50 }));
+    assert_eq!(refused.remedy(), Some(Remedy::KeepLengths { steps: 50 }));
     let refused = refused.to_string();
     assert!(refused.contains("60 frames, as"), "{refused}");
     assert!(refused.contains("found 50"), "{refused}");

@@ -7,7 +7,7 @@ use super::data::{RecipeWithData, absolute};
 use super::models::Model;
 use super::{Job, QuestionTask, Task, stem};
 use crate::questions::{Ask, Crossval, Question};
-use crate::{ExperimentRecipe, Part, Probe};
+use crate::{ExperimentRecipe, Part, Probe, SweepLength};
 
 /// The recipe with its models.
 pub(super) struct Grid<'a> {
@@ -21,7 +21,8 @@ struct GridPoint<'a> {
     recipe: &'a ExperimentRecipe,
     data: &'a str,
     levels: MeanRemoval,
-    steps: Option<usize>,
+    /// Number of time steps to which sweeps are cut; `None` for complete sweeps.
+    length: Option<SweepLength>,
 }
 
 /// Position of a training in the cross-validation.
@@ -36,19 +37,19 @@ impl<'a> Grid<'a> {
     /// Returns all combinations of data set, treatment of levels and length of sweeps.
     fn points(&self) -> Vec<GridPoint<'a>> {
         let recipe = self.recipe;
-        let lengths: Vec<Option<usize>> = if recipe.steps.is_empty() {
+        let lengths: Vec<Option<SweepLength>> = if recipe.steps.is_empty() {
             vec![None]
         } else {
-            recipe.steps.iter().map(|length| length.steps()).collect()
+            recipe.steps.iter().copied().map(Some).collect()
         };
         let mut points = Vec::new();
         for data in &recipe.data {
             for &levels in &recipe.levels {
-                points.extend(lengths.iter().map(|&steps| GridPoint {
+                points.extend(lengths.iter().map(|&length| GridPoint {
                     recipe,
                     data,
                     levels,
-                    steps,
+                    length,
                 }));
             }
         }
@@ -219,7 +220,8 @@ impl GridPoint<'_> {
             recipe: recipe.into(),
             mean_removal: Some(self.levels),
             rate_hz: self.recipe.rate_hz,
-            steps: self.steps,
+            steps: self.length.and_then(SweepLength::steps),
+            lengths: self.length.map(SweepLength::lengths).unwrap_or_default(),
             seed: Seed(self.recipe.seed),
             device: self.recipe.device,
             ..TrainSpec::default()
@@ -250,9 +252,8 @@ impl GridPoint<'_> {
         } else {
             "-no_levels"
         };
-        let steps = self
-            .steps
-            .map_or(String::new(), |steps| format!("-{steps}_steps"));
+        let steps = self.length.and_then(SweepLength::steps);
+        let steps = steps.map_or(String::new(), |steps| format!("-{steps}_steps"));
         [stem(self.data), format!("{levels}{steps}")]
     }
 

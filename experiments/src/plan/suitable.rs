@@ -100,7 +100,7 @@ pub(super) fn leave_out_unsuitable(
 /// Returns the requirement of a model that the sweeps of a data set do not meet; `None` if they meet all.
 fn unmet_by(recipe: &ModelRecipe, spec: &TrainSpec, dataset: &Dataset) -> Option<String> {
     let shape = SweepShape {
-        steps: spec.steps.unwrap_or(dataset.shape().steps),
+        steps: spec.steps.unwrap_or(dataset.shortest()),
         ..dataset.shape()
     };
     let checked = recipe.check_sweeps(shape, dataset.sample_rate_hz());
@@ -217,6 +217,15 @@ fn leaks_nothing(
 /// Checks the numbers of materials and sweeps that a question needs, and that no sweeps share frames. Questions draw new
 /// materials and split the sweeps of each material into five folds.
 fn suits(question: &Question, dataset: &Dataset, shared: &[Finding]) -> Result<(), Unsuitable> {
+    if dataset.lengths().is_some() {
+        return Err(Unsuitable {
+            reason: "expected sweeps of one length for this question, found unequal ones".into(),
+            settings: vec![Setting {
+                field: "steps",
+                value: "shortest".into(),
+            }],
+        });
+    }
     let materials = dataset.labels().len();
     if let Some(new) = question.ask().new_materials() {
         let most = materials.saturating_sub(LEAST_KNOWN);

@@ -49,6 +49,10 @@ fn card(audit: &Audit) -> Markup {
             audit.recording_order,
         ),
         (
+            "Training sweep of the nearest length, random folds",
+            audit.sweep_length,
+        ),
+        (
             "Recording block within a material, by taxel means, random folds",
             audit.block_identity.map(|of| of.accuracy),
         ),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::published_confusion::TACTMAT_MATERIALS;
 use crate::row::tests::row;
 use tactnet_data::DataOrigin;
-use tactnet_pipeline::{MeanRemoval, PredictionMethod, SplitKind};
+use tactnet_pipeline::{Estimate, LengthAccuracy, MeanRemoval, PredictionMethod, SplitKind};
 
 use crate::{
     Audit, Comparison, Contender, Crossval, DataRecord, FeatureMap, FoldRecord, Grouping, Measure,
@@ -58,6 +58,11 @@ pub(super) fn summary() -> Summary {
     }
     all.contenders[1].probe = true;
     let first = all.contenders[0].key.clone();
+    all.contenders[0].by_length = vec![LengthAccuracy {
+        shortest: 300,
+        longest: 500,
+        accuracy: Estimate::wilson(0.75, 40),
+    }];
     let grouping = Grouping {
         group_of: vec![0, 1, 0],
         accuracy: 0.95,
@@ -98,6 +103,7 @@ pub(super) fn summary() -> Summary {
             first_frame: None,
             last_frame: None,
             recording_order: None,
+            sweep_length: None,
             block_identity: None,
             permuted: Some(0.3),
             permuted_chance: None,
@@ -286,6 +292,7 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
         sigma_test: 0.01,
         confusion: confusion(materials.len(), (10.0 * accuracy) as usize),
         confounded: None,
+        by_length: Vec::new(),
         fused_confusion: vec![],
         reliability: reliability(),
         risk_coverage: (1..=20).map(|k| risk(f64::from(k) / 20.0)).collect(),

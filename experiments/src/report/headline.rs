@@ -188,6 +188,7 @@ fn telling_probe(set: &DataSet, audit: &Audit, best: &Scored<'_>) -> Option<(&'s
         on_same_folds("first frame"),
         on_same_folds("last frame"),
         ("order of the sweeps in the file", order),
+        ("length of the sweeps", audit.sweep_length),
     ];
     audit.nearly_as_accurate(best.one_sweep.mean, probes)
 }

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use tactnet_data::{Scheme, SplitManifest};
 use tactnet_pipeline::{
-    ConfoundedAccuracy, Estimate, Evaluation, ModelRecipe, PredictionMethod, Predictions,
-    RunConfig, RunDir, RunResult, SplitKind, SweepScore, TrainingSteps,
+    ConfoundedAccuracy, Estimate, Evaluation, LengthAccuracy, ModelRecipe, PredictionMethod,
+    Predictions, RunConfig, RunDir, RunResult, SplitKind, SweepScore, TrainingSteps,
 };
 
 use super::finished::FinishedTask;
@@ -123,6 +123,7 @@ fn contender(key: String, accuracy: f64, folds: &[Fold<'_>], asked: &Crossval) -
         n_test,
         confounded: confounded(folds, &materials, &confusion),
         confusion,
+        by_length: by_length(folds),
         fused_confusion,
         reliability: reliability(&sweeps),
         risk_coverage: risk_coverage(&sweeps),
@@ -158,6 +159,33 @@ fn confounded(
             .then(|| Estimate::wilson(right as f64 / tested as f64, sweeps)),
         ..found
     })
+}
+
+/// Returns the accuracy for each quartile of length in its fold, over all folds; empty if a fold has fewer groups than others.
+///
+/// The intervals count each sweep once, independent of the number of repeats.
+fn by_length(folds: &[Fold<'_>]) -> Vec<LengthAccuracy> {
+    let of_folds: Vec<&[LengthAccuracy]> = folds
+        .iter()
+        .map(|fold| fold.evaluation().by_length.as_slice())
+        .collect();
+    let groups = of_folds[0].len();
+    if of_folds.iter().any(|fold| fold.len() != groups) {
+        return Vec::new();
+    }
+    let repeats: BTreeSet<usize> = folds.iter().map(|fold| fold.result.repeat).collect();
+    let pooled = |group: usize| {
+        let parts = || of_folds.iter().map(|fold| fold[group]);
+        let tested: usize = parts().map(|part| part.accuracy.n).sum();
+        let right = parts().map(|part| part.accuracy.mean * part.accuracy.n as f64);
+        let mean = right.sum::<f64>() / tested as f64;
+        LengthAccuracy {
+            shortest: parts().map(|part| part.shortest).min().unwrap_or(0),
+            longest: parts().map(|part| part.longest).max().unwrap_or(0),
+            accuracy: Estimate::wilson(mean, (tested / repeats.len()).max(1)),
+        }
+    };
+    (0..groups).map(pooled).collect()
 }
 
 /// Returns the description of a split with the trained folds: "2 of 5 random folds".

@@ -84,7 +84,7 @@ pub fn adapt(
     let Some(sweeps) = sweeps.filter(|sweeps| !sweeps.is_empty()) else {
         return Err(PipelineError::incompatible("sweeps", "some", "none"));
     };
-    classifier.check_shape(sweeps)?;
+    classifier.config().check_view(sweeps)?;
     if let Some(labelled) = new.labelled {
         classifier.own_labels(labelled)?;
     }

@@ -288,7 +288,7 @@ fn documentation(inputs: OnnxInputs, sizes: &Sizes, keep: f64) -> String {
 /// - `about`: additional properties besides labels, rate, window and calibration
 ///
 /// # Errors
-/// A classifier that is not a network; weights of another network.
+/// A classifier that is not a network, or that was trained on sweeps of unequal length; weights of another network.
 pub fn to_onnx(
     config: &ClassifierConfig,
     weights: &Weights,
@@ -298,6 +298,13 @@ pub fn to_onnx(
     about: &BTreeMap<String, String>,
 ) -> Result<Vec<u8>, PipelineError> {
     let setup = network_setup(config)?;
+    if config.trained_steps.is_some() {
+        let (expected, found) = (
+            "a network trained on sweeps of one length",
+            "unequal lengths",
+        );
+        return Err(PipelineError::incompatible("export", expected, found));
+    }
     let network = config.network_config(setup)?;
     // Checks the sizes of the tensors.
     Classifier::new(config.clone(), weights, &Compute::Cpu.open()?)?;

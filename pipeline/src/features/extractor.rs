@@ -8,7 +8,7 @@ use tactnet_models::{Features, Weights};
 use crate::features::arrays::{get, get_indices, get_indices_below, of_length, put, put_indices};
 use crate::features::hydra::Hydra;
 use crate::features::log_spectra::LogSpectra;
-use crate::features::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
+use crate::features::rocket::{IN_STEPS, Kernels, Order, Pooling, WAYS, Workspace};
 use crate::features::series::Series;
 use crate::features::spectrum::{HighFeatures, LowFeatures};
 use crate::{DeadTaxels, MeanRemoval, PipelineError};
@@ -57,7 +57,10 @@ impl FeatureSet {
 }
 
 /// Feature extractor, fitted to training sweeps if the feature set requires it.
+///
+/// Sweeps of any length have the same number of features.
 pub(crate) struct Extractor {
+    /// Shape of the longest sweep of the data set.
     shape: SweepShape,
     levels: MeanRemoval,
     kind: Kind,
@@ -90,12 +93,14 @@ impl Extractor {
         seed: Seed,
     ) -> Result<Self, PipelineError> {
         let shape = train.shape();
-        set.check(shape, train.dataset().sample_rate_hz())?;
+        let rate = train.dataset().sample_rate_hz();
+        let steps = train.lengths().min().unwrap_or(shape.steps);
+        set.check(SweepShape { steps, ..shape }, rate)?;
         let extents = [shape.taxels(), shape.steps];
         let series = |position: usize| {
-            let mut values = vec![0.0; shape.values()];
-            train.copy_batch(&[position], &mut values);
-            levels.apply(&mut values, shape);
+            let mut values = train.sweep(position);
+            let steps = train.steps(position);
+            levels.apply(&mut values, SweepShape { steps, ..shape });
             Series::from_frames(&values, shape.taxels())
         };
         let kernels = |order: Order, biases: usize, stream: &str| {
@@ -124,7 +129,7 @@ impl Extractor {
                 hydra: Hydra::draw(extents, &mut seed.rng("hydra")),
             },
             _ => {
-                return Self::unfitted(set, levels, shape, train.dataset().sample_rate_hz());
+                return Self::unfitted(set, levels, shape, rate);
             }
         };
         Ok(Self {
@@ -262,15 +267,39 @@ impl Extractor {
         all.par_chunks_exact_mut(self.width())
             .enumerate()
             .for_each_init(
-                || (vec![0.0; self.shape.values()], Workspace::default()),
+                || (Vec::new(), Workspace::default()),
                 |(sweep, workspace), (position, out)| {
-                    view.copy_batch(&[position], sweep);
-                    dead.apply(sweep, self.shape.taxels());
-                    self.levels.apply(sweep, self.shape);
-                    self.write(sweep, workspace, out);
+                    let shape = SweepShape {
+                        steps: view.steps(position),
+                        ..self.shape
+                    };
+                    sweep.resize(shape.values(), 0.0);
+                    view.copy_sweep(position, sweep);
+                    dead.apply(sweep, shape.taxels());
+                    self.levels.apply(sweep, shape);
+                    match self.at_length(shape.steps) {
+                        Some(own) => own.write(sweep, workspace, out),
+                        None => self.write(sweep, workspace, out),
+                    }
                 },
             );
         Features::new(self.width(), all)
+    }
+
+    /// Returns the extractor of sweeps of `steps` steps, if it differs from this one.
+    ///
+    /// # Panics
+    /// If sweeps of this length do not have these features.
+    fn at_length(&self, steps: usize) -> Option<Self> {
+        if steps == self.shape.steps {
+            return None;
+        }
+        let kind = match &self.kind {
+            Kind::Low(features) => Kind::Low(features.at_length(steps)),
+            Kind::LogSpectra(features) => Kind::LogSpectra(features.at_length(steps)),
+            _ => return None,
+        };
+        Some(Self { kind, ..*self })
     }
 
     fn write(&self, sweep: &[f32], workspace: &mut Workspace, out: &mut [f32]) {
@@ -308,7 +337,25 @@ impl Extractor {
                     second,
                 );
                 hydra.transform(&series, &difference, third);
+                if series.steps() != self.shape.steps {
+                    let scale = self.shape.steps as f32 / series.steps() as f32;
+                    scale_steps(first, scale);
+                    scale_steps(second, scale);
+                    third.iter_mut().for_each(|feature| *feature *= scale);
+                }
             }
+        }
+    }
+}
+
+/// Multiplies the features of [`Pooling::FourWays`] that are numbers of steps, as if the sweep had another length.
+fn scale_steps(features: &mut [f32], scale: f32) {
+    let each = features.len() / WAYS;
+    for (way, values) in features.chunks_exact_mut(each).enumerate() {
+        if IN_STEPS.contains(&way) {
+            // -1 stands for no step.
+            let values = values.iter_mut().filter(|value| **value > 0.0);
+            values.for_each(|value| *value *= scale);
         }
     }
 }

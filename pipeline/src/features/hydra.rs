@@ -93,8 +93,10 @@ impl Hydra {
             .zip(self.weights.chunks_exact(KERNELS * TAPS));
         for (index, (taxels, weights)) in groups.enumerate() {
             let (part, group) = (index / GROUPS, index % GROUPS);
-            let dilation = 1 << (part / 2);
             let series = both[part % 2];
+            // A series that is shorter than those that the kernels were drawn for has a smaller largest dilation.
+            let most = series.steps().saturating_sub(1) / (TAPS - 1);
+            let dilation = (1 << (part / 2)).min(most.max(1));
             let padding = TAPS / 2 * dilation;
             padded.clear();
             padded.resize(series.steps() + 2 * padding, 0.0);

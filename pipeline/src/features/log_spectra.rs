@@ -19,6 +19,8 @@ pub struct LogSpectra {
     transform: Arc<dyn RealToComplex<f64>>,
     /// Frequency bins of each band.
     bands: Vec<std::ops::Range<usize>>,
+    /// Factor of each band's power that makes up for another number of bins than in the longest sweep.
+    gains: Vec<f64>,
 }
 
 impl LogSpectra {
@@ -35,15 +37,40 @@ impl LogSpectra {
             let end = edge(band + 1).round() as usize + usize::from(band + 1 == BANDS);
             edge(band).round() as usize..end
         };
+        let bands: Vec<_> = (0..BANDS)
+            .map(bins)
+            .filter(|bins| !bins.is_empty())
+            .collect();
         Ok(Self {
             taxels: shape.taxels(),
             steps: shape.steps,
             transform: RealFftPlanner::new().plan_fft_forward(shape.steps),
-            bands: (0..BANDS)
-                .map(bins)
-                .filter(|bins| !bins.is_empty())
-                .collect(),
+            gains: vec![1.0; bands.len()],
+            bands,
         })
+    }
+
+    /// Returns the extractor of sweeps of another length, with bands at the same frequencies. A band that is narrower than the distance of two
+    /// frequencies takes the nearest one.
+    pub(crate) fn at_length(&self, steps: usize) -> Self {
+        let ratio = steps as f64 / self.steps as f64;
+        let last = steps / 2;
+        let scaled = |bins: &std::ops::Range<usize>| {
+            // Edges lie between two bins.
+            let edge = |bin: usize| ((bin as f64 - 0.5) * ratio + 0.5).round() as usize;
+            let start = edge(bins.start).clamp(1, last.max(1));
+            start..edge(bins.end).clamp(start + 1, last.max(1) + 1)
+        };
+        let bands: Vec<_> = self.bands.iter().map(scaled).collect();
+        let pairs = self.bands.iter().zip(&bands);
+        let gains = pairs.map(|(known, own)| known.len() as f64 / own.len() as f64);
+        Self {
+            taxels: self.taxels,
+            steps,
+            transform: RealFftPlanner::new().plan_fft_forward(steps),
+            gains: gains.collect(),
+            bands,
+        }
     }
 
     /// Succeeds if the features exist for sweeps of this shape.
@@ -82,10 +109,11 @@ impl LogSpectra {
             }
             // The buffers have the plan's own lengths, so this cannot fail.
             let _ = self.transform.process(&mut input, &mut spectrum);
-            for (out, bins) in out.iter_mut().zip(&self.bands) {
+            let bands = self.bands.iter().zip(&self.gains);
+            for (out, (bins, gain)) in out.iter_mut().zip(bands) {
                 let band = &spectrum[bins.clone()];
                 let power: f64 = band.iter().map(|x| x.norm_sqr()).sum();
-                *out = (power / self.steps as f64 + LEAST_POWER).ln() as f32;
+                *out = (gain * power / self.steps as f64 + LEAST_POWER).ln() as f32;
             }
         }
     }
@@ -135,5 +163,46 @@ mod tests {
             };
             assert!((x - expected).abs() < 1e-2, "{band:?}: {x}");
         }
+    }
+
+    #[test]
+    fn a_sweep_of_another_length_has_the_same_powers() {
+        let shape = SweepShape {
+            steps: 1000,
+            rows: 1,
+            cols: 1,
+        };
+        let spectra = LogSpectra::new(shape, 750.0).unwrap();
+        let power = |steps: usize, cycle: usize| {
+            let sweep: Vec<f32> = (0..steps)
+                .map(|t| (std::f64::consts::TAU * t as f64 / cycle as f64).sin() as f32)
+                .collect();
+            let mut found = vec![0.0; spectra.width() - 1];
+            match steps {
+                1000 => spectra.write(&sweep, &mut found),
+                steps => spectra.at_length(steps).write(&sweep, &mut found),
+            }
+            found
+        };
+        // A period of 20 steps is bin 50 of 1000 and bin 25 of 500, a period of 5 steps is bin 200 and 80 of 400.
+        for (cycle, steps) in [(20, 500), (20, 400), (5, 400), (5, 600)] {
+            let (whole, short) = (power(1000, cycle), power(steps, cycle));
+            let largest = |powers: &[f32]| {
+                let greater = |a: &usize, b: &usize| powers[*a].total_cmp(&powers[*b]);
+                (0..powers.len()).max_by(greater).unwrap()
+            };
+            let band = largest(&whole);
+            assert_eq!(largest(&short), band, "{cycle} {steps}");
+            // A band of a shorter sweep has a whole number of frequencies, here at least six.
+            assert!((short[band] - whole[band]).abs() < 0.2, "{cycle} {steps}");
+        }
+        assert_eq!(power(1000, 20), {
+            let sweep: Vec<f32> = (0..1000)
+                .map(|t| (std::f64::consts::TAU * f64::from(t) / 20.0).sin() as f32)
+                .collect();
+            let mut found = vec![0.0; spectra.width() - 1];
+            spectra.at_length(1000).write(&sweep, &mut found);
+            found
+        });
     }
 }

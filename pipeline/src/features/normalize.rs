@@ -171,7 +171,7 @@ impl Normalizer {
 /// Fits offsets and gains in two passes in `f64`, means before squared deviations, so that large offsets do not cost precision.
 fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> Normalizer {
     let taxels = train.shape().taxels();
-    let frames = (train.len() * train.shape().steps) as f64;
+    let frames = train.lengths().sum::<usize>() as f64;
     let mean = means(train, levels);
     let mut variance = vec![0.0_f64; taxels];
     for_each_frame(train, levels, |frame| {
@@ -221,7 +221,7 @@ pub(crate) fn taxel_medians(train: &TrainSplit<'_>) -> Vec<f32> {
 }
 
 fn means(train: &SweepView<'_>, levels: MeanRemoval) -> Vec<f64> {
-    let frames = (train.len() * train.shape().steps) as f64;
+    let frames = train.lengths().sum::<usize>() as f64;
     let mut mean = vec![0.0_f64; train.shape().taxels()];
     for_each_frame(train, levels, |frame| {
         mean.iter_mut()
@@ -234,10 +234,10 @@ fn means(train: &SweepView<'_>, levels: MeanRemoval) -> Vec<f64> {
 
 fn for_each_frame(view: &SweepView<'_>, levels: MeanRemoval, mut visit: impl FnMut(&[f32])) {
     let shape = view.shape();
-    let mut sweep = vec![0.0; shape.values()];
     for position in 0..view.len() {
-        view.copy_batch(&[position], &mut sweep);
-        levels.apply(&mut sweep, shape);
+        let mut sweep = view.sweep(position);
+        let steps = view.steps(position);
+        levels.apply(&mut sweep, SweepShape { steps, ..shape });
         sweep.chunks_exact(shape.taxels()).for_each(&mut visit);
     }
 }

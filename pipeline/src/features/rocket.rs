@@ -24,7 +24,7 @@ use crate::PipelineError;
 use crate::features::arrays::of_length;
 use crate::features::series::Series;
 use pooling::KernelResult;
-pub(crate) use pooling::{Pooling, WAYS};
+pub(crate) use pooling::{IN_STEPS, Pooling, WAYS};
 
 /// Number of weights of a kernel.
 const TAPS: usize = 9;
@@ -136,7 +136,7 @@ impl Kernels {
         for combination in 0..kernels.taxels.len() {
             let sweep = series(rng.random_range(0..sweeps));
             let dilation = combination / KERNELS;
-            workspace.prepare(&sweep, kernels.dilations[dilation], order);
+            workspace.prepare(&sweep, fitting(kernels.dilations[dilation], &sweep), order);
             workspace.convolve(
                 &kernels.taxels[combination],
                 combination % KERNELS,
@@ -199,6 +199,7 @@ impl Kernels {
             .zip(&self.biases_per_kernel)
             .enumerate()
         {
+            let dilation = fitting(dilation, series);
             workspace.prepare(series, dilation, order);
             let padding = (TAPS / 2) * dilation;
             for kernel in 0..KERNELS {
@@ -259,6 +260,12 @@ impl pulp::NullaryFnOnce for Transform<'_> {
             self.out,
         );
     }
+}
+
+/// Returns a dilation with which a kernel fits into a series: `dilation`, or the largest possible one of a shorter series.
+fn fitting(dilation: usize, series: &Series) -> usize {
+    let most = series.steps().saturating_sub(1) / (TAPS - 1);
+    dilation.min(most.max(1))
 }
 
 /// Returns all choices of the three taps with weight 2, in lexicographic order.

@@ -64,6 +64,19 @@ impl LowFeatures {
         Ok(())
     }
 
+    /// Returns the extractor of sweeps of another length.
+    ///
+    /// # Panics
+    /// If [`LowFeatures::check`] refuses this length.
+    pub(crate) fn at_length(&self, steps: usize) -> Self {
+        let shape = SweepShape {
+            steps,
+            ..self.shape
+        };
+        Self::new(shape, self.rate, self.levels)
+            .unwrap_or_else(|error| panic!("the length was checked: {error}"))
+    }
+
     fn bins(&self, low: f64, high: f64) -> std::ops::Range<usize> {
         bins(self.shape.steps, self.rate, low, high)
     }
@@ -129,9 +142,8 @@ impl HighFeatures {
     pub fn new(shape: SweepShape, rate: f64, levels: MeanRemoval) -> Result<Self, PipelineError> {
         Self::check(shape, rate)?;
         let window = (WINDOW_SECONDS * rate).round() as usize;
-        // As many hops as fit (40 for 1500 steps at 750 Hz). Zeros fill a window that reaches beyond the end.
         let hop = HOP_SECONDS * rate;
-        let windows = (shape.steps as f64 / hop + 1e-9).floor() as usize;
+        let windows = windows(shape.steps, rate);
         Ok(Self {
             shape,
             rate,
@@ -164,7 +176,7 @@ impl HighFeatures {
     }
 
     /// Writes the features of one sweep (`[steps][taxels]`), `[windows][bands]`: power in bands of 20 Hz, weighted over taxels, divided by the sum over
-    /// the bands of the window.
+    /// the bands of the window. Windows that a shorter sweep does not have get the mean of those that it has.
     ///
     /// # Panics
     /// If `out` has another length.
@@ -176,6 +188,8 @@ impl HighFeatures {
         let mut input = self.transform.make_input_vec();
         let mut spectrum = self.transform.make_output_vec();
         let mut power = vec![0.0_f64; self.bands];
+        let windows = windows(sweep.len() / taxels, self.rate).min(self.starts.len());
+        let (out, missing) = out.split_at_mut(windows * self.bands);
         for (&start, out) in self.starts.iter().zip(out.chunks_exact_mut(self.bands)) {
             power.fill(0.0);
             for taxel in 0..taxels {
@@ -195,7 +209,19 @@ impl HighFeatures {
                 *out = if sum > 0.0 { (power / sum) as f32 } else { 0.0 };
             }
         }
+        for missing in missing.chunks_exact_mut(self.bands) {
+            for (band, missing) in missing.iter_mut().enumerate() {
+                let of_band = out.iter().skip(band).step_by(self.bands);
+                *missing = of_band.sum::<f32>() / windows as f32;
+            }
+        }
     }
+}
+
+/// Returns the number of windows of a sweep: as many hops as fit (40 for 1500 steps at 750 Hz). Zeros fill a window that reaches beyond the
+/// end.
+fn windows(steps: usize, rate: f64) -> usize {
+    (steps as f64 / (HOP_SECONDS * rate) + 1e-9).floor() as usize
 }
 
 /// Returns the weight of each taxel; the weights sum to one.

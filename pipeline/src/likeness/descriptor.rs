@@ -55,10 +55,9 @@ impl Descriptor {
     /// Returns the floor of standard deviations, in digits: a thousandth of the median over sweeps and taxels.
     pub fn floor_of(view: &SweepView<'_>) -> f64 {
         let taxels = view.shape().taxels();
-        let mut sweep = vec![0.0; view.shape().values()];
         let mut spreads = Vec::with_capacity(view.len() * taxels);
         for position in 0..view.len() {
-            view.copy_batch(&[position], &mut sweep);
+            let sweep = view.sweep(position);
             let spread = (0..taxels).map(|taxel| Moments::of(&sweep, taxel, taxels).spread);
             spreads.extend(spread.filter(|spread| *spread > 0.0));
         }
@@ -105,12 +104,10 @@ impl Descriptor {
 
     /// Returns the descriptions of all sweeps.
     pub fn of_view(&self, view: &SweepView<'_>) -> Features {
-        let mut sweep = vec![0.0; view.shape().values()];
         let mut planner = RealFftPlanner::new();
         let mut values = Vec::with_capacity(view.len() * self.width());
         for position in 0..view.len() {
-            view.copy_batch(&[position], &mut sweep);
-            self.describe(&sweep, &mut planner, &mut values);
+            self.describe(&view.sweep(position), &mut planner, &mut values);
         }
         Features::new(self.width(), values)
     }

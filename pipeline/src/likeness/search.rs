@@ -64,11 +64,7 @@ impl<'a> Search<'a> {
     fn new(likeness: &'a Likeness, view: &SweepView<'_>) -> Self {
         let number = view.len().min(MAX_SWEEPS);
         let sweeps: Vec<Vec<f32>> = (0..number)
-            .map(|at| {
-                let mut sweep = vec![0.0; view.shape().values()];
-                view.copy_batch(&[at * view.len() / number], &mut sweep);
-                sweep
-            })
+            .map(|at| view.sweep(at * view.len() / number))
             .collect();
         let descriptions = likeness.descriptor.of_sweeps(&sweeps);
         let distances = likeness.distances.of(&descriptions);

@@ -17,6 +17,35 @@ pub struct Embedding {
 }
 
 impl Embedding {
+    /// Returns the means of the embeddings of the parts of sweeps.
+    ///
+    /// - `parts`: positions of sweeps with their embeddings; every position occurs at least once
+    pub(crate) fn mean_of(labels: Vec<usize>, parts: Vec<(&[usize], Self)>) -> Self {
+        let mut counts = vec![0.0_f32; labels.len()];
+        for (positions, _) in &parts {
+            positions
+                .iter()
+                .for_each(|position| counts[*position] += 1.0);
+        }
+        let mean = |layer: fn(&Self) -> &Features| {
+            let width = parts.first().map_or(1, |(_, part)| layer(part).width());
+            let mut means = Features::new(width, vec![0.0; labels.len() * width]);
+            for (positions, part) in &parts {
+                for (position, row) in positions.iter().zip(layer(part).rows()) {
+                    let mean = means.row_mut(*position).iter_mut().zip(row);
+                    mean.for_each(|(mean, value)| *mean += value / counts[*position]);
+                }
+            }
+            means
+        };
+        Self {
+            convolution: mean(|part| &part.convolution),
+            hidden: mean(|part| &part.hidden),
+            logits: mean(|part| &part.logits),
+            labels,
+        }
+    }
+
     /// Returns the number of sweeps.
     pub fn len(&self) -> usize {
         self.labels.len()

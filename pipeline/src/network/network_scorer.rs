@@ -81,36 +81,51 @@ impl NetworkScorer {
             PredictionMethod::Plain => None,
             PredictionMethod::McDropout { mc_samples } => Some(self.masks(mc_samples)),
         };
-        let positions: Vec<usize> = (0..view.len()).collect();
-        let mut rows = Vec::with_capacity(view.len());
-        for batch in positions.chunks(BATCH) {
-            let features = self.net.features(self.load(view, batch));
-            rows.extend(match &masks {
-                None => self.plain(features),
-                Some(masks) => self.monte_carlo(features, masks),
-            });
+        let mut rows = vec![Vec::new(); view.len()];
+        for (positions, part) in view.by_length() {
+            let places: Vec<usize> = (0..part.len()).collect();
+            for batch in places.chunks(BATCH) {
+                let features = self.net.features(self.load(&part, batch));
+                let scored = match &masks {
+                    None => self.plain(features),
+                    Some(masks) => self.monte_carlo(features, masks),
+                };
+                for (place, row) in batch.iter().zip(scored) {
+                    rows[positions[*place]] = row;
+                }
+            }
         }
         rows
     }
 
     /// Returns the outputs of every layer for every sweep.
     pub fn embed(&self, view: &SweepView<'_>) -> Embedding {
-        let positions: Vec<usize> = (0..view.len()).collect();
-        let mut layers: [Vec<f32>; 3] = Default::default();
-        for batch in positions.chunks(BATCH) {
-            let convolution = self.net.features(self.load(view, batch));
-            let hidden = self.net.embedding(convolution.clone());
-            let logits = self.net.head(convolution.clone());
-            for (all, layer) in layers.iter_mut().zip([convolution, hidden, logits]) {
-                all.extend(values(layer));
+        let widths = [
+            self.network.features(),
+            self.network.architecture().hidden,
+            self.network.materials(),
+        ];
+        let mut layers = widths.map(|width| Features::new(width, vec![0.0; view.len() * width]));
+        for (positions, part) in view.by_length() {
+            let places: Vec<usize> = (0..part.len()).collect();
+            for batch in places.chunks(BATCH) {
+                let convolution = self.net.features(self.load(&part, batch));
+                let hidden = self.net.embedding(convolution.clone());
+                let logits = self.net.head(convolution.clone());
+                for (all, layer) in layers.iter_mut().zip([convolution, hidden, logits]) {
+                    let rows = Features::new(all.width(), values(layer));
+                    for (place, row) in batch.iter().zip(rows.rows()) {
+                        all.row_mut(positions[*place]).copy_from_slice(row);
+                    }
+                }
             }
         }
         let [convolution, hidden, logits] = layers;
         Embedding {
             labels: view.labels().collect(),
-            convolution: Features::new(self.network.features(), convolution),
-            hidden: Features::new(self.network.architecture().hidden, hidden),
-            logits: Features::new(self.network.materials(), logits),
+            convolution,
+            hidden,
+            logits,
         }
     }
 

@@ -79,7 +79,7 @@ impl<'a> StackedTraining<'a> {
     /// A device that is not a GPU; a state of another network.
     ///
     /// # Panics
-    /// If `members` is empty, or two cannot share a stack.
+    /// If `members` is empty, or two cannot share a stack, or sweeps differ in length.
     pub fn start(
         members: Vec<StackMember<'a>>,
         states: Vec<Option<TrainingState>>,
@@ -88,6 +88,12 @@ impl<'a> StackedTraining<'a> {
         assert!(
             members.len() == states.len() && members.iter().all(|member| member.fits(&members[0])),
             "networks of a stack are of one kind"
+        );
+        assert!(
+            members
+                .iter()
+                .all(|member| member.train.dataset().lengths().is_none()),
+            "a stack trains on sweeps of one length"
         );
         let batch = members.iter().map(StackMember::batch).max().unwrap_or(0);
         let nets: Result<Vec<StackedNet>, PipelineError> = members
@@ -278,7 +284,7 @@ impl<'a> StackedTraining<'a> {
         let Position { epoch, batch, .. } = self.standings[member].position;
         let batches = self.batches(member);
         let positions = if goes {
-            batch_positions(train.len(), batches, *seed, BatchNumber { epoch, batch })
+            batch_positions(train, batches, *seed, BatchNumber { epoch, batch })
         } else {
             Vec::new()
         };
@@ -311,10 +317,18 @@ impl<'a> StackedTraining<'a> {
                 let of_sweep = train.shape().values();
                 values.resize(self.batch * of_sweep, 0.0);
                 let target = &mut values[..positions.len() * of_sweep];
-                fill_batch(target, train, &positions, normalizer, |position, sweep| {
-                    let augmentation = recipe.training.augmentation;
-                    augment(augmentation, normalizer, *seed, epoch, position, sweep);
-                });
+                let shape = train.shape();
+                fill_batch(
+                    target,
+                    train,
+                    &positions,
+                    shape,
+                    normalizer,
+                    |position, sweep| {
+                        let augmentation = recipe.training.augmentation;
+                        augment(augmentation, normalizer, *seed, epoch, position, sweep);
+                    },
+                );
             }
         }
         let rate = recipe.learning_rate(epoch, batch, batches);

@@ -7,7 +7,7 @@ use tactnet_data::{Seed, SweepView, TrainSplit};
 use tactnet_models::{Network, NetworkConfig, Weights, dropout_masks, is_cpu, spare_memory};
 
 use crate::network::adam::FusedAdam;
-use crate::network::batches::{BatchNumber, augment, batch_positions, fill_batch};
+use crate::network::batches::{BatchNumber, augment, batch_positions, batch_shape, fill_batch};
 use crate::network::in_pool::in_pool;
 use crate::network::measured::Measured;
 use crate::network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
@@ -134,8 +134,10 @@ impl<'a> Training<'a> {
         }
         let device = device.clone().autodiff();
         let net = Network::init(config, &device, &mut seed.rng("initial weights"));
-        // Augmented sweeps differ in every epoch.
-        let resident = if is_cpu(&device) || !recipe.training.augmentation.is_none() {
+        // Augmented sweeps differ in every epoch; sweeps of unequal length are cut differently.
+        let differs =
+            !recipe.training.augmentation.is_none() || train.dataset().lengths().is_some();
+        let resident = if is_cpu(&device) || differs {
             None
         } else {
             let plain = device.clone().without_autodiff();
@@ -408,7 +410,7 @@ impl<'a> Training<'a> {
     }
 
     fn batch_positions(&self, number: BatchNumber) -> Vec<usize> {
-        batch_positions(self.train.len(), self.batches(), self.seed, number)
+        batch_positions(self.train, self.batches(), self.seed, number)
     }
 
     /// Returns training sweeps `[batch, 1, steps, taxels]`, augmented and normalised, on the device without autodiff.
@@ -436,9 +438,10 @@ impl<'a> Training<'a> {
         positions: &[usize],
         change: impl Fn(usize, &mut [f32]) + Sync,
     ) -> Tensor<4> {
-        let shape = from.shape();
+        // Watched sweeps may be longer than the training sweeps.
+        let shape = batch_shape(from, positions, self.config.input().steps);
         let mut values = spare_memory(positions.len() * shape.values());
-        fill_batch(&mut values, from, positions, self.normalizer, change);
+        fill_batch(&mut values, from, positions, shape, self.normalizer, change);
         let extents = [positions.len(), 1, shape.steps, shape.taxels()];
         Tensor::from_data(
             TensorData::new(values, extents),

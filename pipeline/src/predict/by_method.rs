@@ -66,6 +66,7 @@ mod tests {
                 n: 4,
             },
             balanced: None,
+            by_length: Vec::new(),
             fused: None,
             negative_log_likelihood: 1.0,
             expected_calibration_error: 0.25,

@@ -3,129 +3,17 @@
 use std::collections::BTreeSet;
 
 use burn::tensor::Device;
-use serde::{Deserialize, Serialize};
-use tactnet_data::{
-    Dataset, LabelSet, Remedy, Seed, SweepShape, SweepView, TrainSplit, ValueRange, is_same_name,
-};
-use tactnet_models::{Architecture, InputShape, Network, NetworkConfig, Weights};
+use tactnet_data::{SweepView, is_same_name};
+use tactnet_models::{Network, Weights, log_mean_exp_into};
 
 use crate::baseline::fitted::Baseline;
 use crate::committee::fitted::Committee;
 use crate::network::network_scorer::NetworkScorer;
+use crate::predict::long_sweeps::parts;
 use crate::{
-    BaselineRecipe, DeadTaxels, Embedding, MemberConfig, NetworkRecipe, Normalizer, PipelineError,
-    PipelineRemedy, Prediction, PredictionMethod, Predictions, SweepScore,
+    ClassifierConfig, DeadTaxels, Embedding, ModelConfig, PipelineError, PipelineRemedy,
+    PredictionMethod, Predictions, SweepScore,
 };
-
-/// Configuration of a classifier: with the fitted weights, it rebuilds the classifier.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ClassifierConfig {
-    /// Model that scores sweeps.
-    pub model: ModelConfig,
-    /// Materials in label order.
-    pub labels: LabelSet,
-    /// Shape of every sweep.
-    pub shape: SweepShape,
-    /// Sample rate of the training sweeps in Hz.
-    pub sample_rate_hz: f64,
-    /// True if the data does not name its rate, so that the default rate is assumed.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub sample_rate_assumed: bool,
-    /// Range of the values of the training sweeps; absent in runs of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub values: Option<ValueRange>,
-    /// Seed of the Monte Carlo masks.
-    pub seed: Seed,
-}
-
-/// Model that scores sweeps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum ModelConfig {
-    /// A network: TactNet-II or the spectral network.
-    #[serde(rename = "tactnet2")]
-    Network(NetworkSetup),
-    /// Features and a classical classifier.
-    #[serde(rename = "baseline")]
-    Baseline(BaselineRecipe),
-    /// Several models whose probabilities are averaged.
-    #[serde(rename = "committee")]
-    Committee(Vec<MemberConfig>),
-}
-
-/// Settings of a network and its fitted normaliser.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NetworkSetup {
-    /// Layers of the network.
-    pub network: Architecture,
-    /// Default prediction method.
-    pub prediction: Prediction,
-    /// Normaliser, fitted to the training sweeps.
-    pub normalizer: Normalizer,
-}
-
-impl NetworkSetup {
-    /// Returns the settings of `recipe`, with a normaliser fitted to the training sweeps.
-    pub fn fit(recipe: &NetworkRecipe, train: &TrainSplit<'_>) -> Self {
-        Self {
-            network: recipe.network.clone(),
-            prediction: recipe.prediction.clone(),
-            normalizer: Normalizer::fit(recipe.input.scaling, recipe.input.levels, train),
-        }
-    }
-}
-
-impl ClassifierConfig {
-    /// Returns the configuration for the sweep shape and materials of `train`'s data set.
-    pub fn new(model: ModelConfig, train: &TrainSplit<'_>, seed: Seed) -> Self {
-        let dataset = train.dataset();
-        Self {
-            model,
-            labels: dataset.labels().clone(),
-            shape: dataset.shape(),
-            sample_rate_hz: dataset.sample_rate_hz(),
-            sample_rate_assumed: dataset.is_rate_assumed(),
-            values: ValueRange::of(train),
-            seed,
-        }
-    }
-
-    /// Succeeds if the model's settings match the sweeps and materials.
-    ///
-    /// # Errors
-    /// A setting of the network that is out of range; sweeps too short for the features of a baseline.
-    pub(crate) fn validate(&self) -> Result<(), PipelineError> {
-        match &self.model {
-            ModelConfig::Network(setup) => self.network_config(setup).map(drop),
-            ModelConfig::Baseline(recipe) => recipe.features.check(self.shape, self.sample_rate_hz),
-            ModelConfig::Committee(members) => members.iter().try_for_each(|member| {
-                let model = member.model.clone();
-                Self {
-                    model,
-                    ..self.clone()
-                }
-                .validate()
-            }),
-        }
-    }
-
-    /// Returns the validated configuration of a network for these sweeps and materials.
-    ///
-    /// # Errors
-    /// A setting that is out of range.
-    pub fn network_config(&self, setup: &NetworkSetup) -> Result<NetworkConfig, PipelineError> {
-        let input = InputShape {
-            steps: self.shape.steps,
-            taxels: self.shape.taxels(),
-        };
-        Ok(NetworkConfig::new(
-            setup.network.clone(),
-            input,
-            self.labels.len(),
-        )?)
-    }
-}
 
 /// Trained classifier.
 pub struct Classifier {
@@ -257,7 +145,8 @@ impl Classifier {
         })
     }
 
-    /// Returns the natural logarithms of the probabilities, `[sweeps][materials]`. The classifier need not know the sweeps' materials.
+    /// Returns the natural logarithms of the probabilities, `[sweeps][materials]`. The classifier need not know the sweeps' materials. The
+    /// probabilities of a sweep that is longer than all training sweeps are the means over windows of their length, which overlap by half.
     ///
     /// # Errors
     /// Sweeps of another shape or rate; Monte Carlo dropout of a model without dropout.
@@ -266,7 +155,34 @@ impl Classifier {
         view: &SweepView<'_>,
         method: PredictionMethod,
     ) -> Result<Vec<Vec<f64>>, PipelineError> {
-        self.check_shape(view)?;
+        self.config.check_view(view)?;
+        let longest = self.config.longest_trained();
+        if view.lengths().all(|steps| steps <= longest) {
+            return self.scores(view, method);
+        }
+        let mut windows = vec![Vec::new(); view.len()];
+        for part in parts(view, longest) {
+            for (position, row) in part.positions.iter().zip(self.scores(&part.view, method)?) {
+                windows[*position].extend(row);
+            }
+        }
+        let mean_row = |windows: &Vec<f64>| {
+            let mut mean = vec![0.0; self.config.labels.len()];
+            match windows.len() == mean.len() {
+                true => mean.copy_from_slice(windows),
+                false => log_mean_exp_into(windows, &mut mean),
+            }
+            mean
+        };
+        Ok(windows.iter().map(mean_row).collect())
+    }
+
+    /// Returns log-probabilities of sweeps that are not longer than the training sweeps.
+    fn scores(
+        &self,
+        view: &SweepView<'_>,
+        method: PredictionMethod,
+    ) -> Result<Vec<Vec<f64>>, PipelineError> {
         if method != PredictionMethod::Plain && !self.has_dropout() {
             return Err(PipelineError::incompatible(
                 "prediction",
@@ -284,13 +200,25 @@ impl Classifier {
         }
     }
 
-    /// Returns the layer outputs of a network for every sweep of `view`. The classifier need not know the sweeps' materials.
+    /// Returns the layer outputs of a network for every sweep of `view`, averaged over windows as [`Classifier::log_probabilities`]. The
+    /// classifier need not know the sweeps' materials.
     ///
     /// # Errors
     /// Sweeps of another shape or rate; a model that is not a network.
     pub fn embed(&self, view: &SweepView<'_>) -> Result<Embedding, PipelineError> {
-        self.check_shape(view)?;
-        Ok(self.scorer()?.embed(view))
+        self.config.check_view(view)?;
+        let (scorer, longest) = (self.scorer()?, self.config.longest_trained());
+        if view.lengths().all(|steps| steps <= longest) {
+            return Ok(scorer.embed(view));
+        }
+        let parts = parts(view, longest);
+        let embedded = parts
+            .iter()
+            .map(|part| (part.positions.as_slice(), scorer.embed(&part.view)));
+        Ok(Embedding::mean_of(
+            view.labels().collect(),
+            embedded.collect(),
+        ))
     }
 
     /// Returns the disagreement of `mc_samples` dropout masks about every sweep: mutual information of label and weights, in nats.
@@ -386,7 +314,7 @@ impl Classifier {
 
     /// Returns the classifier's own label of the material of every sweep.
     pub(crate) fn own_labels(&self, view: &SweepView<'_>) -> Result<Vec<usize>, PipelineError> {
-        self.check_shape(view)?;
+        self.config.check_view(view)?;
         let own: Vec<&str> = self.config.labels.names().collect();
         let labels = view.dataset().labels();
         let found: Vec<Option<usize>> = labels
@@ -445,64 +373,6 @@ impl Classifier {
         error.with_remedy(match self.has_dropout() {
             true => PipelineRemedy::EnrollOrCalibrate,
             false => PipelineRemedy::Calibrate,
-        })
-    }
-
-    pub(crate) fn check_shape(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
-        let (own, shape) = (view.shape(), self.config.shape);
-        if own == shape {
-            return self.check_rate(view.dataset());
-        }
-        let error = |cause: &str| {
-            PipelineError::incompatible("sweeps", shape.to_string(), format!("{own}{cause}"))
-        };
-        Err(
-            if own.steps == shape.steps && (own.rows, own.cols) == (shape.cols, shape.rows) {
-                error("; rows and columns are probably exchanged: swap these two axes in the file")
-            } else if own.steps == shape.taxels() && own.taxels() >= shape.steps {
-                error(
-                    "; steps and taxels are probably exchanged: a sweep has a row per frame and a column per taxel",
-                )
-            } else if own.taxels() == shape.taxels() && own.steps > shape.steps {
-                error("").with_remedy(PipelineRemedy::Data(Remedy::KeepSteps {
-                    steps: shape.steps,
-                }))
-            } else if (view.dataset().len(), own.steps, own.taxels())
-                == (shape.steps, shape.rows, shape.cols)
-            {
-                error("; if the array `X` is a single sweep, save `X[None]`")
-            } else if (shape.steps, shape.taxels()) == (own.steps, own.taxels()) {
-                error("").with_remedy(PipelineRemedy::Data(Remedy::NameShape {
-                    rows: shape.rows,
-                    cols: shape.cols,
-                }))
-            } else {
-                error("")
-            },
-        )
-    }
-
-    fn check_rate(&self, dataset: &Dataset) -> Result<(), PipelineError> {
-        let (own, known) = (dataset.sample_rate_hz(), self.config.sample_rate_hz);
-        if (own - known).abs() <= 1e-6 * known {
-            return Ok(());
-        }
-        let hz = |rate: f64, assumed: bool| {
-            let assumed = if assumed { ", which is assumed" } else { "" };
-            format!("{rate} Hz{assumed}")
-        };
-        let expected = hz(known, self.config.sample_rate_assumed);
-        let mut found = hz(own, dataset.is_rate_assumed());
-        if dataset.is_rate_assumed() {
-            found.push_str(" since the data does not name its rate");
-        }
-        let error = PipelineError::incompatible("sample rate", expected, found);
-        Err(if dataset.is_rate_assumed() {
-            error.with_remedy(PipelineRemedy::Data(Remedy::NameRate))
-        } else if self.config.sample_rate_assumed {
-            error.with_remedy(PipelineRemedy::TrainWithRate)
-        } else {
-            error
         })
     }
 }

@@ -3,7 +3,10 @@
 use serde::{Deserialize, Serialize};
 use tactnet_data::{Seed, SweepView};
 
-use crate::{Classifier, Estimate, FusedAccuracy, PipelineError, PredictionMethod, Predictions};
+use crate::{
+    Classifier, Estimate, FusedAccuracy, LengthAccuracy, PipelineError, PredictionMethod,
+    Predictions,
+};
 
 /// Predicts `view` plainly and, if the model has dropout and `mc_samples` is above 0, by MC dropout; returns predictions and evaluations.
 ///
@@ -27,7 +30,10 @@ pub fn evaluate_all_ways(
         .into_iter()
         .map(|method| {
             let predictions = classifier.predict(view, method)?;
-            let evaluation = Evaluation::of(&predictions, sweeps, seed);
+            let evaluation = Evaluation {
+                by_length: LengthAccuracy::quartiles(view.dataset(), &predictions),
+                ..Evaluation::of(&predictions, sweeps, seed)
+            };
             Ok((predictions, evaluation))
         })
         .collect()
@@ -43,6 +49,9 @@ pub struct Evaluation {
     /// Balanced accuracy on single sweeps; absent in results of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub balanced: Option<Estimate>,
+    /// Accuracy for each quartile of the sweeps' lengths, the shortest first; absent if all sweeps have one length.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub by_length: Vec<LengthAccuracy>,
     /// Accuracy on fused sweeps; absent if no material has enough test sweeps.
     pub fused: Option<FusedAccuracy>,
     /// Mean negative log-likelihood, in nats.
@@ -63,6 +72,7 @@ impl Evaluation {
             method: predictions.method,
             one_sweep: predictions.one_sweep(),
             balanced: Some(predictions.balanced()),
+            by_length: Vec::new(),
             fused: predictions.fused(sweeps, seed),
             negative_log_likelihood: predictions.negative_log_likelihood(),
             expected_calibration_error: predictions.expected_calibration_error(),

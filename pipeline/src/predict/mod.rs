@@ -1,14 +1,19 @@
 //! Classifiers, predictions and their evaluation.
 
+pub(crate) mod by_length;
 pub(crate) mod by_method;
 pub(crate) mod calibration;
 pub(crate) mod classifier;
+pub(crate) mod classifier_config;
 pub(crate) mod classify;
 pub(crate) mod confounded_accuracy;
 pub(crate) mod confusion;
 pub(crate) mod confusion_picture;
 pub(crate) mod enroll;
 pub(crate) mod evaluation;
+#[cfg(test)]
+mod length_tests;
+mod long_sweeps;
 #[cfg(test)]
 mod mask_tests;
 pub(crate) mod metrics;

@@ -157,12 +157,13 @@ impl OnlineClassifier {
         self.net.frames()
     }
 
-    /// Returns true if the sweep is complete.
+    /// Returns true if the sweep has as many frames as the longest training sweep.
     pub fn is_complete(&self) -> bool {
-        self.net.is_complete()
+        self.frames() >= self.config.longest_trained()
     }
 
-    /// Returns the belief from the sweep so far, without dropout. After the last frame it equals the offline classifier's prediction.
+    /// Returns the belief from the sweep so far, without dropout. After the last frame it equals the offline classifier's prediction, also of a
+    /// sweep that ends early, if the classifier was trained on sweeps of unequal length.
     ///
     /// # Panics
     /// Before the first frame.

@@ -33,10 +33,8 @@ pub(crate) fn without_sweeps<'a>(
 
 /// Returns the SHA-256 of a sweep's values as little-endian `f32`, in hexadecimal digits.
 pub(crate) fn sweep_sha256(view: &SweepView<'_>, position: usize) -> String {
-    let mut values = vec![0.0; view.shape().values()];
-    view.copy_batch(&[position], &mut values);
     let mut hash = Sha256::new();
-    for value in values {
+    for value in view.sweep(position) {
         hash.update(value.to_le_bytes());
     }
     hex(hash.finalize())

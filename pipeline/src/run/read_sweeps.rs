@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tactnet_data::format::{self, Keep, ReadOptions, SweepsToClassify};
+use tactnet_data::format::{self, ReadOptions, SweepsToClassify};
 use tactnet_data::{DataError, DataSource, Dataset, SweepShape};
 
 use crate::{LabelOrder, PipelineError, PipelineRemedy, TrainSpec};
@@ -26,7 +26,7 @@ impl TrainSpec {
     pub fn read_sweeps_of(&self, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
         let is_own = data == self.data;
         let mut dataset = DataSource::named(data).read_with(&ReadOptions {
-            keep: Keep::from(self.steps),
+            keep: self.keep(),
             rate_hz: self.rate_hz.filter(|_| is_own),
             ..self.names_in(data)
         })?;
@@ -83,7 +83,7 @@ impl TrainSpec {
             DataSource::File(path) if path.exists() => {
                 let options = ReadOptions {
                     rate_hz: self.rate_hz,
-                    keep: Keep::from(self.steps),
+                    keep: self.keep(),
                     ..self.names_in(data)
                 };
                 format::read_to_classify_with(&path, &options)?

@@ -201,8 +201,7 @@ impl Session {
         refuse_leaks(&dataset, &findings, spec.scheme(&dataset), &spec.data)?;
         let fold = spec.fold_of(&dataset)?;
         job.recipe().check_materials(dataset.labels())?;
-        job.recipe()
-            .check_sweeps(dataset.shape(), dataset.sample_rate_hz())?;
+        job.recipe().check_data(&dataset)?;
         let (fitted, aside) = set_aside(&fold, spec.calibration)?;
         if let Some((target, aside)) = &aside {
             target.check(aside.len())?;
@@ -214,6 +213,7 @@ impl Session {
             schema_version: RunConfig::SCHEMA_VERSION,
             spec: TrainSpec {
                 data: DataSource::from_anywhere(&spec.data),
+                lengths: spec.lengths_in(&dataset),
                 ..spec.clone()
             },
             data_sha256: dataset.sha256().into(),

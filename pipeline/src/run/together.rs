@@ -60,7 +60,7 @@ mod stacks {
     }
 
     impl<'a> Ready<'a> {
-        /// Returns `None` for a finished run, and for a model that is not a network on a GPU.
+        /// Returns `None` for a finished run, for sweeps of unequal length, and for a model that is not a network on a GPU.
         fn of(
             index: usize,
             session: &'a Session,
@@ -73,7 +73,9 @@ mod stacks {
                 return Ok(None);
             };
             let on_gpu = config.spec.device != tactnet_models::Compute::Cpu;
-            if !on_gpu || config.spec.watch_test || session.run().result()?.is_some() {
+            // A stack trains on batches of one length.
+            let unequal = session.dataset().lengths().is_some();
+            if !on_gpu || unequal || config.spec.watch_test || session.run().result()?.is_some() {
                 return Ok(None);
             }
             let network = config.classifier.network_config(setup)?;

@@ -27,7 +27,7 @@ pub enum SweepChange {
     Begun,
     /// The window has new frames.
     Extended,
-    /// The window is full.
+    /// The window is full, or the sweep ended early with enough frames, see [`SweepSegmenter::accept_from`].
     Complete,
     /// The sweep is rejected.
     Rejected(Reject),
@@ -99,6 +99,8 @@ pub struct SweepSegmenter {
     config: SegmenterConfig,
     counts: FrameCounts,
     steps: usize,
+    /// Number of window frames from which a sweep may end early; `steps` if it may not.
+    least: usize,
     period_ns: f64,
     window: SweepWindow,
     state: State,
@@ -137,6 +139,7 @@ impl SweepSegmenter {
             config,
             counts,
             steps,
+            least: steps,
             period_ns: 1e9 / rate_hz,
             window,
             state: State::Idle,
@@ -159,6 +162,12 @@ impl SweepSegmenter {
     pub fn set_dead(&mut self, dead: impl IntoIterator<Item = usize>) {
         self.dead.fill(false);
         dead.into_iter().for_each(|taxel| self.dead[taxel] = true);
+    }
+
+    /// Accepts sweeps that end early with at least `least` frames in the window, for a classifier that was trained on sweeps of unequal length.
+    /// [`SweepWindow::kept`] is then their number of frames.
+    pub fn accept_from(&mut self, least: usize) {
+        self.least = least.clamp(1, self.steps);
     }
 
     /// Returns the window of the current or the last sweep.
@@ -189,6 +198,9 @@ impl SweepSegmenter {
     pub fn stop(&mut self) -> SweepChange {
         let before = self.state;
         self.state = State::Idle;
+        if before == State::Sweeping && self.window.kept() >= self.least {
+            return SweepChange::Complete;
+        }
         if before == State::Sweeping {
             return SweepChange::Rejected(Reject::Short {
                 found: self.window.kept(),

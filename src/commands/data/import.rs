@@ -23,9 +23,9 @@ pub struct ImportArgs {
     /// Material of the sweeps, for data that does not name it
     #[arg(long, value_name = "NAME")]
     pub(super) material: Option<String>,
-    /// Number of time steps of each sweep to keep, from its start, or `shortest` [default: all; for a recording the
-    /// recorded classifier's, or 1000]
-    #[arg(long, value_name = "N|shortest", value_parser = steps)]
+    /// Number of time steps of each sweep to keep, from its start; `shortest`; or `all`, which keeps unequal lengths [default: all of
+    /// equally long sweeps; for a recording the recorded classifier's, or 1000]
+    #[arg(long, value_name = "N|shortest|all", value_parser = steps)]
     pub(super) steps: Option<Keep>,
     /// Sample rate, in Hz [default: from the data; for a recording the recorded classifier's, or by the frames' clock]
     #[arg(long, value_name = "HZ")]
@@ -273,7 +273,7 @@ fn import_data_set(arguments: &ImportArgs, format: Format) -> anyhow::Result<Exi
         out.display(),
         dataset.len(),
         output::counted(dataset.labels().len(), "material"),
-        dataset.shape()
+        dataset.describe_shape()
     );
     Ok(ExitCode::SUCCESS)
 }

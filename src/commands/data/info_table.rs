@@ -11,7 +11,19 @@ impl fmt::Display for InfoTable {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let info = &self.0;
         let name = &info.name;
-        writeln!(f, "{name}: {} sweeps of {}", info.sweeps, info.shape)?;
+        match info.lengths {
+            None => writeln!(f, "{name}: {} sweeps of {}", info.sweeps, info.shape)?,
+            Some(lengths) => writeln!(
+                f,
+                "{name}: {} sweeps of {} to {} steps (median {}) of {}x{} taxels",
+                info.sweeps,
+                lengths.shortest,
+                lengths.longest,
+                lengths.median,
+                info.shape.rows,
+                info.shape.cols
+            )?,
+        }
         write_values(f, info)?;
         match (info.block_numbers, info.blocks) {
             (Some(numbers), Some(blocks)) if numbers != blocks => writeln!(
@@ -38,9 +50,13 @@ fn write_values(f: &mut Formatter<'_>, info: &Info) -> fmt::Result {
         false => "",
     };
     let seconds = info.sweep_seconds;
+    let sweep = match info.lengths {
+        None => "a sweep",
+        Some(_) => "the longest sweep",
+    };
     writeln!(
         f,
-        "  duration     {seconds:.3} s a sweep at {rate} Hz{assumed}"
+        "  duration     {seconds:.3} s {sweep} at {rate} Hz{assumed}"
     )?;
     // The file may store a wider type: values are held in the smallest type that represents all of them.
     let holds = match info.element {
@@ -85,6 +101,14 @@ fn write_materials(f: &mut Formatter<'_>, info: &Info) -> fmt::Result {
         write!(f, "\n    {label:>3}  {name:width$}  {sweeps} sweeps")?;
         if let Some(test) = material.test_sweeps {
             write!(f, ", {test} for testing")?;
+        }
+        if let Some(lengths) = material.lengths {
+            let (shortest, longest) = (lengths.shortest, lengths.longest);
+            write!(
+                f,
+                ", {shortest} to {longest} steps, median {}",
+                lengths.median
+            )?;
         }
     }
     Ok(())

@@ -6,7 +6,7 @@ use clap::Args;
 use tactnet_data::Seed;
 use tactnet_data::format::Keep;
 use tactnet_models::Compute;
-use tactnet_pipeline::{CalibrationTarget, LabelOrder, TrainSpec, quoted};
+use tactnet_pipeline::{CalibrationTarget, LabelOrder, SweepLengths, TrainSpec, quoted};
 
 use crate::commands::array_names::ArrayNames;
 use crate::commands::choices::{
@@ -66,8 +66,8 @@ struct TrainOptions {
     /// Frames per second; takes precedence over the sample rate of the data
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Only the first N time steps of every sweep, or as many as the shortest sweep has
-    #[arg(long, value_name = "N|shortest", value_parser = steps)]
+    /// Only the first N time steps of every sweep, or as many as the shortest sweep has; `all` keeps sweeps of unequal length
+    #[arg(long, value_name = "N|shortest|all", value_parser = steps)]
     steps: Option<Keep>,
     /// Permute the labels at random first, as a control: a sound experiment then scores chance
     #[arg(long)]
@@ -139,6 +139,10 @@ impl TrainArgs {
                 Some(Keep::First(steps)) => Some(steps),
                 _ => None,
             },
+            lengths: match options.steps {
+                Some(Keep::All) => SweepLengths::Own,
+                _ => SweepLengths::Equal,
+            },
             samples: self.arrays.samples.clone(),
             labels: self.arrays.labels.clone(),
             blocks: self.arrays.blocks.clone(),
@@ -199,6 +203,7 @@ pub fn command_line(spec: &TrainSpec) -> String {
         mean_removal,
         rate_hz,
         steps,
+        lengths,
         samples,
         labels,
         blocks,
@@ -227,7 +232,8 @@ pub fn command_line(spec: &TrainSpec) -> String {
     let flag = |is_set: bool| is_set.then(String::new);
     option("data", Some(quoted(data)));
     option("rate", rate_hz.map(|rate| rate.to_string()));
-    option("steps", text(steps));
+    let own_lengths = (*lengths == SweepLengths::Own).then(|| "all".to_owned());
+    option("steps", text(steps).or(own_lengths));
     option("samples", samples.as_deref().map(quoted));
     option("labels", labels.as_deref().map(quoted));
     option("blocks", blocks.as_deref().map(quoted));
@@ -280,6 +286,7 @@ mod tests {
             mean_removal: Some(MeanRemoval::PerSweep),
             rate_hz: Some(100.0),
             steps: Some(250),
+            lengths: SweepLengths::Equal,
             samples: Some("recorded/skin".into()),
             labels: Some("recorded/material".into()),
             blocks: Some("session".into()),
@@ -313,7 +320,11 @@ mod tests {
              --levels removed --split leave-block-out --folds 4 --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
              --watch-test --seed 7 --device cuda"
         );
-        for spec in [TrainSpec::default(), everything()] {
+        let unequal = TrainSpec {
+            lengths: SweepLengths::Own,
+            ..TrainSpec::default()
+        };
+        for spec in [TrainSpec::default(), everything(), unequal] {
             let command = command_line(&spec);
             let words = command.split(' ').skip(1);
             assert_eq!(Command::try_parse_from(words).unwrap().train.spec(), spec);

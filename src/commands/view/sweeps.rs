@@ -32,7 +32,7 @@ pub fn run(arguments: &SweepsArgs) -> anyhow::Result<ExitCode> {
         schema_version: 1,
         materials: materials.len(),
         sweeps: chosen.len(),
-        frames: chosen.len() * dataset.shape().steps,
+        frames: chosen.iter().map(|&s| dataset.steps_of(s)).sum(),
     };
     if arguments.target.json {
         output::print_json(&viewed)?;

@@ -64,6 +64,28 @@ def native_values(X: Any) -> np.ndarray:
     return np.ascontiguousarray(X)
 
 
+def padded(X: Any) -> tuple[Any, list[int] | None]:
+    """Returns a list of sweeps of unequal length as one array, and their lengths; anything else as it is, and None.
+
+    X: sweeps ``(steps, taxels)`` or ``(steps, rows, cols)`` in a list or an object array. The last frame of a shorter sweep is repeated.
+    """
+    if not isinstance(X, (list, tuple)) and getattr(X, "dtype", None) != np.object_:
+        return X, None
+    sweeps = [np.asarray(sweep) for sweep in X]
+    if not sweeps or any(sweep.ndim not in (2, 3) for sweep in sweeps):
+        return X, None
+    lengths = [len(sweep) for sweep in sweeps]
+    if len(set(lengths)) == 1:
+        return X, None
+    for index, sweep in enumerate(sweeps):
+        if sweep.shape[1:] != sweeps[0].shape[1:] or len(sweep) == 0:
+            raise TactnetError(
+                f"X[{index}]: expected at least one frame of the taxels of X[0], {sweeps[0].shape[1:]}, found shape {sweep.shape}"
+            )
+    longest = max(lengths)
+    return np.stack([sweep[np.minimum(np.arange(longest), len(sweep) - 1)] for sweep in sweeps]), lengths
+
+
 class Dataset:
     """Labelled sweeps of a tactile skin, from :meth:`from_arrays`, :meth:`read` or :meth:`twin`.
     """
@@ -79,18 +101,23 @@ class Dataset:
         rate: float | None = None,
         blocks: Sequence[int] | None = None,
         name: str = "arrays",
+        lengths: Sequence[int] | None = None,
     ) -> Dataset:
         """Creates a data set from arrays.
 
-        X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, any numeric type; copied once.
+        X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, any numeric type; copied once. Or a list of sweeps of unequal
+            length, ``(steps, taxels)`` or ``(steps, rows, cols)`` each.
         y: one material per sweep, as names or numbers.
         rate: frames per second; None: 750, and :attr:`rate_is_assumed` is true.
         blocks: recording block of each sweep, for the scheme ``leave-block-out`` of :meth:`folds`.
+        lengths: number of frames of each sweep of a padded array; None: all.
         """
         y = np.asarray(y)
         if y.ndim != 1:
             raise TactnetError(f"y: expected one material per sweep, found shape {y.shape}")
         materials, labels = np.unique(y, return_inverse=True)
+        X, of_list = padded(X)
+        lengths = of_list if lengths is None else [int(steps) for steps in lengths]
         native = _tactnet.Dataset.from_arrays(
             native_values(X),
             labels.tolist(),
@@ -98,6 +125,7 @@ class Dataset:
             rate,
             None if blocks is None else [int(block) for block in blocks],
             name,
+            lengths,
         )
         return cls(native)
 
@@ -121,7 +149,8 @@ class Dataset:
         """Reads HDF5, npz, MATLAB, CSV, Parquet or a folder of CSV. :func:`read_sweeps` reads files without labels.
 
         rate: frames per second; takes precedence over that of the file, with a warning.
-        steps: number of frames to keep, from the beginning of every sweep, or ``"shortest"``; None: all.
+        steps: number of frames to keep, from the beginning of every sweep, or ``"shortest"``; ``"all"``: all, of sweeps of unequal
+            length; None: all, of equally long sweeps.
         columns: names of a table's columns that are taxels; empty: all without another meaning.
         resample: frames per second of the result: low-pass filtered, from the time stamps; gaps are not bridged.
         window: length of windows that are cut from continuous recordings: frames (int), seconds (float) or ``"1.28s"``.
@@ -178,6 +207,11 @@ class Dataset:
         return self._native.samples
 
     @property
+    def lengths(self) -> np.ndarray | None:
+        """Number of frames of each sweep, ``(sweeps,)``; None if all have as many as :attr:`X`, in which last frames are repeated."""
+        return self._native.lengths
+
+    @property
     def y(self) -> np.ndarray:
         """Material of each sweep, ``(sweeps,)``."""
         return np.asarray(self.materials)[self._native.labels]
@@ -217,8 +251,8 @@ class Dataset:
 class Sweeps(NamedTuple):
     """Unlabelled sweeps, for ``predict``."""
 
-    X: np.ndarray
-    """``(sweeps, steps, rows, cols)``."""
+    X: np.ndarray | list[np.ndarray]
+    """``(sweeps, steps, rows, cols)``; a list of ``(steps, rows, cols)`` if the lengths differ."""
     names: list[str]
     """Names of files or of sweeps in a table, ``(sweeps,)``; otherwise numbers from 0."""
     rate: float
@@ -233,12 +267,16 @@ def _warn(native: _tactnet.Dataset) -> None:
         warnings.warn(message, stacklevel=3)
 
 
-def read_sweeps(path: Any, rate: float | None = None, steps: int | None = None) -> Sweeps:
+def read_sweeps(path: Any, rate: float | None = None, steps: int | str | None = None) -> Sweeps:
     """Reads unlabelled sweeps: all files of :meth:`Dataset.read`, npz with ``X`` only, CSV and Parquet without a column of materials.
 
     rate: frames per second; takes precedence over that of the file, with a warning.
-    steps: number of frames to keep, from the beginning of every sweep; None: all.
+    steps: number of frames to keep, from the beginning of every sweep; ``"all"``: all, of sweeps of unequal length; None: all, of
+        equally long sweeps.
     """
     native, names = _tactnet.Dataset.read_unlabelled(path, rate, steps)
     _warn(native)
-    return Sweeps(native.samples, names, native.rate_hz, native.rate_is_assumed)
+    X: Any = native.samples
+    if native.lengths is not None:
+        X = [sweep[:steps] for sweep, steps in zip(X, native.lengths)]
+    return Sweeps(X, names, native.rate_hz, native.rate_is_assumed)

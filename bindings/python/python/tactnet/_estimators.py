@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import _tactnet
-from ._dataset import Dataset, native_values
+from ._dataset import Dataset, native_values, padded
 from ._tactnet import TactnetError
 
 try:
@@ -66,7 +66,7 @@ WARNED = {
 class SweepClassifier(ClassifierMixin, BaseEstimator):
     """Base class of all classifiers.
 
-    X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, finite numbers in the skin's unit.
+    X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, finite numbers in the skin's unit; or a list of sweeps of unequal length.
     y: one material per sweep.
 
     Attributes after ``fit``: ``classes_`` ``(materials,)``, in the order of the probability columns.
@@ -94,13 +94,14 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         Raises TactnetError, a ValueError, for values that are not finite and for sweeps in which no taxel changes. Warns if the axes seem
         to be in another order, and of equal sweeps. Ctrl-C stops the training of a network at the next batch.
         """
+        X, lengths = padded(X)
         refuse_gaps(X)
         X, y = validate_data(self, X, y, allow_nd=True, dtype=None)
         check_classification_targets(y)
         self.classes_ = np.unique(y)
         if len(self.classes_) < 2:
             raise ValueError(f"y: expected at least two materials, found one class, {self.classes_[0]!r}")
-        data = Dataset.from_arrays(self._sweeps(X), y, self.rate)
+        data = Dataset.from_arrays(self._sweeps(X), y, self.rate, lengths=lengths)
         self._check_sweeps(data)
         self.classifier_ = _tactnet.Classifier.fit(
             data._native, self._recipe(), seed=self.seed, progress=self._progress(), **self._settings()
@@ -129,6 +130,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
 
     def _dataset(self, X: Any, y: Any = None) -> Any:
         check_is_fitted(self, "classifier_")
+        X, lengths = padded(X)
         # For more than two axes the error below is clearer: scikit-learn would call steps features.
         many_axes = np.asarray(X).ndim > 2
         if many_axes:
@@ -139,7 +141,8 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         steps, rows, cols = self.classifier_.sweep_shape
         if values.shape[2] == 1 and values.shape[3] == rows * cols:
             values = values.reshape(len(values), -1, rows, cols)
-        if values.shape[1:] != (steps, rows, cols):
+        any_length = lengths is not None or self.classifier_.any_length
+        if values.shape[2:] != (rows, cols) or (values.shape[1] != steps and not any_length):
             raise TactnetError(
                 f"X: expected sweeps of {steps} steps of {rows}x{cols} taxels, as in fit, found shape {X.shape}"
             )
@@ -153,7 +156,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
                 raise TactnetError(f"y: expected known materials ({', '.join(names[:4])}, …), found {unknown[0]!r}; `enroll` adds one")
             labels = [names.index(str(name)) for name in y]
             names = self.classifier_.materials
-        return _tactnet.Dataset.from_arrays(values, labels, names, self.classifier_.rate_hz)
+        return _tactnet.Dataset.from_arrays(values, labels, names, self.classifier_.rate_hz, lengths=lengths)
 
     def predict_log_proba(self, X: Any) -> np.ndarray:
         """Returns ``(sweeps, materials)``, the natural logarithms of the probabilities."""

@@ -23,6 +23,7 @@ class Dataset:
         rate_hz: float | None = None,
         blocks: list[int] | None = None,
         name: str = "arrays",
+        lengths: list[int] | None = None,
     ) -> Dataset: ...
     @staticmethod
     def read(
@@ -42,7 +43,7 @@ class Dataset:
     reading_warnings: list[str]
     @staticmethod
     def read_unlabelled(
-        path: str | PathLike[str], rate_hz: float | None = None, steps: int | None = None
+        path: str | PathLike[str], rate_hz: float | None = None, steps: int | str | None = None
     ) -> tuple[Dataset, list[str]]: ...
     @staticmethod
     def twin(
@@ -59,6 +60,7 @@ class Dataset:
     ) -> list[tuple[NDArray[np.uint64], NDArray[np.uint64]]]: ...
     samples: NDArray[Any]
     labels: NDArray[np.uint64]
+    lengths: NDArray[np.uint64] | None
     blocks: NDArray[np.uint32] | None
     materials: list[str]
     sweep_shape: tuple[int, int, int]
@@ -89,6 +91,7 @@ class Classifier:
     def online(self) -> Online: ...
     materials: list[str]
     sweep_shape: tuple[int, int, int]
+    any_length: bool
     rate_hz: float | None
 
 class Online:

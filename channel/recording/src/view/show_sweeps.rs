@@ -34,16 +34,17 @@ pub fn show_sweeps(
     let mut begin_ns = 0.0;
     for &sweep in sweeps {
         scene.say(begin_ns as i64, &dataset.describe(sweep))?;
+        let steps = dataset.steps_of(sweep);
         let time_ns = |step: usize| (begin_ns + step as f64 * step_ns).round() as i64;
         scene.show_stretch(
             0,
             Stretch {
-                times_ns: (0..shape.steps).map(time_ns).collect(),
-                sequences: (0..shape.steps as i64).collect(),
+                times_ns: (0..steps).map(time_ns).collect(),
+                sequences: (0..steps as i64).collect(),
                 digits: dataset.sweep(sweep),
             },
         )?;
-        begin_ns += shape.steps as f64 * step_ns + PAUSE * 1e9;
+        begin_ns += steps as f64 * step_ns + PAUSE * 1e9;
     }
     scene.finish()
 }

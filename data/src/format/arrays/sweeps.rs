@@ -3,7 +3,7 @@
 use super::super::named_sweeps::{Labels, UNLABELLED, records, sorted_names};
 use super::super::narrow::HELD;
 use super::super::npy::Array;
-use super::{Arrays, Container, Role, normal_texts};
+use super::{Arrays, Container, LENGTHS, Role, normal_texts};
 use crate::format::tactmat::SYNTHETIC_ATTRIBUTE;
 use crate::twin::TwinVersion;
 use crate::{DataError, Dataset, Finding, FindingKind, LabelSet, Severity, SweepShape};
@@ -41,6 +41,7 @@ impl Arrays<'_> {
         };
         let blocks = self.blocks(leading)?;
         let flags = self.test_flags(leading)?;
+        let lengths = self.lengths(leading)?;
         if let Some(some) = samples.some_sweeps() {
             some.check(self.path, layout.shape)?;
         }
@@ -56,6 +57,7 @@ impl Arrays<'_> {
         let records = records(&of_sweep, labels.len(), blocks, flags);
         let name = crate::format::stem(self.path);
         let dataset = Dataset::at_rate(name, self.rate()?, layout.shape, labels, records, values)
+            .and_then(|dataset| dataset.with_known_lengths(lengths))
             .map_err(|error| crate::format::in_file(self.path, error))?;
         let dataset = match self.twin_version()? {
             Some(version) => dataset.into_twin(version),
@@ -94,6 +96,25 @@ impl Arrays<'_> {
             return Err(self.error("test_flag", "0 or 1", odd.to_string()));
         }
         Ok(flags.map(|flags| flags.into_iter().map(|flag| flag == 1).collect()))
+    }
+
+    /// Returns the number of frames of each sweep, if the file states it. An array of this name that has another shape or
+    /// holds other numbers means something else; a note says that it is ignored.
+    fn lengths(&mut self, shape: &[usize]) -> Result<Option<Vec<usize>>, DataError> {
+        let Some(array) = self.optional(LENGTHS)? else {
+            return Ok(None);
+        };
+        let numbers = (array.shape == shape).then(|| array.whole_numbers());
+        if let Some(numbers) = numbers.flatten() {
+            let frames = numbers.into_iter().map(|n| usize::try_from(n).unwrap_or(0));
+            return Ok(Some(frames.collect()));
+        }
+        let found = format!("{:?} of {}", array.shape, array.type_name());
+        let word = self.container.word();
+        self.findings.push(Finding::not_read(format!(
+            "{word} `{LENGTHS}` that is ignored: expected the number of frames of each sweep, whole numbers of shape {shape:?}, found {found}"
+        )));
+        Ok(None)
     }
 
     /// Returns the version of the twin that generated the sweeps, if the file is marked.

@@ -21,6 +21,7 @@ fn audit(means: Option<f64>, permuted: Option<f64>, block_out: Option<f64>) -> A
         first_frame: None,
         last_frame: None,
         recording_order: None,
+        sweep_length: None,
         block_identity: None,
         permuted,
         chance_sigma: 0.01,

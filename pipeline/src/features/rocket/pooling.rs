@@ -11,6 +11,8 @@ pub(crate) enum Pooling {
 
 /// Number of features that [`Pooling::FourWays`] computes per bias.
 pub(crate) const WAYS: usize = 4;
+/// Features of [`Pooling::FourWays`] that are numbers of steps: longest stretch and mean position.
+pub(crate) const IN_STEPS: [usize; 2] = [1, 3];
 
 impl Pooling {
     /// Returns the number of features per bias.

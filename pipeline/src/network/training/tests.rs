@@ -70,3 +70,52 @@ fn every_batch_drops_other_features_and_every_epoch_has_an_order_of_its_own() {
     all.sort_unstable();
     assert!(all.into_iter().eq(0..fold.train.len()), "every sweep once");
 }
+
+#[test]
+fn batches_group_sweeps_of_about_one_length_and_are_cut_to_the_shortest() {
+    let twin = generate(&TwinConfig {
+        materials: 3,
+        sweeps: 32,
+        steps: 80,
+        ..TwinConfig::default()
+    })
+    .unwrap();
+    let lengths: Vec<usize> = (0..twin.len()).map(|sweep| 30 + sweep * 37 % 51).collect();
+    let unequal = twin.with_lengths(lengths).unwrap();
+    let train = TrainSplit::all(&unequal, Seed(1));
+    let epoch = |epoch: usize| -> Vec<Vec<usize>> {
+        let batch = |batch| batch_positions(&train, 8, Seed(1), BatchNumber { epoch, batch });
+        (0..8).map(batch).collect()
+    };
+    for batch in epoch(0) {
+        let steps = || batch.iter().map(|position| train.steps(*position));
+        let (shortest, longest) = (steps().min().unwrap(), steps().max().unwrap());
+        // The change of the lengths before grouping, and an eighth of their range.
+        assert!(
+            longest as f64 <= 1.25 * shortest as f64 + 8.0,
+            "{shortest} {longest}"
+        );
+        assert_eq!(batch_shape(&train, &batch, 80).steps, shortest);
+    }
+    let mut all = epoch(0).concat();
+    all.sort_unstable();
+    assert!(all.into_iter().eq(0..train.len()), "every sweep once");
+    let sorted = |mut batch: Vec<usize>| {
+        batch.sort_unstable();
+        batch
+    };
+    let sets = |number| epoch(number).into_iter().map(sorted).collect::<Vec<_>>();
+    let (first, second) = (sets(0), sets(1));
+    assert!(
+        first.iter().all(|batch| !second.contains(batch)),
+        "other batches in every epoch"
+    );
+    let means: Vec<usize> = epoch(0)
+        .iter()
+        .map(|batch| batch.iter().map(|position| train.steps(*position)).sum())
+        .collect();
+    assert!(
+        !means.is_sorted() && !means.is_sorted_by(|a, b| a >= b),
+        "groups in random order"
+    );
+}

@@ -100,7 +100,12 @@ pub fn compare_runtime(
         }
         RuntimeKind::Online => {
             let mut online = OnlineClassifier::new(classifier, None, mc_samples)?;
-            let taxels = view.shape().taxels();
+            let (taxels, most) = (view.shape().taxels(), classifier.config().longest_trained());
+            if view.longest() > most {
+                let expected = format!("at most {most} steps for online classification");
+                let found = format!("{} steps", view.longest());
+                return Err(PipelineError::incompatible("sweeps", expected, found));
+            }
             compare(kind, classifier, view, burn, |_, sweep| {
                 let (before, last) = sweep.split_at(sweep.len() - taxels);
                 online.begin();
@@ -139,6 +144,10 @@ fn compare_exported(
     };
     let weights = classifier.network()?.weights();
     let config = classifier.config();
+    if config.trained_steps.is_some() || view.dataset().lengths().is_some() {
+        let (expected, found) = ("sweeps of one length for this runtime", "unequal lengths");
+        return Err(PipelineError::incompatible("sweeps", expected, found));
+    }
     let masks = match mc_samples {
         0 => Vec::new(),
         mc_samples => classifier.masks(mc_samples)?,
@@ -210,11 +219,10 @@ fn compare(
     mut score: impl FnMut(usize, &[f32]) -> Result<(Vec<f64>, f64), PipelineError>,
 ) -> Result<RuntimeComparison, PipelineError> {
     let mut predictions = burn.clone();
-    let mut sweep = vec![0.0; view.shape().values()];
     let mut times = Vec::with_capacity(view.len());
     let mut largest_difference = 0.0_f64;
     for (position, one) in predictions.sweeps.iter_mut().enumerate() {
-        view.copy_batch(&[position], &mut sweep);
+        let mut sweep = view.sweep(position);
         classifier.dead().apply(&mut sweep, view.shape().taxels());
         let (found, time) = score(position, &sweep)?;
         if found.len() != one.log_probability.len() || found.iter().any(|score| score.is_nan()) {

@@ -51,6 +51,31 @@ fn a_commanded_sweep_completes_once() {
 }
 
 #[test]
+fn a_sweep_may_end_early_where_shorter_ones_are_accepted() {
+    let mut segmenter = segmenter(config());
+    segmenter.accept_from(4);
+    // Two frames are skipped, so six give four in the window.
+    for (frames, expected) in [
+        (6, SweepChange::Complete),
+        (5, short(3)),
+        (8, SweepChange::Unchanged),
+    ] {
+        segmenter.start();
+        (0..frames).for_each(|_| {
+            let next = segmenter.newest.map_or(0, |frame| frame.sequence + 1);
+            good(&mut segmenter, next);
+        });
+        assert_eq!(segmenter.stop(), expected, "{frames} frames");
+    }
+    assert_eq!(segmenter.window().kept(), 6);
+}
+
+/// Returns the rejection of a sweep that ended early.
+fn short(found: usize) -> SweepChange {
+    SweepChange::Rejected(Reject::Short { found, expected: 6 })
+}
+
+#[test]
 fn every_fault_has_its_outcome() {
     let begun = || {
         let mut segmenter = segmenter(config());
