@@ -125,7 +125,7 @@ fn text(result: &AdaptResult<'_>, config: &RunConfig) -> String {
     } = result.adaptation;
     let what = match &config.classifier.model {
         ModelConfig::Network(_) => "the taxels",
-        ModelConfig::Baseline(_) => "the features",
+        ModelConfig::Baseline(_) | ModelConfig::Committee(_) => "the features",
     };
     let seen = match result.adaptation.unlabelled {
         Some(_) => "predicted",

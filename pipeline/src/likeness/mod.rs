@@ -138,7 +138,10 @@ impl Likeness {
             let nearest = vector(&name("nearest"), held_out)?;
             let sweeps = vector(&name("sweep"), held_out)?;
             let units = vector(&name("unit"), held_out)?;
-            if let Some(sweep) = sweeps.iter().find(|sweep| **sweep as usize >= constant.sweeps()) {
+            if let Some(sweep) = sweeps
+                .iter()
+                .find(|sweep| **sweep as usize >= constant.sweeps())
+            {
                 return Err(format!("`{}`: no sweep {sweep}", name("sweep")));
             }
             let scores = (0..held_out).map(|at| ReferenceSweep {
@@ -203,7 +206,10 @@ impl Likeness {
         let of = |value: &dyn Fn(&(usize, Distance)) -> f32| scores.iter().map(value).collect();
         extend("within.distance", of(&|(_, of)| of.log as f32));
         extend("within.nearest", of(&|(_, of)| of.nearest as f32));
-        extend("within.sweep", of(&|(at, _)| (self.constant.sweeps() + at) as f32));
+        extend(
+            "within.sweep",
+            of(&|(at, _)| (self.constant.sweeps() + at) as f32),
+        );
         extend("within.unit", of(&|_| unit));
         Self::from_weights(weights, self.descriptor.shape())
             .map_err(|reason| PipelineError::incompatible("description", "sound tensors", reason))

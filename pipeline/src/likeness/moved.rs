@@ -3,9 +3,9 @@
 use tactnet_data::SweepView;
 use tactnet_models::Features;
 
+use super::constant_taxels::constant_taxels;
 use super::descriptor::DescriptionPart;
 use super::distances::{Distance, Distances};
-use super::constant_taxels::constant_taxels;
 use super::{Likeness, MIN_SWEEPS, PARTS, flags, matrix, vector};
 use crate::PipelineError;
 use crate::adapt::shift::{Moment, believed};

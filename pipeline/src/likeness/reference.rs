@@ -47,7 +47,7 @@ pub(super) struct ReferenceScores {
     /// Logarithmic distances relative to the typical one, ascending.
     excess: Vec<f64>,
     /// Surprises about constant taxels, ascending.
-    stuck: Vec<f64>,
+    constant_surprises: Vec<f64>,
     /// Smaller p-value of the two, ascending.
     smaller: Vec<f64>,
     /// Negative logarithm of the p-value of every sweep.
@@ -92,7 +92,7 @@ impl ReferenceScores {
                 .collect(),
             typical_of_all,
             excess: sorted(excess.clone()),
-            stuck: sorted(distances.iter().map(|of| of.stuck).collect()),
+            constant_surprises: sorted(distances.iter().map(|of| of.stuck).collect()),
             smaller: Vec::new(),
             surprises: Vec::new(),
             constant: Vec::new(),
@@ -122,8 +122,8 @@ impl ReferenceScores {
     }
 
     /// Returns the surprises about constant taxels, ascending.
-    pub fn surprises(&self) -> &[f64] {
-        &self.stuck
+    pub fn constant_surprises(&self) -> &[f64] {
+        &self.constant_surprises
     }
 
     /// Returns the smaller p-value of the two for every sweep, ascending.
@@ -222,7 +222,7 @@ impl ReferenceScores {
             let below = sorted.partition_point(|of| *of < value);
             (1 + sorted.len() - below) as f64 / (1 + sorted.len()) as f64
         };
-        share_above(&self.excess, excess).min(share_above(&self.stuck, stuck))
+        share_above(&self.excess, excess).min(share_above(&self.constant_surprises, stuck))
     }
 }
 

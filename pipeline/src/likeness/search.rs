@@ -35,12 +35,14 @@ pub(super) fn find_differences(
     constant: &[Vec<bool>],
 ) -> Vec<Difference> {
     let search = Search::new(likeness, view);
+    let found = search.best_change().filter(|of| search.explains(of.excess));
+    let found = found.map(|of| of.difference);
     let taxels = search.constant_taxels(constant);
-    if !taxels.is_empty() {
+    // In another order, taxels that are hardly touched are at other places.
+    if !matches!(found, Some(Difference::Order { .. })) && !taxels.is_empty() {
         return vec![Difference::ConstantTaxels { taxels }];
     }
-    let found = search.best_change().filter(|of| search.explains(of.excess));
-    vec![found.map_or_else(|| search.property(), |of| of.difference)]
+    vec![found.unwrap_or_else(|| search.property())]
 }
 
 /// Search for the change that explains the distance of some sweeps.

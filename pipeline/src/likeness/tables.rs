@@ -73,9 +73,11 @@ impl Likeness {
                 .collect(),
             means: distances.means().iter().map(|mean| narrow(mean)).collect(),
             typical: distances.labels().iter().map(typical).collect(),
-            surprise: (0..self.descriptor.taxels()).map(|taxel| -self.constant.share(taxel).ln() as f32).collect(),
+            surprise: (0..self.descriptor.taxels())
+                .map(|taxel| -self.constant.share(taxel).ln() as f32)
+                .collect(),
             excesses: narrow(self.within.excesses()),
-            surprises: narrow(self.within.surprises()),
+            surprises: narrow(self.within.constant_surprises()),
             smaller_ranks: (self.within.smaller_p_values().iter())
                 .map(|p| (p * (1 + references) as f64).round() as f32)
                 .collect(),

@@ -275,10 +275,10 @@ impl Classifier {
         }
     }
 
-    /// Returns the baseline; `None` for a network.
+    /// Returns the baseline; `None` for other models.
     pub(crate) fn baseline(&self) -> Option<&Baseline> {
         match &self.model {
-            Model::Network(_) => None,
+            Model::Network(_) | Model::Committee(_) => None,
             Model::Baseline(baseline) => Some(baseline),
         }
     }
@@ -288,14 +288,16 @@ impl Classifier {
         match &self.model {
             Model::Network(network) => network.device().clone(),
             Model::Baseline(_) => Device::default(),
+            Model::Committee(committee) => committee.members()[0].device(),
         }
     }
 
-    /// Returns the name of a baseline's recipe, or "network".
+    /// Returns the name of a baseline's recipe, "network" or "committee".
     pub(crate) fn model_name(&self) -> String {
         match &self.config.model {
             ModelConfig::Network(_) => "network".into(),
             ModelConfig::Baseline(recipe) => recipe.name.clone(),
+            ModelConfig::Committee(_) => "committee".into(),
         }
     }
 

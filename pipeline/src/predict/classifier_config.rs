@@ -6,7 +6,10 @@ use tactnet_data::{
 };
 use tactnet_models::{Architecture, InputShape, NetworkConfig, Trunk, default_window};
 
-use crate::{BaselineRecipe, MemberConfig, NetworkRecipe, Normalizer, PipelineError, PipelineRemedy, Prediction};
+use crate::{
+    BaselineRecipe, MemberConfig, NetworkRecipe, Normalizer, PipelineError, PipelineRemedy,
+    Prediction,
+};
 
 /// Configuration of a classifier: with the fitted weights, it rebuilds the classifier.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -185,7 +188,7 @@ impl ClassifierConfig {
     ///
     /// # Errors
     /// Sweeps of another shape or rate, or too short for the model.
-    pub(super) fn check_view(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
+    pub(crate) fn check_view(&self, view: &SweepView<'_>) -> Result<(), PipelineError> {
         let (own, shape) = (view.shape(), self.shape);
         let unequal = self.trained_steps.is_some() || view.dataset().lengths().is_some();
         if own == shape && !unequal {

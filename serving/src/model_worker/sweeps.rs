@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use tactnet_pipeline::LikenessVerdict;
+use tactnet_pipeline::{Difference, LikenessVerdict};
 use tactnet_skin::packets::{Event, Text};
 
 use super::{Worker, WorkerEvent, classifiers};
@@ -17,6 +17,8 @@ pub(super) struct SweptFinger {
     recent: RecentSweeps,
     /// Dead taxels that were found in its sweeps.
     dead: BTreeSet<usize>,
+    /// True if its taxels are in another order, so that a constant one need not be dead.
+    reordered: bool,
 }
 
 impl SweptFinger {
@@ -25,6 +27,7 @@ impl SweptFinger {
         Self {
             recent: RecentSweeps::new(values),
             dead: BTreeSet::new(),
+            reordered: false,
         }
     }
 }
@@ -52,7 +55,7 @@ impl Worker {
     }
 
     /// Compares the sweeps of an object with the training data. Returns false if the service has ended.
-    fn compare(&self, id: SweepId, object: u64) -> Result<bool, ServeError> {
+    fn compare(&mut self, id: SweepId, object: u64) -> Result<bool, ServeError> {
         let recent = &self.swept[id.finger as usize].recent;
         let Some(digits) = recent.newest(recent.kept_of(object)) else {
             return Ok(true);
@@ -60,6 +63,8 @@ impl Worker {
         let Some(report) = self.model.assess(digits)? else {
             return Ok(true);
         };
+        let is_order = |of: &Difference| matches!(of, Difference::Order { .. });
+        self.swept[id.finger as usize].reordered = report.differences.iter().any(is_order);
         Ok(self.send(WorkerEvent::Compared {
             id,
             event: match report.verdict {
@@ -74,7 +79,11 @@ impl Worker {
     /// Returns the dead taxels of a finger, except those of the settings: the former ones that have not changed in the newest
     /// sweep, and new ones.
     fn dead_taxels(&self, finger: u32) -> Result<BTreeSet<usize>, ServeError> {
-        let SweptFinger { recent, dead } = &self.swept[finger as usize];
+        let SweptFinger {
+            recent,
+            dead,
+            reordered,
+        } = &self.swept[finger as usize];
         let taxels = self.model.classifier().config().shape.taxels();
         let newest = recent.newest(1).unwrap_or_default();
         let changes = |taxel: usize| {
@@ -82,7 +91,7 @@ impl Worker {
             values.any(|value| *value != newest[taxel])
         };
         let mut found: BTreeSet<usize> = dead.iter().copied().filter(|at| !changes(*at)).collect();
-        if let Some(digits) = recent.newest(DEAD_SWEEPS) {
+        if let Some(digits) = recent.newest(DEAD_SWEEPS).filter(|_| !reordered) {
             let new = self.model.dead_taxels(digits)?;
             found.extend(new.into_iter().filter(|taxel| !self.dead.contains(taxel)));
         }

@@ -71,6 +71,15 @@ enum tactnet_event {
   TACTNET_EVENT_ENROLLED = 8,
   /// A component cannot be reached; the text gives the reason.
   TACTNET_EVENT_UNREACHABLE = 9,
+  /// The sweeps of this object, the newest of which the packet names, are like the training data; the text gives
+  /// p-values.
+  TACTNET_EVENT_LIKE = 10,
+  /// They differ from the training data no more than its recording blocks differ from one another.
+  TACTNET_EVENT_OTHER_BLOCK = 11,
+  /// They are unlike the training data; the text says what differs.
+  TACTNET_EVENT_UNLIKE = 12,
+  /// Other taxels are masked as dead from now on; the text names them.
+  TACTNET_EVENT_MASKED = 13,
 };
 
 /// One frame of a finger's skin. 4120 bytes.

@@ -185,7 +185,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         """Returns a classifier that is adapted to sweeps of another skin, robot or day. This object is unchanged.
 
         The scaling (and a network's running statistics) follow the sweeps, which must be of all materials in about equal numbers, 16 or more.
-        With y, a material per sweep, the output layer is fitted, too, with the old one as prior; one or two sweeps of each material help.
+        With y, a material per sweep, the output layer is fitted, too, with the old one as prior.
         accept_risk: adapts to fewer than 8 sweeps, or to sweeps of few materials, with a warning in place of a TactnetError.
         """
         adapted = copy_without_classifier(self)

@@ -78,6 +78,15 @@ class Event(IntEnum):
     """A new material was enrolled; the text names it."""
     UNREACHABLE = 9
     """A component cannot be reached; the text gives the reason."""
+    LIKE = 10
+    """The sweeps of this object, the newest of which the packet names, are like the training data; the
+    text gives p-values."""
+    OTHER_BLOCK = 11
+    """They differ from the training data no more than its recording blocks differ from one another."""
+    UNLIKE = 12
+    """They are unlike the training data; the text says what differs."""
+    MASKED = 13
+    """Other taxels are masked as dead from now on; the text names them."""
 
 
 @dataclass

@@ -73,7 +73,7 @@ impl RunDir {
     ) -> Result<Self, PipelineError> {
         let known = match &adapted.config.model {
             ModelConfig::Network(_) => Some(self.train_embeddings()?),
-            ModelConfig::Baseline(_) => None,
+            ModelConfig::Baseline(_) | ModelConfig::Committee(_) => None,
         };
         let mut adaptations = self.adaptations()?;
         adaptations.push(adaptation);
