@@ -250,6 +250,8 @@ impl Classifier {
     /// ```
     pub fn likeness(&self, view: &SweepView<'_>) -> Result<Option<LikenessReport>, Error> {
         let config = self.fitted.config();
+        let dataset = config.with_own_conditions(view.dataset())?;
+        let view = &view.of_same_sweeps(&dataset);
         if view.shape() != config.shape {
             return Err(Error::incompatible(
                 "sweeps",

@@ -29,11 +29,12 @@ pub use classifier::Classifier;
 pub use recipe::Recipe;
 pub use tactnet_data::twin::TwinConfig;
 pub use tactnet_data::{
-    CheckedDataset as Dataset, Fold, Folds, Seed, SweepView, TestSplit, TrainSplit,
+    CheckedDataset as Dataset, Condition, ConditionValues, Fold, Folds, Quantity, Scheme, Seed,
+    SweepView, TestSplit, TrainSplit,
 };
 pub use tactnet_models::{Belief, Compute};
 pub use tactnet_pipeline::{
     AdaptRisk, Adaptation, BatchReport, LikenessReport, LikenessVerdict, MeanRemoval, NewSweeps,
-    OnlineClassifier, PipelineError as Error, PredictionMethod, Predictions, RiskPolicy,
+    OnlineClassifier, PipelineError as Error, PredictionMethod, Predictions, Recovery, RegressionReport, RiskPolicy,
     SweepBelief,
 };

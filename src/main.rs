@@ -17,7 +17,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{
     adapt, bench, catch, channel, completions, dashboard, data, demo, doctor, enroll, eval,
-    experiment, export, man, predict, record, replay, same, serve, simulate, task, train, version,
+    experiment, export, man, predict, record, regress, replay, same, serve, simulate, task, train, version,
     view,
 };
 
@@ -65,6 +65,8 @@ enum Command {
     Enroll(enroll::EnrollArgs),
     /// Adapt a trained classifier to another skin, robot or day
     Adapt(adapt::AdaptArgs),
+    /// Measure how well speed and force are recovered from the sweeps alone
+    Regress(regress::RegressArgs),
     /// Export a trained network: ONNX, safetensors
     Export(export::ExportArgs),
     /// Run cross-validations and other experiments, and write reports
@@ -167,6 +169,7 @@ fn main() -> ExitCode {
         Command::Same(arguments) => same::run(&arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Adapt(arguments) => adapt::run(&arguments),
+        Command::Regress(arguments) => regress::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),
         Command::Task(arguments) => task::run(&arguments),

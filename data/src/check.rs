@@ -11,7 +11,7 @@
 //! | [`NearDuplicate`](FindingKind::NearDuplicate) | error; warning within a block | a sweep is another one except for rounding, an offset or a gain |
 //! | [`FewSweeps`](FindingKind::FewSweeps) | error; warning below 5 | fewer than two sweeps of a material; fewer than the usual 5 folds |
 //! | [`DeadTaxel`](FindingKind::DeadTaxel) | warning | a taxel has the same value in all sweeps, except for a few single frames |
-//! | [`LeakingColumn`](FindingKind::LeakingColumn) | error | a taxel is constant in every sweep and its value follows the material |
+//! | [`LeakingColumn`](FindingKind::LeakingColumn) | error; warning below 95 % | a taxel is constant in every sweep and its value follows the material; a condition alone tells the material |
 //! | [`ConstantTaxel`](FindingKind::ConstantTaxel) | warning; note at 0 | a taxel is constant during a sweep; 0 means no contact |
 //! | [`Saturation`](FindingKind::Saturation) | warning | at least 1 % of a sweep is at the sensor's maximum |
 //! | [`OutOfRange`](FindingKind::OutOfRange) | warning | values far larger than in other sweeps, or negative in few sweeps |
@@ -43,6 +43,7 @@
 mod axes;
 mod blocks;
 mod clock_taxels;
+mod conditions;
 mod constant;
 mod dead_taxels;
 mod dropouts;
@@ -94,6 +95,10 @@ use taxel_limits::TaxelLimits;
 /// # Ok::<(), tactnet_data::DataError>(())
 /// ```
 pub fn check(dataset: &Dataset) -> Vec<Finding> {
+    let conditions = conditions::that_follow_the_material(dataset);
+    // Conditions are columns that do not change during a sweep, which would be a fault of a taxel.
+    let dataset = dataset.without_conditions();
+    let dataset = dataset.as_ref();
     let sweeps: Vec<SweepStatistics> = (0..dataset.len())
         .into_par_iter()
         .map(|index| SweepStatistics::of(dataset, index))
@@ -110,6 +115,7 @@ pub fn check(dataset: &Dataset) -> Vec<Finding> {
     let axes_in_doubt = findings.iter().any(|of| of.kind == FindingKind::AxisOrder);
     findings.extend(axes::assumed_patch(dataset).filter(|_| !axes_in_doubt));
     findings.extend_from_slice(dataset.reading_findings());
+    findings.extend(conditions);
     findings.sort_by_key(|finding| (finding.severity, finding.kind, finding.at.sweep));
     findings
 }
@@ -222,3 +228,6 @@ mod foreign_values_tests;
 
 #[cfg(test)]
 mod copies_tests;
+
+#[cfg(test)]
+mod conditions_tests;

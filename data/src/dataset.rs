@@ -1,11 +1,15 @@
 //! Data sets: ordered sweeps with material, block and checksum.
 
+mod conditions;
 mod derived;
 mod lengths;
 
 use crate::{DataError, DataOrigin, Finding, LabelSet, Samples, hex, is_control};
+use conditions::ConditionColumns;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+
+pub use conditions::{Condition, ConditionValues, Quantity};
 
 /// Assumed sample rate of data that names none, in Hz: the rate of TactMat's 4256E skin.
 pub const ASSUMED_RATE_HZ: f64 = 750.0;
@@ -106,6 +110,8 @@ pub struct Dataset {
     samples: Samples,
     sha256: String,
     origin: DataOrigin,
+    /// Columns behind the taxels that hold conditions.
+    columns: ConditionColumns,
 }
 
 impl Dataset {
@@ -143,6 +149,7 @@ impl Dataset {
             samples,
             sha256,
             origin,
+            columns: ConditionColumns::default(),
         })
     }
 
@@ -198,7 +205,7 @@ impl Dataset {
         self.sample_rate_hz
     }
 
-    /// Returns the shape of all sweeps; of the longest if their lengths differ.
+    /// Returns the shape of all sweeps; of the longest if their lengths differ. See [`Dataset::taxel_shape`] if there are conditions.
     pub fn shape(&self) -> SweepShape {
         self.shape
     }
@@ -244,7 +251,7 @@ impl Dataset {
         self.records[0].block.is_some()
     }
 
-    /// Returns the SHA-256 of the content (rate, shape, names, records, values), in hex. It does not depend on the file
+    /// Returns the SHA-256 of the content (rate, shape, names, records, values, conditions), in hex. It does not depend on the file
     /// format.
     pub fn sha256(&self) -> &str {
         &self.sha256

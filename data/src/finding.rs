@@ -100,6 +100,8 @@ pub enum FindingKind {
     FolderLayout,
     /// A part of the file is not read.
     NotRead,
+    /// Conditions that differ from those of the training sweeps of a classifier.
+    OtherConditions,
 }
 
 impl FindingKind {
@@ -208,6 +210,7 @@ impl fmt::Display for FindingKind {
             Self::AxesRead => "axes as they are read",
             Self::FolderLayout => "layout of the folders",
             Self::NotRead => "not read",
+            Self::OtherConditions => "conditions unlike those of training",
         })
     }
 }

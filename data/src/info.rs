@@ -1,6 +1,6 @@
 //! Properties of data sets.
 
-use crate::{Dataset, Samples, SweepShape};
+use crate::{Condition, ConditionValues, Dataset, Samples, SweepShape};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -19,7 +19,7 @@ pub struct Info {
     pub sha256: String,
     /// Number of sweeps.
     pub sweeps: usize,
-    /// Shape of every sweep, or of the longest if their lengths differ.
+    /// Shape of every sweep, or of the longest if their lengths differ; without conditions.
     pub shape: SweepShape,
     /// Lengths of the sweeps; absent if all have the length of the shape.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -36,6 +36,9 @@ pub struct Info {
     pub sweep_seconds: f64,
     /// The materials in label order; empty if the file names none.
     pub materials: Vec<MaterialInfo>,
+    /// Numbers that are known for every sweep, in the order of their columns.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub conditions: Vec<ConditionInfo>,
     /// Number of recording blocks, counted per material, if they are known.
     pub blocks: Option<usize>,
     /// Number of distinct block numbers, if they are known.
@@ -57,6 +60,36 @@ pub struct Info {
     pub zeros: f64,
     /// Number of NaN and infinite values.
     pub not_finite: usize,
+}
+
+/// Properties of a condition in a data set.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ConditionInfo {
+    /// Quantity and unit.
+    #[serde(flatten)]
+    pub condition: Condition,
+    /// Smallest value.
+    pub min: f32,
+    /// Largest value.
+    pub max: f32,
+    /// Mean of the sweeps of each material: `[materials]`.
+    pub means: Vec<f64>,
+}
+
+impl ConditionInfo {
+    fn of(dataset: &Dataset, of: ConditionValues) -> Self {
+        let mut means = vec![0.0; dataset.labels().len()];
+        let counts = dataset.sweeps_per_label();
+        for (record, value) in dataset.records().iter().zip(&of.values) {
+            means[record.label] += f64::from(*value) / counts[record.label] as f64;
+        }
+        Self {
+            min: of.values.iter().copied().fold(f32::INFINITY, f32::min),
+            max: of.values.iter().copied().fold(f32::NEG_INFINITY, f32::max),
+            condition: of.condition,
+            means,
+        }
+    }
 }
 
 /// Properties of a material in a data set.
@@ -103,6 +136,11 @@ impl Info {
     pub fn unlabelled(self) -> Self {
         Self {
             materials: Vec::new(),
+            conditions: {
+                let mut conditions = self.conditions;
+                conditions.iter_mut().for_each(|of| of.means.clear());
+                conditions
+            },
             ..self
         }
     }
@@ -120,6 +158,13 @@ impl Info {
 /// # Ok::<(), tactnet_data::DataError>(())
 /// ```
 pub fn info(dataset: &Dataset) -> Info {
+    let sha256 = dataset.sha256().to_owned();
+    let conditions = dataset.condition_values().into_iter();
+    let conditions = conditions
+        .map(|of| ConditionInfo::of(dataset, of))
+        .collect();
+    let dataset = dataset.without_conditions();
+    let dataset = dataset.as_ref();
     let shape = dataset.shape();
     let records = dataset.records();
     let tests_of = |label: Option<usize>| {
@@ -164,7 +209,7 @@ pub fn info(dataset: &Dataset) -> Info {
     let mean = sum / finite;
     Info {
         name: dataset.name().to_owned(),
-        sha256: dataset.sha256().to_owned(),
+        sha256,
         sweeps: dataset.len(),
         shape,
         lengths: lengths_of(None),
@@ -174,6 +219,7 @@ pub fn info(dataset: &Dataset) -> Info {
         sample_rate_assumed: dataset.is_rate_assumed(),
         sweep_seconds: shape.steps as f64 / dataset.sample_rate_hz(),
         materials: materials.collect(),
+        conditions,
         blocks: dataset.has_blocks().then_some(blocks.len()),
         block_numbers,
         test_sweeps: tests_of(None),

@@ -52,7 +52,9 @@ pub use check::{
 pub use checked_dataset::{CheckedDataset, Folds};
 pub use data_origin::DataOrigin;
 pub use data_source::DataSource;
-pub use dataset::{ASSUMED_RATE_HZ, Dataset, SweepRecord, SweepShape};
+pub use dataset::{
+    ASSUMED_RATE_HZ, Condition, ConditionValues, Dataset, Quantity, SweepRecord, SweepShape,
+};
 pub use error::{DataError, is_wrong_path};
 #[cfg(feature = "fetch")]
 pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};
@@ -61,7 +63,7 @@ pub use finding::{
 };
 pub use folds::{Fold, Scheme, SplitManifest, SweepView, TestSplit, TrainSplit, ValidationSplit};
 pub use hex::{hex, sha256_hex};
-pub use info::{Info, LengthRange, MaterialInfo, info};
+pub use info::{ConditionInfo, Info, LengthRange, MaterialInfo, info};
 pub use known_names::{is_same_name, known_names, near_name};
 pub use material::{LabelSet, Material, is_control};
 pub use material_name::normal_name;

@@ -30,11 +30,13 @@ impl ValueRange {
     /// Returns the range of all sweeps of `view`; `None` if no value is finite.
     pub fn of(view: &SweepView<'_>) -> Option<Self> {
         let shape = view.shape();
+        let taxels = view.dataset().taxel_shape().taxels();
         let mut range: Option<Self> = None;
         for position in 0..view.len() {
             let sweep = view.sweep(position);
             for frame in sweep.chunks_exact(shape.taxels()) {
-                range = range.into_iter().chain(Self::of_frame(frame)).reduce(union);
+                let frame = Self::of_frame(&frame[..taxels]);
+                range = range.into_iter().chain(frame).reduce(union);
             }
         }
         range

@@ -30,6 +30,7 @@ mod model_recipe;
 mod network;
 mod predict;
 mod recipe;
+mod regress;
 mod remedy;
 mod requirements;
 mod run;
@@ -81,6 +82,7 @@ pub use predict::calibration::{
 pub use predict::classifier::Classifier;
 pub use predict::classifier_config::{ClassifierConfig, ModelConfig, NetworkSetup, StepRange};
 pub use predict::classify::{ClassifiedObject, ClassifiedSweep, ClassifiedSweeps};
+pub use predict::conditions::{TrainedCondition, TrainedConditions};
 pub use predict::confounded_accuracy::ConfoundedAccuracy;
 pub use predict::confusion::Confusion;
 pub use predict::enroll::{
@@ -98,6 +100,7 @@ pub use recipe::{
     AdversarialMask, AdversarialStatistics, AttackedLabel, Input, LearningRateDrop, NetworkRecipe,
     OneCycle, PenalizedParameters, Prediction, PredictionMethod, TrainingMethod, TrainingSettings,
 };
+pub use regress::{Interval, Recovery, RegressionReport};
 pub use remedy::PipelineRemedy;
 pub use requirements::Requirements;
 pub use run::evaluate_run::{TrainingSummary, evaluate_run};

@@ -117,7 +117,7 @@ impl ServedModel {
         if !run.has_final_weights() {
             return Err(run.no_final_weights().into());
         }
-        if let Some(reason) = unfit(config.shape.taxels(), config.labels.len()) {
+        if let Some(reason) = unfit(config.taxel_shape().taxels(), config.labels.len()) {
             return Err(ServeError::Unfit {
                 path: path.into(),
                 reason,
@@ -267,8 +267,8 @@ impl ServedModel {
             version: self.version,
             sample_rate_hz: config.sample_rate_hz,
             steps: config.shape.steps as u32,
-            rows: config.shape.rows as u32,
-            cols: config.shape.cols as u32,
+            rows: config.taxel_shape().rows as u32,
+            cols: config.taxel_shape().cols as u32,
             mc_samples: mc_samples as u32,
             materials: config.labels.len() as u32,
             reserved: 0,
@@ -338,12 +338,13 @@ fn recent_dataset(
     material: &str,
     digits: Vec<f32>,
 ) -> Result<Dataset, PipelineError> {
-    let sweeps = digits.len() / config.shape.values();
+    let shape = config.taxel_shape();
+    let sweeps = digits.len() / shape.values();
     let records = (0..sweeps).map(|sweep| SweepRecord::new(0, sweep));
     Ok(Dataset::new(
         "live",
         config.sample_rate_hz,
-        config.shape,
+        shape,
         LabelSet::new([material])?,
         records.collect(),
         Samples::F32(digits),

@@ -458,7 +458,7 @@ fn open_fingers(served: &mut ServedModel, config: &ServeConfig) -> Result<Vec<Fi
         let mut segmenter = SweepSegmenter::new(
             segmenter,
             model.shape.steps,
-            model.shape.taxels(),
+            model.taxel_shape().taxels(),
             model.sample_rate_hz,
         );
         let classifier = served.online(config.mc_samples, &config.dead)?;

@@ -209,7 +209,7 @@ fn check_sweeps(arguments: &CheckArgs, sweeps: SweepsToClassify) -> anyhow::Resu
             "note: unlabelled data, checked as for `tactnet predict`; `train` needs labels (docs/data.md)"
         );
     }
-    if let Some(reason) = unfit(dataset.shape().taxels(), dataset.labels().len()) {
+    if let Some(reason) = unfit(dataset.taxel_shape().taxels(), dataset.labels().len()) {
         say!(
             "note: training and evaluation accept these sweeps, online classification does not: {reason}"
         );

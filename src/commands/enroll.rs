@@ -150,8 +150,8 @@ fn read_sweeps(
     }
     let known = &config.classifier;
     let read = spec
-        .read_to_classify(data, known.shape, known.sample_rate_hz)
-        .map_err(|error| source::in_file(data, arguments.rate, error.into()))?;
+        .read_to_classify(data, known)
+        .map_err(|error| source::in_file(data, arguments.rate, error))?;
     let dataset = read.dataset;
     source::warn_of_findings(dataset.reading_findings());
     if read.labelled {

@@ -80,13 +80,12 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
     }
     source::announce(data);
     let in_file = |error| source::in_file(data, arguments.rate, error);
-    let shape = config.classifier.shape;
     let (dataset, arranged) = spec
-        .read_sweeps_to_judge(arguments.data.as_deref(), shape)
+        .read_sweeps_to_judge(arguments.data.as_deref(), &config.classifier)
         .map_err(in_file)?;
     source::warn_of_findings(dataset.reading_findings());
     if arranged {
-        source::note_arranged(shape);
+        source::note_arranged(config.classifier.taxel_shape());
     }
     let tested = TestSweeps::of_run(&run, &dataset)?;
     if !tested.training_sweeps_known {

@@ -27,6 +27,7 @@ mod recall_text;
 #[cfg(feature = "recording")]
 pub mod record;
 mod reference;
+pub mod regress;
 #[cfg(feature = "recording")]
 pub mod replay;
 pub mod run_choice;

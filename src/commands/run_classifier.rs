@@ -87,8 +87,8 @@ impl RunClassifier {
         }
         let known = &self.config.classifier;
         let sweeps = spec
-            .read_to_classify(data, known.shape, known.sample_rate_hz)
-            .map_err(|error| source::in_file(data, rate, error.into()))?;
+            .read_to_classify(data, known)
+            .map_err(|error| source::in_file(data, rate, error))?;
         let found = ClassifiedSweeps::of(
             &sweeps,
             &self.classifier,
@@ -103,7 +103,7 @@ impl RunClassifier {
         source::warn_of_findings(sweeps.dataset.reading_findings());
         // Refused sweeps have no notes.
         if sweeps.arranged {
-            source::note_arranged(known.shape);
+            source::note_arranged(known.taxel_shape());
         }
         if let Some(still) = classified_text::still(&found) {
             say!("warning: {still}");

@@ -47,7 +47,7 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     }
     let classifier = config.classifier;
     source::warn_of_assumed_rate(classifier.sample_rate_assumed, classifier.sample_rate_hz);
-    let unfit = unfit(classifier.shape.taxels(), classifier.labels.len());
+    let unfit = unfit(classifier.taxel_shape().taxels(), classifier.labels.len());
     if let Some(reason) = &unfit {
         say!("note: `tactnet serve` does not support this classifier: {reason}");
     }

@@ -8,9 +8,10 @@ use pyo3::prelude::*;
 use tactnet_data::format::{self, Format, Keep, ReadOptions, Span, Windows};
 use tactnet_data::twin::{self, TwinConfig, TwinVersion};
 use tactnet_data::{
-    CheckReport, DataError, Fold, LabelSet, Samples, Scheme, Seed, Severity, SweepRecord,
+    CheckReport, DataError, Fold, LabelSet, Quantity, Samples, Scheme, Seed, Severity, SweepRecord,
     SweepShape, check,
 };
+use tactnet_pipeline::RegressionReport;
 
 use crate::error::{TactnetError, raised, with_cure};
 
@@ -298,6 +299,30 @@ impl Dataset {
             let message = std::mem::take(&mut finding.message);
             finding.message = with_cure(message, finding.remedy.as_ref());
         }
+        serde_json::to_string(&report).map_err(raised)
+    }
+
+    /// Returns the report of [`RegressionReport`] as a JSON document, with the default split.
+    ///
+    /// - `target`: "speed" or "force"; `None`: all conditions of the data set
+    #[pyo3(signature = (target=None, seed=1))]
+    fn regress_json(&self, py: Python<'_>, target: Option<&str>, seed: u64) -> PyResult<String> {
+        let target = match target {
+            None => None,
+            Some(name) => {
+                let mut all = Quantity::ALL.into_iter();
+                let found = all.find(|quantity| quantity.name() == name);
+                Some(found.ok_or_else(|| {
+                    TactnetError::new_err(format!(
+                        "target: expected speed or force, found `{name}`"
+                    ))
+                })?)
+            }
+        };
+        let scheme = Scheme::default_for(&self.inner);
+        let report = py
+            .detach(|| RegressionReport::of(&self.inner, target, scheme, Seed(seed)))
+            .map_err(raised)?;
         serde_json::to_string(&report).map_err(raised)
     }
 

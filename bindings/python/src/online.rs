@@ -40,10 +40,11 @@ impl Online {
         let mut online = self.lock();
         let digits = digits.as_slice()?;
         let (steps, taxels) = (online.config().shape.steps, online.config().shape.taxels());
-        if digits.len() != taxels {
+        let skin = online.config().taxel_shape().taxels();
+        if ![skin, taxels].contains(&digits.len()) {
             let found = digits.len();
             return Err(TactnetError::new_err(format!(
-                "frame: expected {taxels} taxels, found {found}"
+                "frame: expected {skin} taxels, found {found}"
             )));
         }
         if online.is_complete() {

@@ -32,17 +32,22 @@ pub(super) fn leaking_columns(dataset: &Dataset, sweeps: &[SweepStatistics]) -> 
     if constant.len() == taxels {
         return Vec::new();
     }
-    let leaks = constant.into_iter();
-    leaks
-        .filter_map(|taxel| leak(dataset, sweeps, taxel))
-        .collect()
+    let value = |sweep: &SweepStatistics, taxel: usize| sweep.taxels[taxel].0;
+    let leaks = constant.into_iter().filter_map(|taxel| {
+        let values: Vec<f32> = sweeps.iter().map(|sweep| value(sweep, taxel)).collect();
+        leak(dataset, taxel, &values)
+    });
+    leaks.collect()
 }
 
-fn leak(dataset: &Dataset, sweeps: &[SweepStatistics], taxel: usize) -> Option<LeakingColumn> {
+/// Returns a column whose value follows the material.
+///
+/// - `values`: value of each sweep
+pub(super) fn leak(dataset: &Dataset, taxel: usize, values: &[f32]) -> Option<LeakingColumn> {
     let mut counts: Vec<BTreeMap<u32, usize>> = vec![BTreeMap::new(); dataset.labels().len()];
-    for (record, sweep) in dataset.records().iter().zip(sweeps) {
+    for (record, value) in dataset.records().iter().zip(values) {
         // Adding zero makes a negative zero positive.
-        let value = sweep.taxels[taxel].0 + 0.0;
+        let value = value + 0.0;
         *counts[record.label].entry(value.to_bits()).or_default() += 1;
     }
     counts.retain(|of_label| !of_label.is_empty());

@@ -1,5 +1,6 @@
 //! Data sets that are derived from others.
 
+use super::conditions::ConditionColumns;
 use crate::format::{NamedSweeps, named_rate, records};
 use crate::twin::TwinVersion;
 use crate::{
@@ -69,7 +70,7 @@ impl Dataset {
             rate_assumed: self.rate_assumed && sweeps.rate_hz.is_none(),
             patch_assumed: self.patch_assumed,
             reading_findings,
-            ..cut
+            ..cut.declared(self.columns.clone())
         })
     }
 
@@ -79,7 +80,7 @@ impl Dataset {
     /// A rate that is not a positive number.
     pub fn with_sample_rate(self, sample_rate_hz: f64) -> Result<Self, DataError> {
         let (origin, patch_assumed) = (self.origin, self.patch_assumed);
-        let reading_findings = self.reading_findings;
+        let (reading_findings, columns) = (self.reading_findings, self.columns);
         let known = Self::new(
             self.name,
             sample_rate_hz,
@@ -93,11 +94,11 @@ impl Dataset {
             origin,
             patch_assumed,
             reading_findings,
-            ..known
+            ..known.declared(columns)
         })
     }
 
-    /// Arranges the taxels in `rows` by `cols`, row by row.
+    /// Arranges the taxels in `rows` by `cols`, row by row. Conditions stay behind them.
     ///
     /// # Errors
     /// Another number of taxels than `rows * cols`.
@@ -112,20 +113,25 @@ impl Dataset {
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
     pub fn with_patch(self, rows: usize, cols: usize) -> Result<Self, DataError> {
-        if rows * cols != self.shape.taxels() {
+        let taxels = self.taxel_shape().taxels();
+        if rows * cols != taxels {
             return Err(DataError::inconsistent(
                 "shape",
-                format!("rows by columns of {} taxels", self.shape.taxels()),
+                format!("rows by columns of {taxels} taxels"),
                 format!("{rows}x{cols}"),
             ));
         }
-        let shape = SweepShape {
+        let mut shape = SweepShape {
             rows,
             cols,
             ..self.shape
         };
+        let mut columns = self.columns.clone();
+        if !columns.conditions.is_empty() {
+            (shape, columns.rows) = (self.shape, rows);
+        }
         let name = self.name.clone();
-        let named = self.rebuilt(name, shape, |this| (this.records, this.samples))?;
+        let named = self.rebuilt_with(name, shape, columns, |this| (this.records, this.samples))?;
         Ok(Self {
             patch_assumed: false,
             ..named
@@ -264,7 +270,7 @@ impl Dataset {
             origin: self.origin,
             rate_assumed: self.rate_assumed,
             patch_assumed: self.patch_assumed,
-            ..part
+            ..part.declared(self.columns.clone())
         })
     }
 
@@ -293,7 +299,7 @@ impl Dataset {
             rate_assumed: self.rate_assumed,
             patch_assumed: self.patch_assumed,
             reading_findings: self.reading_findings,
-            ..one
+            ..one.declared(self.columns)
         })
     }
 
@@ -328,6 +334,18 @@ impl Dataset {
         shape: SweepShape,
         parts: impl FnOnce(Self) -> (Vec<SweepRecord>, Samples),
     ) -> Result<Self, DataError> {
+        let columns = self.columns.clone();
+        self.rebuilt_with(name, shape, columns, parts)
+    }
+
+    /// Returns a data set with other sweeps and conditions.
+    pub(super) fn rebuilt_with(
+        self,
+        name: String,
+        shape: SweepShape,
+        columns: ConditionColumns,
+        parts: impl FnOnce(Self) -> (Vec<SweepRecord>, Samples),
+    ) -> Result<Self, DataError> {
         let (rate, labels, origin) = (self.sample_rate_hz, self.labels.clone(), self.origin);
         let (rate_assumed, patch_assumed) = (self.rate_assumed, self.patch_assumed);
         let reading_findings = self.reading_findings.clone();
@@ -340,7 +358,7 @@ impl Dataset {
             rate_assumed,
             patch_assumed,
             reading_findings,
-            ..rebuilt
+            ..rebuilt.declared(columns)
         })
     }
 }

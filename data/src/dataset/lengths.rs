@@ -64,7 +64,8 @@ impl Dataset {
             },
             lengths: unequal.then_some(lengths),
             ..kept
-        })
+        }
+        .declared(self.columns))
     }
 
     /// Sets the number of frames of each sweep, if they are known; see [`Dataset::with_lengths`].
@@ -119,7 +120,7 @@ impl Dataset {
 }
 
 /// Returns the checksum of a data set whose sweeps have these lengths.
-fn with_lengths(sha256: &str, lengths: &[usize]) -> String {
+pub(super) fn with_lengths(sha256: &str, lengths: &[usize]) -> String {
     let mut hash = Sha256::new();
     hash.update(b"tactnet lengths 1\0");
     hash.update(sha256.as_bytes());

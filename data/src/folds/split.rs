@@ -69,6 +69,17 @@ impl<'a> SweepView<'a> {
         }
     }
 
+    /// Returns a view of the same sweeps in another form of the data set.
+    ///
+    /// # Panics
+    /// If it has fewer sweeps.
+    pub fn of_same_sweeps<'b>(&self, dataset: &'b Dataset) -> SweepView<'b> {
+        SweepView {
+            window: self.window,
+            ..SweepView::new(dataset, self.indices.clone())
+        }
+    }
+
     /// Returns the data set that the sweeps belong to.
     pub fn dataset(&self) -> &'a Dataset {
         self.dataset

@@ -11,7 +11,7 @@ use super::in_file;
 use super::named_sweeps::{some_names, sorted_names};
 use super::npy::Array;
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
-use crate::{DataError, Finding, LabelSet, Remedy, normal_name};
+use crate::{Condition, ConditionValues, DataError, Finding, LabelSet, Remedy, normal_name};
 use missing::{MEANT_AS_BLOCKS, MEANT_AS_RATE};
 
 pub(super) use roles::{RATES, Role, Roles};
@@ -123,7 +123,7 @@ impl<'a> Arrays<'a> {
 
     /// Returns true if an array of this name is read.
     pub(super) fn is_known(&self, name: &str) -> bool {
-        KNOWN.contains(&name) || self.roles.contain(name)
+        KNOWN.contains(&name) || self.roles.contain(name) || Condition::of_name(name).is_some()
     }
 
     /// Returns true if this name is that of the array of sweeps.
@@ -366,6 +366,41 @@ impl<'a> Arrays<'a> {
             Some(values) => Ok(Some(values)),
             None => Err(self.error(name, "whole numbers from 0", array.type_name())),
         }
+    }
+
+    /// Removes and returns the arrays of conditions: those of their names with one finite number per sweep. Others of these
+    /// names count as arrays that are not read.
+    ///
+    /// - `shape`: leading extents of the samples
+    fn take_conditions(&mut self, shape: &[usize]) -> Vec<ConditionValues> {
+        let is_other = |name: &&String| !self.roles.contain(name);
+        let names: Vec<String> = self.by_name.keys().filter(is_other).cloned().collect();
+        let mut found: Vec<ConditionValues> = Vec::new();
+        for name in names {
+            let Some(condition) = Condition::of_name(&name) else {
+                continue;
+            };
+            let Some(Ok(array)) = self.by_name.remove(&name) else {
+                continue;
+            };
+            let is_per_sweep =
+                array.shape == shape || matches!(array.shape[..], [sweeps, 1] if shape == [sweeps]);
+            let numbers = array.floats().filter(|_| is_per_sweep);
+            let numbers = numbers.filter(|all| all.iter().all(|v| (*v as f32).is_finite()));
+            let is_second = |of: &ConditionValues| of.condition.quantity == condition.quantity;
+            match numbers {
+                Some(numbers) if !found.iter().any(is_second) => found.push(ConditionValues {
+                    condition,
+                    values: numbers.into_iter().map(|value| value as f32).collect(),
+                }),
+                _ => self.others.push(Other {
+                    name,
+                    type_name: Some(array.type_name()),
+                    shape: Some(array.shape),
+                }),
+            }
+        }
+        found
     }
 
     fn rate(&self) -> Result<Option<f64>, DataError> {

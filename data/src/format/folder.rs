@@ -2,7 +2,7 @@
 //!
 //! | layout | material of a sweep |
 //! |---|---|
-//! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block`, `test`) | given in the table |
+//! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block`, `test`, `speed`, `force`) | given in the table |
 //! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.npy` | the name of its folder |
 //! | `FOLDER/train/felt/*.csv`, `FOLDER/test/felt/*.csv`, see `split_folders.rs` | the name of its folder |
 //!
@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::csv::Rows;
+use super::dialect::number as real;
 use super::file_layout::stretched;
 use super::frame_table::{MATERIAL, is_one_of};
 use super::name_pattern::{NamePattern, named_files};
@@ -21,8 +22,8 @@ use super::named_sweeps::{NamedSweeps, some_names};
 use super::read_options::ReadOptions;
 use super::recording::{Recording, Recordings};
 use super::split_folders::SplitFolders;
-use super::sweep_file::{Patch, SweepFile, is_sweep_file};
-use crate::{DataError, Finding};
+use super::sweep_file::{OfConditions, Patch, SweepFile, is_sweep_file};
+use crate::{Condition, DataError, Finding};
 
 /// Name of the table of labels in a folder.
 const LABELS: &str = "labels.csv";
@@ -81,6 +82,7 @@ pub(super) fn read_named(
             .map(|block| number(format!("{}/{block}", named.material))),
         material: Some(named.material),
         test: named.test,
+        conditions: Vec::new(),
     });
     let mut sweeps = read_files(path, entries.collect(), options)?;
     if others > 0 {
@@ -131,6 +133,8 @@ struct Entry {
     material: Option<String>,
     block: Option<u32>,
     test: Option<bool>,
+    /// Conditions of the table of labels.
+    conditions: Vec<(Condition, f32)>,
 }
 
 impl Entry {
@@ -140,6 +144,7 @@ impl Entry {
             material: None,
             block: None,
             test: None,
+            conditions: Vec::new(),
         }
     }
 }
@@ -155,10 +160,19 @@ fn read_files(
     if entries.is_empty() {
         return Err(DataError::format(path, "folder", LAYOUT, "neither"));
     }
-    let read = entries
-        .par_iter()
-        .map(|entry| SweepFile::read(&entry.file, options));
-    let sweeps = all_or_unreadable(path, read.collect())?;
+    let read = |of_conditions| {
+        let files = entries.par_iter();
+        let read = files.map(|entry| SweepFile::read(&entry.file, options, of_conditions));
+        all_or_unreadable(path, read.collect())
+    };
+    let mut sweeps = read(OfConditions::Known)?;
+    let conditions = match known_conditions(&entries, &sweeps) {
+        Some(conditions) => conditions,
+        None => {
+            sweeps = read(OfConditions::Taxels)?;
+            known_conditions(&entries, &sweeps).unwrap_or_default()
+        }
+    };
     let patch = common_patch(&entries, &sweeps)?;
     // All files of a set have the same columns.
     let findings = sweeps[0].left_out.clone();
@@ -182,6 +196,12 @@ fn read_files(
         labels: sweep.labels,
         block: entry.block,
         test: entry.test,
+        conditions: sweep
+            .conditions
+            .iter()
+            .filter_map(|of| of.1)
+            .chain(entry.conditions.iter().map(|of| of.1))
+            .collect(),
     };
     let parts = entries.into_iter().zip(sweeps).zip(names);
     let recordings = Recordings {
@@ -190,9 +210,28 @@ fn read_files(
         recordings: parts.map(recording).collect(),
         clockwork,
         resolution,
+        conditions,
         findings,
     };
     recordings.into_sweeps(options)
+}
+
+/// Returns the conditions in the columns of the files and in the table of labels; `None` if a column changes during a sweep,
+/// if the files have different ones, or if the table repeats one.
+fn known_conditions(entries: &[Entry], sweeps: &[SweepFile]) -> Option<Vec<Condition>> {
+    let of = |(entry, sweep): (&Entry, &SweepFile)| -> Option<Vec<Condition>> {
+        let columns = sweep.conditions.iter();
+        let columns = columns.map(|(condition, value)| value.map(|_| condition.clone()));
+        let listed = entry.conditions.iter().map(|of| Some(of.0.clone()));
+        columns.chain(listed).collect()
+    };
+    let mut all = entries.iter().zip(sweeps).map(of);
+    let first = all.next()??;
+    let repeats = (1..first.len()).any(|at| {
+        let mut before = first[..at].iter();
+        before.any(|of| of.quantity == first[at].quantity)
+    });
+    (!repeats && all.all(|other| other.as_ref() == Some(&first))).then_some(first)
 }
 
 /// Returns the content of all files.
@@ -272,6 +311,9 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
         ));
     };
     let (block, test) = (column(&["block"]), column(&["test"]));
+    let condition = |(at, name): (usize, &String)| Some((at, Condition::of_name(name)?));
+    let conditions: Vec<(usize, Condition)> =
+        header.iter().enumerate().filter_map(condition).collect();
     let mut entries = Vec::new();
     while let Some(row) = rows.next()? {
         let number = |at: Option<usize>| match at.map(|at| (at, row[at].trim().parse::<u32>())) {
@@ -284,6 +326,13 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
             material: Some(row[material].trim().to_string()),
             block: number(block)?,
             test: number(test)?.map(|flag| flag != 0),
+            conditions: conditions
+                .iter()
+                .map(|(at, condition)| match real(&row[*at]) {
+                    Some(value) => Ok((condition.clone(), value as f32)),
+                    None => Err(rows.error("a number", *at, &row[*at])),
+                })
+                .collect::<Result<_, _>>()?,
         });
     }
     Ok(entries)

@@ -7,11 +7,14 @@
 //! | `time` (or `t`, `timestamp`, `Zeit [ms]`, `sec` and `nanosec`), optional | seconds, another unit by the name, Unix time or dates; gives the sample rate, see `time_names.rs` |
 //! | `step` (or `frame`, `index`), `test`, optional | step is ignored; test as in [`tactmat`](super::tactmat) |
 //! | `block` (or `session`, `bout`, `day`, `subject`, `group`), optional | sweeps that were recorded together, by number or name |
+//! | `speed`, `force` (`Force [N]`), constant during every sweep; optional | a condition: a number per sweep that the robot knows |
 //! | every other | one taxel, in the order of the columns; if most are numbered alike (`t0`, `t1`, ...), only those: see `taxel_names.rs` |
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::dialect::number;
 use super::named_sweeps::{Labels, some_of, sorted_names};
 use super::read_options::ReadOptions;
 use super::recording::{LabelRun, Recording, Recordings};
@@ -19,7 +22,7 @@ use super::sweep_file::Patch;
 use super::taxel_names::{chosen, doubtful, left_out, unlike_the_others};
 use super::time_names::{are_times, is_time, unused_times};
 use super::time_stamps::{TimeStamps, time_stamps};
-use crate::{DataError, Finding, Remedy};
+use crate::{Condition, DataError, Finding, Remedy};
 
 /// Columns of a table, by name; the values of a column are numbers or words.
 pub(super) struct FrameTable<'a> {
@@ -37,7 +40,24 @@ pub(super) enum Column {
     Words(Vec<String>),
 }
 
+/// Column that holds a condition.
+struct ConditionColumn {
+    /// Place among the columns.
+    place: usize,
+    condition: Condition,
+    /// Value of each sweep.
+    values: Vec<f32>,
+}
+
 impl Column {
+    /// Returns the numbers; `None` if a word is not a number.
+    fn numbers(&self) -> Option<Cow<'_, [f64]>> {
+        match self {
+            Self::Numbers(numbers) => Some(Cow::Borrowed(numbers)),
+            Self::Words(words) => words.iter().map(|word| number(word)).collect(),
+        }
+    }
+
     fn len(&self) -> usize {
         match self {
             Self::Numbers(numbers) => numbers.len(),
@@ -138,9 +158,10 @@ impl<'a> FrameTable<'a> {
         labels: Labels,
         options: &ReadOptions,
     ) -> Result<Recordings<'a>, DataError> {
-        let (taxels, mut findings) = self.taxels(&options.columns)?;
         let (sweep_of, material_of) = self.sweeps_and_materials(labels, options)?;
         let (order, frames) = frames_of_sweeps(&sweep_of);
+        let conditions = self.conditions(&order, &frames, &options.columns);
+        let (taxels, mut findings) = self.taxels(&options.columns, &conditions)?;
         if let Some(material_of) = material_of.as_ref().filter(|_| options.windows.is_none()) {
             self.refuse_changing_material(&frames, material_of)?;
         }
@@ -171,6 +192,7 @@ impl<'a> FrameTable<'a> {
                 },
                 block: blocks.as_ref().map(|blocks| blocks[place]),
                 test: test.as_ref().map(|test| test[place]),
+                conditions: conditions.iter().map(|of| of.values[place]).collect(),
             }
         };
         let recordings: Vec<Recording> = order.iter().enumerate().map(of_sweep).collect();
@@ -184,6 +206,7 @@ impl<'a> FrameTable<'a> {
                 .as_ref()
                 .map(|TimeStamps { clockwork, .. }| *clockwork),
             resolution: times.as_ref().map_or(0.0, |times| times.resolution),
+            conditions: conditions.into_iter().map(|of| of.condition).collect(),
             findings,
         })
     }
@@ -308,7 +331,12 @@ impl<'a> FrameTable<'a> {
     /// Returns the columns of the taxels, `[taxels][frames]`, and findings about columns that are not read.
     ///
     /// - `wanted`: names of the taxels; empty: all columns without another meaning
-    fn taxels(&self, wanted: &[String]) -> Result<(Vec<&[f64]>, Vec<Finding>), DataError> {
+    /// - `conditions`: columns that are none
+    fn taxels(
+        &self,
+        wanted: &[String],
+        conditions: &[ConditionColumn],
+    ) -> Result<(Vec<&[f64]>, Vec<Finding>), DataError> {
         let known = [SWEEP, MATERIAL, STEP, BLOCK, TEST].concat();
         let all: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();
         let times = are_times(&all);
@@ -316,7 +344,8 @@ impl<'a> FrameTable<'a> {
         for (place, (name, column)) in self.columns.iter().enumerate() {
             // pandas stores its index in Parquet files.
             let is_index = name.starts_with("__index_level_");
-            if is_index || is_one_of(name, &known) || times[place] {
+            let is_condition = conditions.iter().any(|of| of.place == place);
+            if is_index || is_condition || is_one_of(name, &known) || times[place] {
                 continue;
             }
             columns.push((name.as_str(), column));
@@ -364,6 +393,42 @@ impl<'a> FrameTable<'a> {
                 .map(|at| at as u32)
                 .collect()
         }))
+    }
+
+    /// Returns the columns with the name of a condition, except named taxels, that have one number during every sweep.
+    ///
+    /// - `order`: names of the sweeps
+    /// - `frames`: frames of each
+    fn conditions(
+        &self,
+        order: &[&str],
+        frames: &BTreeMap<&str, Vec<usize>>,
+        taxels: &[String],
+    ) -> Vec<ConditionColumn> {
+        let mut found: Vec<ConditionColumn> = Vec::new();
+        for (place, (name, column)) in self.columns.iter().enumerate() {
+            let is_taxel = taxels.iter().any(|taxel| taxel.trim() == name.trim());
+            let Some(condition) = Condition::of_name(name).filter(|_| !is_taxel) else {
+                continue;
+            };
+            let is_second = |of: &ConditionColumn| of.condition.quantity == condition.quantity;
+            let values = column.numbers().and_then(|numbers| {
+                let of_sweep = order.iter().map(|sweep| {
+                    let mut rows = frames[sweep].iter().map(|&row| numbers[row] as f32);
+                    let first = rows.next().filter(|first| first.is_finite())?;
+                    rows.all(|other| other == first).then_some(first)
+                });
+                of_sweep.collect::<Option<Vec<f32>>>()
+            });
+            if let Some(values) = values.filter(|_| !found.iter().any(is_second)) {
+                found.push(ConditionColumn {
+                    place,
+                    condition,
+                    values,
+                });
+            }
+        }
+        found
     }
 
     /// Returns one value per sweep: that of its first frame.

@@ -11,7 +11,7 @@ use super::mismatch::{COPY, Mismatch};
 use super::named_sweeps::Labels;
 use super::read_options::ReadOptions;
 use super::tactmat;
-use crate::{DataError, Dataset};
+use crate::{Condition, DataError, Dataset};
 use hdf5_reader::error::Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::messages::HdfMessage;
@@ -158,7 +158,7 @@ fn arrays<'a>(
                 Container::Mat if !is_samples => array.into_list(),
                 _ => array,
             });
-            arrays.insert(entry.path.clone(), array)?;
+            arrays.insert(name_with_unit(entry), array)?;
         }
     }
     let mut others = content.entries.clone();
@@ -174,6 +174,23 @@ fn arrays<'a>(
         arrays.name_rate(name, scalar(rate));
     }
     Ok(arrays)
+}
+
+/// Returns the path of a data set; that of a condition with the unit in its attributes.
+fn name_with_unit(entry: &Entry) -> String {
+    match (Condition::of_name(&entry.path), &entry.target) {
+        (
+            Some(Condition {
+                quantity,
+                unit: None,
+            }),
+            Ok(set),
+        ) => {
+            let unit = hdf5_values::unit(set);
+            Condition { quantity, unit }.to_string()
+        }
+        _ => entry.path.clone(),
+    }
 }
 
 /// Returns the sample rate in an attribute of a data set or of one of its groups, and the attribute's name.

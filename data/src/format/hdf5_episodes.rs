@@ -81,6 +81,7 @@ fn read_unguarded(path: &Path, options: &ReadOptions) -> Result<NamedSweeps, Dat
         recordings: recordings.collect::<Result<_, _>>()?,
         clockwork: None,
         resolution: 0.0,
+        conditions: Vec::new(),
         findings: ignored(&others, options),
     };
     let options = ReadOptions {
@@ -183,6 +184,7 @@ impl Source<'_> {
             labels: runs,
             block: None,
             test: None,
+            conditions: Vec::new(),
         })
     }
 

@@ -17,6 +17,16 @@ pub(super) fn matlab_class(dataset: &Dataset) -> Option<String> {
     dataset.attribute(CLASS).ok()?.read_string().ok()
 }
 
+/// Returns the unit that the attribute `unit` or `units` of a data set names.
+pub(super) fn unit(dataset: &Dataset) -> Option<String> {
+    let attribute = ["unit", "units"]
+        .iter()
+        .find_map(|name| dataset.attribute(name).ok())?;
+    let unit = attribute.read_string().ok()?;
+    let unit = unit.trim_matches(['\0', ' ']);
+    (!unit.is_empty()).then(|| unit.to_owned())
+}
+
 /// Returns the extents of a data set in the order of the indices; MATLAB's are stored in reverse.
 pub(super) fn extents(dataset: &Dataset) -> Vec<usize> {
     let extent = |extent: &u64| usize::try_from(*extent).unwrap_or(usize::MAX);

@@ -3,7 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::lengths::OddLength;
-use crate::{DataError, Dataset, Finding, LabelSet, Samples, SweepRecord, SweepShape, normal_name};
+use crate::{
+    ConditionValues, DataError, Dataset, Finding, LabelSet, Samples, SweepRecord, SweepShape,
+    normal_name,
+};
 
 /// Labels that a file must have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +36,8 @@ pub(crate) struct NamedSweeps {
     pub(crate) blocks: Option<Vec<u32>>,
     /// Test flags, `[sweeps]`, if the file has them.
     pub(crate) test: Option<Vec<bool>>,
+    /// Quantities that the file names for every sweep.
+    pub(crate) conditions: Vec<ConditionValues>,
     /// Values, `[sweeps][steps][rows][cols]`.
     pub(crate) samples: Samples,
     /// Number of frames of each sweep, `[sweeps]`; `None` if all have as many as the shape.
@@ -79,7 +84,8 @@ impl NamedSweeps {
         } else {
             dataset.with_assumed_patch()
         };
-        Ok(dataset.with_reading_findings(self.findings))
+        let dataset = dataset.with_reading_findings(self.findings);
+        dataset.with_conditions(&self.conditions)
     }
 }
 

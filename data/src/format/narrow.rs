@@ -4,6 +4,17 @@ use crate::Samples;
 use hdf5_reader::dataset::SliceInfo;
 use hdf5_reader::{ByteOrder, Dataset};
 
+impl Samples {
+    /// Returns the values in the smallest type that keeps them.
+    pub(crate) fn narrowed(self) -> Self {
+        match &self {
+            // 32-bit floats are never too wide.
+            Self::F32(values) => narrow(values).unwrap_or(self),
+            Self::U8(_) | Self::U16(_) => self,
+        }
+    }
+}
+
 /// Smallest element type that keeps some values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Width {

@@ -7,6 +7,7 @@
 //! | `materials`; required only with five dimensions | `[materials]` | names or whole numbers |
 //! | `blocks`, `test_flag`, optional | `[n]` or `[materials][sweeps]` | as in [`tactmat`](super::tactmat) |
 //! | `lengths`, optional | `[n]` or `[materials][sweeps]` | number of frames of each sweep; the values after them are padding |
+//! | `speed`, `force` (also with a unit: `speed [mm/s]`), optional | as `blocks` | conditions: numbers that the robot knows |
 //! | `sample_rate_hz`, optional | a single number | frames per second; otherwise [`ASSUMED_RATE_HZ`](crate::ASSUMED_RATE_HZ) is assumed |
 //! | `synthetic`, optional | a single number | version of the twin that generated the sweeps; 0 for recorded ones |
 //!

@@ -9,7 +9,7 @@ use zip::write::{SimpleFileOptions, ZipWriter};
 use super::arrays::LENGTHS;
 use super::npy;
 use super::tactmat::{RATE_ATTRIBUTE, SYNTHETIC_ATTRIBUTE};
-use crate::{DataError, Dataset, LabelSet, Samples, write_whole};
+use crate::{ConditionValues, DataError, Dataset, LabelSet, Samples, write_whole};
 
 /// Writes `dataset` with five dimensions if it is ordered by material with equally many sweeps of each, otherwise with
 /// four and `labels`.
@@ -47,6 +47,9 @@ fn fixed_width(labels: &LabelSet) -> (usize, Vec<u8>) {
 }
 
 fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
+    let conditions = dataset.condition_values();
+    let dataset = dataset.without_conditions();
+    let dataset = dataset.as_ref();
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
@@ -98,6 +101,13 @@ fn archive(dataset: &Dataset) -> zip::result::ZipResult<Vec<u8>> {
     if let Some(lengths) = dataset.lengths() {
         let lengths = lengths.iter().map(|steps| *steps as u32);
         add(LENGTHS, "<u4", &leading, &bytes_of(lengths))?;
+    }
+    for ConditionValues { condition, values } in conditions {
+        let bytes: Vec<u8> = values
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect();
+        add(&condition.to_string(), "<f4", &leading, &bytes)?;
     }
     if let Some(version) = dataset.origin().twin_version() {
         let mark = f64::from(version.number()).to_le_bytes();

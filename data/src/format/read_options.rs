@@ -127,6 +127,8 @@ impl ReadOptions {
             labels: Vec::new(),
             block: dataset.records()[index].block,
             test: dataset.records()[index].test,
+            // They are columns of the values.
+            conditions: Vec::new(),
         };
         let mut recordings = Recordings {
             path,
@@ -134,6 +136,7 @@ impl ReadOptions {
             recordings: (0..dataset.len()).map(recording).collect(),
             clockwork: None,
             resolution: 0.0,
+            conditions: Vec::new(),
             findings: Vec::new(),
         };
         let known = (!dataset.is_rate_assumed()).then(|| dataset.sample_rate_hz());

@@ -10,7 +10,7 @@ use super::resolution::narrow_sweeps;
 use super::sweep_file::Patch;
 use super::time_stamps::Clockwork;
 use super::timing::Timing;
-use crate::{DataError, Finding};
+use crate::{Condition, ConditionValues, DataError, Finding};
 
 /// Frames of one sweep, or of one continuous recording.
 pub(super) struct Recording {
@@ -32,6 +32,8 @@ pub(super) struct Recording {
     pub(super) block: Option<u32>,
     /// Test flag, if the file has it.
     pub(super) test: Option<bool>,
+    /// Value of each of [`Recordings::conditions`].
+    pub(super) conditions: Vec<f32>,
 }
 
 /// Consecutive frames of one label.
@@ -72,6 +74,8 @@ pub(super) struct Recordings<'a> {
     pub(super) clockwork: Option<Clockwork>,
     /// Unit of the last digit of all time stamps, in seconds; 0 if that is not known.
     pub(super) resolution: f64,
+    /// Quantities that are known for every recording.
+    pub(super) conditions: Vec<Condition>,
     /// Findings that only the reader can make.
     pub(super) findings: Vec<Finding>,
 }
@@ -89,6 +93,7 @@ impl Recording {
             material: self.material.clone(),
             labels: Vec::new(),
             test: self.test,
+            conditions: self.conditions.clone(),
         }
     }
 
@@ -147,6 +152,11 @@ impl Recordings<'_> {
         }
         let samples = narrow_sweeps(self.path, patch.shape(steps), &values)?;
         let kept = &self.recordings;
+        let conditions = self.conditions.iter().enumerate();
+        let conditions = conditions.map(|(place, condition)| ConditionValues {
+            condition: condition.clone(),
+            values: kept.iter().map(|r| r.conditions[place]).collect(),
+        });
         Ok(NamedSweeps {
             name: self.data_set_name(),
             rate_hz,
@@ -156,6 +166,7 @@ impl Recordings<'_> {
             materials: kept.iter().map(|r| r.material.clone()).collect(),
             blocks: kept.iter().map(|r| r.block).collect(),
             test: kept.iter().map(|r| r.test).collect(),
+            conditions: conditions.collect(),
             samples,
             lengths: (least < steps).then_some(lengths),
             findings: self.findings,

@@ -2,13 +2,14 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `.csv` | one row per frame and one column per taxel, with or without a line of names (or of the numbers from 0); a column `time` (seconds; other names and units in `time_names.rs`) gives the sample rate, a column `frame` or `index` is ignored |
+//! | `.csv` | one row per frame and one column per taxel (`speed` and `force` are conditions if they are constant in every file), with or without a line of names (or of the numbers from 0); a column `time` (seconds; other names and units in `time_names.rs`) gives the sample rate, a column `frame` or `index` is ignored |
 //! | `.npy` | `[steps][taxels]` or `[steps][rows][cols]`, numbers of any type |
 
 use std::fmt;
 use std::path::Path;
 
 use super::csv::Rows;
+use super::dialect::number;
 use super::file_kind;
 use super::file_layout::{Axes, read_lines};
 use super::frame_table::{Column, MATERIAL, STEP, is_one_of};
@@ -20,7 +21,7 @@ use super::resolution::check_resolution;
 use super::taxel_names::{chosen, doubtful, is_line_of_names, left_out, unlike_the_others};
 use super::time_names::{are_times, unused_times};
 use super::time_stamps::{Clockwork, time_stamps};
-use crate::{DataError, Finding, SweepShape};
+use crate::{Condition, DataError, Finding, SweepShape};
 
 /// Beginnings of the names of text files without sweeps, in lower case.
 const NO_SWEEPS: [&str; 4] = ["readme", "license", "licence", "requirements"];
@@ -88,6 +89,8 @@ pub(super) struct SweepFile {
     pub(super) resolution: f64,
     /// Stretches of one label, if the file is cut by its labels.
     pub(super) labels: Vec<LabelRun>,
+    /// Columns with the name of a condition; the value is `None` if it changes. Empty if such columns are taxels.
+    pub(super) conditions: Vec<(Condition, Option<f32>)>,
     /// Findings about parts of the file that are not read.
     pub(super) left_out: Vec<Finding>,
 }
@@ -97,7 +100,11 @@ impl SweepFile {
     ///
     /// # Errors
     /// A file without frames, or with other values than numbers for taxels.
-    pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Self, DataError> {
+    pub(super) fn read(
+        path: &Path,
+        options: &ReadOptions,
+        of_conditions: OfConditions,
+    ) -> Result<Self, DataError> {
         if path.extension().is_some_and(|e| e == "npy") {
             return Self::read_array(path, options.layout.axes.as_ref());
         }
@@ -109,7 +116,7 @@ impl SweepFile {
                 ..Self::empty(Patch::Taxels(taxels))
             });
         }
-        Self::read_table(path, options)
+        Self::read_table(path, options, of_conditions)
     }
 
     fn empty(patch: Patch) -> Self {
@@ -121,6 +128,7 @@ impl SweepFile {
             clockwork: None,
             resolution: 0.0,
             labels: Vec::new(),
+            conditions: Vec::new(),
             left_out: Vec::new(),
         }
     }
@@ -175,7 +183,11 @@ impl SweepFile {
         })
     }
 
-    fn read_table(path: &Path, options: &ReadOptions) -> Result<Self, DataError> {
+    fn read_table(
+        path: &Path,
+        options: &ReadOptions,
+        of_conditions: OfConditions,
+    ) -> Result<Self, DataError> {
         let mut rows = Rows::open(path)?;
         let mut sweep = Self::empty(Patch::Taxels(0));
         let mut columns = Columns::default();
@@ -184,7 +196,8 @@ impl SweepFile {
             let named = first && is_line_of_names(&row);
             if first {
                 if named {
-                    columns = Columns::named(path, &row, options)?;
+                    columns = Columns::named(path, &row, options, of_conditions)?;
+                    sweep.conditions = columns.conditions.clone();
                     sweep.left_out = std::mem::take(&mut columns.findings);
                 } else {
                     columns.roles = vec![Role::Taxel; row.len()];
@@ -204,6 +217,12 @@ impl SweepFile {
                         if let (_, Column::Words(words)) = &mut columns.words[*place] {
                             words.push(cell);
                         }
+                    }
+                    Role::Condition(place) => {
+                        let value = number(&cell).map(|value| value as f32);
+                        let (_, known) = &mut sweep.conditions[*place];
+                        let is_first = sweep.lines.len() == 1;
+                        *known = value.filter(|v| v.is_finite() && (is_first || *known == value));
                     }
                     Role::Skipped => {}
                 }
@@ -235,12 +254,32 @@ impl SweepFile {
     }
 }
 
+/// Meaning of columns with the name of a condition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum OfConditions {
+    /// Numbers that are known for the sweep.
+    Known,
+    /// Taxels, as columns of any other name: they change during a sweep.
+    Taxels,
+}
+
+impl OfConditions {
+    /// Returns the condition that a column holds; `None` for other columns.
+    fn condition(self, name: &str, options: &ReadOptions) -> Option<Condition> {
+        let is_taxel = options.columns.iter().any(|of| of.trim() == name.trim());
+        let condition = Condition::of_name(name)?;
+        (self == Self::Known && !is_taxel).then_some(condition)
+    }
+}
+
 /// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Role {
     Taxel,
     /// Times or labels, by their place among these columns.
     Words(usize),
+    /// Number that is known for the sweep, by its place among these columns.
+    Condition(usize),
     /// A number of the frame, or a column that is not a taxel by its name.
     Skipped,
 }
@@ -251,12 +290,18 @@ struct Columns {
     roles: Vec<Role>,
     /// Columns of times and labels.
     words: Vec<(String, Column)>,
+    conditions: Vec<(Condition, Option<f32>)>,
     findings: Vec<Finding>,
 }
 
 impl Columns {
     /// Returns the meanings of columns with these names.
-    fn named(path: &Path, names: &[String], options: &ReadOptions) -> Result<Self, DataError> {
+    fn named(
+        path: &Path,
+        names: &[String],
+        options: &ReadOptions,
+        of_conditions: OfConditions,
+    ) -> Result<Self, DataError> {
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let times = are_times(&names);
         let is_label = |name: &str| options.windows.is_some() && is_one_of(name, MATERIAL);
@@ -269,6 +314,9 @@ impl Columns {
                     .words
                     .push(((*name).into(), Column::Words(Vec::new())));
                 Role::Words(columns.words.len() - 1)
+            } else if let Some(condition) = of_conditions.condition(name, options) {
+                columns.conditions.push((condition, None));
+                Role::Condition(columns.conditions.len() - 1)
             } else {
                 if !is_one_of(name, STEP) {
                     others.push(place);

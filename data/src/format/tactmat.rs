@@ -7,6 +7,7 @@
 //! | `blocks`, optional | `[materials][sweeps]` | number of the recording block |
 //! | `test_flag`, optional | `[materials][sweeps]` | 1 or true for the author's test sweeps |
 //! | `lengths`, optional | `[materials][sweeps]` | number of frames of each sweep; the values after them are padding |
+//! | `speed`, `force`, optional | `[materials][sweeps]` | conditions, numbers that the robot knows; attribute `unit` |
 //! | attribute `sample_rate_hz`, optional | scalar, on the file or on `samples` | frames per second |
 //! | attribute `synthetic`, optional | scalar, on the file | version of the twin that generated the sweeps; 0 for recorded ones |
 //!
@@ -22,11 +23,14 @@ use super::arrays::LENGTHS;
 use super::chunk_grid::RANK;
 use super::chunks::{read_samples, some_sweeps};
 use super::guarded::guarded;
-use super::hdf5_values::matlab_class;
+use super::hdf5_values::{self, matlab_class};
 use super::mismatch::{Mismatch, type_name};
 use super::narrow::HELD;
 use crate::twin::TwinVersion;
-use crate::{DataError, Dataset, LabelSet, Samples, SweepRecord, SweepShape};
+use crate::{
+    Condition, ConditionValues, DataError, Dataset, LabelSet, Quantity, Samples, SweepRecord,
+    SweepShape,
+};
 use hdf5_reader::error::Error;
 use hdf5_reader::{Datatype, Hdf5File, OpenOptions};
 use std::path::Path;
@@ -106,10 +110,42 @@ pub(super) fn read_file(file: &Hdf5File, path: &Path) -> Result<Dataset, DataErr
     let dataset = Dataset::at_rate(name, rate, sweep_shape, labels, records, values)
         .and_then(|dataset| dataset.with_known_lengths(lengths))
         .map_err(|error| super::in_file(path, error))?;
-    Ok(match twin_version(file) {
+    let dataset = match twin_version(file) {
         Some(version) => dataset.into_twin(version),
         None => dataset,
-    })
+    };
+    let conditions = conditions(file, path, [materials, sweeps])?;
+    dataset
+        .with_conditions(&conditions)
+        .map_err(|error| super::in_file(path, error))
+}
+
+/// Returns the conditions of the file.
+fn conditions(
+    file: &Hdf5File,
+    path: &Path,
+    shape: [usize; 2],
+) -> Result<Vec<ConditionValues>, DataError> {
+    let mut found = Vec::new();
+    for quantity in Quantity::ALL {
+        let Some(dataset) = optional(file, path, &[quantity.name()])? else {
+            continue;
+        };
+        let array = hdf5_values::read(file, &dataset).ok();
+        let numbers = array.filter(|array| array.shape == shape);
+        let numbers = numbers.and_then(|array| array.floats());
+        let is_finite = |value: &f64| (*value as f32).is_finite();
+        if let Some(numbers) = numbers.filter(|all| all.iter().all(is_finite)) {
+            found.push(ConditionValues {
+                condition: Condition {
+                    quantity,
+                    unit: hdf5_values::unit(&dataset),
+                },
+                values: numbers.into_iter().map(|value| value as f32).collect(),
+            });
+        }
+    }
+    Ok(found)
 }
 
 /// Returns the extents of the data set `samples`.

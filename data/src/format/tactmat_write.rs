@@ -2,7 +2,7 @@
 
 use super::arrays::LENGTHS;
 use super::tactmat;
-use crate::{DataError, Dataset, Samples, write_whole};
+use crate::{ConditionValues, DataError, Dataset, Samples, write_whole};
 use hdf5_writer::{
     AttributeBuilder, DatasetBuilder, FILTER_DEFLATE, FILTER_SHUFFLE, FilterDescription,
     Hdf5Builder, Hdf5WritePlan, WriteOptions,
@@ -35,6 +35,9 @@ pub fn write(path: &Path, dataset: &Dataset) -> Result<(), DataError> {
 }
 
 fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan> {
+    let conditions = dataset.condition_values();
+    let dataset = dataset.without_conditions();
+    let dataset = dataset.as_ref();
     let shape = dataset.shape();
     let labels = dataset.labels();
     let sweeps = order.len() / labels.len();
@@ -82,6 +85,15 @@ fn plan(dataset: &Dataset, order: &[usize]) -> hdf5_writer::Result<Hdf5WritePlan
             &extents[..2],
             &blocks,
         )?);
+    }
+    for ConditionValues { condition, values } in conditions {
+        let values: Vec<f32> = order.iter().map(|&index| values[index]).collect();
+        let name = condition.quantity.name();
+        let mut set = DatasetBuilder::typed_data(name, &extents[..2], &values)?;
+        if let Some(unit) = &condition.unit {
+            set = set.attribute(AttributeBuilder::fixed_string("unit", unit));
+        }
+        file = file.dataset(set);
     }
     if dataset.has_test_flag() {
         let flags: Vec<u8> = records().filter_map(|r| r.test).map(u8::from).collect();

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test may panic; the lint spares only functions marked `#[test]`
 
+mod conditions;
 mod foreign;
 mod hostile;
 mod layouts;

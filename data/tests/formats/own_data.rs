@@ -249,7 +249,7 @@ fn arrays_that_are_ignored_are_named_and_those_that_sound_like_blocks_with_advic
         ("X", numpy("(12, 60, 16)", &expected_samples())),
         ("y", numpy("(12,)", &labels)),
         ("session", numpy("(12,)", &labels)),
-        ("speed", numpy("(12,)", &labels)),
+        ("room", numpy("(12,)", &labels)),
     ];
     for (name, array) in arrays {
         zip.start_file(format!("{name}.npy"), SimpleFileOptions::default())
@@ -261,7 +261,7 @@ fn arrays_that_are_ignored_are_named_and_those_that_sound_like_blocks_with_advic
         not_read(&path),
         [
             "arrays that are ignored: `session`; block numbers are read from an array `blocks`",
-            "arrays that are ignored: `speed`"
+            "arrays that are ignored: `room`"
         ]
     );
     assert!(not_read(&fixture("read/x_y_names.npz")).is_empty());

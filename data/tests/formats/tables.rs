@@ -240,9 +240,9 @@ fn columns_that_are_no_taxels_are_none() {
     // `to_csv(index=False)` of an array.
     fill(&numbers.join(","), &|_, _| String::new());
     assert_line(&format::read(&folder).unwrap());
-    // A force and a row number are reported as not read.
+    // A changing force and a row number are reported as not read.
     fill(&format!("row,force{}", columns(',')), &|sweep, step| {
-        format!("{},{sweep},", 60 * sweep + step)
+        format!("{},{step},", 60 * sweep + step)
     });
     let dataset = format::read(&folder).unwrap();
     assert_line(&dataset);

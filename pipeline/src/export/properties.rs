@@ -51,6 +51,18 @@ pub(super) fn properties(
             .into(),
         ),
     ]);
+    if !config.conditions.is_empty() {
+        let names = config.conditions.columns().iter();
+        let names: Vec<String> = names.map(|of| of.condition.to_string()).collect();
+        // They are the last columns; an unknown one has its mean.
+        properties.extend([
+            (
+                "conditions".to_owned(),
+                serde_json::json!(names).to_string(),
+            ),
+            ("condition_means".into(), means(config)),
+        ]);
+    }
     if let Some(calibration) = calibration {
         let score = serde_json::json!(calibration.score);
         properties.extend([
@@ -78,4 +90,11 @@ pub(super) fn properties(
     }
     properties.extend(about.clone());
     properties
+}
+
+/// Returns the means of the conditions of the training sweeps, as JSON.
+fn means(config: &ClassifierConfig) -> String {
+    let conditions = config.conditions.columns().iter();
+    let means: Vec<f32> = conditions.map(|of| of.mean).collect();
+    serde_json::json!(means).to_string()
 }

@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::error::InvalidSetting;
 use crate::{DeadTaxels, Disturbance, Normalizer};
 
+/// Share of the training sweeps of an epoch whose condition is unknown, so that a network predicts without it, too.
+const UNKNOWN_CONDITIONS: f64 = 0.2;
 /// Distance of a dropped taxel's reading from the taxel's mean, at most, in spreads.
 const STUCK_WITHIN: f32 = 3.0;
 
@@ -50,9 +52,14 @@ fn is_zero(size: &f64) -> bool {
 }
 
 impl Augmentation {
-    /// Returns true if sweeps stay unchanged.
+    /// Returns true if the taxels stay unchanged.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
+    }
+
+    /// Returns true if sweeps change from epoch to epoch: by these changes, or since conditions are unknown in some epochs.
+    pub(crate) fn changes(&self, normalizer: &Normalizer) -> bool {
+        !self.is_none() || normalizer.conditions() > 0
     }
 
     /// Validates the ranges.
@@ -87,8 +94,27 @@ impl Augmentation {
         Ok(())
     }
 
-    /// Changes one sweep in place: `[steps][taxels]`, in digits.
+    /// Changes one sweep in place: `[steps][taxels]`, in digits. Of conditions behind the taxels, each becomes unknown, that is
+    /// the mean of the training sweeps, in a fifth of the sweeps, independently of the others; the rest keep their value.
     pub fn apply(&self, sweep: &mut [f32], normalizer: &Normalizer, rng: &mut impl Rng) {
+        let (taxels, skin) = (
+            normalizer.taxels(),
+            normalizer.taxels() - normalizer.conditions(),
+        );
+        let mut conditions = sweep[skin..taxels].to_vec();
+        for (value, mean) in conditions.iter_mut().zip(&normalizer.offset()[skin..]) {
+            if rng.random_bool(UNKNOWN_CONDITIONS) {
+                *value = *mean;
+            }
+        }
+        self.apply_to_taxels(sweep, normalizer, rng);
+        for frame in sweep.chunks_exact_mut(taxels) {
+            frame[skin..].copy_from_slice(&conditions);
+        }
+    }
+
+    /// Changes all columns of one sweep in place.
+    fn apply_to_taxels(&self, sweep: &mut [f32], normalizer: &Normalizer, rng: &mut impl Rng) {
         let taxels = normalizer.taxels();
         if self.stretch > 0.0 {
             let speed = log_normal(self.stretch, rng);

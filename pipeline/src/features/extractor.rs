@@ -139,7 +139,11 @@ impl Extractor {
         })
     }
 
-    fn unfitted(
+    /// Returns an extractor of features that need no fit.
+    ///
+    /// # Errors
+    /// Sweeps that are too short for the feature set.
+    pub fn unfitted(
         set: FeatureSet,
         levels: MeanRemoval,
         shape: SweepShape,

@@ -36,6 +36,14 @@ impl MeanRemoval {
     /// # Panics
     /// If the values are not complete sweeps of `shape`.
     pub fn apply(self, sweeps: &mut [f32], shape: SweepShape) {
+        self.apply_to_taxels(sweeps, shape, 0);
+    }
+
+    /// Removes the means of complete sweeps in place, except those of the last `conditions` columns.
+    ///
+    /// # Panics
+    /// As [`MeanRemoval::apply`].
+    pub(crate) fn apply_to_taxels(self, sweeps: &mut [f32], shape: SweepShape, conditions: usize) {
         assert_eq!(sweeps.len() % shape.values(), 0, "whole sweeps of {shape}");
         if self == Self::None {
             return;
@@ -52,6 +60,7 @@ impl MeanRemoval {
             means
                 .iter_mut()
                 .for_each(|mean| *mean /= shape.steps as f64);
+            means[taxels - conditions..].fill(0.0);
             for frame in sweep.chunks_exact_mut(taxels) {
                 for (value, mean) in frame.iter_mut().zip(&means) {
                     *value = (f64::from(*value) - mean) as f32;

@@ -27,20 +27,53 @@ pub struct Normalizer {
     gain: Vec<f32>,
     #[serde(default, skip_serializing_if = "MeanRemoval::is_none")]
     levels: MeanRemoval,
+    /// Number of conditions behind the taxels; see [`Dataset::conditions`](tactnet_data::Dataset::conditions).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    conditions: usize,
+}
+
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 impl Normalizer {
     /// Fits `scaling` to the training sweeps. A constant taxel has a gain of one.
+    ///
+    /// Conditions have mean 0 and the mean spread of a scaled taxel; a constant condition is zero whatever its value.
     pub fn fit(scaling: Scaling, levels: MeanRemoval, train: &TrainSplit<'_>) -> Self {
         let taxels = train.shape().taxels();
-        match scaling {
-            Scaling::Digits => Self {
+        let conditions = train.dataset().conditions().len();
+        if scaling == Scaling::Digits && conditions == 0 {
+            return Self {
                 offset: vec![0.0; taxels],
                 gain: vec![1.0; taxels],
                 levels,
-            },
-            Scaling::PerTaxel => per_taxel(train, levels),
+                conditions,
+            };
         }
+        let (mut scales, deviations) = per_taxel(train, levels);
+        let skin = taxels - conditions;
+        let spread = match scaling {
+            Scaling::PerTaxel => 1.0,
+            Scaling::Digits => {
+                scales.offset[..skin].fill(0.0);
+                scales.gain[..skin].fill(1.0);
+                deviations[..skin].iter().sum::<f64>() / skin.max(1) as f64
+            }
+        };
+        for (column, deviation) in deviations.iter().enumerate().skip(skin) {
+            let rounding = f64::from(f32::EPSILON * scales.offset[column].abs());
+            scales.gain[column] = match *deviation > rounding {
+                true => (spread / deviation) as f32,
+                false => 0.0,
+            };
+        }
+        scales
+    }
+
+    /// Returns the number of conditions behind the taxels.
+    pub(crate) fn conditions(&self) -> usize {
+        self.conditions
     }
 
     /// Returns the normaliser of sweeps like `sweeps`: means and standard deviations change as far as they differ from those of the training
@@ -67,6 +100,7 @@ impl Normalizer {
                 .map(|of| of.variance.powf(-0.5) as f32)
                 .collect(),
             levels: self.levels,
+            conditions: self.conditions,
         };
         (adapted, Some(shift))
     }
@@ -78,10 +112,14 @@ impl Normalizer {
 
     /// Returns mean and variance of every taxel over the steps of a sweep, in digits.
     fn moments_of(&self, sweeps: &SweepView<'_>, position: usize) -> Vec<Moment> {
-        let (shape, taxels) = (sweeps.shape(), self.taxels());
-        let mut sweep = vec![0.0; shape.values()];
-        sweeps.copy_batch(&[position], &mut sweep);
-        self.levels.apply(&mut sweep, shape);
+        let (steps, taxels) = (sweeps.steps(position), self.taxels());
+        let shape = SweepShape {
+            steps,
+            ..sweeps.shape()
+        };
+        let mut sweep = sweeps.sweep(position);
+        self.levels
+            .apply_to_taxels(&mut sweep, shape, self.conditions);
         let of_taxel = |taxel: usize| {
             let values = || sweep[taxel..].iter().step_by(taxels).map(|v| f64::from(*v));
             let mean = values().sum::<f64>() / shape.steps as f64;
@@ -114,6 +152,7 @@ impl Normalizer {
             offset,
             gain,
             levels: MeanRemoval::None,
+            conditions: 0,
         }
     }
 
@@ -139,7 +178,7 @@ impl Normalizer {
     /// If the values are not complete sweeps of `shape`, or `shape` has another number of taxels.
     pub fn apply(&self, values: &mut [f32], shape: SweepShape) {
         assert_eq!(shape.taxels(), self.taxels(), "taxels of a frame");
-        self.levels.apply(values, shape);
+        self.levels.apply_to_taxels(values, shape, self.conditions);
         for frame in values.chunks_exact_mut(self.taxels()) {
             self.scale(frame);
         }
@@ -168,8 +207,8 @@ impl Normalizer {
     }
 }
 
-/// Fits offsets and gains in two passes in `f64`, means before squared deviations, so that large offsets do not cost precision.
-fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> Normalizer {
+/// Returns offsets and gains, and the standard deviation of each taxel, from two passes in `f64`, means before squared deviations, so that large offsets do not cost precision.
+fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> (Normalizer, Vec<f64>) {
     let taxels = train.shape().taxels();
     let frames = train.lengths().sum::<usize>() as f64;
     let mean = means(train, levels);
@@ -179,22 +218,18 @@ fn per_taxel(train: &SweepView<'_>, levels: MeanRemoval) -> Normalizer {
             *sum += (f64::from(*v) - m).powi(2);
         }
     });
-    let gain = variance
-        .iter()
-        .map(|sum| (sum / frames).sqrt())
-        .map(|deviation| {
-            if deviation > 0.0 {
-                (1.0 / deviation) as f32
-            } else {
-                1.0
-            }
-        })
-        .collect();
-    Normalizer {
+    let deviations: Vec<f64> = variance.iter().map(|sum| (sum / frames).sqrt()).collect();
+    let gain = |deviation: &f64| match *deviation > 0.0 {
+        true => (1.0 / deviation) as f32,
+        false => 1.0,
+    };
+    let scales = Normalizer {
         offset: mean.iter().map(|m| *m as f32).collect(),
-        gain,
+        gain: deviations.iter().map(gain).collect(),
         levels,
-    }
+        conditions: train.dataset().conditions().len(),
+    };
+    (scales, deviations)
 }
 
 /// Maximum number of frames behind a median.
@@ -237,7 +272,8 @@ fn for_each_frame(view: &SweepView<'_>, levels: MeanRemoval, mut visit: impl FnM
     for position in 0..view.len() {
         let mut sweep = view.sweep(position);
         let steps = view.steps(position);
-        levels.apply(&mut sweep, SweepShape { steps, ..shape });
+        let shape = SweepShape { steps, ..shape };
+        levels.apply_to_taxels(&mut sweep, shape, view.dataset().conditions().len());
         sweep.chunks_exact(shape.taxels()).for_each(&mut visit);
     }
 }

@@ -7,7 +7,7 @@
 //!
 //! The comparison needs neither labels nor a network. A sweep is described by level, spread and rate of change of every
 //! taxel and by a coarse spectrum; its distance is that to the nearest material's mean, whitened with the covariance within
-//! materials. Distances of training sweeps that were held out say how large a distance may be, so that the p-values of
+//! materials. Conditions such as the speed are left out. Distances of training sweeps that were held out say how large a distance may be, so that the p-values of
 //! further sweeps of the same kind are uniform (conformal: Vovk et al., 2005).
 
 mod constant_taxels;
@@ -72,13 +72,15 @@ impl Likeness {
         if labels.len() < MIN_SWEEPS.max(2 * materials) {
             return Ok(None);
         }
-        let shape = train.shape();
-        let descriptor = Descriptor::new(shape, Descriptor::floor_of(train));
+        let dataset = train.dataset().without_conditions();
+        let skin = train.of_same_sweeps(&dataset);
+        let shape = skin.shape();
+        let descriptor = Descriptor::new(shape, Descriptor::floor_of(&skin));
         let known = Known {
-            descriptions: descriptor.of_view(train),
+            descriptions: descriptor.of_view(&skin),
             labels,
-            blocks: blocks_of(train),
-            constant: constant_taxels(train),
+            blocks: blocks_of(&skin),
+            constant: constant_taxels(&skin),
         };
         let weights = known.to_weights(descriptor.floor(), seed)?;
         Self::from_weights(weights, shape)
@@ -93,7 +95,7 @@ impl Likeness {
 
     /// Restores a description from the tensors of [`Likeness::weights`].
     ///
-    /// - `shape`: shape of the training sweeps
+    /// - `shape`: shape of the training sweeps, without conditions
     ///
     /// # Errors
     /// A sentence about the first invalid tensor.
@@ -172,7 +174,8 @@ impl Likeness {
     /// # Panics
     /// If the sweeps have another number of taxels than the training sweeps, or there are none.
     pub fn assess(&self, view: &SweepView<'_>, seed: Seed) -> LikenessReport {
-        LikenessReport::of(self, view, seed)
+        let dataset = view.dataset().without_conditions();
+        LikenessReport::of(self, &view.of_same_sweeps(&dataset), seed)
     }
 
     /// Returns the description with another material, of whose sweeps those that are held out in turn are compared with the
@@ -187,6 +190,8 @@ impl Likeness {
             Some(tensor) => tensor.values.clone(),
             None => Vec::new(),
         };
+        let dataset = sweeps.dataset().without_conditions();
+        let sweeps = &sweeps.of_same_sweeps(&dataset);
         let new = self.descriptor.of_view(sweeps);
         let known = Features::new(new.width(), values("descriptions"));
         let mut labels = values("labels");

@@ -81,7 +81,7 @@ pub(crate) fn fill_batch(
         });
 }
 
-/// Augments the training sweep at a position, differently in every epoch.
+/// Augments the training sweep at a position, and makes some conditions unknown, differently in every epoch.
 pub(crate) fn augment(
     augmentation: Augmentation,
     normalizer: &Normalizer,
@@ -90,7 +90,7 @@ pub(crate) fn augment(
     position: usize,
     sweep: &mut [f32],
 ) {
-    if !augmentation.is_none() {
+    if augmentation.changes(normalizer) {
         let mut rng = seed.rng(("augmentation", epoch, position));
         augmentation.apply(sweep, normalizer, &mut rng);
     }

@@ -115,7 +115,7 @@ impl Classifier {
         }
     }
 
-    /// Predicts every sweep of `view`. Materials are matched by name, so their order is irrelevant and the classifier may know more.
+    /// Predicts every sweep of `view`; conditions that the data lacks are unknown, see [`ClassifierConfig::with_own_conditions`]. Materials are matched by name, so their order is irrelevant and the classifier may know more.
     ///
     /// The `mc_samples` Monte Carlo masks are drawn once from the classifier's seed. Mask `m` is the same draw of the weights for every sweep,
     /// so a sweep's score does not depend on its neighbours.
@@ -127,6 +127,8 @@ impl Classifier {
         view: &SweepView<'_>,
         method: PredictionMethod,
     ) -> Result<Predictions, PipelineError> {
+        let dataset = self.config.with_own_conditions(view.dataset())?;
+        let view = &view.of_same_sweeps(&dataset);
         let own_labels = self.own_labels(view)?;
         let sweeps = self
             .log_probabilities(view, method)?
@@ -155,6 +157,8 @@ impl Classifier {
         view: &SweepView<'_>,
         method: PredictionMethod,
     ) -> Result<Vec<Vec<f64>>, PipelineError> {
+        let dataset = self.config.with_own_conditions(view.dataset())?;
+        let view = &view.of_same_sweeps(&dataset);
         self.config.check_view(view)?;
         let longest = self.config.longest_trained();
         if view.lengths().all(|steps| steps <= longest) {
@@ -206,6 +210,8 @@ impl Classifier {
     /// # Errors
     /// Sweeps of another shape or rate; a model that is not a network.
     pub fn embed(&self, view: &SweepView<'_>) -> Result<Embedding, PipelineError> {
+        let dataset = self.config.with_own_conditions(view.dataset())?;
+        let view = &view.of_same_sweeps(&dataset);
         self.config.check_view(view)?;
         let (scorer, longest) = (self.scorer()?, self.config.longest_trained());
         if view.lengths().all(|steps| steps <= longest) {

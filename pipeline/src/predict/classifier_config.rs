@@ -8,7 +8,7 @@ use tactnet_models::{Architecture, InputShape, NetworkConfig, Trunk, default_win
 
 use crate::{
     BaselineRecipe, MemberConfig, NetworkRecipe, Normalizer, PipelineError, PipelineRemedy,
-    Prediction,
+    Prediction, TrainedConditions,
 };
 
 /// Configuration of a classifier: with the fitted weights, it rebuilds the classifier.
@@ -19,7 +19,7 @@ pub struct ClassifierConfig {
     pub model: ModelConfig,
     /// Materials in label order.
     pub labels: LabelSet,
-    /// Shape of every sweep of the data set, or of the longest if their lengths differ.
+    /// Shape of every sweep of the data set including conditions, or of the longest if their lengths differ.
     pub shape: SweepShape,
     /// Lengths of the training sweeps; absent if all sweeps of the data set have one length.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -32,6 +32,9 @@ pub struct ClassifierConfig {
     /// Range of the values of the training sweeps; absent in runs of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<ValueRange>,
+    /// Conditions of the training sweeps, which are the last columns of every sweep.
+    #[serde(default, skip_serializing_if = "TrainedConditions::is_empty")]
+    pub conditions: TrainedConditions,
     /// Seed of the Monte Carlo masks.
     pub seed: Seed,
 }
@@ -114,6 +117,7 @@ impl ClassifierConfig {
             sample_rate_hz: dataset.sample_rate_hz(),
             sample_rate_assumed: dataset.is_rate_assumed(),
             values: ValueRange::of(train),
+            conditions: TrainedConditions::of(train),
             seed,
         }
     }

@@ -6,6 +6,9 @@ pub(crate) mod calibration;
 pub(crate) mod classifier;
 pub(crate) mod classifier_config;
 pub(crate) mod classify;
+pub(crate) mod conditions;
+#[cfg(test)]
+mod conditions_tests;
 pub(crate) mod confounded_accuracy;
 pub(crate) mod confusion;
 pub(crate) mod confusion_picture;

@@ -141,13 +141,21 @@ impl OnlineClassifier {
 
     /// Adds the next frame of the window.
     ///
-    /// - `digits`: one value per taxel, as recorded
+    /// - `digits`: one value per taxel, as recorded; a value for each condition of the training sweeps may follow, otherwise they are
+    ///   unknown
     ///
     /// # Panics
     /// If the number of taxels differs, or after the last frame.
     pub fn push(&mut self, digits: &[f32]) {
-        self.frame.copy_from_slice(digits);
-        self.dead.apply(&mut self.frame, digits.len());
+        let given = digits.len();
+        let skin = self.frame.len() - self.normalizer.conditions();
+        assert!(
+            given == skin || given == self.frame.len(),
+            "taxels of a frame"
+        );
+        self.frame[..given].copy_from_slice(digits);
+        self.frame[given..].copy_from_slice(&self.normalizer.offset()[given..]);
+        self.dead.apply(&mut self.frame, self.normalizer.taxels());
         self.normalizer.apply_to_frame(&mut self.frame);
         self.net.push(&self.frame);
     }

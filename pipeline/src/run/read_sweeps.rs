@@ -5,7 +5,7 @@ use std::path::Path;
 use tactnet_data::format::{self, ReadOptions, SweepsToClassify};
 use tactnet_data::{DataError, DataSource, Dataset, SweepShape};
 
-use crate::{LabelOrder, PipelineError, PipelineRemedy, TrainSpec};
+use crate::{ClassifierConfig, LabelOrder, PipelineError, PipelineRemedy, TrainSpec};
 
 impl TrainSpec {
     /// Reads the sweeps for training and test.
@@ -64,21 +64,21 @@ impl TrainSpec {
 
     /// Reads sweeps of any material for a classifier trained with these settings.
     ///
-    /// Taxels of a file without rows and columns (tables, two-dimensional arrays) are arranged as in `shape`. An array with exactly the frames,
-    /// rows and columns of `shape` counts as one sweep. A file without a rate gets `sample_rate_hz`, unless these settings name a rate. A file
-    /// that names either keeps it, even if it does not match the classifier.
+    /// Taxels of a file without rows and columns (tables, two-dimensional arrays) are arranged as those of the classifier. An array with exactly
+    /// its frames, rows and columns counts as one sweep. A file without a rate gets the classifier's, unless these settings name a rate. A file
+    /// that names either keeps it, even if it does not match the classifier. The sweeps have the classifier's conditions, see
+    /// [`ClassifierConfig::with_own_conditions`], with a finding on those that differ.
     ///
     /// - `data`: path of the data set, or `twin`
-    /// - `shape`, `sample_rate_hz`: those of the training sweeps
     ///
     /// # Errors
-    /// As [`TrainSpec::read_sweeps`], except that materials need not be named.
+    /// As [`TrainSpec::read_sweeps`], except that materials need not be named; a condition in another unit.
     pub fn read_to_classify(
         &self,
         data: &str,
-        shape: SweepShape,
-        sample_rate_hz: f64,
-    ) -> Result<SweepsToClassify, DataError> {
+        classifier: &ClassifierConfig,
+    ) -> Result<SweepsToClassify, PipelineError> {
+        let (shape, sample_rate_hz) = (classifier.taxel_shape(), classifier.sample_rate_hz);
         let mut sweeps = match DataSource::named(data) {
             DataSource::File(path) if path.exists() => {
                 let options = ReadOptions {
@@ -97,7 +97,7 @@ impl TrainSpec {
                 SweepsToClassify::of(dataset)
             }
         };
-        let own = sweeps.dataset.shape();
+        let own = sweeps.dataset.taxel_shape();
         let one = (shape.steps, shape.rows, shape.cols);
         if !sweeps.labelled
             && sweeps.dataset.is_patch_assumed()
@@ -115,7 +115,7 @@ impl TrainSpec {
         } else {
             Some(sample_rate_hz)
         };
-        sweeps.dataset = sweeps.dataset.with_named_rate(rate_hz)?;
+        sweeps.dataset = classifier.conformed(sweeps.dataset.with_named_rate(rate_hz)?)?;
         Ok(sweeps)
     }
 
@@ -129,16 +129,19 @@ impl TrainSpec {
     }
 
     /// Reads the sweeps on which a classifier with these settings is evaluated: those of `other`, or its training data. Also returns true if the
-    /// taxels of a file without rows and columns were arranged as in `shape`, the classifier's shape.
+    /// taxels of a file without rows and columns were arranged as those of the classifier. The sweeps have its conditions, see
+    /// [`ClassifierConfig::with_own_conditions`], with a finding on those that differ.
     ///
     /// # Errors
-    /// As [`TrainSpec::read_sweeps_of_run`].
+    /// As [`TrainSpec::read_sweeps_of_run`]; a condition in another unit.
     pub fn read_sweeps_to_judge(
         &self,
         other: Option<&str>,
-        shape: SweepShape,
+        classifier: &ClassifierConfig,
     ) -> Result<(Dataset, bool), PipelineError> {
-        Ok(arranged(self.read_sweeps_of_run(other)?, shape)?)
+        let dataset = self.read_sweeps_of_run(other)?;
+        let (dataset, is_changed) = arranged(dataset, classifier.taxel_shape())?;
+        Ok((classifier.conformed(dataset)?, is_changed))
     }
 
     /// Returns `moved_to`, or the original path of a run's training data, or `twin`.
@@ -163,7 +166,7 @@ impl TrainSpec {
 
 /// Arranges the taxels of a file without rows and columns as in `shape`; returns true if that changed the rows.
 fn arranged(dataset: Dataset, shape: SweepShape) -> Result<(Dataset, bool), DataError> {
-    let own = dataset.shape();
+    let own = dataset.taxel_shape();
     if !dataset.is_patch_assumed() || own.taxels() != shape.taxels() {
         return Ok((dataset, false));
     }

@@ -25,6 +25,7 @@ impl fmt::Display for InfoTable {
             )?,
         }
         write_values(f, info)?;
+        write_conditions(f, info)?;
         match (info.block_numbers, info.blocks) {
             (Some(numbers), Some(blocks)) if numbers != blocks => writeln!(
                 f,
@@ -82,6 +83,31 @@ fn write_values(f: &mut Formatter<'_>, info: &Info) -> fmt::Result {
         0 => Ok(()),
         count => writeln!(f, "  not finite   {count}"),
     }
+}
+
+/// Writes the range of each condition, and the material with the smallest and with the largest mean.
+fn write_conditions(f: &mut Formatter<'_>, info: &Info) -> fmt::Result {
+    for of in &info.conditions {
+        let name = of.condition.quantity.name();
+        let unit = of.condition.unit.as_deref();
+        let unit = unit.map_or(String::new(), |unit| format!(" {unit}"));
+        write!(
+            f,
+            "  {name:12} {:.4} to {:.4}{unit}, known for every sweep",
+            of.min, of.max
+        )?;
+        let mut means: Vec<_> = of.means.iter().zip(&info.materials).collect();
+        means.sort_by(|a, b| a.0.total_cmp(b.0));
+        if let [(low, least), .., (high, most)] = means[..] {
+            write!(
+                f,
+                "; mean {low:.4} (`{}`) to {high:.4} (`{}`)",
+                least.name, most.name
+            )?;
+        }
+        writeln!(f)?;
+    }
+    Ok(())
 }
 
 /// Writes the materials and their numbers of sweeps.

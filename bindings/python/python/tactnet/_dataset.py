@@ -185,6 +185,15 @@ class Dataset:
         found = json.loads(self._native.check_json())["findings"]
         return [Finding(entry["severity"], entry["kind"], entry["message"]) for entry in found]
 
+    def regress(self, target: str | None = None, seed: int = 1) -> list[dict]:
+        """Predicts speed and force of held-out sweeps from the sweeps alone; one dictionary for each condition of the file.
+
+        target: ``speed`` or ``force``; None: both, where the file has them.
+
+        ``r2``, ``rmse`` and ``mean_absolute_error`` are dictionaries of ``value``, ``ci95_low`` and ``ci95_high``.
+        """
+        return json.loads(self._native.regress_json(target, seed))["conditions"]
+
     def folds(
         self, scheme: str = "default", folds: int | None = None, seed: int = 1, repeat: int = 0
     ) -> list[tuple[np.ndarray, np.ndarray]]:

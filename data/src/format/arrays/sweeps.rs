@@ -39,6 +39,7 @@ impl Arrays<'_> {
             Some(_) => &samples.shape[..2],
             None => &samples.shape[..1],
         };
+        let conditions = self.take_conditions(leading);
         let blocks = self.blocks(leading)?;
         let flags = self.test_flags(leading)?;
         let lengths = self.lengths(leading)?;
@@ -67,7 +68,11 @@ impl Arrays<'_> {
         if is_row {
             dataset = dataset.with_assumed_patch();
         }
-        Ok((dataset, labelled))
+        let dataset = dataset.with_conditions(&conditions);
+        Ok((
+            dataset.map_err(|error| crate::format::in_file(self.path, error))?,
+            labelled,
+        ))
     }
 
     /// Returns the block number of each sweep: whole numbers as they are, words by their order.

@@ -22,7 +22,11 @@ impl PackedDigits {
         let mut known: Vec<(&str, usize, u32)> = Vec::new();
         for member in members {
             let dataset = member.train.dataset();
-            let changes = !member.recipe.training.augmentation.is_none();
+            let changes = member
+                .recipe
+                .training
+                .augmentation
+                .changes(member.normalizer);
             if changes || member.normalizer.needs_whole_sweep() {
                 return None;
             }

@@ -54,7 +54,7 @@ impl RunDir {
         let damaged = |reason: String| PipelineError::run(path.clone(), reason);
         let weights = Weights::from_safetensors(&self.read(LIKENESS)?)
             .map_err(|error| damaged(error.to_string()))?;
-        let shape = self.config()?.classifier.shape;
+        let shape = self.config()?.classifier.taxel_shape();
         Likeness::from_weights(weights, shape)
             .map(Some)
             .map_err(damaged)
