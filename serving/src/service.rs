@@ -457,10 +457,13 @@ fn open_fingers(served: &mut ServedModel, config: &ServeConfig) -> Result<Vec<Fi
     let fingers = config.fingers.iter().map(|_| {
         let mut segmenter = SweepSegmenter::new(
             segmenter,
-            model.shape.steps,
+            model.longest_trained(),
             model.taxel_shape().taxels(),
             model.sample_rate_hz,
         );
+        if let Some(trained) = model.trained_steps {
+            segmenter.accept_from(trained.shortest);
+        }
         let classifier = served.online(config.mc_samples, &config.dead)?;
         segmenter.set_dead(classifier.dead().0.keys().copied());
         Ok(Finger {

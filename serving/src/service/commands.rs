@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use tactnet_channel::now_ns;
 use tactnet_skin::packets::{Command, Event, SweepCommand};
 use tactnet_skin::{Segmentation, SweepChange};
 
@@ -109,7 +110,9 @@ impl Service {
             }
             Some(Command::Stop) => {
                 let change = finger.segmenter.stop();
-                self.apply_change(number as usize, change, 0, 0)
+                // A sweep that ends early is classified now.
+                let last = finger.sequences.map_or(0, |(_, last)| last);
+                self.apply_change(number as usize, change, last, now_ns())
             }
             Some(Command::Reset) => {
                 finger.classifier.reset();
