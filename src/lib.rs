@@ -35,6 +35,6 @@ pub use tactnet_data::{
 pub use tactnet_models::{Belief, Compute};
 pub use tactnet_pipeline::{
     AdaptRisk, Adaptation, BatchReport, LikenessReport, LikenessVerdict, MeanRemoval, NewSweeps,
-    OnlineClassifier, PipelineError as Error, PredictionMethod, Predictions, Recovery, RegressionReport, RiskPolicy,
-    SweepBelief,
+    OnlineClassifier, PipelineError as Error, PredictionMethod, Predictions, Recovery,
+    RegressionReport, RiskPolicy, SweepBelief,
 };

@@ -17,8 +17,8 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{
     adapt, bench, catch, channel, completions, dashboard, data, demo, doctor, enroll, eval,
-    experiment, export, man, predict, record, regress, replay, same, serve, simulate, task, train, version,
-    view,
+    experiment, export, man, predict, record, regress, replay, same, serve, simulate, task, train,
+    version, view,
 };
 
 #[global_allocator]

@@ -227,8 +227,8 @@ fn read_to_classify(
     }
     let known = &config.classifier;
     let read = spec
-        .read_to_classify(data, known.shape, known.sample_rate_hz)
-        .map_err(|error| source::in_file(data, arguments.rate, error.into()))?;
+        .read_to_classify(data, known)
+        .map_err(|error| source::in_file(data, arguments.rate, error))?;
     source::warn_of_findings(read.dataset.reading_findings());
     if read.labelled {
         refuse_errors(&read.dataset, data)?;

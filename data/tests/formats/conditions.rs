@@ -88,7 +88,7 @@ fn derived_data_sets_keep_the_conditions_of_their_sweeps() {
         [of("speed", &[20.0, 21.0, 22.0])]
     );
     let short = known.clone().first_steps(2).unwrap();
-    assert_eq!(short.condition_values(), [speed.clone()]);
+    assert_eq!(short.condition_values(), std::slice::from_ref(&speed));
     let wide = known.clone().with_patch(1, 4).unwrap();
     assert_eq!((wide.taxel_shape().rows, wide.shape().cols), (1, 5));
     assert_eq!(
@@ -96,7 +96,7 @@ fn derived_data_sets_keep_the_conditions_of_their_sweeps() {
         known.sha256()
     );
     let timed = known.clone().with_sample_rate(20.0).unwrap();
-    assert_eq!(timed.condition_values(), [speed.clone()]);
+    assert_eq!(timed.condition_values(), std::slice::from_ref(&speed));
     assert!(known.with_conditions(&[speed]).is_err());
     assert!(bare().with_conditions(&[of("force", &[1.0; 5])]).is_err());
     assert!(

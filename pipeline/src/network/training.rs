@@ -135,7 +135,8 @@ impl<'a> Training<'a> {
         let device = device.clone().autodiff();
         let net = Network::init(config, &device, &mut seed.rng("initial weights"));
         // Augmented sweeps differ in every epoch; sweeps of unequal length are cut differently.
-        let differs = recipe.training.augmentation.changes(normalizer) || train.dataset().lengths().is_some();
+        let differs =
+            recipe.training.augmentation.changes(normalizer) || train.dataset().lengths().is_some();
         let resident = if is_cpu(&device) || differs {
             None
         } else {
