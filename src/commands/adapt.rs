@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use clap::Args;
 use serde::Serialize;
-use tactnet_data::{Dataset, SweepView, refuse_errors};
+use tactnet_data::{Dataset, SweepView};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
     AdaptRisk, Adaptation, Adapted, Classifier, ModelConfig, NewSweeps, RiskPolicy, RunConfig,
@@ -230,8 +230,5 @@ fn read_to_classify(
         .read_to_classify(data, known)
         .map_err(|error| source::in_file(data, arguments.rate, error))?;
     source::warn_of_findings(read.dataset.reading_findings());
-    if read.labelled {
-        refuse_errors(&read.dataset, data)?;
-    }
     Ok((read.dataset, read.labelled))
 }

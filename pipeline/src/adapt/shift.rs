@@ -55,8 +55,8 @@ pub(crate) fn believed(known: &[Moment], sweeps: &[Vec<Moment>]) -> (Vec<Moment>
         values.for_each(|value| (sum, count) = (sum + value, count + 1.0));
         sum / count.max(1.0)
     };
-    let beyond = |of: &Measured| of.level * of.level - of.level_noise;
-    let levels = mean(&mut found.iter().map(beyond)).max(0.0);
+    let beyond = |(level, noise): (f64, f64)| level * level - noise;
+    let levels = mean(&mut found.iter().filter_map(|of| of.level).map(beyond)).max(0.0);
     let spreads = || found.iter().filter_map(|of| of.spread);
     // The noise of a single spread is itself too uncertain.
     let spread_noise = mean(&mut spreads().map(|(_, noise)| noise));
@@ -69,8 +69,9 @@ pub(crate) fn believed(known: &[Moment], sweeps: &[Vec<Moment>]) -> (Vec<Moment>
     let moments = known.iter().zip(&found).map(|(known, of)| {
         let deviation = known.variance.sqrt();
         let spread = of.spread.map_or(0.0, |(spread, _)| spread);
+        let (level, noise) = of.level.unwrap_or((0.0, 1.0));
         Moment {
-            mean: known.mean + weight(levels, of.level_noise) * of.level * deviation,
+            mean: known.mean + weight(levels, noise) * level * deviation,
             variance: known.variance * (2.0 * weight(of_spreads, spread_noise) * spread).exp(),
         }
     });
@@ -83,10 +84,8 @@ pub(crate) fn believed(known: &[Moment], sweeps: &[Vec<Moment>]) -> (Vec<Moment>
 
 /// Difference of a quantity in new sweeps from its training moments.
 struct Measured {
-    /// Difference of the means, in training spreads.
-    level: f64,
-    /// Sampling variance of `level`.
-    level_noise: f64,
+    /// Difference of the means, in training spreads, and its sampling variance; `None` if the quantity is constant in training sweeps.
+    level: Option<(f64, f64)>,
     /// Difference of the logarithms of the spreads, and its sampling variance; `None` if the quantity does not change in one of them.
     spread: Option<(f64, f64)>,
 }
@@ -108,10 +107,12 @@ impl Measured {
             let log = 0.5 * (variance / known.variance).ln();
             (log, noise / (4.0 * variance * variance))
         });
-        let unit = known.variance.max(f64::MIN_POSITIVE);
+        // A spread below the rounding of 32-bit floats is none.
+        let rounding = f64::from(f32::EPSILON) * known.mean.abs();
+        let unit = known.variance;
+        let level = ((mean - known.mean) / unit.sqrt(), between / count / unit);
         Self {
-            level: (mean - known.mean) / unit.sqrt(),
-            level_noise: between / count / unit,
+            level: (unit > rounding * rounding).then_some(level),
             spread: spread.filter(|(log, noise)| log.is_finite() && noise.is_finite()),
         }
     }
