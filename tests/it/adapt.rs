@@ -72,8 +72,9 @@ fn an_adapted_run_predicts_evaluates_and_exports_and_keeps_the_trained_weights()
     assert_eq!(listed.len(), sweeps);
     let (before, after) = (weights(&lab, "run"), weights(&lab, "today"));
     for (name, tensor) in &before.0 {
-        let same = after.0[name] == *tensor;
-        assert_eq!(same, !name.contains("running_"), "{name}");
+        // Running statistics change as far as the scaling leaves a shift beyond chance.
+        let may_change = name.contains("running_");
+        assert!(may_change || after.0[name] == *tensor, "{name}");
     }
     // The gain of two halves the scaling.
     let gain = |run: &str| {
