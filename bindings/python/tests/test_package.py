@@ -206,13 +206,15 @@ def test_one_material_more_and_strange_sweeps(data, network):
 
 def test_adapting_to_another_skin_without_labels_and_with(data, tmp_path):
     own, _, train, test = data
+    # Sweeps of the new skin are other sweeps than those of training.
+    train, new = train[::2], train[1::2]
     lda = tactnet.LdaClassifier(rate=own.rate).fit(own.X[train], own.y[train])
     gains = np.linspace(0.5, 2, own.X.shape[2]).reshape(1, 1, own.X.shape[2], -1) if own.X.ndim == 4 else np.linspace(0.5, 2, own.X.shape[2])
     other = (own.X * gains + 40).astype(np.float32)
-    adapted = lda.adapt(other[train])
+    adapted = lda.adapt(other[new])
     assert (adapted.predict(other[test]) == own.y[test]).mean() > (lda.predict(other[test]) == own.y[test]).mean()
     assert adapted.likeness(other[test])["p"] > lda.likeness(other[test])["p"]
-    few = np.concatenate([train[own.y[train] == name][:2] for name in own.materials])
+    few = np.concatenate([new[own.y[new] == name][:2] for name in own.materials])
     with pytest.warns(UserWarning, match="8 sweeps are too few"):
         labelled = lda.adapt(other[few], own.y[few])
     labelled.save(tmp_path / "labelled")
@@ -220,7 +222,7 @@ def test_adapting_to_another_skin_without_labels_and_with(data, tmp_path):
     assert (again.predict_log_proba(other[test]) == labelled.predict_log_proba(other[test])).all()
     assert json.loads((tmp_path / "labelled" / "adapted.json").read_text())[0]["presence"]["materials"] == 4
     with pytest.raises(tactnet.TactnetError, match="accept_risk=True"):
-        lda.adapt(other[train[own.y[train] == own.materials[0]]])
+        lda.adapt(other[new[own.y[new] == own.materials[0]]])
     with pytest.raises(tactnet.TactnetError, match="`enroll` adds one"):
         lda.adapt(other[few], ["felt"] * len(few))
 
