@@ -18,7 +18,7 @@ const ODD_FRAMES: usize = 3;
 /// than the whole.
 const STILL_SHARE: f64 = 0.01;
 /// Minimum share of frames in which the other taxels move: among the taxels of an event camera or of a skin that is
-/// rarely touched, one that moves in a few frames is no fault.
+/// rarely touched, one that moves in a few frames is sound.
 const LIVELY_SHARE: f64 = 0.5;
 
 /// Taxel without a signal.

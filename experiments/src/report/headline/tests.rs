@@ -190,7 +190,7 @@ fn partly_confounded_materials_come_with_the_accuracy_on_the_others() {
     assert!(page(&summary).contains(
         "Only 2 of 10 materials were tested: the others were recorded in one session each."
     ));
-    // The warning about the data is beside the headline.
+    // The warning about the data is next to the headline.
     let warning = "floors.csv: 8 of 10 materials were recorded in one session each: this accuracy cannot be told from recognising the session";
     summary.data_warnings = vec![warning.into()];
     assert!(page(&summary).contains(warning));
