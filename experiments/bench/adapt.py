@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Measures what adapting to another skin or recording is worth, without labels and with a few.
 
-    python experiments/bench/adapt.py twin.npz walk.npz containers.npz grasps.npz [--seeds 2] [--json OUT]
+    python experiments/bench/adapt.py twin5.npz:twin6.npz walk.npz containers.npz grasps.npz [--seeds 2] [--json OUT]
 
 A third of the sweeps is the new domain: held-out recording blocks where the set has them, else a stratified third. The new domain of sets other
-than walking has other gains (log-normal, sigma 0.3) and offsets (normal, one spread) of every taxel. Its sweeps are halved: classifiers are
+than walking has other gains (log-normal, sigma 0.3) and offsets (normal, one spread) of every taxel. `A.npz:B.npz` takes the new domain from B
+(of the same materials) and trains on all of A. The new sweeps are halved: classifiers are
 adapted to sweeps of one half and evaluated on the other. "Scratch" trains the same model on the labelled sweeps alone.
 A data set is a `.npz` with the arrays that `tactnet data import` writes. Needs the Python package.
 
@@ -68,7 +69,7 @@ def halves(y, rng):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", nargs="+", type=pathlib.Path)
+    parser.add_argument("data", nargs="+")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--models", default=",".join(MODELS))
     parser.add_argument("--json", type=pathlib.Path)
@@ -80,21 +81,29 @@ def main():
         found[0] += int(right)
         found[1] += int(of)
 
-    for path in arguments.data:
-        x, y, blocks, rate, _ = load(path)
-        own_skin = blocks is not None and len(np.unique(blocks)) > len(np.unique(y))
+    for data in arguments.data:
+        path, _, second = data.partition(":")
+        name = pathlib.Path(path).stem
+        x, y, blocks, _, _ = load(path)
+        other = load(second) if second else None
+        own_skin = other is None and blocks is not None and len(np.unique(blocks)) > len(np.unique(y))
         for seed in range(1, 1 + arguments.seeds):
             rng = np.random.default_rng(seed)
-            train, test = thirds(y, blocks if own_skin else None, rng)
+            if other:
+                train, test = np.arange(len(y)), np.arange(len(other[1]))
+                new_x, new_y = other[:2]
+            else:
+                train, test = thirds(y, blocks if own_skin else None, rng)
+                new_x, new_y = x[test], y[test]
             spread = x[train].reshape(-1, x.shape[2]).std(0)
-            domain = x[test] if own_skin else other_skin(x[test], spread, rng)
-            names = y[test]
+            domain = new_x if own_skin else other_skin(new_x, spread, rng)
+            names = new_y
             new, held = halves(names, rng)
             for model in arguments.models.split(","):
                 fitted = MODELS[model](seed).fit(x[train], y[train])
 
                 def score(case, classifier, sweeps=domain[held], truth=names[held]):
-                    count(path.stem, model, case, (classifier.predict(sweeps) == truth).sum(), len(truth))
+                    count(name, model, case, (classifier.predict(sweeps) == truth).sum(), len(truth))
 
                 def attempt(case, make, *data):
                     with warnings.catch_warnings():
@@ -102,10 +111,10 @@ def main():
                         try:
                             score(case, make(), *data)
                         except ValueError as error:
-                            count(path.stem, model, f"{case}, refused", 1, 1)
+                            count(name, model, f"{case}, refused", 1, 1)
                             assert isinstance(error, tactnet.TactnetError) or "scratch" in case, error
 
-                score("training skin", fitted, x[test][held])
+                score("training skin", fitted, new_x[held])
                 score("before", fitted)
                 attempt("adapted", lambda: fitted.adapt(domain[new]))
                 attempt(f"adapted to {FEW}", lambda: fitted.adapt(domain[new[:FEW]], accept_risk=True))
@@ -121,7 +130,7 @@ def main():
                     attempt(f"{each} labels", lambda: fitted.adapt(domain[labelled], names[labelled], accept_risk=True))
                     attempt(f"{each} labels after adapted", lambda: fitted.adapt(domain[new]).adapt(domain[labelled], names[labelled], accept_risk=True))
                     attempt(f"{each} from scratch", lambda: MODELS[model](seed).fit(domain[labelled], names[labelled]))
-            print(path.stem, seed, flush=True)
+            print(name, seed, flush=True)
     rows = []
     for (data, model, case), (right, of) in counts.items():
         share, z = right / of, 1.96

@@ -1,12 +1,13 @@
-//! The serving model: loaded from a run directory, checked against the skin, extended when a material is enrolled.
+//! The serving model: loaded from a run directory, checked against the skin, changed by enrolment and adaptation.
 
 use std::path::{Path, PathBuf};
 
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepView};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Classifier, ClassifierConfig, EnrolledMaterial, Likeness, LikenessReport, OnlineClassifier,
-    PipelineError, RunDir, Thresholds, TrainEmbeddings, enroll,
+    Adaptation, Classifier, ClassifierConfig, EnrolledMaterial, Likeness, LikenessReport,
+    NewSweeps, OnlineClassifier, PipelineError, RiskPolicy, RunDir, Thresholds, TrainEmbeddings,
+    adapt, enroll,
 };
 use tactnet_skin::packets::{MAX_MATERIALS, ModelNames, Text, unfit};
 
@@ -32,9 +33,9 @@ impl ModelSource {
             Self::Versions(folder) => folder,
         };
         let mut versions = numbered(folder)?;
-        // Training writes its result last, enrolment its weights; a run without them is incomplete.
+        // Training writes its result last, enrolment and adaptation their weights; a run without them is incomplete.
         versions.retain(|(_, path)| {
-            ["result.json", "enrolled.json"]
+            ["result.json", "enrolled.json", "adapted.json"]
                 .iter()
                 .any(|file| path.join(file).exists())
                 && RunDir::open(path).is_ok_and(|run| run.has_final_weights())
@@ -197,6 +198,19 @@ impl ServedModel {
         Ok(self.classifier.mask(dead)?)
     }
 
+    /// Writes the readings of masked taxels into sweeps.
+    ///
+    /// - `digits`: `[sweeps][steps][taxels]`
+    ///
+    /// # Errors
+    /// Fails for a taxel that does not exist, and if no other taxel remains.
+    pub fn write_masked(&mut self, dead: &[usize], digits: &mut [f32]) -> Result<(), ServeError> {
+        self.mask(dead)?;
+        let taxels = self.classifier.config().shape.taxels();
+        self.classifier.dead().apply(digits, taxels);
+        Ok(())
+    }
+
     /// Creates a classifier for the frames of one finger.
     ///
     /// - `mc_samples`: number of Monte Carlo dropout masks
@@ -330,9 +344,42 @@ impl ServedModel {
         std::fs::rename(&draft, path).map_err(failed)?;
         Self::load(path, version)
     }
+
+    /// Adapts the model to recent sweeps of mixed materials and writes the result as a new run directory; returns the model and
+    /// the record of the adaptation.
+    ///
+    /// - `digits`: `[sweeps][steps][taxels]`
+    /// - `path`: the new run directory
+    /// - `git`: commit of the program, recorded in the run
+    ///
+    /// # Errors
+    /// Fails if the sweeps are too few, or of too few materials, and if the folder cannot be written.
+    pub fn adapt(
+        &self,
+        digits: Vec<f32>,
+        path: &Path,
+        version: u64,
+        git: &str,
+    ) -> Result<(Self, Adaptation), ServeError> {
+        let recent = recent_dataset(self.classifier.config(), "unlabelled", digits)?;
+        let view = SweepView::all(&recent);
+        let new = NewSweeps {
+            unlabelled: Some(&view),
+            labelled: None,
+        };
+        let adapted = adapt(
+            &self.classifier,
+            self.likeness.as_ref(),
+            new,
+            RiskPolicy::Refuse,
+        )?;
+        let record = Adaptation::new(&adapted, new, &self.run.weights()?, git)?;
+        self.run.create_adapted(path, adapted, record.clone())?;
+        Ok((Self::load(path, version)?, record))
+    }
 }
 
-/// Returns recent sweeps of one material as a data set.
+/// Returns recent sweeps of one material, or of unknown ones, as a data set.
 fn recent_dataset(
     config: &ClassifierConfig,
     material: &str,

@@ -39,6 +39,12 @@ pub(crate) enum Job {
         material: Text<56>,
         sweeps: usize,
     },
+    /// Adapt the model to the newest `sweeps` sweeps of every finger.
+    Adapt {
+        /// Finger that the answer names.
+        finger: u32,
+        sweeps: usize,
+    },
     /// Free these classifiers.
     Retire(Vec<OnlineClassifier>),
 }
@@ -193,7 +199,7 @@ struct Worker {
     has_event: Arc<AtomicBool>,
     /// Versions that cannot serve; each is reported once.
     refused: BTreeSet<u64>,
-    /// Folder for enrolled models while a single run is served.
+    /// Folder for enrolled and adapted models while a single run is served.
     scratch: Option<tempfile::TempDir>,
 }
 
@@ -219,6 +225,15 @@ impl Worker {
                         Err(reason) => self.refuse(finger, &reason),
                     };
                     if !enrolled {
+                        return;
+                    }
+                }
+                Ok(Job::Adapt { finger, sweeps }) => {
+                    let adapted = match self.digits_of_all(sweeps) {
+                        Ok(digits) => self.adapt(finger, digits),
+                        Err(reason) => self.refuse(finger, &reason),
+                    };
+                    if !adapted {
                         return;
                     }
                 }
@@ -295,22 +310,17 @@ impl Worker {
     fn enroll(&mut self, finger: u32, material: &str, digits: Vec<f32>) -> bool {
         let started = Instant::now();
         let masks = self.masks(finger);
-        let enrolled = self.enrolled_path().and_then(|(path, version)| {
+        let enrolled = self.next_version().and_then(|(path, version)| {
             self.model.mask(&masks)?;
             self.model
                 .enroll(material, digits, &path, version, self.git)
         });
         match enrolled {
             Ok(model) => {
-                let kept = match self.source {
-                    ModelSource::Versions(_) => "",
-                    ModelSource::Run(_) => {
-                        "; it serves until this service ends; enroll it offline to keep it"
-                    }
-                };
                 let text = format!(
-                    "`{material}` enrolled in {:.2} s; fused sweeps discarded{kept}",
-                    started.elapsed().as_secs_f64()
+                    "`{material}` enrolled in {:.2} s; fused sweeps discarded{}",
+                    started.elapsed().as_secs_f64(),
+                    self.until_end("; enroll it offline to keep it")
                 );
                 self.publish(model, Event::Enrolled, finger, &text)
             }
@@ -318,8 +328,39 @@ impl Worker {
         }
     }
 
-    /// Returns the run directory and version for the model with one more material.
-    fn enrolled_path(&mut self) -> Result<(PathBuf, u64), ServeError> {
+    fn adapt(&mut self, finger: u32, digits: Vec<f32>) -> bool {
+        let was_calibrated = self.model.is_calibrated();
+        let adapted = self
+            .next_version()
+            .and_then(|(path, version)| self.model.adapt(digits, &path, version, self.git));
+        match adapted {
+            Ok((model, adapted)) => {
+                let unknown = match was_calibrated {
+                    true => "; unknown materials are not detected any more",
+                    false => "",
+                };
+                let text = format!(
+                    "adapted to {} sweeps: the taxels shifted by {:.2} training spreads{unknown}{}",
+                    adapted.presence.sweeps,
+                    adapted.shift.level,
+                    self.until_end("; adapt it offline to keep it")
+                );
+                self.publish(model, Event::Adapted, finger, &text)
+            }
+            Err(error) => self.fail(Event::Refused, finger, &error),
+        }
+    }
+
+    /// Returns a remark, with a remedy, if a changed model is lost when the service ends.
+    fn until_end(&self, remedy: &str) -> String {
+        match self.source {
+            ModelSource::Versions(_) => String::new(),
+            ModelSource::Run(_) => format!("; it serves until this service ends{remedy}"),
+        }
+    }
+
+    /// Returns the run directory and version of the next model.
+    fn next_version(&mut self) -> Result<(PathBuf, u64), ServeError> {
         match &self.source {
             ModelSource::Versions(folder) => {
                 // The version is above those that are damaged or incomplete.

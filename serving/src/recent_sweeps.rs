@@ -1,7 +1,7 @@
-//! Recent complete sweeps of one finger, from which materials are enrolled and which are compared with the training data.
+//! Recent complete sweeps of one finger: compared with the training data, used to enroll materials and to adapt the model.
 
 /// Maximum number of complete sweeps kept per finger.
-const KEPT_SWEEPS: usize = 20;
+pub(crate) const KEPT_SWEEPS: usize = 64;
 
 /// Numbers by which packets name a sweep.
 #[derive(Debug, Clone, Copy, Default)]
@@ -60,7 +60,7 @@ impl RecentSweeps {
 
     /// Returns the newest `sweeps` sweeps, of whichever object, oldest first, or `None` if fewer are kept.
     pub(crate) fn newest(&self, sweeps: usize) -> Option<Vec<f32>> {
-        if sweeps == 0 || sweeps > self.came.min(KEPT_SWEEPS) {
+        if sweeps == 0 || sweeps > self.kept() {
             return None;
         }
         let mut digits = Vec::with_capacity(sweeps * self.values);
@@ -69,6 +69,11 @@ impl RecentSweeps {
             digits.extend_from_slice(&self.digits[at..at + self.values]);
         }
         Some(digits)
+    }
+
+    /// Returns the number of sweeps kept, of all objects.
+    pub(crate) fn kept(&self) -> usize {
+        self.came.min(KEPT_SWEEPS)
     }
 
     /// Returns the number of sweeps kept of an object.
@@ -102,17 +107,18 @@ mod tests {
             recent.keep(&sweep(number, 0));
         }
         assert_eq!(recent.newest(0), None);
-        assert_eq!(recent.newest(2).unwrap(), [21.0, -1.0, 22.0, -1.0]);
+        let last = KEPT_SWEEPS as f32 + 2.0;
+        assert_eq!(recent.newest(2).unwrap(), [last - 1.0, -1.0, last, -1.0]);
         let all = recent.newest(KEPT_SWEEPS).unwrap();
         assert_eq!(
             all.iter().step_by(2).copied().collect::<Vec<_>>(),
-            (3..23).map(|n| n as f32).collect::<Vec<_>>()
+            (3..KEPT_SWEEPS + 3).map(|n| n as f32).collect::<Vec<_>>()
         );
         assert_eq!(recent.newest(KEPT_SWEEPS + 1), None);
         assert_eq!((recent.kept_of(0), recent.kept_of(1)), (KEPT_SWEEPS, 0));
         // After a reset the sweeps of the next object count.
-        recent.keep(&sweep(23, 1));
+        recent.keep(&sweep(KEPT_SWEEPS + 3, 1));
         assert_eq!((recent.kept_of(0), recent.kept_of(1)), (0, 1));
-        assert_eq!(recent.newest(2).unwrap(), [22.0, -1.0, 23.0, -1.0]);
+        assert_eq!(recent.newest(2).unwrap(), [last, -1.0, last + 1.0, -1.0]);
     }
 }

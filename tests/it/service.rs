@@ -3,9 +3,13 @@
 
 use std::time::{Duration, Instant};
 
+use bytemuck::Zeroable;
 use tactnet_channel::{Bus, Domain, GetPort, Packet, Priority, PutPort, Start};
 use tactnet_data::{Dataset, Samples, SweepView};
-use tactnet_pipeline::{DeadTaxels, PredictionMethod, RunDir, TaxelOrder};
+use tactnet_models::Compute;
+use tactnet_pipeline::{
+    Classifier, DeadTaxels, NewSweeps, PredictionMethod, RiskPolicy, RunDir, TaxelOrder, adapt,
+};
 use tactnet_serving::{ModelSource, ServeError, Service};
 use tactnet_simulation::{SkinFault, SkinSimulator};
 use tactnet_skin::packets::{
@@ -27,6 +31,8 @@ struct ServiceUnderTest {
     dataset: Dataset,
     /// Fault of the skin.
     fault: SkinFault,
+    /// Factor on all values.
+    gain: f32,
     /// Number of sweeps so far.
     sweeps: u64,
 }
@@ -60,19 +66,29 @@ impl ServiceUnderTest {
             status: bus.get_port("tactile/status", Start::Now).unwrap(),
             dataset: tactnet_data::format::read(&robot.lab.path("data.h5")).unwrap(),
             fault: SkinFault::default(),
+            gain: 1.0,
             sweeps: 0,
         })
     }
 
     fn command(&self, kind: Command, finger: u32, motion: u64) {
-        let command = SweepCommand {
+        self.put(SweepCommand {
             kind: kind as u32,
             finger,
             motion,
-            sweeps: 0,
-            reserved: 0,
-            material: tactnet_skin::packets::Text::default(),
-        };
+            ..SweepCommand::zeroed()
+        });
+    }
+
+    fn adapt(&self, sweeps: u32) {
+        self.put(SweepCommand {
+            kind: Command::Adapt as u32,
+            sweeps,
+            ..SweepCommand::zeroed()
+        });
+    }
+
+    fn put(&self, command: SweepCommand) {
         self.commands.put_copy(&[command]).unwrap();
     }
 
@@ -84,6 +100,10 @@ impl ServiceUnderTest {
         let mut frames: Vec<SkinFrame> = (0..SKIP + STEPS).map(|_| skin.step().frame).collect();
         for (at, frame) in frames.iter_mut().enumerate() {
             frame.sequence = first_sequence + at as u64;
+            frame
+                .digits
+                .iter_mut()
+                .for_each(|value| *value *= self.gain);
             frame.sensor_time_ns =
                 (frame.sequence as f64 * 1e9 / self.dataset.sample_rate_hz()) as u64;
         }
@@ -111,7 +131,12 @@ impl ServiceUnderTest {
         let begun = Instant::now();
         let mut events: Vec<TactileStatus> = Vec::new();
         while !events.iter().any(&wanted) {
-            assert!(begun.elapsed() < Duration::from_secs(30), "no such event");
+            let told = || events.iter().map(|status| status.text.as_str().to_owned());
+            assert!(
+                begun.elapsed() < Duration::from_secs(30),
+                "no such event: {:?}",
+                told().collect::<Vec<_>>()
+            );
             self.service.step(Duration::from_millis(5)).unwrap();
             events.extend(all(&self.status));
         }
@@ -353,5 +378,96 @@ fn known_dead_taxels_are_masked_from_the_start() {
     assert_eq!(
         error.to_string(),
         "`dead`: expected numbers from 0 to 15, found 16"
+    );
+}
+
+/// Returns some sweeps of the data set with all values multiplied by `gain`.
+fn scaled(dataset: &Dataset, sweeps: &[usize], gain: f32) -> Dataset {
+    let digits = sweeps.iter().flat_map(|sweep| dataset.sweep(*sweep));
+    Dataset::new(
+        "scaled",
+        dataset.sample_rate_hz(),
+        dataset.shape(),
+        dataset.labels().clone(),
+        sweeps
+            .iter()
+            .map(|sweep| dataset.records()[*sweep].clone())
+            .collect(),
+        Samples::F32(digits.map(|value| value * gain).collect()),
+    )
+    .unwrap()
+}
+
+#[test]
+fn the_model_adapts_to_the_newest_sweeps_as_offline() {
+    let robot = Robot::new("adapted");
+    let mut tested = ServiceUnderTest::new(&robot);
+    let text_of = |tested: &mut ServiceUnderTest, event: Event| {
+        let is_it = |status: &TactileStatus| status.event == event as u32;
+        let events = tested.events_until(is_it);
+        events
+            .iter()
+            .find(|status| is_it(status))
+            .unwrap()
+            .text
+            .as_str()
+            .to_owned()
+    };
+    tested.adapt(16);
+    let few = text_of(&mut tested, Event::Refused);
+    assert!(
+        few.starts_with("adapt: 16 sweeps requested, 0 complete sweeps kept"),
+        "{few}"
+    );
+    tested.gain = 0.5;
+    // Five sweeps of each material.
+    let mixed: Vec<usize> = (0..4)
+        .flat_map(|material| (0..5).map(move |at| 40 * material + 7 * at))
+        .collect();
+    for sweep in &mixed {
+        tested.sweep(*sweep);
+    }
+    tested.adapt(4);
+    let four = text_of(&mut tested, Event::Refused);
+    assert!(four.contains("4 sweeps are too few"), "{four}");
+    tested.adapt(mixed.len() as u32);
+    let text = text_of(&mut tested, Event::Adapted);
+    let recent = scaled(&tested.dataset, &mixed, 0.5);
+    let view = SweepView::all(&recent);
+    let new = NewSweeps {
+        unlabelled: Some(&view),
+        labelled: None,
+    };
+    let likeness = RunDir::open(&robot.lab.path("models/1"))
+        .unwrap()
+        .likeness()
+        .unwrap();
+    let before = classifier(&robot, "models/1");
+    let adapted = adapt(&before, likeness.as_ref(), new, RiskPolicy::Refuse).unwrap();
+    let expected = format!(
+        "adapted to 20 sweeps: the taxels shifted by {:.2} training spreads; unknown materials are not detected any more",
+        adapted.shift.level
+    );
+    assert!(text.starts_with(&expected), "{text}");
+    let device = Compute::Cpu.open().unwrap();
+    let after = Classifier::new(adapted.config, &adapted.weights, &device).unwrap();
+    let one = scaled(&tested.dataset, &[130], 0.5);
+    let probabilities = |of: &Classifier| -> Vec<f64> {
+        let found = of
+            .predict(&SweepView::all(&one), PredictionMethod::Plain)
+            .unwrap();
+        let log_p = found.sweeps[0].log_probability.iter();
+        log_p.map(|log_p| log_p.exp()).collect()
+    };
+    let (belief, _) = tested.sweep(130);
+    assert_alike(&belief, &probabilities(&after));
+    assert!(belief.fused_sweeps <= 1, "{}", belief.fused_sweeps);
+    // The adaptation is not one that changes nothing.
+    let [old, new] = [&before, &after].map(probabilities);
+    assert!(
+        old.iter()
+            .zip(&new)
+            .any(|(old, new)| (old - new).abs() > 1e-2),
+        "{old:?} {new:?}"
     );
 }

@@ -275,7 +275,7 @@ pub(crate) struct CommandPort {
 impl CommandPort {
     /// Puts a command.
     ///
-    /// - `kind`: "start", "stop", "reset" or "enroll"
+    /// - `kind`: "start", "stop", "reset", "enroll" or "adapt"
     #[pyo3(signature = (kind, finger=0, motion=0, sweeps=0, material=""))]
     fn put(
         &self,
@@ -290,9 +290,10 @@ impl CommandPort {
             "stop" => Command::Stop,
             "reset" => Command::Reset,
             "enroll" => Command::Enroll,
+            "adapt" => Command::Adapt,
             other => {
                 return Err(TactnetError::new_err(format!(
-                    "kind: expected start, stop, reset or enroll, found {other}"
+                    "kind: expected start, stop, reset, enroll or adapt, found {other}"
                 )));
             }
         };

@@ -156,11 +156,11 @@ impl Scheme {
         }
     }
 
-    /// Returns 5 folds of whole blocks; fewer, at least 2, if there are fewer blocks.
+    /// Returns 5 folds of whole blocks in 2 repeats; fewer folds, at least 2, if there are fewer blocks.
     pub fn group_folds_for(dataset: &Dataset) -> Self {
         Self::GroupKFold {
             folds: published_folds().min(Groups::of(dataset).len()).max(2),
-            repeats: one_repeat(),
+            repeats: published_repeats(),
         }
     }
 

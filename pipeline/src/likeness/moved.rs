@@ -12,10 +12,12 @@ use crate::adapt::shift::{Moment, believed};
 
 /// Minimum variance between materials, in variances within them, of a value that tells how many materials are present.
 const INFORMATIVE: f64 = 0.25;
+/// Standard error of the share of the differences between materials, as if values were independent, above which it says too little.
+const UNCERTAIN: f64 = 0.75;
 
 impl Likeness {
-    /// Returns the share of the differences between materials that sweeps show: about 0 for one material, 1 for all in equal numbers; `None` for
-    /// fewer than two sweeps.
+    /// Returns the share of the differences between materials that sweeps show: about 0 for one material, 1 for all in equal numbers; `None` if
+    /// the sweeps are too few for the differences to exceed chance.
     ///
     /// It is the median over all values of a description that no gain changes (spreads, changes and spectrum are logarithms) of the variance
     /// over the sweeps beyond that within a material, as a share of the variance between materials.
@@ -37,8 +39,20 @@ impl Likeness {
             (between / within, (found.variance - within) / between)
         });
         let shares: Vec<(f64, f64)> = shares.filter(|(_, share)| share.is_finite()).collect();
-        let informative = shares.iter().filter(|(ratio, _)| *ratio > INFORMATIVE);
-        let mut of_values: Vec<f64> = informative.map(|(_, share)| *share).collect();
+        let informative: Vec<(f64, f64)> = shares
+            .into_iter()
+            .filter(|(ratio, _)| *ratio > INFORMATIVE)
+            .collect();
+        // Of a variance of n values, the relative standard error is the square root of 2 / (n - 1).
+        let error = (2.0 / (sweeps.len() - 1) as f64).sqrt();
+        let errors = informative
+            .iter()
+            .map(|(ratio, _)| error * (1.0 + ratio) / ratio);
+        let count = informative.len() as f64;
+        if errors.sum::<f64>() / count / count.sqrt() > UNCERTAIN {
+            return None;
+        }
+        let mut of_values: Vec<f64> = informative.iter().map(|(_, share)| *share).collect();
         of_values.sort_unstable_by(f64::total_cmp);
         of_values.get(of_values.len() / 2).copied()
     }

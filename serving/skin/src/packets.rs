@@ -69,7 +69,7 @@ packets! {
         /// Number of the motion, which the beliefs repeat.
         #[recorded(3)]
         pub motion: u64,
-        /// For [`Command::Enroll`]: number of most recent complete sweeps to enroll.
+        /// For [`Command::Enroll`] and [`Command::Adapt`]: number of most recent complete sweeps to use.
         #[recorded(4)]
         pub sweeps: u32,
         /// Always zero.
@@ -248,6 +248,8 @@ choices! {
         Reset = 3,
         /// Enroll a new material from the most recent sweeps.
         Enroll = 4,
+        /// Adapt the model to the most recent sweeps of all fingers, which must be of mixed materials.
+        Adapt = 5,
     }
 
     /// Stage of a prediction.
@@ -300,6 +302,8 @@ choices! {
         Unlike = 12,
         /// Other taxels are masked as dead from now on; the text names them.
         Masked = 13,
+        /// The model was adapted to recent sweeps; the text says by how much.
+        Adapted = 14,
     }
 }
 

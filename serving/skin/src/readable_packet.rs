@@ -175,6 +175,7 @@ fn of_command(command: &SweepCommand) -> ReadablePacket {
             Some(Command::Stop) => "stop",
             Some(Command::Reset) => "reset",
             Some(Command::Enroll) => "enroll",
+            Some(Command::Adapt) => "adapt",
             None => "?",
         },
         finger: command.finger,
@@ -241,6 +242,7 @@ impl Event {
             Self::OtherBlock => "other block",
             Self::Unlike => "unlike",
             Self::Masked => "masked",
+            Self::Adapted => "adapted",
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Complete sweeps: comparison with the training data, dead taxels, and the sweeps of a new material.
+//! Complete sweeps: comparison with the training data, dead taxels, and the sweeps from which the model changes.
 
 use std::collections::BTreeSet;
 
@@ -7,10 +7,12 @@ use tactnet_skin::packets::{Event, Text};
 
 use super::{Worker, WorkerEvent, classifiers};
 use crate::ServeError;
-use crate::recent_sweeps::{CompleteSweep, RecentSweeps, SweepId};
+use crate::recent_sweeps::{CompleteSweep, KEPT_SWEEPS, RecentSweeps, SweepId};
 
 /// Number of sweeps in succession in which a dead taxel does not change.
 const DEAD_SWEEPS: usize = 3;
+/// Maximum number of sweeps of an object that are compared.
+const COMPARED_SWEEPS: usize = 20;
 
 /// A finger as its complete sweeps show it.
 pub(super) struct SweptFinger {
@@ -57,7 +59,7 @@ impl Worker {
     /// Compares the sweeps of an object with the training data. Returns false if the service has ended.
     fn compare(&mut self, id: SweepId, object: u64) -> Result<bool, ServeError> {
         let recent = &self.swept[id.finger as usize].recent;
-        let Some(digits) = recent.newest(recent.kept_of(object)) else {
+        let Some(digits) = recent.newest(recent.kept_of(object).min(COMPARED_SWEEPS)) else {
             return Ok(true);
         };
         let Some(report) = self.model.assess(digits)? else {
@@ -160,6 +162,33 @@ impl Worker {
                 material.as_str()
             )
         })
+    }
+
+    /// Returns the newest sweeps of all fingers, `[sweeps][steps][taxels]`, with the readings of masked taxels.
+    ///
+    /// - `sweeps`: number of sweeps of each finger; one that has fewer gives all that are kept
+    ///
+    /// # Errors
+    /// Fails with a sentence if no finger has so many.
+    pub(super) fn digits_of_all(&mut self, sweeps: usize) -> Result<Vec<f32>, String> {
+        let kept: Vec<usize> = self.swept.iter().map(|of| of.recent.kept()).collect();
+        let most = kept.iter().copied().max().unwrap_or(0);
+        if sweeps == 0 || sweeps > most {
+            return Err(format!(
+                "adapt: {sweeps} sweeps requested, {most} complete sweeps kept (at most {KEPT_SWEEPS})"
+            ));
+        }
+        let mut all = Vec::new();
+        for (finger, kept) in kept.into_iter().enumerate() {
+            let recent = &self.swept[finger].recent;
+            let mut digits = recent.newest(sweeps.min(kept)).unwrap_or_default();
+            let masks = self.masks(finger as u32);
+            self.model
+                .write_masked(&masks, &mut digits)
+                .map_err(|error| error.to_string())?;
+            all.append(&mut digits);
+        }
+        Ok(all)
     }
 }
 

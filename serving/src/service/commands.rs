@@ -120,6 +120,7 @@ impl Service {
                 self.publish_status(Event::Reset, number, format_args!("fused sweeps discarded"))
             }
             Some(Command::Enroll) => self.enroll(number, command),
+            Some(Command::Adapt) => self.adapt(number, command.sweeps as usize),
             None => {
                 let kind = command.kind;
                 self.publish_status(
@@ -148,6 +149,19 @@ impl Service {
                 Event::Refused,
                 number,
                 format_args!("enroll `{}`: busy, try again", material.as_str()),
+            );
+        }
+        Ok(())
+    }
+
+    fn adapt(&mut self, finger: u32, sweeps: usize) -> Result<(), ServeError> {
+        let job = Job::Adapt { finger, sweeps };
+        // The sweeps before the command count.
+        if !self.hand_over_sweeps() || self.worker.ask(job).is_err() {
+            return self.publish_status(
+                Event::Refused,
+                finger,
+                format_args!("adapt: busy, try again"),
             );
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! Events of the model worker: new models, enrolled materials, masks, comparisons with the training data, failures.
+//! Events of the model worker: new models, enrolled materials, adaptations, masks, comparisons with the training data, failures.
 
 use tactnet_pipeline::OnlineClassifier;
 use tactnet_skin::MAX_FINGERS;
@@ -9,6 +9,20 @@ use crate::ServeError;
 use crate::model_worker::{Job, WorkerEvent};
 use crate::recent_sweeps::SweepId;
 use crate::skin_limits::limits;
+
+/// Fused beliefs that are discarded although the materials stay the same.
+#[derive(Clone, Copy, PartialEq)]
+enum Discarded {
+    OtherMaterials,
+    Finger(usize),
+    All,
+}
+
+impl Discarded {
+    fn holds(self, finger: usize) -> bool {
+        self == Self::All || self == Self::Finger(finger)
+    }
+}
 
 impl Service {
     /// Applies the worker's next event; a new model waits until no finger is in a sweep.
@@ -37,24 +51,23 @@ impl Service {
                 finger,
                 text,
             }) => {
-                // Fused beliefs of the former mask are wrong.
-                let masked = (event == Event::Masked).then_some(finger as usize);
-                let forgotten = self.replace_classifiers(classifiers, masked);
+                // Fused beliefs of a former mask or before an adaptation are wrong.
+                let (discarded, reason) = match event {
+                    Event::Masked => (Discarded::Finger(finger as usize), "other mask"),
+                    Event::Adapted => (Discarded::All, "adapted model"),
+                    _ => (Discarded::OtherMaterials, "other materials"),
+                };
+                let forgotten = self.replace_classifiers(classifiers, discarded);
                 self.names = names;
                 self.metrics.serve(self.names.version);
                 self.model.put_copy(&[*self.names])?;
-                if masked.is_some() {
+                if matches!(event, Event::Masked | Event::Adapted) {
                     self.messages.push(text.as_str().into());
                 }
                 self.publish_status(event, finger, format_args!("{}", text.as_str()))?;
                 for (number, forgotten) in forgotten.into_iter().enumerate() {
                     if forgotten {
-                        let other = if masked.is_some() {
-                            "mask"
-                        } else {
-                            "materials"
-                        };
-                        let text = format_args!("fused sweeps discarded: other {other}");
+                        let text = format_args!("fused sweeps discarded: {reason}");
                         self.publish_status(Event::Reset, number as u32, text)?;
                     }
                 }
@@ -75,11 +88,11 @@ impl Service {
     /// Replaces the classifiers of all fingers. Returns true for the fingers whose fused beliefs are discarded: all if the
     /// materials differ.
     ///
-    /// - `masked`: a finger whose beliefs are discarded in any case
+    /// - `discarded`: beliefs that are discarded in any case
     fn replace_classifiers(
         &mut self,
         mut classifiers: Vec<OnlineClassifier>,
-        masked: Option<usize>,
+        discarded: Discarded,
     ) -> [bool; MAX_FINGERS] {
         let mut forgotten = [false; MAX_FINGERS];
         let fingers = self.fingers.iter_mut().zip(&mut classifiers);
@@ -92,7 +105,7 @@ impl Service {
             }
             let dead = finger.classifier.dead().0.keys();
             finger.segmenter.set_dead(dead.copied());
-            let kept = masked != Some(number) && finger.classifier.take_fused(classifier);
+            let kept = !discarded.holds(number) && finger.classifier.take_fused(classifier);
             *forgotten = !kept && classifier.fused().sweeps() > 0;
         }
         self.retired = Some(classifiers);

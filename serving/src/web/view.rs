@@ -156,7 +156,7 @@ impl ClassifierState {
     pub(super) fn take_status(&mut self, status: &TactileStatus) {
         self.counters = counters(&status.counters);
         let text = status.text.as_str();
-        if status.event == Event::Swapped as u32 {
+        if [Event::Swapped as u32, Event::Adapted as u32].contains(&status.event) {
             self.banner = LikenessBanner::default();
         }
         if is_verdict(status) {
@@ -180,7 +180,13 @@ impl ClassifierState {
             _ if status.event == Event::Rejected as u32 => {
                 self.announce(format!("sweep {} rejected: {text}", status.sweep), None);
             }
-            _ if [Event::Refused as u32, Event::Masked as u32].contains(&status.event) => {
+            _ if [
+                Event::Refused as u32,
+                Event::Masked as u32,
+                Event::Adapted as u32,
+            ]
+            .contains(&status.event) =>
+            {
                 self.announce(text.into(), None);
             }
             _ => self.add(format!("sweep {}: {text}", status.sweep), None),

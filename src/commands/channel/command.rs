@@ -34,6 +34,8 @@ enum CommandChoice {
     Reset,
     /// Learn a new material from the newest sweeps
     Enroll,
+    /// Adapt the model to the newest sweeps, which must be of mixed materials
+    Adapt,
 }
 
 impl CommandChoice {
@@ -43,6 +45,7 @@ impl CommandChoice {
             Self::Stop => Command::Stop,
             Self::Reset => Command::Reset,
             Self::Enroll => Command::Enroll,
+            Self::Adapt => Command::Adapt,
         }
     }
 
@@ -54,7 +57,13 @@ impl CommandChoice {
                 Self::Stop => matches!(event, Event::Classified | Event::Rejected),
                 Self::Reset => event == Event::Reset,
                 Self::Enroll => event == Event::Enrolled,
+                Self::Adapt => event == Event::Adapted,
             }
+    }
+
+    /// Returns true if the command changes the model, from a number of sweeps.
+    fn changes_model(self) -> bool {
+        matches!(self, Self::Enroll | Self::Adapt)
     }
 }
 
@@ -63,7 +72,8 @@ impl CommandChoice {
     tactnet channel command start --table robot.toml --motion 1\n  \
     tactnet channel command stop --table robot.toml --motion 1\n  \
     tactnet channel command reset --table robot.toml                                       the next sweep is of another object\n  \
-    tactnet channel command enroll --table robot.toml --material felt --sweeps 5           the five newest sweeps were on felt\n\n\
+    tactnet channel command enroll --table robot.toml --material felt --sweeps 5           the five newest sweeps were on felt\n  \
+    tactnet channel command adapt --table robot.toml --sweeps 32                           another skin: the 32 newest sweeps were on many materials\n\n\
     Prints the answer of the classifier. Exit code 2: it refuses, or no classifier runs; 1: no answer, or the sweep was rejected.")]
 pub struct CommandArgs {
     /// Kind of the command
@@ -80,10 +90,10 @@ pub struct CommandArgs {
     /// `enroll`: name of the new material; `start`: material under the finger, for recordings and the page
     #[arg(long, value_name = "NAME", required_if_eq("command", "enroll"))]
     material: Option<String>,
-    /// `enroll`: number of the newest complete sweeps to learn from
-    #[arg(long, value_name = "N", required_if_eq("command", "enroll"))]
+    /// `enroll`, `adapt`: number of the newest complete sweeps to learn from
+    #[arg(long, value_name = "N", required_if_eq_any([("command", "enroll"), ("command", "adapt")]))]
     sweeps: Option<u32>,
-    /// Timeout of the answer, in seconds [default: 5; `enroll`: 60]
+    /// Timeout of the answer, in seconds [default: 5; `enroll`, `adapt`: 60]
     #[arg(long, value_name = "S", value_parser = seconds)]
     wait: Option<Duration>,
 }
@@ -104,8 +114,8 @@ impl CommandArgs {
                 material.len()
             );
         }
-        if self.sweeps.is_some() && self.command != CommandChoice::Enroll {
-            bail!("--sweeps: expected only with `enroll`");
+        if self.sweeps.is_some() && !self.command.changes_model() {
+            bail!("--sweeps: expected only with `enroll` and `adapt`");
         }
         Ok(SweepCommand {
             kind: self.command.command() as u32,
@@ -134,10 +144,12 @@ pub fn run(arguments: &CommandArgs) -> anyhow::Result<ExitCode> {
             arguments.table.table.display()
         );
     }
-    let wait = arguments.wait.unwrap_or(match arguments.command {
-        CommandChoice::Enroll => Duration::from_secs(60),
-        _ => Duration::from_secs(5),
-    });
+    let wait = arguments
+        .wait
+        .unwrap_or(match arguments.command.changes_model() {
+            true => Duration::from_secs(60),
+            false => Duration::from_secs(5),
+        });
     let begun = Instant::now();
     while begun.elapsed() < wait && !stop.asked() {
         let Some(packets) = status.get(LOOK)? else {
@@ -168,7 +180,7 @@ pub fn run(arguments: &CommandArgs) -> anyhow::Result<ExitCode> {
         CommandChoice::Start => {
             "; a sweep begins with the next frame of the skin, and possibly none arrives"
         }
-        CommandChoice::Reset | CommandChoice::Enroll => "",
+        CommandChoice::Reset | CommandChoice::Enroll | CommandChoice::Adapt => "",
     };
     say!(
         "no answer on `{}` in {:.1} s; the command was put{why}",

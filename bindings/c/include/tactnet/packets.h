@@ -27,6 +27,8 @@ enum tactnet_command {
   TACTNET_COMMAND_RESET = 3,
   /// Enroll a new material from the most recent sweeps.
   TACTNET_COMMAND_ENROLL = 4,
+  /// Adapt the model to the most recent sweeps of all fingers, which must be of mixed materials.
+  TACTNET_COMMAND_ADAPT = 5,
 };
 
 /// Stage of a prediction.
@@ -80,6 +82,8 @@ enum tactnet_event {
   TACTNET_EVENT_UNLIKE = 12,
   /// Other taxels are masked as dead from now on; the text names them.
   TACTNET_EVENT_MASKED = 13,
+  /// The model was adapted to recent sweeps; the text says by how much.
+  TACTNET_EVENT_ADAPTED = 14,
 };
 
 /// One frame of a finger's skin. 4120 bytes.
@@ -112,7 +116,7 @@ typedef struct tactnet_sweep_command {
   uint32_t finger;
   /// Number of the motion, which the beliefs repeat.
   uint64_t motion;
-  /// For Command Enroll: number of most recent complete sweeps to enroll.
+  /// For Command Enroll and Command Adapt: number of most recent complete sweeps to use.
   uint32_t sweeps;
   /// Always zero.
   uint32_t reserved;

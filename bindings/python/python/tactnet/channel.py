@@ -68,6 +68,10 @@ class CommandPort:
         """Learns a material from the newest complete sweeps."""
         self._native.put("enroll", finger, 0, sweeps, material)
 
+    def adapt(self, sweeps: int, finger: int = 0) -> None:
+        """Adapts the model to the newest complete sweeps of all fingers, which must be of mixed materials."""
+        self._native.put("adapt", finger, 0, sweeps)
+
 
 class BeliefPort:
     """Gets beliefs; also iterates over them, and asynchronously."""

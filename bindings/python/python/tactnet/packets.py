@@ -30,6 +30,8 @@ class Command(IntEnum):
     """The next sweep belongs to another object; the fused sweeps are discarded."""
     ENROLL = 4
     """Enroll a new material from the most recent sweeps."""
+    ADAPT = 5
+    """Adapt the model to the most recent sweeps of all fingers, which must be of mixed materials."""
 
 
 class Stage(IntEnum):
@@ -87,6 +89,8 @@ class Event(IntEnum):
     """They are unlike the training data; the text says what differs."""
     MASKED = 13
     """Other taxels are masked as dead from now on; the text names them."""
+    ADAPTED = 14
+    """The model was adapted to recent sweeps; the text says by how much."""
 
 
 @dataclass
@@ -139,7 +143,7 @@ class SweepCommand(Packet):
     motion: int = 0
     """Number of the motion, which the beliefs repeat."""
     sweeps: int = 0
-    """For Command Enroll: number of most recent complete sweeps to enroll."""
+    """For Command Enroll and Command Adapt: number of most recent complete sweeps to use."""
     reserved: int = 0
     """Always zero."""
     material: str = ""

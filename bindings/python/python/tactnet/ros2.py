@@ -7,7 +7,7 @@
 | `/tactile/material` | `std_msgs/msg/String` | material of a complete sweep, or `unknown` |
 | `/tactile/belief` | `std_msgs/msg/String` | every belief as JSON, see `tactnet.channel.BeliefPort.get` |
 | `/<channel of a finger>` | `sensor_msgs/msg/Image` | frames of a skin, `32FC1`, `16UC1` or `8UC1`, stamped with the time of the measurement |
-| `/sweep/command` | `std_msgs/msg/String` | `start [MOTION [MATERIAL]]`, `stop`, `reset`, `enroll SWEEPS MATERIAL` |
+| `/sweep/command` | `std_msgs/msg/String` | `start [MOTION [MATERIAL]]`, `stop`, `reset`, `enroll SWEEPS MATERIAL`, `adapt SWEEPS` |
 """
 
 # No `from __future__ import annotations`: Cyclone DDS reads the types of fields at run time.
@@ -104,8 +104,10 @@ def put_command(port: channel.CommandPort, text: str) -> None:
             port.reset()
         case ["enroll", sweeps, first, *rest] if sweeps.isdigit():
             port.enroll(" ".join([first, *rest]), int(sweeps))
+        case ["adapt", sweeps] if sweeps.isdigit():
+            port.adapt(int(sweeps))
         case _:
-            raise ValueError(f"expected `start [MOTION [MATERIAL]]`, `stop`, `reset` or `enroll SWEEPS MATERIAL`, found {text[:80]!r}")
+            raise ValueError(f"expected `start [MOTION [MATERIAL]]`, `stop`, `reset`, `enroll SWEEPS MATERIAL` or `adapt SWEEPS`, found {text[:80]!r}")
 
 
 class Bridge:
