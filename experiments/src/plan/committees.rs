@@ -50,3 +50,58 @@ fn place_of(task: &Task) -> Option<String> {
     };
     serde_json::to_string(&place).ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::format::Format;
+    use tactnet_data::twin::{self, TwinConfig};
+
+    use super::*;
+    use crate::{ExperimentRecipe, Plan};
+
+    /// Returns the tasks of the public benchmark on a small twin.
+    fn tasks(settings: &[&str]) -> Vec<Task> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("twin.npz");
+        let config = TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 100,
+            ..TwinConfig::default()
+        };
+        let twin = twin::generate(&config).unwrap();
+        Format::Npz.write(&path, &twin).unwrap();
+        let data = format!("data=[{:?}]", path.display().to_string());
+        let settings = settings.iter().map(|setting| setting.to_string());
+        let settings: Vec<String> = settings.chain([data]).collect();
+        let recipe = ExperimentRecipe::load("public", &settings).unwrap();
+        Plan::new(&recipe.with_data().unwrap(), "").unwrap().tasks
+    }
+
+    #[test]
+    fn the_public_benchmark_trains_no_member_of_the_committee_twice() {
+        let recipe = ModelRecipe::load("committee").unwrap();
+        let ModelRecipe::Committee(committee) = recipe else {
+            panic!("a committee");
+        };
+        let tasks = tasks(&["epochs=3", "shots=4"]);
+        let committees = tasks.iter().filter(|task| task.model == "committee");
+        let mut count = 0;
+        for task in committees {
+            count += 1;
+            let members: Vec<&Task> = tasks
+                .iter()
+                .filter(|other| task.members.contains(&other.id))
+                .collect();
+            assert_eq!(members.len(), committee.members.len(), "{}", task.id);
+            assert!(members.iter().all(|of| place_of(of) == place_of(task)));
+        }
+        assert_eq!(count, 10, "five folds, with all and with few sweeps");
+    }
+
+    #[test]
+    fn a_committee_with_a_member_of_its_own_trains_all_of_them() {
+        let tasks = tasks(&["models=[\"lda\", \"committee\"]"]);
+        assert!(tasks.iter().all(|task| task.members.is_empty()));
+    }
+}
