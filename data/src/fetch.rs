@@ -6,9 +6,11 @@
 
 mod blob;
 mod part;
+mod public_set;
 mod transfer;
 
 pub use blob::git_blob_id;
+pub use public_set::{PublicSet, SetProgress};
 
 use crate::{DataError, Remedy};
 use part::Part;
@@ -149,6 +151,34 @@ pub enum FetchError {
         /// Checksum of the existing file.
         found: String,
     },
+    /// Another data set exists at the target path; it is not changed.
+    #[error(
+        "{}: expected {name} with SHA-256 {expected}, found another data set with {found}: move it away or choose another place",
+        out.display()
+    )]
+    OtherSet {
+        /// Target path.
+        out: PathBuf,
+        /// Name of the public set.
+        name: String,
+        /// SHA-256 of its content.
+        expected: String,
+        /// SHA-256 of the existing data set's content.
+        found: String,
+    },
+    /// The files are the published ones, but their conversion gives another data set than before.
+    #[error(
+        "{name}: the files are the published ones, but their sweeps have SHA-256 {found}, expected {expected}: this build reads them \
+         differently; please report it"
+    )]
+    OtherConversion {
+        /// Name of the public set.
+        name: String,
+        /// SHA-256 of its content.
+        expected: String,
+        /// SHA-256 of the converted content.
+        found: String,
+    },
     /// Error of the disk: full, read-only or similar. The downloaded bytes are kept.
     #[error(transparent)]
     Disk(#[from] DataError),
@@ -172,8 +202,9 @@ impl FetchError {
             Self::Unreachable { .. }
             | Self::Refused { .. }
             | Self::Cut { .. }
-            | Self::WrongContent { .. } => false,
-            Self::Occupied { .. } => true,
+            | Self::WrongContent { .. }
+            | Self::OtherConversion { .. } => false,
+            Self::Occupied { .. } | Self::OtherSet { .. } => true,
         }
     }
 }

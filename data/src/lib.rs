@@ -57,7 +57,9 @@ pub use dataset::{
 };
 pub use error::{DataError, is_wrong_path};
 #[cfg(feature = "fetch")]
-pub use fetch::{FetchError, Fetched, Origin, Progress, Source, fetch, git_blob_id};
+pub use fetch::{
+    FetchError, Fetched, Origin, Progress, PublicSet, SetProgress, Source, fetch, git_blob_id,
+};
 pub use finding::{
     CheckReport, Finding, FindingGroup, FindingKind, Place, Severity, group_findings,
 };

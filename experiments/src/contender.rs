@@ -28,6 +28,14 @@ pub struct Contender {
     /// Part of the training sweeps that was evaluated instead of the test sweeps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inner: Option<usize>,
+    /// Number of training sweeps of each material, drawn from the fold's; absent for all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shots: Option<usize>,
+    /// True for a committee.
+    #[serde(skip_serializing_if = "is_false")]
+    pub committee: bool,
+    /// True if the prediction method is that of the model's recipe.
+    pub own_method: bool,
     /// Prediction method, written by its name in files.
     #[serde(serialize_with = "by_name")]
     pub prediction: PredictionMethod,
@@ -68,6 +76,10 @@ pub struct Contender {
     pub published: Option<PublishedContender>,
     /// Folds in the order of the rows' values.
     pub folds: Vec<FoldRecord>,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 fn by_name<S: Serializer>(method: &PredictionMethod, serializer: S) -> Result<S::Ok, S::Error> {

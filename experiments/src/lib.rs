@@ -6,10 +6,12 @@
 
 mod answer;
 mod audit;
+mod benchmark;
 mod comparison;
 mod confidence;
 mod contender;
 mod context;
+mod data_folder;
 mod data_probes;
 mod error;
 mod event;
@@ -28,6 +30,7 @@ mod probe;
 mod published;
 mod published_confusion;
 mod questions;
+mod ranks;
 mod recipe;
 mod report;
 mod result;
@@ -45,6 +48,10 @@ mod time_left;
 
 pub use answer::FeatureMap;
 pub use audit::Audit;
+pub use benchmark::{
+    Benchmark, Candidate, Condition, ConditionScores, DefaultModel, ModelScore, Objection, Score,
+    SetResult, SetScores,
+};
 pub use comparison::{Comparison, name_in_comparison};
 pub use confidence::{ReliabilityBin, RiskCoverage};
 pub use contender::{Contender, FoldRecord, PublishedContender};

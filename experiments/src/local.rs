@@ -194,11 +194,22 @@ impl Runner<'_> {
         Ok(())
     }
 
+    /// Returns true for a committee with members that have not ended.
+    fn waits(&self, index: usize) -> bool {
+        let tasks = &self.dir.plan.tasks;
+        let members = &tasks[index].members;
+        let has_ended = |id: &String| {
+            let member = tasks.iter().position(|task| task.id == *id);
+            member.is_none_or(|member| self.ended[member])
+        };
+        !members.iter().all(has_ended)
+    }
+
     /// Starts tasks while the pool has room.
     fn start(&mut self, tell: &mut impl FnMut(Event<'_>)) -> Result<(), ExperimentError> {
         let is_running = |i: &usize| self.running.iter().any(|r| r.indices.contains(i));
         let mut open: Vec<usize> = (0..self.ended.len())
-            .filter(|i| !self.ended[*i] && !is_running(i))
+            .filter(|i| !self.ended[*i] && !is_running(i) && !self.waits(*i))
             .collect();
         while self.running.len() < self.pool.jobs && !open.is_empty() {
             let index = open.remove(0);

@@ -18,6 +18,11 @@ pub(crate) fn sweeps(count: usize) -> String {
     }
 }
 
+/// Returns the number of training sweeps of each material as the end of a description: ", 5 sweeps a material".
+pub(crate) fn few_sweeps(shots: usize) -> String {
+    format!(", {} a material", sweeps(shots))
+}
+
 /// Joins names that may contain commas: "a", "a and b", "a; b; c", "a; b; and 3 others".
 pub(crate) fn listed(names: &[String]) -> String {
     match names {

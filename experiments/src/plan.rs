@@ -1,5 +1,6 @@
 //! Expands a recipe into a list of idempotent tasks.
 
+mod committees;
 mod data;
 mod grid;
 mod models;
@@ -13,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_pipeline::{ModelRecipe, TrainSpec};
 use toml::{Table, Value};
 
+use crate::phrases::few_sweeps;
 use crate::{DataProbes, ExperimentError, ExperimentRecipe, Part, Probe, Question};
 pub use data::RecipeWithData;
 use grid::Grid;
@@ -30,6 +32,9 @@ pub struct Task {
     pub job: Job,
     /// Kind of probe; `None` for a contender.
     pub probe: Option<Probe>,
+    /// Tasks that train the members of a committee on the same sweeps. The committee waits for them and averages their predictions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub members: Vec<String>,
 }
 
 /// The work of a task.
@@ -96,15 +101,19 @@ pub struct LeftOut {
     pub model: String,
     /// Name or file of the data set.
     pub data: String,
+    /// Number of training sweeps of each material; absent for all of the fold.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shots: Option<usize>,
     /// Requirement that the data set does not meet.
     pub reason: String,
 }
 
 impl fmt::Display for LeftOut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let few = self.shots.map_or(String::new(), few_sweeps);
         write!(
             f,
-            "{} is left out on {}: {}",
+            "{} is left out on {}{few}: {}",
             self.model, self.data, self.reason
         )
     }
@@ -153,6 +162,7 @@ impl Plan {
                     settings,
                 },
             )?;
+        committees::share_members(&mut tasks, &models);
         Ok(Self {
             schema_version: Self::SCHEMA_VERSION,
             recipe: recipe.clone(),

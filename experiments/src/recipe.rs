@@ -17,7 +17,7 @@ use crate::{Crossval, ExperimentError, Question, SweepLength};
 pub use search::{Range, Search};
 
 /// Built-in experiments by name.
-const BUILT_IN: [(&str, &str); 16] = [
+const BUILT_IN: [(&str, &str); 17] = [
     (
         "crossval_tactnet2",
         include_str!("../recipes/crossval_tactnet2.toml"),
@@ -58,6 +58,7 @@ const BUILT_IN: [(&str, &str); 16] = [
     ("feature_maps", include_str!("../recipes/feature_maps.toml")),
     ("networks", include_str!("../recipes/networks.toml")),
     ("robustness", include_str!("../recipes/robustness.toml")),
+    ("public", include_str!("../recipes/public.toml")),
 ];
 
 /// A question about classifiers on data sets, with the expected answer.
@@ -72,7 +73,7 @@ pub struct ExperimentRecipe {
     pub expects: String,
     /// Expected duration, as text.
     pub takes: String,
-    /// Data sets: `twin`, or files.
+    /// Data sets: `twin`, files, or folders of data sets.
     #[serde(deserialize_with = "one_or_many")]
     pub data: Vec<String>,
     /// Recipes of models: built-in names, files, or names of `variants`.

@@ -1,6 +1,7 @@
 //! A summary as a self-contained HTML page that loads nothing and works on phones, in dark mode and without a mouse.
 
 mod audit;
+mod benchmark;
 mod beside_published;
 mod by_length;
 mod calibration;
@@ -9,12 +10,13 @@ mod confusion;
 mod contender;
 mod data_set;
 #[cfg(test)]
-mod fake;
+pub(crate) mod fake;
 mod header;
 mod headline;
 mod intervals;
 mod material_groups;
 mod paired;
+mod pareto;
 mod provenance;
 mod ranks;
 mod results;
@@ -63,7 +65,26 @@ pub fn to_html(summary: &Summary) -> String {
     let terms = terms::terms(summary.question.ask().terms());
     let provenance = provenance::section(summary, &contenders, &sets);
     let published = beside_published::section(&sets);
+    let benchmark = summary.benchmark.as_ref();
     let sections = [
+        Section::new(
+            "sets",
+            "Data sets and models",
+            benchmark.map(|found| benchmark::section(found, &summary.left_out)),
+        ),
+        Section::new(
+            "ranks",
+            "Mean ranks over data sets",
+            match benchmark {
+                Some(benchmark) => ranks::of_benchmark(benchmark),
+                None => ranks::section(&contenders),
+            },
+        ),
+        Section::new(
+            "pareto",
+            "Error and training time",
+            benchmark.and_then(pareto::section),
+        ),
         Section::new("results", "Results", results::section(&contenders, &sets)),
         Section::new(
             "accuracy",
@@ -88,15 +109,14 @@ pub fn to_html(summary: &Summary) -> String {
             "Groups of materials",
             material_groups::section(summary, &sets),
         ),
-        Section::new(
-            "ranks",
-            "Mean ranks over data sets",
-            ranks::section(&contenders),
-        ),
         Section::new("provenance", PROVENANCE, Some(provenance)),
         Section::new("glossary", "How to read this", Some(terms)),
     ];
-    page(summary, &headline::of_contenders(summary, &sets), &sections)
+    let headline = match benchmark.and_then(benchmark::headline) {
+        Some(placed) => headline::of_benchmark(summary, placed),
+        None => headline::of_contenders(summary, &sets),
+    };
+    page(summary, &headline, &sections)
 }
 
 /// Returns the page around its sections.
@@ -144,6 +164,7 @@ mod tests {
     #[test]
     fn sections_are_in_order_and_those_without_content_are_left_out() {
         let all = [
+            "ranks",
             "results",
             "accuracy",
             "comparisons",
@@ -152,7 +173,6 @@ mod tests {
             "lengths",
             "published",
             "groups",
-            "ranks",
             "provenance",
             "glossary",
         ];
@@ -172,6 +192,22 @@ mod tests {
             sections_of(&to_html(&fake::empty())),
             ["provenance", "glossary"]
         );
+    }
+
+    #[test]
+    fn a_benchmark_begins_with_its_table() {
+        let mut summary = fake::summary();
+        summary.benchmark = Some(crate::benchmark::tests::of_accuracies(&[
+            ("felt", &[Some(0.9), Some(0.8), Some(0.7)]),
+            ("cork", &[Some(0.9), Some(0.8), Some(0.7)]),
+            ("wood", &[Some(0.9), Some(0.8), Some(0.7)]),
+        ]));
+        let page = to_html(&summary);
+        assert_eq!(
+            sections_of(&page)[..4],
+            ["sets", "ranks", "pareto", "results"]
+        );
+        assert!(page.contains("mean error of <code>lda</code> over 3 data sets"));
     }
 
     #[test]

@@ -71,7 +71,8 @@ impl Scored<'_> {
 
     /// Returns the length of the training if it is a network with few training steps.
     pub(crate) fn few_steps(&self) -> Option<TrainingSteps> {
-        self.training.filter(|training| training.are_few())
+        self.training
+            .filter(|training| training.are_few() && self.shots.is_none())
     }
 
     /// Returns the accuracy of always naming the material with the most test sweeps.

@@ -62,10 +62,12 @@ pub fn run_on_slurm(
         all: tasks.len(),
         left: TimeLeft::of(dir, array.jobs),
     });
-    for attempt in 1..=ATTEMPTS {
-        let open: Vec<usize> = (0..tasks.len()).filter(|&i| !known[i]).collect();
+    // Committees are submitted once the tasks of their members have left the queue.
+    for (attempt, with_members) in (1..=ATTEMPTS).flat_map(|n| [(n, false), (n, true)]) {
+        let is_next = |&i: &usize| !known[i] && tasks[i].members.is_empty() != with_members;
+        let open: Vec<usize> = (0..tasks.len()).filter(is_next).collect();
         if open.is_empty() {
-            break;
+            continue;
         }
         // Wait for a job that survived its runner instead of submitting it again.
         let job = match left_behind(&logs) {

@@ -10,6 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use tactnet_data::Seed;
 use tactnet_pipeline::LabelOrder;
 
+use crate::benchmark::Benchmark;
 use crate::comparison::{RowOfTasks, comparisons};
 use crate::measure::Unit;
 use crate::published_confusion::TACTMAT_MATERIALS;
@@ -90,6 +91,7 @@ pub fn summarise(dir: &ExperimentDir) -> Result<Summary, ExperimentError> {
         comparisons,
         records: finished.iter().map(|task| task.record.clone()).collect(),
         contenders: Vec::new(),
+        benchmark: None,
         audits: Vec::new(),
         groups: BTreeMap::new(),
         sample_efficiency: None,
@@ -167,7 +169,12 @@ fn complete_crossval(
             (contender.key.clone(), grouping)
         })
         .collect();
-    (summary.audits, summary.groups) = (audits, groups);
+    let recipe = &dir.plan.recipe;
+    // Several treatments of one data set are not several data sets.
+    let one_treatment = recipe.levels.len() == 1 && recipe.steps.len() <= 1;
+    let benchmark = one_treatment.then(|| Benchmark::of(&scored, &summary.left_out));
+    let benchmark = benchmark.flatten();
+    (summary.audits, summary.groups, summary.benchmark) = (audits, groups, benchmark);
     Ok(())
 }
 

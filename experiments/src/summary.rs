@@ -8,6 +8,7 @@ use tactnet_data::DataOrigin;
 
 use crate::answer::FeatureMap;
 use crate::audit::Audit;
+use crate::benchmark::Benchmark;
 use crate::comparison::Comparison;
 use crate::contender::Contender;
 use crate::groups::Grouping;
@@ -67,6 +68,9 @@ pub struct Summary {
     /// Details of the contenders; only for a cross-validation.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub contenders: Vec<Contender>,
+    /// Comparison of models over the data sets; only for a cross-validation on several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<Benchmark>,
     /// Probes of each data set; only for a cross-validation.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub audits: Vec<Audit>,

@@ -247,6 +247,22 @@ impl ExperimentDir {
         Ok(Start::Begin(Box::new(job)))
     }
 
+    /// Returns the runs of a committee's members, from whose predictions it can be averaged; empty unless all have ended.
+    ///
+    /// # Errors
+    /// A member that is no task of the plan; a folder without a run.
+    pub fn members(&self, task: &Task) -> Result<Vec<RunDir>, ExperimentError> {
+        let mut runs = Vec::new();
+        for id in &task.members {
+            let member = self.task(id)?;
+            if self.state(member) != TaskState::Done {
+                return Ok(Vec::new());
+            }
+            runs.push(RunDir::open(&self.task_dir(member))?);
+        }
+        Ok(runs)
+    }
+
     /// Returns the training time of a finished task, in seconds.
     pub(crate) fn train_seconds(&self, task: &Task) -> f64 {
         if let Job::Question(_) = task.job {

@@ -60,6 +60,9 @@ pub struct TrainSpec {
     /// Index of the part of the training sweeps that replaces the test sweeps, from 0; absent: the test sweeps are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inner: Option<usize>,
+    /// Number of training sweeps of each material, drawn from the fold's; absent: all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shots: Option<usize>,
     /// Rates for which a fifth of the training sweeps is set aside to calibrate; absent: no calibration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<CalibrationTarget>,
@@ -95,6 +98,7 @@ impl Default for TrainSpec {
             fold: None,
             repeat: 0,
             inner: None,
+            shots: None,
             calibration: None,
             watch_test: false,
             seed: Seed(1),
@@ -208,16 +212,20 @@ impl TrainSpec {
         }
     }
 
-    /// Returns the fold of the training: that of its number, or a part of its training sweeps.
+    /// Returns the fold of the training: that of its number, or a part of its training sweeps, with all training sweeps or a few of each material.
     ///
     /// # Errors
     /// A fold that does not exist; too few sweeps.
     pub fn fold_of<'a>(&self, dataset: &'a Dataset) -> Result<Fold<'a>, DataError> {
         let (scheme, number) = (self.scheme(dataset), self.fold.unwrap_or(0));
         let fold = Fold::new(dataset, scheme, self.seed, self.repeat, number)?;
-        match self.inner {
+        let fold = match self.inner {
+            None => fold,
+            Some(part) => fold.nested(part)?,
+        };
+        match self.shots {
             None => Ok(fold),
-            Some(part) => fold.nested(part),
+            Some(shots) => fold.shots(shots),
         }
     }
 
@@ -354,8 +362,10 @@ impl TrainSpec {
             let found = "all sweeps to train on".into();
             return refused("split", "a split with test sweeps", found);
         }
-        if self.steps == Some(0) {
-            return refused("steps", "at least 1", "0".into());
+        for (setting, count) in [("steps", self.steps), ("shots", self.shots)] {
+            if count == Some(0) {
+                return refused(setting, "at least 1", "0".into());
+            }
         }
         if let Some(target) = self.calibration {
             let shares = [
@@ -392,6 +402,7 @@ mod tests {
             fold: Some(3),
             repeat: 1,
             inner: Some(2),
+            shots: Some(5),
             calibration: Some(CalibrationTarget::default()),
             watch_test: true,
             seed: Seed(7),
@@ -475,6 +486,13 @@ mod tests {
                     ..usual()
                 },
                 "`steps`",
+            ),
+            (
+                TrainSpec {
+                    shots: Some(0),
+                    ..usual()
+                },
+                "`shots`",
             ),
             (
                 TrainSpec {

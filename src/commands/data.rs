@@ -65,7 +65,9 @@ pub enum DataCommand {
     Export(ConvertArgs),
     /// Download a published data set and verify it
     #[command(
-        after_help = "Example:\n  tactnet data fetch tactmat --out tactmat.h5\n\n\
+        after_help = "Examples:\n  tactnet data fetch tactmat --out tactmat.h5\n  \
+        tactnet data fetch --list\n  \
+        tactnet data fetch walking-terrain     writes public/walking-terrain.npz\n\n\
         Repeat the command to resume an interrupted download."
     )]
     Fetch(fetch::FetchArgs),

@@ -155,6 +155,7 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
 fn begin(arguments: &RunArgs) -> anyhow::Result<ExperimentDir> {
     arguments.check()?;
     let mut recipe = ExperimentRecipe::load(&arguments.recipe, &arguments.settings())?;
+    recipe.open_folders();
     for data in &mut recipe.data {
         *data = DataSource::from_anywhere(data);
     }

@@ -49,18 +49,40 @@ pub fn run(arguments: &TaskArgs) -> anyhow::Result<ExitCode> {
         Start::Resume => {
             source::announce(&RunDir::open(&folder)?.config()?.spec.data);
             let session = Session::resume(&folder, None, program())?;
-            Ok(train(&session, &stop, OutputFormat::Table, true)?.0)
+            average_or_train(&dir, task, &session, &stop, true)
         }
         Start::Begin(job) => match *job {
             Job::Train(spec) => {
                 let job = TrainJob::try_from(spec)?;
                 source::announce(&job.spec().data);
                 let session = Session::begin(&job, Some(&folder), program(), |_| Ok(()))?;
-                Ok(train(&session, &stop, OutputFormat::Table, false)?.0)
+                average_or_train(&dir, task, &session, &stop, false)
             }
             Job::Question(task) => answer(&task, &folder, program().provenance, &stop),
         },
     }
+}
+
+/// Averages a committee whose members have been trained by other tasks; trains every other model.
+///
+/// - `resumed`: true if another process began the run
+fn average_or_train(
+    dir: &ExperimentDir,
+    task: &Task,
+    session: &Session,
+    stop: &Stop,
+    resumed: bool,
+) -> anyhow::Result<ExitCode> {
+    let members = dir.members(task)?;
+    if !members.is_empty() {
+        if session.average(members)?.is_some() {
+            say!("averaged the predictions of its members");
+            output::print(session.run().path().display())?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        say!("its members were trained otherwise than it asks for: training all of them");
+    }
+    Ok(train(session, stop, OutputFormat::Table, resumed)?.0)
 }
 
 /// Trains the networks of several tasks together. The failure of one is written to its log.

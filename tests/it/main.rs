@@ -31,6 +31,7 @@ mod interrupted;
 mod lengths;
 mod newcomer;
 mod own_skin;
+mod public;
 mod recording;
 mod robot;
 mod runtimes;

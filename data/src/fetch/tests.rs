@@ -1,5 +1,6 @@
 //! Downloads from a local server that follows a script, one connection after the other.
 
+mod public_set;
 mod script;
 
 use std::fs;

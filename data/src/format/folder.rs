@@ -463,11 +463,35 @@ pub(super) fn holds_arrays(folder: &Path) -> bool {
 
 /// Returns the first file in a folder that is a complete data set.
 pub(super) fn data_set_in(folder: &Path) -> Option<PathBuf> {
+    complete_files(folder).into_iter().next()
+}
+
+/// Returns the data sets directly in a folder, sorted by name; none for a folder that is a data set itself, and for anything but a folder.
+///
+/// ```
+/// use tactnet_data::format::data_sets_in;
+///
+/// assert!(data_sets_in("missing".as_ref()).is_empty());
+/// ```
+pub fn data_sets_in(folder: &Path) -> Vec<PathBuf> {
+    #[cfg(feature = "parquet")]
+    if super::lerobot::is_data_set(folder) {
+        return Vec::new();
+    }
+    match is_folder_of_sweeps(folder) {
+        true => Vec::new(),
+        false => complete_files(folder),
+    }
+}
+
+/// Returns the files in a folder that are complete data sets by their extension, sorted by name.
+fn complete_files(folder: &Path) -> Vec<PathBuf> {
     let is_whole = |path: &PathBuf| {
         let extension = path.extension().and_then(|extension| extension.to_str());
-        extension.is_some_and(|e| ["npz", "h5", "hdf5", "parquet", "pq"].contains(&e))
+        extension.is_some_and(|e| ["npz", "h5", "hdf5", "mat", "parquet", "pq"].contains(&e))
     };
-    list(folder).ok()?.into_iter().find(is_whole)
+    let files = list(folder).unwrap_or_default();
+    files.into_iter().filter(is_whole).collect()
 }
 
 /// Returns the content of a folder, sorted by name.

@@ -80,7 +80,7 @@ pub mod ts;
 mod windows;
 
 pub use file_layout::{Axes, FileLayout};
-pub use folder::is_folder_of_sweeps;
+pub use folder::{data_sets_in, is_folder_of_sweeps};
 pub use lengths::{Keep, OddLength};
 pub use name_pattern::NamePattern;
 pub use read_options::ReadOptions;

@@ -51,7 +51,7 @@ impl DataFile {
             rate_hz: recipe.rate_hz,
             ..ReadOptions::default()
         })?;
-        let is_usual = !dataset.origin().is_comparable_to_published() && !dataset.has_test_flag();
+        let is_usual = !dataset.origin().is_comparable_to_published();
         let scheme = Scheme::group_folds_of(&dataset).filter(|_| is_usual);
         Ok(Self {
             group_folds: scheme.and_then(|scheme| scheme.folds(&dataset).ok()),

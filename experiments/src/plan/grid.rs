@@ -31,6 +31,8 @@ struct Place {
     split: SplitKind,
     repeat: usize,
     fold: usize,
+    /// Number of training sweeps of each material; `None` for all of the fold.
+    shots: Option<usize>,
 }
 
 impl<'a> Grid<'a> {
@@ -75,7 +77,7 @@ impl<'a> Grid<'a> {
         let mut tasks = Vec::new();
         for (repeat, fold) in folds {
             for point in self.points() {
-                for split in self.splits(asked, point.data) {
+                for (order, split) in self.splits(asked, point.data).into_iter().enumerate() {
                     if fold >= self.data.folds(point.data, split).unwrap_or(usize::MAX) {
                         continue;
                     }
@@ -92,13 +94,16 @@ impl<'a> Grid<'a> {
                         split,
                         repeat,
                         fold,
+                        shots: None,
                     };
                     tasks.extend(asked.probes.iter().map(|probe| point.probe(*probe, place)));
-                    tasks.extend(self.models.iter().map(|model| {
-                        let mut task = point.training(model, place);
-                        task.job.spec_mut().watch_test = asked.watch_test;
-                        task
-                    }));
+                    // Few sweeps are drawn from the folds of the headline only.
+                    let few = asked.shots.iter().copied().filter(|_| order == 0);
+                    for shots in std::iter::once(None).chain(few.map(Some)) {
+                        let place = Place { shots, ..place };
+                        let models = self.models.iter();
+                        tasks.extend(models.map(|model| point.training(asked, model, place)));
+                    }
                 }
             }
         }
@@ -125,7 +130,7 @@ impl<'a> Grid<'a> {
     /// Plans one task for each part of the data, grid point and network.
     fn question_tasks(&self, question: &dyn Ask) -> Result<Vec<Task>, String> {
         let name = question.name();
-        let is_unfit = |model: &&Model| !model.is_network && !question.takes_baselines();
+        let is_unfit = |model: &&Model| !model.is_network() && !question.takes_baselines();
         if let Some(model) = self.models.iter().find(is_unfit) {
             return Err(format!(
                 "model `{}`: the question `{name}` needs networks",
@@ -148,15 +153,17 @@ impl<'a> Grid<'a> {
 
 impl GridPoint<'_> {
     /// Returns the task that trains and evaluates one model.
-    fn training(&self, model: &Model, place: Place) -> Task {
+    fn training(&self, asked: &Crossval, model: &Model, place: Place) -> Task {
         let mut spec = self.spec(&model.recipe, place);
         spec.inner = model.inner;
-        spec.epochs = self.recipe.epochs.filter(|_| model.is_network);
+        spec.epochs = self.recipe.epochs.filter(|_| model.has_epochs());
+        spec.watch_test = asked.watch_test;
         Task {
             id: self.id(&model.name, place),
             model: model.name.clone(),
             job: Job::Train(spec),
             probe: None,
+            members: Vec::new(),
         }
     }
 
@@ -192,6 +199,7 @@ impl GridPoint<'_> {
                 ..self.spec(probe.recipe(), place)
             }),
             probe: Some(probe),
+            members: Vec::new(),
         }
     }
 
@@ -199,7 +207,7 @@ impl GridPoint<'_> {
     fn question(&self, name: &str, model: &Model, part: Part) -> Task {
         let [data, rest] = self.parts();
         let networks = TrainSpec {
-            epochs: self.recipe.epochs.filter(|_| model.is_network),
+            epochs: self.recipe.epochs.filter(|_| model.has_epochs()),
             ..self.of_recipe(&model.recipe)
         };
         Task {
@@ -211,6 +219,7 @@ impl GridPoint<'_> {
                 networks,
             }),
             probe: None,
+            members: Vec::new(),
         }
     }
 
@@ -235,12 +244,14 @@ impl GridPoint<'_> {
             split,
             repeat,
             fold,
+            shots,
         }: Place,
     ) -> TrainSpec {
         TrainSpec {
             split: Some(split),
             repeat,
             fold: Some(fold),
+            shots,
             ..self.of_recipe(recipe)
         }
     }
@@ -264,9 +275,13 @@ impl GridPoint<'_> {
             split,
             repeat,
             fold,
+            shots,
         }: Place,
     ) -> String {
-        let [data, rest] = self.parts();
+        let [data, mut rest] = self.parts();
+        if let Some(shots) = shots {
+            rest.push_str(&format!("-{shots}_shots"));
+        }
         match split {
             SplitKind::KFold => format!("{data}-{model}{rest}-run{repeat}-fold{fold}"),
             SplitKind::HoldOut => format!("{data}-{model}{rest}-holdout{repeat}"),

@@ -17,9 +17,21 @@ pub(super) struct Model {
     pub(super) name: String,
     /// Name of a built-in recipe, or file name of a recipe of the experiment.
     pub(super) recipe: String,
-    pub(super) is_network: bool,
+    pub(super) loaded: ModelRecipe,
     /// Part of the training sweeps that it is evaluated on; `None` for the test sweeps.
     pub(super) inner: Option<usize>,
+}
+
+impl Model {
+    /// Returns true for a network.
+    pub(super) fn is_network(&self) -> bool {
+        matches!(self.loaded, ModelRecipe::Network(_))
+    }
+
+    /// Returns true if the number of epochs of an experiment applies to the model.
+    pub(super) fn has_epochs(&self) -> bool {
+        !matches!(self.loaded, ModelRecipe::Baseline(_))
+    }
 }
 
 /// Loads the models of a recipe and adds those that are not built in to `recipes`, as TOML by name.
@@ -33,19 +45,18 @@ pub(super) fn models(
     // A search evaluates all models on a part of the training sweeps.
     let inner = recipe.search.as_ref().map(|_| 0);
     let mut models = Vec::new();
-    let mut own = |name: String, text: String, is_network: bool| {
+    let mut own = |name: String, text: String, loaded: ModelRecipe| {
         let recipe = format!("{}{name}.toml", Plan::OWN_RECIPE);
         recipes.insert(name.clone(), text);
         Model {
             name,
             recipe,
-            is_network,
+            loaded,
             inner,
         }
     };
     for name in &recipe.models {
         let variant = recipe.variants.iter().find(|variant| variant.name == *name);
-        let is_network = |recipe: &ModelRecipe| matches!(recipe, ModelRecipe::Network(_));
         models.push(match variant {
             Some(variant) => {
                 let settings = variant
@@ -53,7 +64,7 @@ pub(super) fn models(
                     .iter()
                     .map(|(path, value)| (path.as_str(), value.clone()));
                 let (text, made) = made_from(name, name, &variant.base, settings)?;
-                own(name.clone(), text, is_network(&made))
+                own(name.clone(), text, made)
             }
             None => {
                 let loaded = ModelRecipe::load(name)?;
@@ -61,11 +72,11 @@ pub(super) fn models(
                     Model {
                         name: name.clone(),
                         recipe: name.clone(),
-                        is_network: is_network(&loaded),
+                        loaded,
                         inner,
                     }
                 } else {
-                    own(stem(name), loaded.to_toml(), is_network(&loaded))
+                    own(stem(name), loaded.to_toml(), loaded)
                 }
             }
         });
@@ -74,8 +85,7 @@ pub(super) fn models(
         for trial in 0..search.trials {
             let name = format!("trial{trial:02}");
             let (text, made) = draw_trial(search, Seed(recipe.seed), trial, &name)?;
-            let is_network = matches!(made, ModelRecipe::Network(_));
-            let model = own(name, text, is_network);
+            let model = own(name, text, made);
             models.push(model);
         }
     }

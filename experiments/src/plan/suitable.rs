@@ -64,10 +64,11 @@ pub(super) fn leave_out_unsuitable(
                 let recipe = recipe_of(spec);
                 let checked = recipe.as_ref().map(|of| unmet_by(of, spec, dataset));
                 if let Some(Some(reason)) = checked {
-                    unmet.insert(task.id.clone());
+                    unmet.insert(all_folds(task));
                     left_out.insert(LeftOut {
                         model: task.model.clone(),
                         data: dataset.name().into(),
+                        shots: spec.shots,
                         reason,
                     });
                     continue;
@@ -87,24 +88,51 @@ pub(super) fn leave_out_unsuitable(
         }
     }
     refuse_starved(&starved, fed)?;
-    let contends = |task: &&Task| !unmet.contains(&task.id) && task.probe.is_none();
+    let remains = |task: &Task| !unmet.contains(&all_folds(task));
+    let contends = |task: &Task| remains(task) && task.probe.is_none();
     if let Some(first) = left_out.first()
-        && !tasks.iter().any(|task| contends(&task))
+        && !tasks.iter().any(contends)
     {
         return Err(format!("no model can be trained; {first}").into());
     }
-    tasks.retain(|task| !unmet.contains(&task.id));
+    tasks.retain(remains);
     Ok(left_out.into_iter().collect())
 }
 
-/// Returns the requirement of a model that the sweeps of a data set do not meet; `None` if they meet all.
+/// Returns a key of a task and of the same task on other folds: a model that one fold does not allow is left out in all of them.
+fn all_folds(task: &Task) -> String {
+    let settings = match &task.job {
+        Job::Train(spec) => serde_json::to_string(&TrainSpec {
+            fold: None,
+            repeat: 0,
+            ..spec.clone()
+        }),
+        Job::Question(_) => return task.id.clone(),
+    };
+    format!("{} {}", task.model, settings.unwrap_or_default())
+}
+
+/// Returns the requirement of a model that the sweeps of a data set, or the few that are drawn from a fold, do not meet; `None` if they meet
+/// all.
 fn unmet_by(recipe: &ModelRecipe, spec: &TrainSpec, dataset: &Dataset) -> Option<String> {
     let shape = SweepShape {
         steps: spec.steps.unwrap_or(dataset.shortest()),
         ..dataset.shape()
     };
     let checked = recipe.check_sweeps(shape, dataset.sample_rate_hz());
-    checked.err().map(|error| error.to_string())
+    if let Err(error) = checked {
+        return Some(error.to_string());
+    }
+    spec.shots?;
+    match spec.fold_of(dataset) {
+        Err(error) => Some(error.to_string()),
+        Ok(fold) => {
+            let (_, needed) = recipe.starved(&fold.train.sweeps_per_label())?;
+            Some(format!(
+                "it needs {needed} training sweeps of every material"
+            ))
+        }
+    }
 }
 
 /// Returns an error if some models have too few sweeps, with settings that keep only the others.

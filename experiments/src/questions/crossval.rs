@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use tactnet_pipeline::SplitKind;
 
-use super::{Ask, Compared, FOLDS, Named, REPEATS, five, one, within};
+use super::{Ask, Compared, FOLDS, Named, REPEATS, check_counts, five, one, within};
 use crate::answer::Answer;
 use crate::context::{Cancelled, StudyContext};
 use crate::error::ExperimentError;
@@ -28,6 +28,9 @@ pub struct Crossval {
     /// Probes that run in addition to the models.
     #[serde(default, deserialize_with = "one_or_many")]
     pub probes: Vec<Probe>,
+    /// Numbers of training sweeps of each material; models are also trained on so few, drawn from each fold.
+    #[serde(default, deserialize_with = "one_or_many")]
+    pub shots: Vec<usize>,
     /// Records the networks' accuracy on the test sweeps after every epoch; nothing is selected by it.
     #[serde(default)]
     pub watch_test: bool,
@@ -43,6 +46,7 @@ impl Default for Crossval {
             folds: five(),
             repeats: one(),
             probes: Vec::new(),
+            shots: Vec::new(),
             watch_test: false,
             groups: 0,
         }
@@ -59,6 +63,7 @@ impl Ask for Crossval {
             1,
             if random { FOLDS } else { usize::MAX },
         )?;
+        check_counts("shots", &self.shots)?;
         within("repeats", self.repeats, 1, REPEATS)
     }
 

@@ -143,9 +143,10 @@ fn mistakes_are_named_in_one_line() {
             "unknown field `splits`, expected one of `split`, `folds`",
         ),
         (
-            "shots=1",
-            "unknown field `shots`, expected one of `split`, `folds`",
+            "methods=nn",
+            "unknown field `methods`, expected one of `split`, `folds`",
         ),
+        ("shots=0", "`shots`: expected numbers above 0"),
         ("device=gpu", "gpu"),
         (
             "search={base=\"fast\",trials=1,space={\"training.batch\"={kind=\"choice\",values=[]}}}",

@@ -50,6 +50,7 @@ impl<'a> DataSet<'a> {
     /// any, since random folds have sweeps of the same recordings in training.
     pub fn headlined(&self) -> Vec<&'a Scored<'a>> {
         let mut rows = self.contenders();
+        rows.retain(|row| row.shots.is_none());
         if rows.iter().any(|row| row.split_kind.holds_out_blocks()) {
             rows.retain(|row| row.split_kind.holds_out_blocks());
         }
@@ -61,7 +62,7 @@ impl<'a> DataSet<'a> {
         let is_same = |row: &&&Scored<'_>| {
             row.model == of.model
                 && row.prediction == of.prediction
-                && row.steps == of.steps
+                && (row.steps, row.shots) == (of.steps, of.shots)
                 && row.split_kind == SplitKind::KFold
         };
         self.rows.iter().find(is_same).map(|row| row.one_sweep.mean)

@@ -17,7 +17,7 @@ use crate::{
 pub(super) const HOSTILE: &str = "<b>&\"</b></script>'";
 
 /// Returns a summary without finished tasks.
-pub(super) fn empty() -> Summary {
+pub(crate) fn empty() -> Summary {
     Summary {
         schema_version: Summary::SCHEMA_VERSION,
         name: "empty".into(),
@@ -38,6 +38,7 @@ pub(super) fn empty() -> Summary {
         data: BTreeMap::new(),
         rows: vec![],
         comparisons: vec![],
+        benchmark: None,
         audits: vec![],
         groups: BTreeMap::new(),
         records: vec![],
@@ -250,7 +251,13 @@ fn fold_records(task: &str, accuracies: &[f64]) -> Vec<FoldRecord> {
 }
 
 /// Adds a contender with its rows and tasks.
-fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials: &[String]) {
+pub(crate) fn add(
+    summary: &mut Summary,
+    data: &str,
+    model: &str,
+    accuracy: f64,
+    materials: &[String],
+) {
     let folds = vec![accuracy - 0.01, accuracy + 0.01];
     let statistic = |mean: f64| Statistic::of(vec![mean, 1.1 * mean], 0.25);
     for (measure, sweeps, statistic) in [
@@ -281,6 +288,9 @@ fn add(summary: &mut Summary, data: &str, model: &str, accuracy: f64, materials:
         split: "k_fold".into(),
         split_kind: SplitKind::KFold,
         inner: None,
+        shots: None,
+        committee: false,
+        own_method: true,
         prediction: PredictionMethod::McDropout { mc_samples: 100 },
         steps: 1000,
         training: None,

@@ -25,7 +25,8 @@ pub(super) fn header(summary: &Summary, headline: &Markup) -> Markup {
                 " are synthetic: a generator made them, and their results do not hold for TactMat."
             }
         }
-        @for left_out in &summary.left_out {
+        // The table of a comparison over several data sets names them.
+        @for left_out in summary.left_out.iter().filter(|_| summary.benchmark.is_none()) {
             p.note { strong { "Left out:" } " " (left_out) "." }
         }
         @for assumed in summary.assumed_rates() {

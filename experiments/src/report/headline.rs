@@ -12,7 +12,7 @@ use crate::scored::Scored;
 use crate::{Audit, Row, Summary};
 
 /// Data set and headline.
-type Placed = (String, Headline);
+pub(super) type Placed = (String, Headline);
 
 /// Returns the headlines of a cross-validation.
 pub(super) fn of_contenders(summary: &Summary, sets: &[DataSet]) -> Markup {
@@ -21,6 +21,11 @@ pub(super) fn of_contenders(summary: &Summary, sets: &[DataSet]) -> Markup {
         .filter_map(|set| Some((set.heading(), contender(summary, set, set.best()?))))
         .collect();
     drawn(summary, &found, "No model has finished yet.")
+}
+
+/// Returns the headline of a comparison over several data sets.
+pub(super) fn of_benchmark(summary: &Summary, headline: Placed) -> Markup {
+    drawn(summary, &[headline], "")
 }
 
 /// Returns the headlines of a study.

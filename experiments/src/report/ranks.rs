@@ -7,6 +7,8 @@ use tactnet_plot::figure;
 
 use super::data_set::split_name;
 use super::text::{decimal, px, scroll, shortened};
+use crate::benchmark::{Benchmark, Condition, ConditionScores};
+use crate::ranks::ranks;
 use crate::scored::Scored;
 
 /// Critical values of the studentised range over sqrt 2 at alpha 0.05 for 2 to 10 models (Demsar, 2006, table 5).
@@ -34,6 +36,25 @@ pub(super) fn section(contenders: &[Scored<'_>]) -> Option<Markup> {
             Some(Ranking::of(accuracies)?.figure(&variant))
         })
         .collect();
+    (!figures.is_empty()).then(|| html! { @for figure in figures { (figure) } })
+}
+
+/// Returns the ranks of a comparison over several data sets, on the headline and on random folds; `None` with fewer than three or more than
+/// ten models, or fewer than three data sets.
+pub(super) fn of_benchmark(benchmark: &Benchmark) -> Option<Markup> {
+    let figure = |condition: Condition, variant: &str| {
+        let ranking = Ranking::of_scores(benchmark.under(condition)?)?;
+        Some(ranking.figure(variant))
+    };
+    let groups = "held-out groups where a set has them, else random folds";
+    let figures = match benchmark.under(Condition::HeldOutGroups) {
+        None => [figure(Condition::Headline, "random folds"), None],
+        Some(_) => [
+            figure(Condition::Headline, groups),
+            figure(Condition::RandomFolds, "random folds"),
+        ],
+    };
+    let figures: Vec<Markup> = figures.into_iter().flatten().collect();
     (!figures.is_empty()).then(|| html! { @for figure in figures { (figure) } })
 }
 
@@ -83,22 +104,36 @@ impl Ranking {
         for block in &blocks {
             shared.retain(|model| block.contains_key(*model));
         }
-        if blocks.len() < FEWEST || shared.len() < FEWEST {
+        let of_block = |block: &&BTreeMap<String, f64>| {
+            let accuracies: Vec<Option<f64>> = shared.iter().map(|of| Some(block[*of])).collect();
+            ranks(&accuracies)
+        };
+        let of_blocks: Vec<Vec<f64>> = blocks.iter().map(of_block).collect();
+        let mean = |k: usize| of_blocks.iter().map(|of| of[k]).sum::<f64>() / blocks.len() as f64;
+        let models = shared.iter().enumerate();
+        let ranks = models.map(|(k, model)| (model.to_string(), mean(k)));
+        Self::of_means(ranks.collect(), blocks.len())
+    }
+
+    /// Returns the ranking of a comparison over several data sets.
+    fn of_scores(scores: &ConditionScores) -> Option<Self> {
+        let complete = scores.sets.iter().filter(|set| set.is_complete()).count();
+        let models = scores.models.iter();
+        let ranks = models.map(|of| Some((of.model.clone(), of.mean_rank?)));
+        Self::of_means(ranks.collect::<Option<_>>()?, complete)
+    }
+
+    /// Returns the ranking by mean ranks; `None` with too few data sets, or too few or too many models.
+    fn of_means(mut ranks: Vec<(String, f64)>, data_sets: usize) -> Option<Self> {
+        if data_sets < FEWEST || ranks.len() < FEWEST {
             return None;
         }
-        let q = *Q.get(shared.len() - 2)?;
-        let (models, count) = (shared.len() as f64, blocks.len() as f64);
-        let mut ranks: Vec<(String, f64)> = shared
-            .iter()
-            .map(|model| {
-                let sum: f64 = blocks.iter().map(|block| rank(block, model, &shared)).sum();
-                (model.to_string(), sum / count)
-            })
-            .collect();
+        let q = *Q.get(ranks.len() - 2)?;
+        let (models, count) = (ranks.len() as f64, data_sets as f64);
         ranks.sort_by(|a, b| a.1.total_cmp(&b.1));
         Some(Self {
             ranks,
-            data_sets: blocks.len(),
+            data_sets,
             critical_distance: q * (models * (models + 1.0) / (6.0 * count)).sqrt(),
         })
     }
@@ -176,20 +211,6 @@ impl Ranking {
             text class=(class) x=(px(text)) y=(px(y + 4.0)) { (shortened(model, 26)) " (" (decimal(*rank, 2)) ")" }
         }
     }
-}
-
-/// Returns the rank of `model` among the shared models; ties have the mean of their ranks.
-fn rank(block: &BTreeMap<String, f64>, model: &str, shared: &BTreeSet<&String>) -> f64 {
-    let own = block[model];
-    let others = || {
-        shared
-            .iter()
-            .filter(|name| name.as_str() != model)
-            .map(|name| block[*name])
-    };
-    let better = others().filter(|&accuracy| accuracy > own).count() as f64;
-    let equal = others().filter(|&accuracy| accuracy == own).count() as f64;
-    1.0 + better + equal / 2.0
 }
 
 #[cfg(test)]

@@ -41,7 +41,7 @@ fn audit(
     let by_block = |row: &&&Scored<'_>| row.split_kind.holds_out_blocks();
     // Random folds or the author's split, evaluated on test sweeps.
     let usual = |row: &&&Scored<'_>| !by_block(row) && row.inner.is_none();
-    let contenders = || rows.iter().filter(|row| !row.probe);
+    let contenders = || rows.iter().filter(|row| !row.probe && row.shots.is_none());
     let most = contenders()
         .filter(usual)
         .map(|row| rank(row.one_sweep.mean))

@@ -125,6 +125,7 @@ mod tests {
             model: recipe.models[0].clone(),
             job: Job::Train(tactnet_pipeline::TrainSpec::default()),
             probe: None,
+            members: Vec::new(),
         };
         for (data, order, steps) in [
             ("wood, cork", LabelOrder::True, None),

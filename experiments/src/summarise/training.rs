@@ -4,6 +4,7 @@ use tactnet_data::{Scheme, SplitManifest};
 use tactnet_pipeline::{Evaluation, ModelRecipe, PredictionMethod, RunConfig, RunDir, RunResult};
 
 use super::finished::FinishedTask;
+use crate::phrases::few_sweeps;
 use crate::tasks::ExperimentDir;
 use crate::{ExperimentError, Measure, Measurement, Part, Task, TaskRecord};
 
@@ -29,7 +30,7 @@ pub(crate) fn read_training<'a>(
     for (method, evaluation) in &result.evaluations {
         measurements.extend(measured(*method, &setting, evaluation, &result));
     }
-    let test_share = result.test_share();
+    let test_share = test_share(&result, &split, &config);
     Ok(FinishedTask {
         task,
         model: shown_model(&task.model, &result.recipe),
@@ -68,6 +69,17 @@ pub(crate) fn read_training<'a>(
             chosen: result.chosen,
         },
     })
+}
+
+/// Returns the ratio of test to training sweeps. Few sweeps that are drawn from the training sweeps of a fold overlap less between folds than
+/// these do, so the ratio of the folds is an upper bound for them, while theirs would be far above 1.
+fn test_share(result: &RunResult, split: &SplitManifest, config: &RunConfig) -> f64 {
+    match (config.spec.shots, split.scheme) {
+        (Some(_), Scheme::StratifiedKFold { folds, .. } | Scheme::GroupKFold { folds, .. }) => {
+            1.0 / (folds as f64 - 1.0)
+        }
+        _ => result.test_share(),
+    }
 }
 
 /// Returns the text of a recipe without its epochs, whose number depends on the size of the fold.
@@ -133,9 +145,10 @@ pub(super) fn split_name(split: &SplitManifest, config: &RunConfig) -> String {
         Scheme::LeaveBlockOut => "block left out".into(),
         Scheme::GroupKFold { folds, .. } => format!("{folds} folds of whole blocks"),
     };
+    let few = config.spec.shots.map_or(String::new(), few_sweeps);
     match config.spec.inner {
-        None => scheme,
-        Some(part) => format!("{scheme}, judged by inner part {part}"),
+        None => format!("{scheme}{few}"),
+        Some(part) => format!("{scheme}, judged by inner part {part}{few}"),
     }
 }
 

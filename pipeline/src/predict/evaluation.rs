@@ -30,10 +30,7 @@ pub fn evaluate_all_ways(
         .into_iter()
         .map(|method| {
             let predictions = classifier.predict(view, method)?;
-            let evaluation = Evaluation {
-                by_length: LengthAccuracy::quartiles(view.dataset(), &predictions),
-                ..Evaluation::of(&predictions, sweeps, seed)
-            };
+            let evaluation = Evaluation::of_view(view, &predictions, sweeps, seed);
             Ok((predictions, evaluation))
         })
         .collect()
@@ -63,6 +60,19 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
+    /// Evaluates predictions of `view` as [`Evaluation::of`], also by length.
+    pub(crate) fn of_view(
+        view: &SweepView<'_>,
+        predictions: &Predictions,
+        sweeps: usize,
+        seed: Seed,
+    ) -> Self {
+        Self {
+            by_length: LengthAccuracy::quartiles(view.dataset(), predictions),
+            ..Self::of(predictions, sweeps, seed)
+        }
+    }
+
     /// Evaluates `predictions`; `sweeps` sweeps are fused into one decision.
     ///
     /// # Panics

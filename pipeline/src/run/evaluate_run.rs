@@ -6,14 +6,15 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{Fold, sha256_hex};
 
 use crate::{
-    Classifier, ConfoundedAccuracy, ModelRecipe, PipelineError, PredictionSource, Predictions,
-    Provenance, RunConfig, RunDir, RunResult, describe_split, evaluate_all_ways, peak_rss_mib,
+    Classifier, ConfoundedAccuracy, Evaluation, ModelRecipe, PipelineError, PredictionSource,
+    Predictions, Provenance, RunConfig, RunDir, RunResult, describe_split, evaluate_all_ways,
+    peak_rss_mib,
 };
 
 /// Number of sweeps that are fused into one decision in a result.
 pub(crate) const FUSED: usize = 3;
 /// Number of Monte Carlo passes if the recipe names none.
-const MC_SAMPLES: usize = 100;
+pub(super) const MC_SAMPLES: usize = 100;
 
 /// Result of a training besides its weights.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -44,10 +45,28 @@ pub fn evaluate_run(
     trained: TrainingSummary,
     command: String,
 ) -> Result<RunResult, PipelineError> {
+    let mc_samples = config.recipe.method().mc_samples_or(MC_SAMPLES);
+    let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.spec.seed)?;
+    write_evaluation(run, config, ways, fold, sessions, trained, command)
+}
+
+/// Writes predictions and confusion matrix into `run`, and returns the result without writing it.
+///
+/// - `ways`: predictions and evaluation of every method
+///
+/// # Errors
+/// A file that cannot be written.
+pub(super) fn write_evaluation(
+    run: &RunDir,
+    config: &RunConfig,
+    ways: Vec<(Predictions, Evaluation)>,
+    fold: &Fold<'_>,
+    sessions: Vec<Provenance>,
+    trained: TrainingSummary,
+    command: String,
+) -> Result<RunResult, PipelineError> {
     let (recipe, own) = (&config.recipe, config.recipe.method());
     let dataset = fold.test.dataset();
-    let mc_samples = own.mc_samples_or(MC_SAMPLES);
-    let ways = evaluate_all_ways(classifier, &fold.test, mc_samples, FUSED, config.spec.seed)?;
     let mut predictions = ways.iter().map(|(predictions, _)| predictions);
     let of_recipe = predictions.find(|predictions| predictions.method == own);
     let confounded = of_recipe.and_then(|own| ConfoundedAccuracy::of(dataset, own));
@@ -70,7 +89,7 @@ pub fn evaluate_run(
         recipe: recipe.name().into(),
         recipe_sha256: sha256_hex(recipe.to_toml()),
         split_sha256: manifest.sha256.clone(),
-        split: describe_split(&manifest, config.spec.inner),
+        split: describe_split(&manifest, &config.spec),
         repeat: fold.repeat(),
         fold: fold.fold(),
         n_train: trained.sweeps,

@@ -1,5 +1,6 @@
 //! Run directories and the sessions that fill them.
 
+mod average;
 mod committee_session;
 pub(crate) mod evaluate_run;
 mod free_folder;

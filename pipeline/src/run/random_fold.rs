@@ -32,6 +32,10 @@ impl RandomFold {
     ) -> Option<Self> {
         let (spec, recipe) = (&config.spec, &config.recipe);
         let fold = Fold::new(dataset, Scheme::folds_for(dataset), spec.seed, 0, 0).ok()?;
+        let fold = match spec.shots {
+            None => fold,
+            Some(shots) => fold.shots(shots).ok()?,
+        };
         let (fitted, _) = set_aside(&fold, spec.calibration).ok()?;
         let train = &fitted.train;
         if recipe.starved(&train.sweeps_per_label()).is_some() {
@@ -43,7 +47,7 @@ impl RandomFold {
             .predict(&fold.test, recipe.method())
             .ok()?;
         Some(Self {
-            split: describe_split(&fold.manifest(), None),
+            split: describe_split(&fold.manifest(), spec),
             n_train: train.len(),
             one_sweep: predictions.one_sweep(),
         })

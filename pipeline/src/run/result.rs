@@ -6,7 +6,9 @@ use serde::{Deserialize, Deserializer, Serialize};
 use tactnet_data::{DataOrigin, Scheme, Seed, SplitManifest};
 
 use crate::predict::by_method::{deserialize_evaluations, serialize_by_method};
-use crate::{ConfoundedAccuracy, Estimate, Evaluation, PredictionMethod, Provenance, RandomFold};
+use crate::{
+    ConfoundedAccuracy, Estimate, Evaluation, PredictionMethod, Provenance, RandomFold, TrainSpec,
+};
 
 /// Result of a training run, with all that is needed to reproduce it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -101,10 +103,8 @@ fn read_commits<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String
     })
 }
 
-/// Returns the description of a split, counted from 1: `fold 1 of 5, repeat 2`.
-///
-/// - `inner`: index of the part of the training sweeps that replaces the test sweeps, from 0
-pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String {
+/// Returns the description of the split of a training, counted from 1: `fold 1 of 5, repeat 2`.
+pub fn describe_split(manifest: &SplitManifest, spec: &TrainSpec) -> String {
     let part = manifest.fold + 1;
     let mut text = match manifest.scheme {
         Scheme::StratifiedKFold { folds, .. } => format!("fold {part} of {folds}"),
@@ -117,8 +117,11 @@ pub fn describe_split(manifest: &SplitManifest, inner: Option<usize>) -> String 
     if manifest.repeat > 0 {
         text.push_str(&format!(", repeat {}", manifest.repeat + 1));
     }
-    if let Some(part) = inner {
+    if let Some(part) = spec.inner {
         text.push_str(&format!(", inner part {}", part + 1));
+    }
+    if let Some(shots) = spec.shots {
+        text.push_str(&format!(", {shots} training sweeps of each material"));
     }
     text
 }

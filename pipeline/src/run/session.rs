@@ -100,7 +100,7 @@ pub struct Program {
 pub struct Session {
     dataset: Dataset,
     run: RunDir,
-    program: Program,
+    pub(super) program: Program,
     /// Device of the session, once open.
     device: OnceLock<Device>,
     /// Settings of the recipe before they were adapted to the number of sweeps; `None` for a resumed run.
@@ -557,12 +557,12 @@ pub(super) enum Opened<'a> {
 /// Unfinished run that a session continues.
 pub(super) struct Begun<'a> {
     pub(super) config: RunConfig,
-    fold: Fold<'a>,
+    pub(super) fold: Fold<'a>,
     /// Fold without the sweeps that are set aside; models are fitted to its training sweeps.
     pub(super) fitted: Fold<'a>,
     aside: Option<(CalibrationTarget, ValidationSplit<'a>)>,
     /// All sessions of the run so far, including this one.
-    sessions: Vec<Provenance>,
+    pub(super) sessions: Vec<Provenance>,
 }
 
 #[cfg(test)]

@@ -13,10 +13,12 @@ use crate::commands::choices::DeviceChoice;
     tactnet experiment run crossval_tactnet2 --set data=sweeps.h5       on recorded sweeps\n  \
     tactnet experiment run crossval_baselines --set folds=2 --set 'models=[\"minirocket\"]'\n  \
     tactnet experiment run nshot --set splits=3 --set 'shots=[1,10]'    n-shot transfer\n  \
+    tactnet experiment run public --set data=DIR                        all data sets of a folder\n  \
     tactnet experiment run my.toml --engine slurm --out /shared/my      on a cluster\n\n\
     The same command resumes a stopped experiment, and so does the command with its folder alone. Finished tasks are not run again.\n\n\
     Fields for --set: data, models, levels, steps (a value or a list), seed, epochs, device, search.trials, and those of the question. \
-    Cross-validation: split, probes (a value or a list), folds (number of trained folds out of five random ones), runs (1 or 2), groups. \
+    Cross-validation: split, probes (a value or a list), folds (number of trained folds out of five random ones), runs (1 or 2), groups, \
+    shots (numbers of sweeps of each material that models are trained on as well). \
     Other questions: splits (number of draws of new materials, or of the 2 x 5 folds), shots (support sweeps of nshot and enrolment, sweeps \
     per decision of the others), new_materials, methods (nshot: nk, ol, ol-fcl, ol-mean, nn, siamese, siamese-full, simpleshot, lda, \
     tuned-ol, whitened-ol). `tactnet experiment show NAME` prints a complete recipe.\n\n\

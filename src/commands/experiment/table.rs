@@ -3,8 +3,9 @@
 use std::fmt::{self, Write};
 
 use tactnet_experiments::{
-    AssumedRate, Comparison, FewSteps, Measure, Question, Row, SampleEfficiency, Scored, Statistic,
-    Summary, interval_notes, method_name, name_in_comparison,
+    AssumedRate, Benchmark, Comparison, Condition, ConditionScores, FewSteps, Measure, ModelScore,
+    Question, Row, SampleEfficiency, Scored, Statistic, Summary, interval_notes, method_name,
+    name_in_comparison,
 };
 
 /// Returns a summary as text: title, command, tables and comparisons.
@@ -122,6 +123,64 @@ fn contenders(out: &mut String, summary: &Summary) -> fmt::Result {
     }
     for audit in &summary.audits {
         writeln!(out, "\n{}: {}", audit.data, audit.verdict)?;
+    }
+    match &summary.benchmark {
+        Some(found) => benchmark(out, found),
+        None => Ok(()),
+    }
+}
+
+/// Writes the table of data sets and models, and the model that the rule for the default selects.
+fn benchmark(out: &mut String, found: &Benchmark) -> fmt::Result {
+    for scores in &found.conditions {
+        condition(out, scores)?;
+    }
+    let selected = found.default.model.as_deref();
+    writeln!(
+        out,
+        "\n{} Selected: {}.",
+        found.default.rule,
+        selected.unwrap_or("no model")
+    )
+}
+
+/// Writes the results under one condition: data sets in rows, models in columns.
+fn condition(out: &mut String, scores: &ConditionScores) -> fmt::Result {
+    let named = match scores.condition {
+        Condition::Headline => "all data sets, held-out groups first".into(),
+        other => other.to_string(),
+    };
+    write!(out, "\n{:<52}", format!("{named}, accuracy [%]"))?;
+    for model in &scores.models {
+        write!(out, " {:>17}", model.model)?;
+    }
+    writeln!(out)?;
+    for set in &scores.sets {
+        write!(out, "{:<52}", set.data)?;
+        for result in &set.models {
+            let shown = match (&result.score, &result.left_out) {
+                (Some(score), _) => format!("{:.1}", 100.0 * score.accuracy),
+                (None, Some(_)) => "left out".into(),
+                (None, None) => "-".into(),
+            };
+            write!(out, " {shown:>17}")?;
+        }
+        writeln!(out)?;
+    }
+    type Mean = fn(&ModelScore) -> Option<String>;
+    let means: [(&str, Mean); 3] = [
+        ("mean error [%]", |of| {
+            Some(format!("{:.1}", 100.0 * of.mean_error?))
+        }),
+        ("mean rank", |of| Some(format!("{:.2}", of.mean_rank?))),
+        ("train [s]", |of| Some(format!("{:.1}", of.train_seconds?))),
+    ];
+    for (label, mean) in means {
+        write!(out, "{label:<52}")?;
+        for model in &scores.models {
+            write!(out, " {:>17}", mean(model).unwrap_or("-".into()))?;
+        }
+        writeln!(out)?;
     }
     Ok(())
 }

@@ -87,6 +87,9 @@ struct TrainOptions {
     /// Test on part I of the fold's training sweeps instead of its test sweeps, and train on the other parts: for model selection
     #[arg(long, value_name = "I")]
     inner: Option<usize>,
+    /// Train on N sweeps of each material, drawn from the fold's training sweeps
+    #[arg(long, value_name = "N")]
+    shots: Option<usize>,
     /// Set a fifth of the training sweeps aside for calibration: thresholds for unknown materials and for prediction sets
     #[arg(long)]
     calibrate: bool,
@@ -155,6 +158,7 @@ impl TrainArgs {
             fold: options.fold,
             repeat: options.repeat,
             inner: options.inner,
+            shots: options.shots,
             calibration: options.calibrate.then(|| CalibrationTarget {
                 false_alarms: options.false_alarms.unwrap_or(target.false_alarms),
                 coverage: options.coverage.unwrap_or(target.coverage),
@@ -213,6 +217,7 @@ pub fn command_line(spec: &TrainSpec) -> String {
         fold,
         repeat,
         inner,
+        shots,
         calibration,
         watch_test,
         seed,
@@ -246,6 +251,7 @@ pub fn command_line(spec: &TrainSpec) -> String {
     option("repeat", Some(repeat.to_string()));
     option("fold", text(fold));
     option("inner", text(inner));
+    option("shots", text(shots));
     option("calibrate", flag(calibration.is_some()));
     option(
         "false-alarms",
@@ -296,6 +302,7 @@ mod tests {
             fold: Some(3),
             repeat: 1,
             inner: Some(2),
+            shots: Some(5),
             calibration: Some(CalibrationTarget::default()),
             watch_test: true,
             seed: Seed(7),
@@ -317,7 +324,7 @@ mod tests {
         assert_eq!(
             command_line(&spaced),
             "tactnet train --data 'some where/wood, cork.h5' --rate 100 --steps 250 --samples recorded/skin --labels recorded/material --blocks session --permute-labels --recipe own.toml --epochs 4 \
-             --levels removed --split leave-block-out --folds 4 --repeat 1 --fold 3 --inner 2 --calibrate --false-alarms 0.05 --coverage 0.9 \
+             --levels removed --split leave-block-out --folds 4 --repeat 1 --fold 3 --inner 2 --shots 5 --calibrate --false-alarms 0.05 --coverage 0.9 \
              --watch-test --seed 7 --device cuda"
         );
         let unequal = TrainSpec {
