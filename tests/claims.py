@@ -13,7 +13,7 @@
     text = "| twin | base network | {[*: base, accuracy, 1 sweeps]:.1%} |"
 
 - `{PATH:FORMAT}` is the value at PATH, formatted as Python does; `%` multiplies by 100 and prints no percent sign. FORMAT `p` prints p-values.
-- PATH begins with the name of a file in `experiments/results`; with `[` or `.`, which continue the path of `in`; or with an abbreviation:
+- PATH begins with the name of a file in `experiments/results`, or of a file in the table `files`; with `[` or `.`, which continue the path of `in`; or with an abbreviation:
   `let.NAME = PATH`. PATH has parts as in `file.rows[2].mean`:
 - `[2]` is a list's element 2, `[:10]` its first ten. `[TEXT]` is the only row with the key TEXT, `[A=B; C=D]` the only row with these values; `*` matches any text.
 - A row stands for its `mean` or `difference`. A list of numbers is printed with commas.
@@ -56,12 +56,12 @@ class Fault(Exception):
 class Numbers:
     """The JSON files of a repository, and the values at their paths."""
 
-    def __init__(self, root):
-        self.root, self.files = root, {}
+    def __init__(self, root, elsewhere=()):
+        self.root, self.elsewhere, self.files = root, dict(elsewhere), {}
 
     def file(self, name):
         if name not in self.files:
-            path = self.root / RESULTS / f"{name}.json"
+            path = self.root / self.elsewhere.get(name, f"{RESULTS}/{name}.json")
             if not path.is_file():
                 raise Fault(f"expected the file {path.relative_to(self.root)}, found none")
             self.files[name] = json.loads(path.read_text())
@@ -225,7 +225,7 @@ def check(root, write=False):
     """Returns the faults of a repository, the number of values checked and notes."""
     table = tomllib.loads((root / RESULTS / "claims.toml").read_text())
     exceptions = {kind: {e[kind] for e in table.get("exception", []) if kind in e} for kind in ("readme", "commit", "uncited")}
-    numbers, faults, checked, notes = Numbers(root), [], 0, []
+    numbers, faults, checked, notes = Numbers(root, table.get("files", {})), [], 0, []
     listed = git(root, "ls-files", "*.md").stdout.split() or [str(p.relative_to(root)) for p in root.rglob("*.md")]
     pages = {name: (root / name).read_text() for name in listed if (root / name).is_file()}
     claims = {}
