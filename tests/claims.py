@@ -205,8 +205,8 @@ def commits_in(value, key=None):
     elif isinstance(value, list):
         for v in value:
             yield from commits_in(v, key)
-    elif key in ("git", "commit") and isinstance(value, str):
-        yield value.removesuffix("-dirty")
+    elif key in ("git", "commit", "program") and isinstance(value, str) and (commit := re.match(r"[0-9a-f]{7,40}", value)):
+        yield commit[0]
 
 
 def git(root, *arguments, **options):
