@@ -13,7 +13,7 @@
     text = "| twin | base network | {[*: base, accuracy, 1 sweeps]:.1%} |"
 
 - `{PATH:FORMAT}` is the value at PATH, formatted as Python does; `%` multiplies by 100 and prints no percent sign. FORMAT `p` prints p-values.
-- PATH begins with the name of a file in `experiments/results`, or of a file in the table `files`; with `[` or `.`, which continue the path of `in`; or with an abbreviation:
+- PATH begins with the name of a file in `experiments/results`, or of a file in the table `files` (`.jsonl`: a list); with `[` or `.`, which continue the path of `in`; or with an abbreviation:
   `let.NAME = PATH`. PATH has parts as in `file.rows[2].mean`:
 - `[2]` is a list's element 2, `[:10]` its first ten. `[TEXT]` is the only row with the key TEXT, `[A=B; C=D]` the only row with these values; `*` matches any text.
 - A row stands for its `mean` or `difference`. A list of numbers is printed with commas.
@@ -64,7 +64,8 @@ class Numbers:
             path = self.root / self.elsewhere.get(name, f"{RESULTS}/{name}.json")
             if not path.is_file():
                 raise Fault(f"expected the file {path.relative_to(self.root)}, found none")
-            self.files[name] = json.loads(path.read_text())
+            text = path.read_text()
+            self.files[name] = [json.loads(line) for line in text.splitlines()] if path.suffix == ".jsonl" else json.loads(text)
         return self.files[name]
 
     def values(self, path):
