@@ -13,13 +13,13 @@
     text = "| twin | base network | {[*: base, accuracy, 1 sweeps]:.1%} |"
 
 - `{PATH:FORMAT}` is the value at PATH, formatted as Python does; `%` multiplies by 100 and prints no percent sign. FORMAT `p` prints p-values.
-- PATH begins with the name of a file in `experiments/results`, or of a file in the table `files` (`.jsonl`: a list); with `[` or `.`, which continue the path of `in`; or with an abbreviation:
-  `let.NAME = PATH`. PATH has parts as in `file.rows[2].mean`:
-- `[2]` is a list's element 2, `[:10]` its first ten. `[TEXT]` is the only row with the key TEXT, `[A=B; C=D]` the only row with these values; `*` matches any text.
+- PATH, such as `file.rows[2].mean`, begins with the name of a file in `experiments/results` or in the table `files` (`.jsonl`: a list), with `[`
+  or `.`, which continue the path of `in`, or with an abbreviation, `let.NAME = PATH`.
+- `[2]` is a list's element 2, `[:10]` its first ten. `[TEXT]` is the only row with the key TEXT, `[A=B; C=D]` the only row with these values; `*`
+  matches any text.
 - A row stands for its `mean` or `difference`. A list of numbers is printed with commas.
 - `median PATH` (also `min`, `max`, `mean`) is that of all rows, or of the list, that the path finds.
-- `{A - B:FORMAT}` calculates with paths and numbers, from left to right: `+`, `-`, `*`, `/`; for an interval
-  at both ends.
+- `{A - B:FORMAT}` calculates with paths and numbers, from left to right: `+`, `-`, `*`, `/`; for an interval at both ends.
 - Each line of `text` must be on the page once, or once after the text `after`. `each` lists the values of `{0}`, `{1}`, … for one copy of `text`
   per row, as in a table.
 
@@ -143,6 +143,10 @@ def lines_of(claim):
         yield from ((of_row, line) for line in filled(claim["text"]).splitlines() if line.strip())
 
 
+def line_of(text, position):
+    return text.count("\n", 0, position) + 1
+
+
 def find(page, claim, line):
     """Returns the match of a line's text on a page, with a group for each number, and the placeholders."""
     parts = re.split(r"\{([^{}]*)\}", line)
@@ -168,7 +172,7 @@ def check_page(name, text, claims, numbers):
             except Fault as fault:
                 faults.append(f"{name}: {fault}")
                 continue
-            number = text.count("\n", 0, begin + match.start()) + 1
+            number = line_of(text, begin + match.start())
             for group, placeholder in enumerate(placeholders, 1):
                 span = tuple(begin + i for i in match.span(group))
                 spans.append(span)
@@ -195,7 +199,7 @@ def without_claim(text, spans, exceptions):
         left_out += [m.span() for m in re.finditer(re.escape(exception), text)]
     for match in MEASURED.finditer(text):
         if not any(begin < match.end() and match.start() < end for begin, end in spans + left_out):
-            yield text.count("\n", 0, match.start()) + 1, match.group()
+            yield line_of(text, match.start()), match.group()
 
 
 def commits_in(value, key=None):
@@ -214,12 +218,34 @@ def git(root, *arguments, **options):
     return subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, **options)
 
 
-def missing_commits(root, commits):
-    """Returns those of the commits that the history lacks, or None if there is no complete history."""
+def check_readme(text, spans, exceptions):
+    faults = [f"README.md:{line}: expected a claim or an exception for {number}, found none" for line, number in without_claim(text, spans, exceptions)]
+    return faults + [f"claims.toml: exception {e!r} is not in README.md" for e in sorted(exceptions) if e not in text]
+
+
+def check_citations(names, pages, numbers, exceptions):
+    """Returns a fault for each JSON file that no page and no claim cites."""
+    text = "\n".join(pages.values())
+    uncited = {n for n in names if n not in numbers.files and not re.search(rf"\b{re.escape(n)}\.json", text)}
+    faults = [f"{RESULTS}/{n}.json: expected a page or a claim that cites it, found none" for n in sorted(uncited - exceptions)]
+    return faults + [f"claims.toml: exception {n!r} is not needed" for n in sorted(exceptions - uncited)]
+
+
+def check_commits(root, names, pages, numbers, exceptions):
+    """Returns a fault for each commit that a JSON file or a page names and the history lacks, and notes."""
     if git(root, "rev-parse", "--is-shallow-repository").stdout.strip() != "false":
-        return None
-    found = git(root, "cat-file", "--batch-check", input="".join(f"{c}^{{commit}}\n" for c in commits)).stdout.splitlines()
-    return [c for c, line in zip(commits, found) if " commit " not in line]
+        return [], ["commits not checked: this clone has no complete history"]
+    where = {}
+    for name in names:
+        for commit in commits_in(numbers.file(name)):
+            where.setdefault(commit, f"{RESULTS}/{name}.json")
+    for name, text in pages.items():
+        for match in re.finditer(r"`((?=[0-9a-f]*\d)[0-9a-f]{7,40})`", text):
+            where.setdefault(match[1], f"{name}:{line_of(text, match.start())}")
+    history = "\n" + git(root, "rev-list", "HEAD").stdout
+    missing = {c for c in where if f"\n{c}" not in history}
+    faults = [f"{where[c]}: expected commit {c} in the history, found none" for c in sorted(missing - exceptions)]
+    return faults + [f"claims.toml: exception {c!r} is not needed" for c in sorted(exceptions - missing)], []
 
 
 def check(root, write=False):
@@ -229,10 +255,9 @@ def check(root, write=False):
     numbers, faults, checked, notes = Numbers(root, table.get("files", {})), [], 0, []
     listed = git(root, "ls-files", "*.md").stdout.split() or [str(p.relative_to(root)) for p in root.rglob("*.md")]
     pages = {name: (root / name).read_text() for name in listed if (root / name).is_file()}
-    claims = {}
+    claims, spans = {}, {}
     for claim in table.get("claim", []):
         claims.setdefault(claim["page"], []).append(claim)
-    spans = {}
     for name, of_page in claims.items():
         if name not in pages:
             faults.append(f"claims.toml: expected the page {name}, found none")
@@ -245,31 +270,11 @@ def check(root, write=False):
             notes.append(f"{name}: {len(wrong)} numbers written")
         else:
             faults += wrong
-    readme = pages.get("README.md", "")
-    faults += [f"README.md:{line}: expected a claim or an exception for {number}, found none"
-               for line, number in without_claim(readme, spans.get("README.md", []), exceptions["readme"])]
-    faults += [f"claims.toml: exception {text!r} is not in README.md" for text in exceptions["readme"] if text not in readme]
-
     names = sorted(p.stem for p in (root / RESULTS).glob("*.json"))
-    cited = "\n".join(pages.values())
-    uncited = {n for n in names if n not in numbers.files and not re.search(rf"\b{re.escape(n)}\.json", cited)}
-    faults += [f"{RESULTS}/{n}.json: expected a page or a claim that cites it, found none" for n in sorted(uncited - exceptions["uncited"])]
-    faults += [f"claims.toml: exception {n!r} is not needed" for n in sorted(exceptions["uncited"] - uncited)]
-
-    where = {}
-    for n in names:
-        for commit in commits_in(numbers.file(n)):
-            where.setdefault(commit, f"{RESULTS}/{n}.json")
-    for name, text in pages.items():
-        for match in re.finditer(r"`((?=[0-9a-f]*\d)[0-9a-f]{7,40})`", text):
-            where.setdefault(match[1], f"{name}:{text.count(chr(10), 0, match.start()) + 1}")
-    missing = missing_commits(root, list(where))
-    if missing is None:
-        notes.append("commits not checked: this clone has no complete history")
-    else:
-        faults += [f"{where[c]}: expected commit {c} in the history, found none" for c in missing if c not in exceptions["commit"]]
-        faults += [f"claims.toml: exception {c!r} is not needed" for c in sorted(exceptions["commit"] - set(missing))]
-    return faults, checked, notes
+    faults += check_readme(pages.get("README.md", ""), spans.get("README.md", []), exceptions["readme"])
+    faults += check_citations(names, pages, numbers, exceptions["uncited"])
+    of_commits, more = check_commits(root, names, pages, numbers, exceptions["commit"])
+    return faults + of_commits, checked, notes + more
 
 
 def main():

@@ -18,10 +18,14 @@ CLAIMS = """
 [[claim]]
 page = "page.md"
 in = "study.rows"
-text = '''
-| base | {[*: base]:.1%} [{[*: base].ci95:.1%}] |
-| twice | {[*: base] * 2000:,.0f} |
-'''
+each = ["base"]
+let.r = "[*: {0}]"
+text = "| {0} | {r:.1%} [{r.ci95:.1%}] |"
+
+[[claim]]
+page = "page.md"
+after = "# A page"
+text = "| twice | {study.rows[0] * 2000:,.0f} |"
 
 [[claim]]
 page = "README.md"
@@ -95,7 +99,7 @@ class Faults(unittest.TestCase):
         self.expect("expected one text")
 
     def test_a_text_that_is_on_the_page_twice_is_found(self):
-        self.write("page.md", PAGE + "| twice | 5 |\n")
+        self.write("page.md", PAGE + "| base | 5 [6, 7] |\n")
         self.expect("found 2")
 
     def test_a_path_without_value_is_found(self):
