@@ -25,7 +25,7 @@ pub struct Recipe {
 
 impl Recipe {
     /// Returns a built-in recipe: `spectra`, `fast`, `thesis`, `robust`, `knn-l`, `knn-h`, `svm-l`, `svm-h`, `minirocket`,
-    /// `multirocket-hydra`, `lda`, `svm-spectra`, `means`.
+    /// `multirocket-hydra`, `quant`, `lda`, `svm-spectra`, `means`.
     ///
     /// # Errors
     /// Fails for an unknown name.

@@ -13,6 +13,7 @@ mod adam_update;
 mod architecture;
 mod belief;
 mod block;
+mod columns;
 mod compute;
 mod config;
 mod conv;
@@ -23,6 +24,7 @@ mod conv_trunk;
 mod dense;
 mod dense_product;
 mod dropout;
+mod extra_trees;
 mod features;
 mod filter_bank;
 mod folded_dft;
@@ -63,11 +65,13 @@ pub use belief::{
     mutual_information,
 };
 pub use block::{BatchStatistics, BlockConfig, ConvBlock, NORM_EPSILON};
+pub use columns::Columns;
 pub use compute::{Adapter, Compute};
 pub use config::NetworkConfig;
 pub use conv::{is_cpu, is_fused};
 pub use dense::NormalizedDense;
 pub use dropout::{dropout_bits, dropout_masks};
+pub use extra_trees::{ExtraTrees, ExtraTreesSettings, LeafCount, TreeNode, TreeSweeps};
 pub use features::Features;
 pub use heads::{
     LinearHead, NearestMean, NewClass, SimpleShot, WeightPrior, Whitening, fit_new_class,

@@ -40,6 +40,7 @@ pub use adapt::{
     ADAPT_MINIMUM, AdaptRisk, Adaptation, Adapted, AdaptedSweeps, NewSweeps, Presence, RiskPolicy,
     Shift, adapt,
 };
+pub use baseline::extra_trees::ExtraTreesRecipe;
 pub use baseline::fit::{BaselineFit, fit_baseline};
 pub use baseline::knn::KnnRecipe;
 pub use baseline::lda::LdaRecipe;

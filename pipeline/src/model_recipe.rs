@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Names and TOML of the built-in recipes of baselines.
-const BASELINES: [(&str, &str); 11] = [
+const BASELINES: [(&str, &str); 12] = [
     ("means", include_str!("../recipes/means.toml")),
     ("first-frame", include_str!("../recipes/first-frame.toml")),
     ("last-frame", include_str!("../recipes/last-frame.toml")),
@@ -25,6 +25,7 @@ const BASELINES: [(&str, &str); 11] = [
         "multirocket-hydra",
         include_str!("../recipes/multirocket-hydra.toml"),
     ),
+    ("quant", include_str!("../recipes/quant.toml")),
 ];
 
 /// Names and TOML of the built-in committees.

@@ -31,6 +31,8 @@ pub enum ModelChoice {
     Minirocket,
     /// MultiRocket and Hydra and a ridge classifier
     MultirocketHydra,
+    /// QUANT: quantiles over intervals and extremely randomised trees
+    Quant,
     /// The mean of the probabilities of six of these models
     Committee,
     /// Nearest neighbour on the taxels' means: a probe of what the data set gives away
@@ -55,6 +57,7 @@ impl ModelChoice {
             Self::SvmSpectra => "svm-spectra",
             Self::Minirocket => "minirocket",
             Self::MultirocketHydra => "multirocket-hydra",
+            Self::Quant => "quant",
             Self::Committee => "committee",
             Self::Means => "means",
             Self::FirstFrame => "first-frame",

@@ -2,7 +2,7 @@
 
 use crate::command::{Lab, expect, json, stderr, tactnet};
 
-const MODELS: [&str; 11] = [
+const MODELS: [&str; 12] = [
     "means",
     "first-frame",
     "last-frame",
@@ -14,6 +14,7 @@ const MODELS: [&str; 11] = [
     "svm-spectra",
     "minirocket",
     "multirocket-hydra",
+    "quant",
 ];
 
 fn train(lab: &Lab, model: &str, out: &str, more: &[&str]) -> std::process::Command {
@@ -78,7 +79,7 @@ fn every_baseline_leaves_a_run_that_eval_reads_again() {
 #[test]
 fn baselines_do_not_depend_on_the_number_of_threads() {
     let lab = Lab::new();
-    for model in ["svm-h", "multirocket-hydra"] {
+    for model in ["svm-h", "multirocket-hydra", "quant"] {
         for threads in ["1", "2", "4"] {
             let mut command = train(&lab, model, &format!("{model}{threads}"), &[]);
             command.env("RAYON_NUM_THREADS", threads);

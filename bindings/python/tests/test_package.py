@@ -114,7 +114,8 @@ def test_estimators_fit_into_scikit_learn(data):
     half = FunctionTransformer(lambda sweeps: sweeps[:, ::2])
     assert make_pipeline(half, tactnet.SvmClassifier(rate=375)).fit(X, y).score(X, y) > 0.5
     assert clone(tactnet.TactNetClassifier(epochs=3)).epochs == 3
-    for estimator in (tactnet.MiniRocketClassifier(rate=750), tactnet.SvmClassifier(features="spectra", rate=750)):
+    rocket, quant = tactnet.MiniRocketClassifier(rate=750), tactnet.QuantClassifier(rate=750)
+    for estimator in (rocket, quant, tactnet.SvmClassifier(features="spectra", rate=750)):
         fitted = estimator.fit(X, np.unique(y, return_inverse=True)[1])
         again = pickle.loads(pickle.dumps(fitted))
         assert again.classes_.tolist() == [0, 1, 2, 3]

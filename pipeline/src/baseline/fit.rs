@@ -45,6 +45,7 @@ pub fn fit_baseline(
         materials: sweeps.dataset().labels().len(),
         sparse: extractor.hydra_width(),
         scaling: recipe.scaling,
+        seed,
     };
     let Fit {
         classifier,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use tactnet_data::TrainSplit;
+use tactnet_data::{Seed, TrainSplit};
 use tactnet_models::{Features, LinearHead, Weights, log_softmax};
 
 use crate::error::InvalidSetting;
@@ -99,6 +99,8 @@ pub(super) struct TrainFeatures<'a> {
     /// Number of features at the end that have Hydra's sparse scaling.
     pub(super) sparse: usize,
     pub(super) scaling: FeatureScaling,
+    /// Seed of random choices.
+    pub(super) seed: Seed,
 }
 
 /// Scaled features of training sweeps with their labels.

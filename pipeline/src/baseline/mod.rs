@@ -1,5 +1,6 @@
 //! Baselines: features followed by a classical classifier. Each method of classification has its own file.
 
+pub(crate) mod extra_trees;
 pub(crate) mod fit;
 pub(crate) mod fitted;
 pub(crate) mod knn;

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::extra_trees::ExtraTreesRecipe;
 use super::knn::KnnRecipe;
 use super::lda::LdaRecipe;
 use super::method::Method;
@@ -69,6 +70,8 @@ classifiers! {
     Lda(LdaRecipe),
     /// Ridge regression on targets of +1 and -1.
     Ridge(RidgeRecipe),
+    /// Extremely randomised trees.
+    ExtraTrees(ExtraTreesRecipe),
 }
 
 impl BaselineRecipe {

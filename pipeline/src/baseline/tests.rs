@@ -102,7 +102,15 @@ fn changed_weights_are_an_error_or_another_classifier() {
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
     let device = Compute::Cpu.open().unwrap();
     let mut refused = 0;
-    for name in ["minirocket", "multirocket-hydra", "svm-h", "knn-l", "lda"] {
+    let names = [
+        "minirocket",
+        "multirocket-hydra",
+        "svm-h",
+        "knn-l",
+        "lda",
+        "quant",
+    ];
+    for name in names {
         let ModelRecipe::Baseline(recipe) = ModelRecipe::load(name).unwrap() else {
             panic!("{name} is a baseline");
         };

@@ -8,6 +8,7 @@ use tactnet_models::{Features, Weights};
 use crate::features::arrays::{get, get_indices, get_indices_below, of_length, put, put_indices};
 use crate::features::hydra::Hydra;
 use crate::features::log_spectra::LogSpectra;
+use crate::features::quant::Quant;
 use crate::features::rocket::{IN_STEPS, Kernels, Order, Pooling, WAYS, Workspace};
 use crate::features::series::Series;
 use crate::features::spectrum::{HighFeatures, LowFeatures};
@@ -38,6 +39,8 @@ pub enum FeatureSet {
     MiniRocket,
     /// MultiRocket, then Hydra.
     MultiRocketHydra,
+    /// Quantiles over intervals, as in QUANT.
+    Quant,
 }
 
 impl FeatureSet {
@@ -52,6 +55,7 @@ impl FeatureSet {
             Self::H => HighFeatures::check(shape, rate),
             Self::LogSpectra => LogSpectra::check(shape, rate),
             Self::MiniRocket | Self::MultiRocketHydra => enough_steps(shape),
+            Self::Quant => Quant::check(shape),
         }
     }
 }
@@ -79,6 +83,7 @@ enum Kind {
         difference: Kernels,
         hydra: Hydra,
     },
+    Quant(Quant),
 }
 
 impl Extractor {
@@ -153,6 +158,7 @@ impl Extractor {
             FeatureSet::L => Kind::Low(LowFeatures::new(shape, rate, levels)?),
             FeatureSet::H => Kind::High(HighFeatures::new(shape, rate, levels)?),
             FeatureSet::LogSpectra => Kind::LogSpectra(LogSpectra::new(shape, rate)?),
+            FeatureSet::Quant => Kind::Quant(Quant::new(shape)?),
             FeatureSet::FirstFrame => Kind::FirstFrame,
             FeatureSet::LastFrame => Kind::LastFrame,
             _ => Kind::Means,
@@ -211,7 +217,8 @@ impl Extractor {
             | Kind::LastFrame
             | Kind::Low(_)
             | Kind::High(_)
-            | Kind::LogSpectra(_) => {}
+            | Kind::LogSpectra(_)
+            | Kind::Quant(_) => {}
             Kind::MiniRocket(kernels) => save_kernels(weights, "minirocket", kernels),
             Kind::MultiRocketHydra {
                 base,
@@ -239,6 +246,7 @@ impl Extractor {
                 difference,
                 hydra,
             } => WAYS * (base.len() + difference.len()) + hydra.width(),
+            Kind::Quant(features) => features.width(),
         }
     }
 
@@ -257,6 +265,7 @@ impl Extractor {
             Kind::Means | Kind::FirstFrame | Kind::LastFrame => Some(feature),
             Kind::LogSpectra(_) if feature < taxels => Some(feature),
             Kind::LogSpectra(features) => Some((feature - taxels) / features.bands()),
+            Kind::Quant(features) => Some(feature / features.width_of_taxel()),
             Kind::Low(_) | Kind::High(_) | Kind::MiniRocket(_) | Kind::MultiRocketHydra { .. } => {
                 None
             }
@@ -301,6 +310,7 @@ impl Extractor {
         let kind = match &self.kind {
             Kind::Low(features) => Kind::Low(features.at_length(steps)),
             Kind::LogSpectra(features) => Kind::LogSpectra(features.at_length(steps)),
+            Kind::Quant(features) => Kind::Quant(features.at_length(steps)),
             _ => return None,
         };
         Some(Self { kind, ..*self })
@@ -319,6 +329,7 @@ impl Extractor {
                 write_means(sweep, self.levels, means);
                 features.write(sweep, spectra);
             }
+            Kind::Quant(features) => features.write(sweep, out),
             Kind::MiniRocket(kernels) => {
                 let series = Series::from_frames(sweep, taxels);
                 kernels.transform(&series, Order::Base, Pooling::Share, workspace, out);

@@ -7,17 +7,20 @@ use crate::MeanRemoval;
 use crate::features::arrays::get;
 use crate::features::extractor::{load_kernels, load_lists};
 use crate::features::hydra::Hydra;
+use crate::features::quant::Quant;
 use crate::features::rocket::{Kernels, Order, Pooling, WAYS, Workspace};
 use crate::features::scaler::Scaler;
 use crate::features::series::Series;
 use crate::features::spectrum::{HighFeatures, LowFeatures};
 
 fn golden() -> Weights {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../tests/golden/features.safetensors"
-    );
-    Weights::from_safetensors(&std::fs::read(path).unwrap()).unwrap()
+    read("features.safetensors")
+}
+
+/// Reads a file of golden values.
+fn read(name: &str) -> Weights {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/golden/");
+    Weights::from_safetensors(&std::fs::read(format!("{folder}{name}")).unwrap()).unwrap()
 }
 
 fn tensor<'a>(golden: &'a Weights, name: &str) -> &'a NamedTensor {
@@ -119,6 +122,39 @@ fn hydra_features_are_aeons() {
             // Sums of up to 150 results, in another order than torch's.
             assert_close(case, &found, expected, 1e-5, 1.0);
         });
+    }
+}
+
+/// Golden values from `tests/golden/quant_with_aeon.py`.
+#[test]
+fn quantiles_over_intervals_are_aeons() {
+    let (golden, of_quant) = (golden(), read("quant.safetensors"));
+    for case in CASES {
+        let sweeps = tensor(&golden, &format!("{case}.sweeps"));
+        let [_, steps, cols] = sweeps.shape[..] else {
+            panic!("sweeps have three axes")
+        };
+        for steps_kept in [3, 4, 17, steps] {
+            let expected = tensor(&of_quant, &format!("{case}.{steps_kept}"));
+            let shape = SweepShape {
+                steps: steps_kept,
+                rows: 1,
+                cols,
+            };
+            let quant = Quant::new(shape).unwrap();
+            let mut found = vec![0.0; expected.values.len()];
+            let sweeps = sweeps.values.chunks_exact(steps * cols);
+            for (sweep, out) in sweeps.zip(found.chunks_exact_mut(quant.width())) {
+                quant.write(&sweep[..shape.values()], out);
+            }
+            let taxel = quant.width_of_taxel();
+            let pairs = found.chunks_exact(taxel).zip(expected.values.chunks(taxel));
+            for (found, expected) in pairs {
+                // aeon adds up to 150 values in single precision; their sum, a magnitude of the spectrum, is about the largest feature.
+                let largest = expected.iter().fold(1.0_f32, |most, v| most.max(v.abs()));
+                assert_close(case, found, expected, 1e-6, largest);
+            }
+        }
     }
 }
 

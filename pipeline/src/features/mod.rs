@@ -11,6 +11,7 @@ pub(crate) mod hydra;
 pub(crate) mod log_spectra;
 pub(crate) mod mean_removal;
 pub(crate) mod normalize;
+pub(crate) mod quant;
 pub(crate) mod rocket;
 pub(crate) mod scaler;
 pub(crate) mod series;

@@ -96,7 +96,7 @@ fn sweeps_that_end_at_random_are_learnt_about_as_well_as_whole_ones() {
         let of = |fold: &Fold<'_>| accuracy(&network(&fold.train, layers, 12), &fold.test);
         check(layers, [of(&of_whole), of(&of_unequal)]);
     }
-    for name in ["means", "svm-l", "svm-h", "lda", "minirocket"] {
+    for name in ["means", "svm-l", "svm-h", "lda", "minirocket", "quant"] {
         let of = |fold: &Fold<'_>| accuracy(&baseline(&fold.train, name).unwrap(), &fold.test);
         check(name, [of(&of_whole), of(&of_unequal)]);
     }

@@ -75,6 +75,7 @@ fn predictions_do_not_depend_on_masked_taxels_which_count_as_typical() {
         baseline(&fold, "means"),
         baseline(&fold, "lda"),
         baseline(&fold, "minirocket"),
+        baseline(&fold, "quant"),
     ];
     for (model, mut classifier) in models.into_iter().enumerate() {
         let clean = changed(&fold.test, |_, _| {});

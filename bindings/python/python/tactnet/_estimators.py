@@ -425,6 +425,17 @@ class MultiRocketHydraClassifier(SweepClassifier):
         return {} if model == "multirocket-hydra" else None
 
 
+class QuantClassifier(SweepClassifier):
+    """Quantiles over intervals with extremely randomised trees (Dempster et al., 2024)."""
+
+    def _recipe(self) -> str:
+        return "quant"
+
+    @classmethod
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        return {} if model == "quant" else None
+
+
 class LdaClassifier(SweepClassifier):
     """Linear discriminant analysis of levels and logarithmic spectra of every taxel."""
 
@@ -472,4 +483,12 @@ class KnnClassifier(_OnFeatures):
 
 
 #: Classes of saved classifiers.
-ALL = (TactNetClassifier, MiniRocketClassifier, MultiRocketHydraClassifier, LdaClassifier, SvmClassifier, KnnClassifier)
+ALL = (
+    TactNetClassifier,
+    MiniRocketClassifier,
+    MultiRocketHydraClassifier,
+    QuantClassifier,
+    LdaClassifier,
+    SvmClassifier,
+    KnnClassifier,
+)

@@ -314,7 +314,7 @@ struct Fitted {
     calibration: Calibration,
     embeddings: TrainEmbeddings,
     /// Weights and selected settings.
-    baselines: [(Weights, BTreeMap<String, f64>); 4],
+    baselines: [(Weights, BTreeMap<String, f64>); 5],
 }
 
 /// Trains a calibrated network and baselines.
@@ -341,7 +341,7 @@ fn fitted(folder: &Path, name: &str, dataset: &Dataset) -> Fitted {
     session.train(|_| {}, || false).unwrap();
     let run = session.run();
     let fold = Fold::new(dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
-    let baselines = ["lda", "svm-h", "knn-l", "minirocket"].map(|name| {
+    let baselines = ["lda", "svm-h", "knn-l", "minirocket", "quant"].map(|name| {
         let ModelRecipe::Baseline(recipe) = ModelRecipe::load(name).unwrap() else {
             panic!("{name} is a baseline");
         };
