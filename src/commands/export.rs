@@ -1,4 +1,4 @@
-//! `tactnet export`: writes a trained network in other formats.
+//! `tactnet export`: writes a trained network or committee in other formats.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -16,7 +16,8 @@ use crate::GIT;
     tactnet export runs/a --out tactnet.onnx            digits in, log-probabilities out, for any ONNX runtime\n  \
     tactnet export runs/a --out tactnet.onnx --masks    with dropout masks as a second input\n  \
     tactnet export runs/a --out tactnet.safetensors     weights and scaling, by name\n\n\
-    The ONNX file has the input `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [samples, features]. Its output `likeness` \
+    The ONNX file has the input `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [samples, features]. A committee of networks is one \
+    file with an input `MEMBER/masks` for each member; baselines have no ONNX form. The output `likeness` \
     is the p-value of every sweep against the training data, if the run has one. Its metadata_props hold labels, \
     sample rate, window, thresholds and hashes; its doc_string is a Python program that runs it.")]
 pub struct ExportArgs {
@@ -68,7 +69,7 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
     }
     let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
-    config.require_network(arguments.run.dir(), "be exported")?;
+    config.require_network_or_committee(arguments.run.dir(), "be exported")?;
     let weights = run.final_weights()?;
     let about = BTreeMap::from([
         ("format".to_owned(), "tactnet 1".to_owned()),

@@ -171,7 +171,7 @@ fn a_calibration_needs_enough_sweeps_and_a_network() {
     baseline.arg("--out").arg(lab.path("knn"));
     let refused = stderr(&expect(2, baseline));
     assert!(
-        refused.contains("`calibrate`: expected the recipe of a network"),
+        refused.contains("`calibrate`: expected the recipe of a network or committee"),
         "{refused}"
     );
 }

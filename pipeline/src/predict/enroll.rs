@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, SweepView, sha256_hex};
 use tactnet_models::{LinearHead, WeightPrior, Weights, argmax, fit_new_class};
 
-use super::calibration::Judged;
+use super::judged_sweeps::JudgedSweeps;
 use super::overlap::sweep_sha256;
 use crate::{
     Calibration, Classifier, ClassifierConfig, Embedding, NoveltyScorer, PipelineError,
@@ -249,7 +249,7 @@ pub fn enroll(
     if first.is_high() {
         let known_materials = classifier.config().labels.len() as f64;
         // Every material has the same weight.
-        let balanced = |cost: &EnrolmentCost, new: &Judged| {
+        let balanced = |cost: &EnrolmentCost, new: &JudgedSweeps| {
             let known = cost.right_after as f64 / cost.held_out.max(1) as f64;
             known_materials * known + new.accuracy()
         };
@@ -267,7 +267,7 @@ pub fn enroll(
     }
     let mut judged = judge(classifier, &enrolled, calibration, held_out.clone())?;
     judged.append(in_turns);
-    enrolled.calibration = Some(Calibration::of(
+    enrolled.calibration = Some(Calibration::fit(
         calibration.target,
         calibration.score,
         &judged,
@@ -311,10 +311,10 @@ fn judge_in_turns(
     new: &Embedding,
     enrolled: &Enrolled,
     calibration: &Calibration,
-) -> Result<Judged, PipelineError> {
+) -> Result<JudgedSweeps, PipelineError> {
     let label = enrolled.config.labels.len() - 1;
     let material = enrolled.config.labels.name(label);
-    let mut judged = Judged::default();
+    let mut judged = JudgedSweeps::default();
     for part in 0..new.len().min(PARTS) {
         let (own, others): (Vec<usize>, Vec<usize>) =
             (0..new.len()).partition(|position| position % PARTS == part);
@@ -365,12 +365,12 @@ fn judge(
     enrolled: &Enrolled,
     calibration: &Calibration,
     sweeps: Embedding,
-) -> Result<Judged, PipelineError> {
+) -> Result<JudgedSweeps, PipelineError> {
     let device = before.scorer()?.device();
     let after = Classifier::new(enrolled.config.clone(), &enrolled.weights, device)?;
     let sweeps = sweeps.scored_by(&after.network()?.output_layer());
     let strangeness = NoveltyScorer::fit(&after, &enrolled.known)?;
-    Judged::of(calibration.score, &strangeness, &sweeps)
+    JudgedSweeps::of_embedding(calibration.score, &strangeness, &sweeps)
 }
 
 /// Returns the classifier with one more row, fitted to embedded sweeps.

@@ -8,7 +8,7 @@ use ort::session::Session;
 use ort::value::TensorRef;
 use tactnet_data::SweepShape;
 
-use super::{ExportedNetwork, RuntimeFailure};
+use super::{ExportedNetwork, Masks, RuntimeFailure};
 
 /// Environment variable with the path of the shared library, for a library outside the system's search path.
 const LIBRARY: &str = "ORT_DYLIB_PATH";
@@ -32,21 +32,19 @@ fn environment() -> Result<&'static Environment, RuntimeFailure> {
 pub struct OnnxRuntime {
     session: Session,
     shape: SweepShape,
-    features: usize,
-    masks: Vec<f32>,
+    masks: Vec<Masks>,
 }
 
 impl OnnxRuntime {
     /// - `model`: bytes of an exported ONNX file
-    /// - `masks`: `[mc_samples][features]`; empty: plain prediction
+    /// - `masks`: dropout masks of every network; empty: plain prediction
     ///
     /// # Errors
     /// A missing ONNX Runtime; a model that it rejects.
     pub fn new(
         model: &[u8],
         shape: SweepShape,
-        features: usize,
-        masks: Vec<f32>,
+        masks: Vec<Masks>,
         threads: usize,
     ) -> Result<Self, RuntimeFailure> {
         let environment = environment()?;
@@ -57,7 +55,6 @@ impl OnnxRuntime {
         Ok(Self {
             session,
             shape,
-            features,
             masks,
         })
     }
@@ -81,16 +78,13 @@ impl OnnxRuntime {
         let sweeps = digits.len() / self.shape.values();
         let digits =
             TensorRef::from_array_view(([sweeps, self.shape.steps, self.shape.taxels()], digits))?;
-        let mut outputs;
-        if self.masks.is_empty() {
-            outputs = self.session.run(ort::inputs!["digits" => digits])?;
-        } else {
-            let mc_samples = self.masks.len() / self.features;
-            let masks = TensorRef::from_array_view(([mc_samples, self.features], &*self.masks))?;
-            outputs = self
-                .session
-                .run(ort::inputs!["digits" => digits, "masks" => masks])?;
+        let mut inputs = ort::inputs!["digits" => digits];
+        for of in &self.masks {
+            let extents = [of.samples, of.values.len() / of.samples];
+            let masks = TensorRef::from_array_view((extents, &*of.values))?;
+            inputs.push((of.input.as_str().into(), masks.into()));
         }
+        let mut outputs = self.session.run(inputs)?;
         let found = outputs
             .remove(output)
             .ok_or_else(|| format!("the model has no output `{output}`"))?;
@@ -159,7 +153,7 @@ mod tests {
         let (config, about) = (classifier.config(), BTreeMap::new());
         let inputs = OnnxInputs::Digits;
         let model = to_onnx(config, &weights, None, Some(&likeness), inputs, &about).unwrap();
-        let mut runtime = OnnxRuntime::new(&model, dataset.shape(), 0, Vec::new(), 1).unwrap();
+        let mut runtime = OnnxRuntime::new(&model, dataset.shape(), Vec::new(), 1).unwrap();
 
         let sweeps = disturbed(&fold);
         let offline = likeness.assess(&SweepView::all(&sweeps), Seed(1));
