@@ -21,7 +21,7 @@ pub struct Classifier {
     config: RunConfig,
     split: SplitManifest,
     weights: Weights,
-    /// Embeddings of the training sweeps, for enrolment; `None` for baselines.
+    /// Embeddings of the training sweeps, for enrolment; `None` for baselines and committees.
     embeddings: Option<TrainEmbeddings>,
     calibration: Option<Calibration>,
     /// Description of the training sweeps; `None` if they are few.
@@ -267,7 +267,7 @@ impl Classifier {
     /// - `sweeps`: sweeps of the new material; their label is ignored
     ///
     /// # Errors
-    /// Fails if the name exists, for sweeps of another shape or sample rate, and for baselines.
+    /// Fails if the name exists, for sweeps of another shape or sample rate, and for baselines and committees.
     ///
     /// # Example
     /// ```
@@ -310,7 +310,7 @@ impl Classifier {
             },
             split: self.split.clone(),
             weights: enrolled.weights,
-            embeddings: Some(enrolled.known),
+            embeddings: enrolled.known,
             calibration: enrolled.calibration,
             adaptations: self.adaptations.clone(),
         })
@@ -360,9 +360,11 @@ impl Classifier {
     }
 
     fn embeddings(&self) -> Result<&TrainEmbeddings, Error> {
-        self.fitted.network()?;
-        let known = self.embeddings.as_ref();
-        Ok(known.unwrap_or_else(|| panic!("a network has embeddings")))
+        self.embeddings.as_ref().ok_or_else(|| {
+            let expected = "a network, which learns a material without its training sweeps";
+            let found = "another model; fit it again with all materials";
+            Error::incompatible("enrolment", expected, found)
+        })
     }
 
     /// Returns the shape of the training sweeps.

@@ -284,6 +284,13 @@ impl PipelineError {
         self
     }
 
+    pub(crate) fn enroll(material: &str, reason: impl Into<String>) -> Self {
+        Self::Enroll {
+            material: material.into(),
+            reason: reason.into(),
+        }
+    }
+
     pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         Self::Io {
             path: path.to_path_buf(),

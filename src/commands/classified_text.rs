@@ -211,7 +211,7 @@ pub fn hint(found: &ClassifiedSweeps) -> Option<String> {
         false => ", and cannot detect that without `train --calibrate`",
     };
     Some(format!(
-        "the run does not know {}{detection}; `tactnet enroll` adds a material to a network",
+        "the run does not know {}{detection}; `tactnet enroll` adds a material to a network or committee",
         listed(&unknown)
     ))
 }

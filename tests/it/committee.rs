@@ -121,6 +121,59 @@ fn members_without_an_onnx_form_are_named() {
     assert!(!lab.path("run.onnx").exists());
 }
 
+#[test]
+fn a_committee_learns_a_material_and_names_the_members_that_cannot() {
+    let lab = Lab::new();
+    lab.twin("three.h5", "--materials 3 --sweeps 30 --steps 120");
+    lab.twin("four.h5", "--materials 4 --sweeps 30 --steps 120");
+    let names = |data: &str| {
+        let dataset = tactnet_data::format::read(&lab.path(data)).unwrap();
+        let names = dataset.labels().names();
+        names.map(String::from).collect::<Vec<_>>()
+    };
+    let known = names("three.h5");
+    let all = names("four.h5");
+    let new = all.iter().find(|name| !known.contains(name)).unwrap();
+    let recipe = "name = \"three\"\nmembers = [\"lda\", \"svm-spectra\", \"means\"]";
+    let options = ["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"];
+    trained(&lab, recipe, "three.h5", &options);
+    let enroll = |run: &str, sweeps: &str, out: &str| {
+        let mut enroll = tactnet(["enroll"]);
+        enroll.arg(lab.path(run)).arg("--data");
+        enroll.arg(lab.path("four.h5")).args(["--material", new]);
+        enroll.args(["--sweeps", sweeps, "--json", "--out"]);
+        enroll.arg(lab.path(out));
+        enroll
+    };
+    let ten = json(enroll("run", "10", "ten"));
+    assert_eq!(ten["materials"], 4, "{ten}");
+    assert!(ten["left_out"].is_null() && ten["prior"].is_null(), "{ten}");
+    // 90 sweeps: 18 are test sweeps; of the other 72, a fifth is held out.
+    let held_out = ten["cost"]["held_out"].as_u64().unwrap();
+    assert!((12..=15).contains(&held_out), "{ten}");
+    assert_eq!(lab.json("ten/calibration.json")["sweeps"], held_out);
+    let mut eval = tactnet(["eval", "--json"]);
+    eval.arg(lab.path("ten"));
+    eval.arg("--data").arg(lab.path("four.h5"));
+    let found = json(eval);
+    assert_eq!(found["n_unknown"], 0, "{found}");
+    let accuracy = &found["evaluations"]["plain"]["one_sweep"]["mean"];
+    // Chance is 0.25.
+    assert!(accuracy.as_f64().unwrap() > 0.5, "{found}");
+
+    let one = json(enroll("run", "1", "one"));
+    assert_eq!(one["left_out"][0]["name"], "svm-spectra", "{one}");
+    let again = stderr(&expect(2, enroll("ten", "1", "again")));
+    assert!(again.contains("knows a material of this name"), "{again}");
+    std::fs::rename(lab.path("three.h5"), lab.path("elsewhere.h5")).unwrap();
+    let lost = stderr(&expect(2, enroll("run", "10", "lost")));
+    assert!(
+        lost.contains("need the run's training sweeps again"),
+        "{lost}"
+    );
+    assert!(!lab.path("lost").exists());
+}
+
 /// Writes the first three sweeps of a material.
 fn write_first_of(lab: &Lab, from: &str, label: usize, to: &std::path::Path) {
     use tactnet_data::format::{Format, read};

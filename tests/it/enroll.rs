@@ -452,7 +452,7 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
             twin,
             "velvet",
             &[],
-            "only networks can learn a new material",
+            "only networks and committees can learn a new material",
         ),
         ("nothing", twin, "velvet", &[], "no run here"),
     ] {

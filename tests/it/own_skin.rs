@@ -145,7 +145,7 @@ fn a_baseline_is_refused_in_words() {
     ] {
         let refused = stderr(&expect(2, tactnet(&call)));
         let models = match call[0] {
-            "export" => "networks and committees",
+            "export" | "enroll" => "networks and committees",
             _ => "networks",
         };
         let reason = format!(

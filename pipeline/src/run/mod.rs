@@ -1,6 +1,7 @@
 //! Run directories and the sessions that fill them.
 
 mod committee_session;
+mod enroll_run;
 pub(crate) mod evaluate_run;
 mod free_folder;
 pub(crate) mod provenance;

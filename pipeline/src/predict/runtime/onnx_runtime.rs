@@ -102,7 +102,10 @@ mod tests {
     use tactnet_models::Compute;
 
     use super::*;
-    use crate::{Likeness, NetworkRecipe, OnnxInputs, to_onnx, train_network};
+    use crate::{
+        FittedModel, Likeness, ModelRecipe, NetworkRecipe, OnnxInputs, PredictionMethod, fit_model,
+        to_onnx, train_network,
+    };
 
     /// Returns the test sweeps, then the same with a dead taxel, with another gain, and with two taxels exchanged.
     fn disturbed(fold: &Fold<'_>) -> Dataset {
@@ -172,5 +175,40 @@ mod tests {
         assert!(20 * same >= 19 * apart.len(), "{same} of {}", apart.len());
         // Both small and large ones occur.
         assert!(found.iter().any(|p| *p < 0.02) && found.iter().any(|p| *p > 0.5));
+    }
+    #[test]
+    fn the_file_of_a_committee_averages_the_probabilities_of_its_networks() {
+        let twin = TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 60,
+            ..TwinConfig::default()
+        };
+        let dataset = generate(&twin).unwrap();
+        let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let training = "training = { epochs = 1, batch = 8, learning_rate = 0.01, method = { kind = \"base\" } }";
+        let members = format!(
+            "name = \"two\"\nmembers = [{{ name = \"a\", network = {{ maps = [4], hidden = 8 }}, {training} }}, \
+             {{ name = \"b\", network = {{ maps = [3], hidden = 6 }}, input = {{ levels = \"removed\" }}, {training} }}]"
+        );
+        let recipe = ModelRecipe::parse("two", &members).unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let fitted = fit_model(&recipe, &fold.train, Seed(1), &device, |_| true);
+        let FittedModel {
+            classifier,
+            weights,
+        } = fitted.unwrap().unwrap();
+        let (config, about) = (classifier.config(), BTreeMap::new());
+        let model = to_onnx(config, &weights, None, None, OnnxInputs::Digits, &about).unwrap();
+        let mut runtime = OnnxRuntime::new(&model, dataset.shape(), Vec::new(), 1).unwrap();
+        let digits: Vec<f32> = (0..fold.test.len())
+            .flat_map(|at| fold.test.sweep(at))
+            .collect();
+        let found = runtime.score(&digits).unwrap();
+        let expected = classifier.log_probabilities(&fold.test, PredictionMethod::Plain);
+        for (found, expected) in found.iter().zip(expected.unwrap().concat()) {
+            // Single precision.
+            assert!((found - expected).abs() < 1e-4, "{found} {expected}");
+        }
     }
 }
