@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use tactnet_pipeline::{OnnxInputs, RunDir, to_onnx, to_safetensors, weights_sha256, write_whole};
+use tactnet_pipeline::{
+    ModelRecipe, OnnxInputs, RunDir, to_onnx, to_safetensors, weights_sha256, write_whole,
+};
 
 use super::run_choice::RunChoice;
 use crate::GIT;
@@ -70,6 +72,12 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
     config.require_network_or_committee(arguments.run.dir(), "be exported")?;
+    if let (Format::Safetensors, ModelRecipe::Committee(_)) = (format, &config.recipe) {
+        bail!(
+            "{}: a committee has only an ONNX form; name a file that ends in .onnx",
+            arguments.out.display()
+        );
+    }
     let weights = run.final_weights()?;
     let about = BTreeMap::from([
         ("format".to_owned(), "tactnet 1".to_owned()),

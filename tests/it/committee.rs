@@ -119,6 +119,13 @@ fn members_without_an_onnx_form_are_named() {
         "{refused}"
     );
     assert!(!lab.path("run.onnx").exists());
+    let mut eval = tactnet(["eval", "--runtime", "online"]);
+    eval.arg(lab.path("run"));
+    let refused = stderr(&expect(2, eval));
+    assert!(
+        refused.contains("a committee runs in `burn`, and in `onnxruntime`"),
+        "{refused}"
+    );
 }
 
 #[test]
@@ -164,7 +171,7 @@ fn a_committee_learns_a_material_and_names_the_members_that_cannot() {
     let one = json(enroll("run", "1", "one"));
     assert_eq!(one["left_out"][0]["name"], "svm-spectra", "{one}");
     let again = stderr(&expect(2, enroll("ten", "1", "again")));
-    assert!(again.contains("knows a material of this name"), "{again}");
+    assert!(again.contains("only once after its training"), "{again}");
     std::fs::rename(lab.path("three.h5"), lab.path("elsewhere.h5")).unwrap();
     let lost = stderr(&expect(2, enroll("run", "10", "lost")));
     assert!(

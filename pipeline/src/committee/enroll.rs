@@ -238,16 +238,10 @@ mod tests {
             rows.unwrap().concat()
         };
         let expected = members.each_ref().map(rows);
-        let (mut right, after) = (0, rows(&built(&found)));
-        for (at, log_p) in after.iter().enumerate() {
+        for (at, log_p) in rows(&built(&found)).iter().enumerate() {
             let mean = expected.iter().map(|of| of[at].exp()).sum::<f64>() / 3.0;
             assert!((log_p.exp() - mean).abs() < 1e-9, "{log_p} {mean}");
         }
-        for row in after.chunks(4) {
-            right += usize::from(tactnet_models::argmax(row) == 3);
-        }
-        // Of 15 sweeps of a material that five sweeps represent, chance is 4.
-        assert!(right >= 8, "{right}");
 
         let one = SweepView::new(&four, sweeps[..1].to_vec());
         let found = learn(&one, &material).unwrap();
