@@ -6,9 +6,9 @@ use tactnet_data::{SplitManifest, SweepShape, SweepView, TrainSplit};
 use tactnet_models::Weights;
 use tactnet_pipeline::{
     Adaptation, BatchReport, Calibration, FittedModel, Likeness, LikenessReport, ModelConfig,
-    ModelRecipe, NewSweeps, NoveltyScore, NoveltyScorer, OnlineClassifier, PredictionMethod,
-    Predictions, Provenance, RiskPolicy, RunConfig, RunDir, Thresholds, TrainEmbeddings, TrainJob,
-    TrainSpec, fit_model,
+    ModelRecipe, NewSweeps, OnlineClassifier, PredictionMethod, Predictions, Provenance,
+    RiskPolicy, RunConfig, RunDir, Thresholds, TrainEmbeddings, TrainJob, TrainSpec, fit_model,
+    novelty_scores,
 };
 
 use crate::Error;
@@ -21,7 +21,7 @@ pub struct Classifier {
     config: RunConfig,
     split: SplitManifest,
     weights: Weights,
-    /// Embeddings of the training sweeps, for enrolment; `None` for baselines.
+    /// Embeddings of the training sweeps, for enrolment; `None` for baselines and committees.
     embeddings: Option<TrainEmbeddings>,
     calibration: Option<Calibration>,
     /// Description of the training sweeps; `None` if they are few.
@@ -208,8 +208,9 @@ impl Classifier {
         self.fitted.log_probabilities(view, method)
     }
 
-    /// Returns the novelty score of each sweep, in nats: the mutual information of material and dropout masks (Gal & Ghahramani, 2016).
-    /// Larger scores mean less similarity to the known materials.
+    /// Returns the novelty score of each sweep: of a network the mutual information of material and dropout masks in nats (Gal &
+    /// Ghahramani, 2016), of a committee the negative logarithm of its largest probability. Larger scores mean less similarity to the
+    /// known materials.
     ///
     /// # Errors
     /// Fails for sweeps of another shape or sample rate, and for baselines.
@@ -226,9 +227,7 @@ impl Classifier {
     /// # Ok::<(), tactnet::Error>(())
     /// ```
     pub fn unknown_scores(&self, view: &SweepView<'_>) -> Result<Vec<f64>, Error> {
-        let embedding = self.fitted.embed(view)?;
-        let scorer = NoveltyScorer::fit(&self.fitted, self.embeddings()?)?;
-        scorer.score(NoveltyScore::BEST, &embedding)
+        novelty_scores(&self.fitted, self.embeddings.as_ref(), view)
     }
 
     /// Compares sweeps with the training sweeps, whatever their labels; `None` if the classifier was trained on fewer than 20 sweeps, or by
@@ -268,7 +267,7 @@ impl Classifier {
     /// - `sweeps`: sweeps of the new material; their label is ignored
     ///
     /// # Errors
-    /// Fails if the name exists, for sweeps of another shape or sample rate, and for baselines.
+    /// Fails if the name exists, for sweeps of another shape or sample rate, and for baselines and committees.
     ///
     /// # Example
     /// ```
@@ -311,7 +310,7 @@ impl Classifier {
             },
             split: self.split.clone(),
             weights: enrolled.weights,
-            embeddings: Some(enrolled.known),
+            embeddings: enrolled.known,
             calibration: enrolled.calibration,
             adaptations: self.adaptations.clone(),
         })
@@ -361,9 +360,11 @@ impl Classifier {
     }
 
     fn embeddings(&self) -> Result<&TrainEmbeddings, Error> {
-        self.fitted.network()?;
-        let known = self.embeddings.as_ref();
-        Ok(known.unwrap_or_else(|| panic!("a network has embeddings")))
+        self.embeddings.as_ref().ok_or_else(|| {
+            let expected = "a network, which learns a material without its training sweeps";
+            let found = "another model; fit it again with all materials";
+            Error::incompatible("enrolment", expected, found)
+        })
     }
 
     /// Returns the shape of the training sweeps.

@@ -67,7 +67,7 @@ enum Command {
     Adapt(adapt::AdaptArgs),
     /// Measure how well speed and force are recovered from the sweeps alone
     Regress(regress::RegressArgs),
-    /// Export a trained network: ONNX, safetensors
+    /// Export a trained network or committee: ONNX, safetensors
     Export(export::ExportArgs),
     /// Run cross-validations and other experiments, and write reports
     #[command(subcommand)]

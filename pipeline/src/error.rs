@@ -145,6 +145,12 @@ pub enum PipelineError {
         /// Name of the recipe.
         model: String,
     },
+    /// Committee with members that have no ONNX form.
+    #[error("these members of the committee are no networks and have no ONNX form: {}", members.join(", "))]
+    NotExportable {
+        /// Names of the members, at least one.
+        members: Vec<String>,
+    },
     /// Runtime that this build lacks.
     #[error("{source}")]
     NoRuntime {
@@ -223,6 +229,7 @@ impl PipelineError {
             | Self::AdaptRefused { .. }
             | Self::AdaptScaling { .. }
             | Self::AdaptHead { .. }
+            | Self::NotExportable { .. }
             | Self::NoRuntime { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
             Self::Runtime { .. } | Self::NotFinite { .. } | Self::Optimizer(_) => false,
@@ -241,6 +248,7 @@ impl PipelineError {
             Self::AdaptRefused { .. } => Some(PipelineRemedy::AcceptRisk),
             Self::AdaptScaling { .. } => Some(PipelineRemedy::ChooseScaledModel),
             Self::AdaptHead { .. } => Some(PipelineRemedy::AdaptWithoutLabels),
+            Self::NotExportable { .. } => Some(PipelineRemedy::ListNetworks),
             _ => None,
         }
     }
@@ -274,6 +282,13 @@ impl PipelineError {
             *remedy = Some(action);
         }
         self
+    }
+
+    pub(crate) fn enroll(material: &str, reason: impl Into<String>) -> Self {
+        Self::Enroll {
+            material: material.into(),
+            reason: reason.into(),
+        }
     }
 
     pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {

@@ -96,6 +96,7 @@ pub use predict::overlap::without_sweeps_of;
 pub use predict::predictions::{PredictionSource, Predictions, SweepScore};
 pub use predict::runtime::{RuntimeComparison, RuntimeKind, compare_runtime};
 pub use predict::same::{SameMaterial, probability_of_different_materials};
+pub use predict::unknown_detector::{UnknownDetector, novelty_scores};
 pub use predict::verdicts::Verdicts;
 pub use recipe::{
     AdversarialMask, AdversarialStatistics, AttackedLabel, Input, LearningRateDrop, NetworkRecipe,

@@ -57,6 +57,8 @@ pub enum PipelineRemedy {
     ChooseScaledModel,
     /// Adapt without labels, or train a network or a linear baseline instead.
     AdaptWithoutLabels,
+    /// Train a committee whose recipe lists networks alone.
+    ListNetworks,
     /// Record more sweeps.
     RecordMore,
 }

@@ -333,15 +333,20 @@ impl TrainSpec {
         }
         if !matches!(recipe, ModelRecipe::Network(_)) {
             let is_baseline = matches!(recipe, ModelRecipe::Baseline(_));
-            let only_networks = [
-                ("epochs", is_baseline && self.epochs.is_some()),
-                ("watch-test", self.watch_test),
-                ("calibrate", self.calibration.is_some()),
+            let either = "the recipe of a network or committee";
+            let only = [
+                ("epochs", is_baseline && self.epochs.is_some(), either),
+                ("watch-test", self.watch_test, "the recipe of a network"),
+                (
+                    "calibrate",
+                    is_baseline && self.calibration.is_some(),
+                    either,
+                ),
             ];
-            if let Some((setting, _)) = only_networks.into_iter().find(|(_, is_set)| *is_set) {
+            if let Some((setting, _, expected)) = only.into_iter().find(|(_, is_set, _)| *is_set) {
                 let kind = if is_baseline { "baseline" } else { "committee" };
                 let found = format!("the {kind} `{}`", recipe.name());
-                return refused(setting, "the recipe of a network", found);
+                return refused(setting, expected, found);
             }
         }
         if let Some(rate) = self.rate_hz

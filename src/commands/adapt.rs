@@ -28,7 +28,7 @@ use crate::{GIT, output, source};
     exceeds chance. The sweeps must be of all materials in about equal numbers, 16 or more. Fewer than 8, or sweeps of few materials, are refused: \
     what is special about these materials would be taken for a change of the skin.\n\n\
     Labelled sweeps also fit the output layer of a network, of linear discriminants or of a ridge classifier, with the old layer as prior. \
-    All other weights are unchanged bit for bit.")]
+    All other weights are unchanged bit for bit. The members of a committee adapt one by one; those that cannot are left out and named.")]
 pub struct AdaptArgs {
     #[command(flatten)]
     run: RunChoice,
@@ -123,9 +123,13 @@ fn text(result: &AdaptResult<'_>, config: &RunConfig) -> String {
     let Adaptation {
         presence, shift, ..
     } = result.adaptation;
-    let what = match &config.classifier.model {
-        ModelConfig::Network(_) => "the taxels",
-        ModelConfig::Baseline(_) | ModelConfig::Committee(_) => "the features",
+    let first = match &config.classifier.model {
+        ModelConfig::Committee(members) => members.first().map(|member| &member.model),
+        model => Some(model),
+    };
+    let what = match first {
+        Some(ModelConfig::Network(_)) => "the taxels",
+        _ => "the features",
     };
     let seen = match result.adaptation.unlabelled {
         Some(_) => "predicted",
@@ -159,6 +163,13 @@ fn print_notes(
         if let AdaptRisk::FewSweeps { .. } = risk {
             say!("hint: sweeps without labels can be added with --data");
         }
+    }
+    for member in &adapted.left_out {
+        say!(
+            "note: the adapted committee lacks `{}`: {}",
+            member.name,
+            member.reason
+        );
     }
     if let Some(labelled) = labelled {
         let own = labelled.dataset().labels();

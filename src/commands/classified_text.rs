@@ -200,7 +200,7 @@ pub fn hint(found: &ClassifiedSweeps) -> Option<String> {
         let is_nameless = names(found).next().is_none();
         return (is_nameless && !is_calibrated).then(|| {
             format!(
-                "every sweep is assigned to one of the run's {} materials, even if it is of another; a network of `train --calibrate` detects \
+                "every sweep is assigned to one of the run's {} materials, even if it is of another; a network or committee of `train --calibrate` detects \
                  some of the others",
                 known.len()
             )
@@ -211,7 +211,7 @@ pub fn hint(found: &ClassifiedSweeps) -> Option<String> {
         false => ", and cannot detect that without `train --calibrate`",
     };
     Some(format!(
-        "the run does not know {}{detection}; `tactnet enroll` adds a material to a network",
+        "the run does not know {}{detection}; `tactnet enroll` adds a material to a network or committee",
         listed(&unknown)
     ))
 }

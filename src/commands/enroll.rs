@@ -12,8 +12,8 @@ use tactnet_data::format::Keep;
 use tactnet_data::{Dataset, SweepView, known_names, refuse_errors};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, Classifier, Enrolled, EnrolledMaterial, EnrolmentCost, PredictionMethod, RowPrior,
-    RunConfig, RunDir, TestSweeps, Thresholds, enroll,
+    Calibration, Classifier, Enrolled, EnrolledMaterial, EnrolmentCost, LeftOutMember, ModelConfig,
+    PipelineError, PredictionMethod, RowPrior, RunConfig, RunDir, TestSweeps, Thresholds, enroll,
 };
 
 use super::choices::{DeviceChoice, rate, steps_or_all};
@@ -27,7 +27,8 @@ use crate::{GIT, output, source};
     tactnet eval runs/a-felt --data new.h5                                               evaluate on the remaining sweeps\n\n\
     The network and the other rows of the output layer are unchanged bit for bit. Only sweeps predicted as the new material change their prediction \
     (`tactnet experiment run enrolment` measures how many). After `train --calibrate`, the thresholds for \"unknown\" are fitted again. \
-    The run must be a network with completed training. To evaluate an uncalibrated classifier, it must know every material of the file.")]
+    The run must be a network or committee with completed training. A committee needs its data set again: its networks learn the material as above, \
+    its baselines are fitted again, and members with too few sweeps are left out and named. To evaluate an uncalibrated classifier, it must know every material of the file.")]
 pub struct EnrollArgs {
     #[command(flatten)]
     run: RunChoice,
@@ -65,7 +66,12 @@ struct EnrollResult<'a> {
     #[serde(flatten)]
     enrolled: &'a EnrolledMaterial,
     materials: usize,
-    prior: RowPrior,
+    /// Absent for a committee.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    prior: Option<RowPrior>,
+    /// Members that the new committee lacks.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    left_out: &'a [LeftOutMember],
     /// Present if the run has held-out sweeps of the known materials, from `train --calibrate`.
     #[serde(skip_serializing_if = "Option::is_none")]
     cost: Option<EnrolmentCost>,
@@ -80,31 +86,23 @@ struct EnrollResult<'a> {
 pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
     let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
-    config.require_network(arguments.run.dir(), "learn a new material")?;
+    config.require_network_or_committee(arguments.run.dir(), "learn a new material")?;
     let weights = run.final_weights()?;
-    let known = run.train_embeddings()?;
     let device = Compute::from(arguments.device).open()?;
     let classifier = Classifier::new(config.classifier.clone(), &weights, &device)?;
     let (dataset, sweeps) = read_sweeps(arguments, &config)?;
     let begun = Instant::now();
     let view = SweepView::new(&dataset, sweeps);
-    let thresholds = run.thresholds(&classifier)?;
     let predicted_before = most_predicted(&classifier, &view);
-    let enrolled = enroll(
-        &classifier,
-        &known,
-        thresholds.as_ref(),
-        &view,
-        &arguments.material,
-    )
-    .map_err(|error| source::in_file(&arguments.data, arguments.rate, error))?;
+    let (enrolled, thresholds) = extended(&run, &classifier, &view, &arguments.material)
+        .map_err(|error| source::in_file(&arguments.data, arguments.rate, error))?;
     let material = EnrolledMaterial::new(&arguments.material, &view, &weights, GIT)?;
     run.create_enrolled(&arguments.out, &enrolled, material.clone(), &view)
         .context("cannot write the new classifier")?;
     let seconds = begun.elapsed().as_secs_f64();
-    let test_cost = match &thresholds {
-        None => cost_on_test_sweeps(&run, &config, &classifier, &enrolled),
-        Some(_) => None,
+    let test_cost = match (&thresholds, enrolled.cost) {
+        (None, None) => cost_on_test_sweeps(&run, &config, &classifier, &enrolled),
+        _ => None,
     };
     print_cost(arguments, &enrolled, test_cost, thresholds.as_ref());
     warn_of_known_material(&run, &config, &view, predicted_before);
@@ -117,6 +115,7 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
             enrolled: &material,
             materials,
             prior: enrolled.prior,
+            left_out: &enrolled.left_out,
             cost: enrolled.cost,
             test_cost,
             seconds,
@@ -134,6 +133,21 @@ pub fn run(arguments: &EnrollArgs) -> anyhow::Result<ExitCode> {
         "next: `tactnet eval {out} --data FILE` evaluates it on other labelled sweeps\n      `tactnet demo --run {out} --data FILE` shows it live"
     );
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the classifier with the material, and the thresholds of a network before.
+fn extended(
+    run: &RunDir,
+    classifier: &Classifier,
+    view: &SweepView<'_>,
+    material: &str,
+) -> Result<(Enrolled, Option<Thresholds>), PipelineError> {
+    if let ModelConfig::Committee(_) = classifier.config().model {
+        return Ok((run.enroll_into_committee(classifier, view, material)?, None));
+    }
+    let (known, thresholds) = (run.train_embeddings()?, run.thresholds(classifier)?);
+    let enrolled = enroll(classifier, &known, thresholds.as_ref(), view, material)?;
+    Ok((enrolled, thresholds))
 }
 
 /// Returns the data set with the indices of the sweeps to enroll.
@@ -219,8 +233,15 @@ fn print_cost(
 
 /// Prints notes about the prior, the cost and the calibration.
 fn print_notes(enrolled: &Enrolled, test_cost: Option<EnrolmentCost>) {
-    if let Some(note) = enrolled.prior.note() {
+    if let Some(note) = enrolled.prior.and_then(RowPrior::note) {
         say!("note: {note}");
+    }
+    for member in &enrolled.left_out {
+        say!(
+            "note: the new committee lacks `{}`: {}",
+            member.name,
+            member.reason
+        );
     }
     if let Some(caution) = enrolled.cost.or(test_cost).and_then(|cost| cost.caution()) {
         say!("warning: {caution}");

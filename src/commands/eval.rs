@@ -65,6 +65,13 @@ pub fn run(arguments: &EvalArgs) -> anyhow::Result<ExitCode> {
             baseline.name
         );
     }
+    if let (Some(RuntimeChoice::Online | RuntimeChoice::Candle), ModelRecipe::Committee(_)) =
+        (arguments.runtime, &config.recipe)
+    {
+        bail!(
+            "--runtime: a committee runs in `burn`, and in `onnxruntime` if all its members are networks"
+        );
+    }
     let device = Compute::from(arguments.device).open()?;
     let weights = run.weights()?;
     if !run.has_final_weights() {

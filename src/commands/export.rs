@@ -1,4 +1,4 @@
-//! `tactnet export`: writes a trained network in other formats.
+//! `tactnet export`: writes a trained network or committee in other formats.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use tactnet_pipeline::{OnnxInputs, RunDir, to_onnx, to_safetensors, weights_sha256, write_whole};
+use tactnet_pipeline::{
+    ModelRecipe, OnnxInputs, RunDir, to_onnx, to_safetensors, weights_sha256, write_whole,
+};
 
 use super::run_choice::RunChoice;
 use crate::GIT;
@@ -16,7 +18,8 @@ use crate::GIT;
     tactnet export runs/a --out tactnet.onnx            digits in, log-probabilities out, for any ONNX runtime\n  \
     tactnet export runs/a --out tactnet.onnx --masks    with dropout masks as a second input\n  \
     tactnet export runs/a --out tactnet.safetensors     weights and scaling, by name\n\n\
-    The ONNX file has the input `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [samples, features]. Its output `likeness` \
+    The ONNX file has the input `digits` [sweeps, steps, taxels] and, with `--masks`, `masks` [samples, features]. A committee of networks is one \
+    file with an input `MEMBER/masks` for each member; baselines have no ONNX form. The output `likeness` \
     is the p-value of every sweep against the training data, if the run has one. Its metadata_props hold labels, \
     sample rate, window, thresholds and hashes; its doc_string is a Python program that runs it.")]
 pub struct ExportArgs {
@@ -68,7 +71,13 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
     }
     let run = RunDir::open(arguments.run.dir())?;
     let config = run.config()?;
-    config.require_network(arguments.run.dir(), "be exported")?;
+    config.require_network_or_committee(arguments.run.dir(), "be exported")?;
+    if let (Format::Safetensors, ModelRecipe::Committee(_)) = (format, &config.recipe) {
+        bail!(
+            "{}: a committee has only an ONNX form; name a file that ends in .onnx",
+            arguments.out.display()
+        );
+    }
     let weights = run.final_weights()?;
     let about = BTreeMap::from([
         ("format".to_owned(), "tactnet 1".to_owned()),

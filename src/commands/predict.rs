@@ -49,7 +49,7 @@ pub struct PredictArgs {
     #[arg(long, value_enum, default_value_t)]
     device: DeviceChoice,
     /// File for the probabilities of all materials: a table (.csv), or the document of --json (.json). The columns
-    /// `unknown` and `prediction_set` need a network of `train --calibrate`, the column `named` labelled sweeps
+    /// `unknown` and `prediction_set` need a network or committee of `train --calibrate`, the column `named` labelled sweeps
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Overwrite that file

@@ -7,8 +7,8 @@ use tactnet_data::Dataset;
 use tactnet_data::format::Keep;
 use tactnet_models::Compute;
 use tactnet_pipeline::{
-    Calibration, ClassifiedSweeps, Classifier, ModelRecipe, PredictionMethod, RunConfig, RunDir,
-    TestSweeps, TrainEmbeddings, quoted,
+    ClassifiedSweeps, Classifier, ModelRecipe, PredictionMethod, RunConfig, RunDir, TestSweeps,
+    UnknownDetector, quoted,
 };
 
 use super::choices::DeviceChoice;
@@ -21,7 +21,7 @@ pub struct RunClassifier {
     run: RunDir,
     config: RunConfig,
     classifier: Classifier,
-    calibration: Option<(Calibration, TrainEmbeddings)>,
+    detector: Option<UnknownDetector>,
     method: PredictionMethod,
 }
 
@@ -48,16 +48,13 @@ impl RunClassifier {
         let device = Compute::from(device).open()?;
         let classifier =
             Classifier::new(config.classifier.clone(), &run.final_weights()?, &device)?;
-        let calibration = match run.calibration()? {
-            None => None,
-            Some(calibration) => Some((calibration, run.train_embeddings()?)),
-        };
+        let detector = run.unknown_detector()?;
         Ok(Self {
             dir: dir.into(),
             run,
             config,
             classifier,
-            calibration,
+            detector,
             method,
         })
     }
@@ -92,9 +89,7 @@ impl RunClassifier {
         let found = ClassifiedSweeps::of(
             &sweeps,
             &self.classifier,
-            self.calibration
-                .as_ref()
-                .map(|(bounds, known)| (bounds, known)),
+            self.detector.as_ref(),
             self.run.likeness()?.as_ref(),
             self.method,
             one_object,

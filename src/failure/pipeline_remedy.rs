@@ -51,10 +51,10 @@ fn worded(remedy: &PipelineRemedy) -> String {
         },
         PipelineRemedy::TrainNetwork => "train one with `tactnet train --data FILE`".into(),
         PipelineRemedy::EnrollOrCalibrate => {
-            "`tactnet enroll` adds one; a network of `train --calibrate` can detect unknown materials"
+            "`tactnet enroll` adds one; a network or committee of `train --calibrate` can detect unknown materials"
                 .into()
         }
-        PipelineRemedy::Calibrate => "a network of `train --calibrate` can detect unknown materials".into(),
+        PipelineRemedy::Calibrate => "a network or committee of `train --calibrate` can detect unknown materials".into(),
         PipelineRemedy::EnrollFewerSweeps => {
             "`enroll --sweeps N` leaves the other sweeps of a file for tests".into()
         }
@@ -79,6 +79,9 @@ fn worded(remedy: &PipelineRemedy) -> String {
         PipelineRemedy::AdaptWithoutLabels => {
             "give the sweeps by `--data`, without labels, or train a network, `--model lda` or `minirocket` instead"
                 .into()
+        }
+        PipelineRemedy::ListNetworks => {
+            "train a committee of networks, with `members = [\"fast\", \"spectra\"]` in a recipe file".into()
         }
         PipelineRemedy::RecordMore => "record more sweeps".into(),
     }

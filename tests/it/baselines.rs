@@ -159,7 +159,7 @@ fn what_a_baseline_cannot_do_is_said_in_one_line() {
         (
             "minirocket",
             ["--epochs", "3"],
-            "`epochs`: expected the recipe of a network",
+            "`epochs`: expected the recipe of a network or committee",
         ),
         ("knn-h", ["--recipe", "fast"], "does not train the model"),
         ("knn-h", ["--steps", "50"], "a window of 0.1 s"),

@@ -171,7 +171,7 @@ fn a_calibration_needs_enough_sweeps_and_a_network() {
     baseline.arg("--out").arg(lab.path("knn"));
     let refused = stderr(&expect(2, baseline));
     assert!(
-        refused.contains("`calibrate`: expected the recipe of a network"),
+        refused.contains("`calibrate`: expected the recipe of a network or committee"),
         "{refused}"
     );
 }
@@ -452,7 +452,7 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
             twin,
             "velvet",
             &[],
-            "only networks can learn a new material",
+            "only networks and committees can learn a new material",
         ),
         ("nothing", twin, "velvet", &[], "no run here"),
     ] {

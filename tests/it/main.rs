@@ -19,6 +19,7 @@ mod channel_hosts;
 mod cli_reference;
 mod command;
 mod command_line;
+mod committee;
 mod data_command;
 mod devices;
 mod enroll;

@@ -144,8 +144,12 @@ fn a_baseline_is_refused_in_words() {
         ),
     ] {
         let refused = stderr(&expect(2, tactnet(&call)));
+        let models = match call[0] {
+            "export" | "enroll" => "networks and committees",
+            _ => "networks",
+        };
         let reason = format!(
-            "it is a baseline (means), and only networks can {what}; train one with `tactnet train --data FILE`\n"
+            "it is a baseline (means), and only {models} can {what}; train one with `tactnet train --data FILE`\n"
         );
         assert!(refused.ends_with(&reason), "{call:?}: {refused}");
     }

@@ -13,7 +13,7 @@ use crate::dataset::Dataset;
 use crate::error::{TactnetError, raised};
 use crate::online::Online;
 
-/// A fitted classifier: a network or a baseline.
+/// A fitted classifier: a network, a baseline or a committee.
 #[pyclass(frozen, module = "tactnet")]
 pub(crate) struct Classifier {
     inner: Mutex<tactnet::Classifier>,
@@ -119,7 +119,7 @@ impl Classifier {
         Ok(PyArray2::from_vec2(py, &rows)?)
     }
 
-    /// Returns a score per sweep that is larger for sweeps unlike any known material. For networks only.
+    /// Returns a score per sweep that is larger for sweeps unlike any known material. For networks and committees.
     fn unknown_scores<'py>(
         &self,
         py: Python<'py>,
@@ -184,7 +184,11 @@ impl Classifier {
         let adapted = adapted.map_err(raised)?;
         let last = adapted.adaptations().last();
         let risks = last.map_or(Vec::new(), |last| {
-            last.risks.iter().map(ToString::to_string).collect()
+            let risks = last.risks.iter().map(ToString::to_string);
+            let left_out = last.left_out.iter();
+            let left_out =
+                left_out.map(|of| format!("the committee lacks `{}` now: {}", of.name, of.reason));
+            risks.chain(left_out).collect()
         });
         Ok((adapted.into(), risks))
     }

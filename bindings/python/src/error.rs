@@ -124,6 +124,7 @@ fn words_of_pipeline(remedy: &PipelineRemedy) -> Option<String> {
         | PipelineRemedy::Calibrate
         | PipelineRemedy::EnrollFewerSweeps
         | PipelineRemedy::RelaxTargets { .. }
+        | PipelineRemedy::ListNetworks
         | PipelineRemedy::RecordMore => return None,
     })
 }

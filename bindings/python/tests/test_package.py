@@ -228,6 +228,34 @@ def test_adapting_to_another_skin_without_labels_and_with(data, tmp_path):
         lda.adapt(other[few], ["felt"] * len(few))
 
 
+def test_a_committee_is_the_mean_of_its_members(data, tmp_path):
+    from sklearn.base import clone
+
+    own, file, train, test = data
+    (tmp_path / "two.toml").write_text('name = "two"\nmembers = ["lda", "minirocket"]')
+    committee = tactnet.TactNetCommittee(recipe=tmp_path / "two.toml", rate=own.rate)
+    fitted = clone(committee).fit(own.X[train], own.y[train])
+    members = [tactnet.LdaClassifier(rate=own.rate), tactnet.MiniRocketClassifier(rate=own.rate)]
+    members = [member.fit(own.X[train], own.y[train]) for member in members]
+    mean = np.mean([member.predict_proba(own.X[test]) for member in members], axis=0)
+    assert np.abs(fitted.predict_proba(own.X[test]) - mean).max() < 1e-12
+    assert np.allclose(fitted.unknown_score(own.X[test]), -np.log(mean.max(axis=1)))
+    fitted.save(tmp_path / "saved")
+    again = tactnet.SweepClassifier.load(tmp_path / "saved")
+    assert type(again) is tactnet.TactNetCommittee
+    assert (again.predict_proba(own.X[test]) == fitted.predict_proba(own.X[test])).all()
+    assert (pickle.loads(pickle.dumps(fitted)).predict(own.X[test]) == fitted.predict(own.X[test])).all()
+    found = json.loads(cli("predict", tmp_path / "saved", "--data", file, "--json"))
+    assert [sweep["material"] for sweep in found["sweeps"]] == fitted.predict(own.X).tolist()
+    with pytest.raises(tactnet.TactnetError, match="use TactNetCommittee.load"):
+        tactnet.LdaClassifier.load(tmp_path / "saved")
+    # Each member adapts by itself.
+    other = own.X * 2.0 + 30
+    adapted = fitted.adapt(other[train])
+    mean = np.mean([member.adapt(other[train]).predict_proba(other[test]) for member in members], axis=0)
+    assert np.abs(adapted.predict_proba(other[test]) - mean).max() < 1e-9
+
+
 def test_frame_by_frame_is_the_whole_sweep(data, network):
     own, _, _, test = data
     online = network.online()

@@ -3,6 +3,9 @@
 use tactnet_data::SweepView;
 use tactnet_models::{LinearHead, Weights};
 
+use super::committee::fit_heads;
+use crate::baseline::fitted::Baseline;
+use crate::baseline::method::LinearMethod;
 use crate::{Classifier, PipelineError};
 
 /// Strength of the prior of a network's output layer.
@@ -21,6 +24,9 @@ pub(super) fn fit_head(
     weights: &mut Weights,
     sweeps: &SweepView<'_>,
 ) -> Result<(), PipelineError> {
+    if let Some(committee) = adapted.committee() {
+        return fit_heads(committee, weights, sweeps);
+    }
     let labels = adapted.own_labels(sweeps)?;
     let Some(baseline) = adapted.baseline() else {
         let head = adapted.network()?.output_layer();
@@ -38,11 +44,7 @@ pub(super) fn fit_head(
         }
         return Ok(());
     };
-    let Some(linear) = baseline.classifier.as_linear() else {
-        return Err(PipelineError::AdaptHead {
-            model: adapted.model_name(),
-        });
-    };
+    let linear = linear_of(adapted, baseline)?;
     let head = linear.head();
     refuse_untrained(adapted, &head)?;
     let fitted = head.fit_from(
@@ -52,6 +54,27 @@ pub(super) fn fit_head(
     )?;
     linear.save_head(&fitted, weights);
     Ok(())
+}
+
+/// Succeeds if the model has an output layer that labelled sweeps can adapt.
+///
+/// # Errors
+/// A baseline that is not linear.
+pub(super) fn check_head(classifier: &Classifier) -> Result<(), PipelineError> {
+    match classifier.baseline() {
+        Some(baseline) => linear_of(classifier, baseline).map(|_| ()),
+        None => Ok(()),
+    }
+}
+
+fn linear_of<'a>(
+    classifier: &Classifier,
+    baseline: &'a Baseline,
+) -> Result<&'a dyn LinearMethod, PipelineError> {
+    let linear = baseline.classifier.as_linear();
+    linear.ok_or_else(|| PipelineError::AdaptHead {
+        model: classifier.model_name(),
+    })
 }
 
 /// Succeeds if every material had training sweeps; without, its score is minus infinity.

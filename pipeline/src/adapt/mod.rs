@@ -8,6 +8,7 @@
 //! Trained weights stay the same, except for the output layer where labels are given. An adaptation takes what the new sweeps have in common
 //! for a property of the skin. So they must be of mixed materials; [`AdaptRisk`] says when they seem not to be.
 
+mod committee;
 mod head;
 mod network;
 mod record;
@@ -24,8 +25,11 @@ pub use risk::{AdaptRisk, Presence};
 pub use shift::Shift;
 
 use crate::features::scaler::Scaler;
-use crate::{Classifier, ClassifierConfig, Likeness, ModelConfig, PipelineError, PredictionMethod};
-use head::fit_head;
+use crate::{
+    Classifier, ClassifierConfig, LeftOutMember, Likeness, ModelConfig, PipelineError,
+    PredictionMethod,
+};
+use head::{check_head, fit_head};
 use network::adapt_network;
 use risk::{MIN_DIVERSITY, MIN_SWEEPS, Risks};
 
@@ -58,16 +62,26 @@ pub struct Adapted {
     pub likeness: Option<Likeness>,
     /// Numbers by which the adaptation is judged.
     pub presence: Presence,
-    /// Shift of the taxels' values (networks) or of the features (baselines).
+    /// Shift of the taxels' values (networks) or of the features (baselines); of a committee, that of its first member.
     pub shift: Shift,
     /// Warnings.
     pub risks: Vec<AdaptRisk>,
+    /// Members of a committee that cannot be adapted, and that the adapted committee lacks.
+    pub left_out: Vec<LeftOutMember>,
+}
+
+/// Classifier with the statistics of new sweeps.
+struct Statistics {
+    config: ClassifierConfig,
+    weights: Weights,
+    shift: Shift,
+    left_out: Vec<LeftOutMember>,
 }
 
 /// Minimum number of unlabelled sweeps, and minimum diversity of their materials, to which a classifier is adapted without complaint.
 pub const ADAPT_MINIMUM: (usize, f64) = (MIN_SWEEPS, MIN_DIVERSITY);
 
-/// Adapts `classifier` to new sweeps.
+/// Adapts `classifier` to new sweeps. The members of a committee adapt one by one.
 ///
 /// - `likeness`: description of the training sweeps, if there is one; without, few materials are harder to notice
 ///
@@ -88,7 +102,13 @@ pub fn adapt(
     if let Some(labelled) = new.labelled {
         classifier.own_labels(labelled)?;
     }
-    let (config, mut weights, shift) = adapted_statistics(classifier, sweeps)?;
+    let statistics = adapted_statistics(classifier, sweeps, new.labelled.is_some())?;
+    let Statistics {
+        config,
+        mut weights,
+        shift,
+        left_out,
+    } = statistics;
     let device = classifier.device();
     let adapted = Classifier::new(config.clone(), &weights, &device)?;
     let presence = match (new.unlabelled, new.labelled) {
@@ -111,17 +131,41 @@ pub fn adapt(
         presence,
         shift,
         risks: [found.refused, found.warned].concat(),
+        left_out,
     })
 }
 
-/// Returns configuration and weights with the statistics of `sweeps`.
+/// Returns the classifier with the statistics of `sweeps`.
+///
+/// - `with_labels`: true if the output layer is going to be fitted to labels
 fn adapted_statistics(
     classifier: &Classifier,
     sweeps: &SweepView<'_>,
-) -> Result<(ClassifierConfig, Weights, Shift), PipelineError> {
-    if let ModelConfig::Network(setup) = &classifier.config().model {
-        return adapt_network(classifier, setup, sweeps);
+    with_labels: bool,
+) -> Result<Statistics, PipelineError> {
+    if let Some(committee) = classifier.committee() {
+        return committee::statistics(classifier.config(), committee, sweeps, with_labels);
     }
+    if with_labels {
+        check_head(classifier)?;
+    }
+    let (config, weights, shift) = match &classifier.config().model {
+        ModelConfig::Network(setup) => adapt_network(classifier, setup, sweeps)?,
+        ModelConfig::Baseline(_) | ModelConfig::Committee(_) => adapt_features(classifier, sweeps)?,
+    };
+    Ok(Statistics {
+        config,
+        weights,
+        shift,
+        left_out: Vec::new(),
+    })
+}
+
+/// Returns configuration and weights of a baseline with the scaling of `sweeps`.
+fn adapt_features(
+    classifier: &Classifier,
+    sweeps: &SweepView<'_>,
+) -> Result<(ClassifierConfig, Weights, Shift), PipelineError> {
     let scaled = classifier.baseline().and_then(|baseline| {
         let scaler = baseline.scaler.as_ref()?;
         Some((baseline, scaler.adapted(&baseline.features(sweeps))))

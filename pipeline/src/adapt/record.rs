@@ -6,7 +6,7 @@ use tactnet_models::Weights;
 
 use super::{AdaptRisk, Adapted, NewSweeps, Presence, Shift};
 use crate::predict::overlap::sweep_sha256;
-use crate::{PipelineError, weights_sha256};
+use crate::{LeftOutMember, PipelineError, weights_sha256};
 
 /// Origin of an adaptation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,6 +27,9 @@ pub struct Adaptation {
     /// Warnings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub risks: Vec<AdaptRisk>,
+    /// Members of a committee that could not be adapted and were left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOutMember>,
     /// Commit of the program.
     pub git: String,
 }
@@ -75,6 +78,7 @@ impl Adaptation {
             presence: adapted.presence.clone(),
             shift: adapted.shift,
             risks: adapted.risks.clone(),
+            left_out: adapted.left_out.clone(),
             git: git.into(),
         })
     }

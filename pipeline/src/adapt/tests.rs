@@ -6,7 +6,7 @@ use tactnet_models::Compute;
 use super::{AdaptRisk, Adapted, NewSweeps, RiskPolicy, adapt};
 use crate::{
     Classifier, ClassifierConfig, Likeness, LikenessVerdict, ModelConfig, ModelRecipe,
-    NetworkRecipe, PipelineError, PredictionMethod, fit_baseline, train_network,
+    NetworkRecipe, PipelineError, PredictionMethod, fit_baseline, fit_model, train_network,
 };
 
 fn twin() -> Dataset {
@@ -263,5 +263,53 @@ fn labels_improve_on_unlabelled_sweeps_where_materials_are_renamed() {
         unlabelled(&new),
         RiskPolicy::Refuse,
     );
+    assert!(matches!(refused, Err(PipelineError::AdaptScaling { .. })));
+}
+
+#[test]
+fn a_committee_adapts_as_its_members_do_and_leaves_out_those_that_cannot() {
+    let dataset = twin();
+    let fold = first_fold(&dataset);
+    let other = other_skin(&fold.test);
+    let (new, held_out) = (every_other(&other, 0), every_other(&other, 1));
+    let text = "name = \"four\"\nmembers = [\"lda\", \"means\", \"svm-spectra\"]";
+    let recipe = ModelRecipe::parse("four", text).unwrap();
+    let device = Compute::Cpu.open().unwrap();
+    let fitted = fit_model(&recipe, &fold.train, Seed(1), &device, |_| true);
+    let committee = fitted.unwrap().unwrap().classifier;
+    let alone = ["lda", "svm-spectra"].map(|name| baseline(&fold, name));
+    let with_labels = NewSweeps {
+        unlabelled: None,
+        labelled: Some(&new),
+    };
+    for (sweeps, lacking) in [
+        (unlabelled(&new), &["means"][..]),
+        (with_labels, &["means", "svm-spectra"]),
+    ] {
+        let found = adapt(&committee, None, sweeps, RiskPolicy::Accept).unwrap();
+        let left_out: Vec<&str> = found.left_out.iter().map(|of| of.name.as_str()).collect();
+        assert_eq!(left_out, lacking);
+        let rows = |of: &Classifier| {
+            let rows = of.log_probabilities(&held_out, PredictionMethod::Plain);
+            rows.unwrap().concat()
+        };
+        let members: Vec<Vec<f64>> = alone
+            .iter()
+            .filter(|member| !lacking.contains(&member.model_name().as_str()))
+            .map(|member| {
+                let adapted = adapt(member, None, sweeps, RiskPolicy::Accept).unwrap();
+                rows(&built(&adapted))
+            })
+            .collect();
+        for (at, log_p) in rows(&built(&found)).iter().enumerate() {
+            let sum: f64 = members.iter().map(|member| member[at].exp()).sum();
+            assert!((log_p.exp() - sum / members.len() as f64).abs() < 1e-9);
+        }
+    }
+    let text = "name = \"one\"\nmembers = [\"means\"]";
+    let recipe = ModelRecipe::parse("one", text).unwrap();
+    let fitted = fit_model(&recipe, &fold.train, Seed(1), &device, |_| true);
+    let nobody = fitted.unwrap().unwrap().classifier;
+    let refused = adapt(&nobody, None, unlabelled(&new), RiskPolicy::Accept);
     assert!(matches!(refused, Err(PipelineError::AdaptScaling { .. })));
 }

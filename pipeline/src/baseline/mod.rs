@@ -5,7 +5,7 @@ pub(crate) mod fit;
 pub(crate) mod fitted;
 pub(crate) mod knn;
 pub(crate) mod lda;
-mod method;
+pub(crate) mod method;
 pub(crate) mod recipe;
 pub(crate) mod ridge;
 pub(crate) mod svm;

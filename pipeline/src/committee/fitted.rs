@@ -21,6 +21,7 @@ pub struct MemberConfig {
 
 /// Trained members, whose probabilities are averaged.
 pub(crate) struct Committee {
+    names: Vec<String>,
     members: Vec<Classifier>,
 }
 
@@ -36,6 +37,7 @@ impl Committee {
         weights: &Weights,
         device: &Device,
     ) -> Result<Self, PipelineError> {
+        let names = members.iter().map(|member| member.name.clone()).collect();
         let members = members.iter().map(|member| {
             let config = ClassifierConfig {
                 model: member.model.clone(),
@@ -44,6 +46,7 @@ impl Committee {
             Classifier::new(config, &weights_of(weights, &member.name), device)
         });
         Ok(Self {
+            names,
             members: members.collect::<Result<_, _>>()?,
         })
     }
@@ -53,6 +56,17 @@ impl Committee {
         &self.members
     }
 
+    /// Returns the members with their names, in the order of the recipe.
+    pub fn named_members(&self) -> impl Iterator<Item = (&str, &Classifier)> {
+        self.names.iter().map(String::as_str).zip(&self.members)
+    }
+
+    /// Returns the weights of all members, see [`joined_weights`].
+    pub fn weights(&self) -> Weights {
+        let weights: Vec<Weights> = self.members.iter().map(Classifier::weights).collect();
+        joined_weights(self.names.iter().map(String::as_str).zip(&weights))
+    }
+
     /// Masks dead taxels in all members.
     pub fn mask(&mut self, dead: &[usize]) -> Result<(), PipelineError> {
         self.members
@@ -60,12 +74,22 @@ impl Committee {
             .try_for_each(|member| member.mask(dead))
     }
 
-    /// Returns the natural logarithms of the mean probabilities, `[sweeps][materials]`. Members without dropout predict without it.
+    /// Returns the natural logarithms of the mean probabilities, `[sweeps][materials]`.
     pub fn log_probabilities(
         &self,
         view: &SweepView<'_>,
         method: PredictionMethod,
     ) -> Result<Vec<Vec<f64>>, PipelineError> {
+        let of_members = self.member_log_probabilities(view, method)?;
+        Ok(by_sweep(&of_members, |_, mean| mean))
+    }
+
+    /// Returns the log-probabilities of every member, `[members][sweeps][materials]`. Members without dropout predict without it.
+    pub fn member_log_probabilities(
+        &self,
+        view: &SweepView<'_>,
+        method: PredictionMethod,
+    ) -> Result<Vec<Vec<Vec<f64>>>, PipelineError> {
         let of_members = self.members.iter().map(|member| {
             let own = match member.has_dropout() {
                 true => method,
@@ -73,18 +97,24 @@ impl Committee {
             };
             member.log_probabilities(view, own)
         });
-        let of_members: Vec<Vec<Vec<f64>>> = of_members.collect::<Result<_, _>>()?;
-        let rows = (0..view.len()).map(|sweep| {
-            let rows: Vec<f64> = of_members
-                .iter()
-                .flat_map(|of| of[sweep].iter().copied())
-                .collect();
-            let mut mean = vec![0.0; of_members[0][sweep].len()];
-            log_mean_exp_into(&rows, &mut mean);
-            mean
-        });
-        Ok(rows.collect())
+        of_members.collect()
     }
+}
+
+/// Returns the result of `of` for every sweep, from the log-probabilities of all members, `[members][materials]`, and those of their mean.
+pub(crate) fn by_sweep<T>(
+    of_members: &[Vec<Vec<f64>>],
+    of: impl Fn(&[f64], Vec<f64>) -> T,
+) -> Vec<T> {
+    let sweeps = of_members.first().map_or(0, Vec::len);
+    let result = (0..sweeps).map(|sweep| {
+        let rows = of_members.iter().map(|member| member[sweep].as_slice());
+        let rows: Vec<f64> = rows.collect::<Vec<_>>().concat();
+        let mut mean = vec![0.0; of_members[0][sweep].len()];
+        log_mean_exp_into(&rows, &mut mean);
+        of(&rows, mean)
+    });
+    result.collect()
 }
 
 /// Returns the weights of all members, with the names of the members as prefixes.
@@ -99,7 +129,7 @@ pub(crate) fn joined_weights<'a>(
 }
 
 /// Returns the weights of a member.
-fn weights_of(weights: &Weights, member: &str) -> Weights {
+pub(crate) fn weights_of(weights: &Weights, member: &str) -> Weights {
     let own = weights.0.iter().filter_map(|(name, tensor)| {
         let name = name.strip_prefix(member)?.strip_prefix('/')?;
         Some((name.to_string(), tensor.clone()))

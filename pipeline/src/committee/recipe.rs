@@ -17,8 +17,9 @@ pub struct CommitteeRecipe {
     pub members: Vec<ModelRecipe>,
 }
 
-/// Member that the sweeps do not allow.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// Member that a committee lacks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LeftOutMember {
     /// Name of the member's recipe.
     pub name: String,

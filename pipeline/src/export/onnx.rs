@@ -9,8 +9,12 @@
 //! The output `likeness` is the p-value of every sweep against the training data ([`crate::Likeness`]), if there is a description of these.
 //! The second row exists only with [`OnnxInputs::DigitsAndMasks`]. A mask value is `1 / keep_probability` or 0 (inverted dropout). Monte Carlo
 //! outputs average probabilities over runs (thesis, section 4.5.2).
+//!
+//! A committee of networks has all of them in one graph, with their names as prefixes: inputs `MEMBER/masks`, and the mean of the members'
+//! probabilities as outputs `log_probability` and `mc_log_probability`.
 
 mod builder;
+mod committee;
 mod convolutions;
 mod likeness;
 mod message;
@@ -19,11 +23,15 @@ mod spectral;
 use std::collections::BTreeMap;
 
 use prost::Message;
+use tactnet_data::SweepShape;
 use tactnet_models::{Compute, NORM_EPSILON, NetworkConfig, Weights};
 
 use super::properties::{network_setup, properties};
-use crate::{Calibration, Classifier, ClassifierConfig, Likeness, NetworkSetup, PipelineError};
+use crate::{
+    Calibration, Classifier, ClassifierConfig, Likeness, ModelConfig, NetworkSetup, PipelineError,
+};
 use builder::{Builder, Stored};
+use committee::committee;
 use convolutions::convolutions;
 use likeness::likeness as add_likeness;
 use message::{Attribute, Graph, IR_VERSION, Model, OPSET, OperatorSet, Property, Size, Value};
@@ -232,38 +240,40 @@ impl Builder {
         Ok(())
     }
 
-    fn declare_inputs_and_outputs(&mut self, inputs: OnnxInputs, sizes: &Sizes) {
-        let sweeps = || Size::open("sweeps");
+    /// Declares the input `digits` and the output `log_probability`.
+    fn declare(&mut self, shape: SweepShape, materials: usize) {
         self.graph.input = vec![Value::floats(
             "digits",
-            vec![sweeps(), Size::of(sizes.steps), Size::of(sizes.taxels)],
+            vec![
+                Size::open("sweeps"),
+                Size::of(shape.steps),
+                Size::of(shape.taxels()),
+            ],
             "digits, taxels row by row",
         )];
-        let scores = || vec![sweeps(), Size::of(sizes.materials)];
         self.graph.output = vec![Value::floats(
             "log_probability",
-            scores(),
+            vec![Size::open("sweeps"), Size::of(materials)],
             "without dropout, natural logarithm",
         )];
-        if inputs == OnnxInputs::DigitsAndMasks {
-            self.graph.input.push(Value::floats(
-                "masks",
-                vec![Size::open("runs"), Size::of(sizes.features)],
-                "dropout: 1 / keep_probability or 0",
-            ));
-            self.graph.output.extend([
-                Value::floats(
-                    "mc_log_probability",
-                    scores(),
-                    "of the mean probability over masks, natural logarithm",
-                ),
-                Value::floats(
-                    "mutual_information",
-                    vec![sweeps()],
-                    "between material and mask, nats",
-                ),
-            ]);
-        }
+    }
+
+    /// Declares an input of dropout masks.
+    fn declare_masks(&mut self, name: &str, features: usize) {
+        self.graph.input.push(Value::floats(
+            name,
+            vec![Size::open("runs"), Size::of(features)],
+            "dropout: 1 / keep_probability or 0",
+        ));
+    }
+
+    /// Declares the output of Monte Carlo dropout.
+    fn declare_mean_over_masks(&mut self, materials: usize) {
+        self.graph.output.push(Value::floats(
+            "mc_log_probability",
+            vec![Size::open("sweeps"), Size::of(materials)],
+            "of the mean probability over masks, natural logarithm",
+        ));
     }
 }
 
@@ -282,13 +292,19 @@ fn documentation(inputs: OnnxInputs, sizes: &Sizes, keep: f64) -> String {
     .replace("KEEP", &keep.to_string())
 }
 
+/// Graph of a model, with its documentation.
+struct Exported {
+    builder: Builder,
+    documentation: String,
+}
+
 /// Returns the bytes of an ONNX file.
 ///
 /// - `likeness`: description of the training sweeps
 /// - `about`: additional properties besides labels, rate, window and calibration
 ///
 /// # Errors
-/// A classifier that is not a network, or that was trained on sweeps of unequal length; weights of another network.
+/// A baseline, or a committee with baselines; a classifier that was trained on sweeps of unequal length; weights of another model.
 pub fn to_onnx(
     config: &ClassifierConfig,
     weights: &Weights,
@@ -297,6 +313,33 @@ pub fn to_onnx(
     inputs: OnnxInputs,
     about: &BTreeMap<String, String>,
 ) -> Result<Vec<u8>, PipelineError> {
+    let exported = match &config.model {
+        ModelConfig::Committee(members) => committee(config, members, weights, inputs)?,
+        ModelConfig::Network(_) | ModelConfig::Baseline(_) => network(config, weights, inputs)?,
+    };
+    let Exported {
+        mut builder,
+        documentation,
+    } = exported;
+    // A single frame has no changes.
+    if let Some(likeness) = likeness.filter(|_| config.shape.steps > 1) {
+        add_likeness(&mut builder, &likeness.tables());
+        builder.graph.output.push(Value::floats(
+            "likeness",
+            vec![Size::open("sweeps")],
+            "p-value: share of training sweeps that differ as much from the others",
+        ));
+    }
+    let properties = properties(config, calibration, about);
+    Ok(model(builder.graph, documentation, properties).encode_to_vec())
+}
+
+/// Returns the graph of a network.
+fn network(
+    config: &ClassifierConfig,
+    weights: &Weights,
+    inputs: OnnxInputs,
+) -> Result<Exported, PipelineError> {
     let setup = network_setup(config)?;
     if config.trained_steps.is_some() {
         let (expected, found) = (
@@ -331,31 +374,28 @@ pub fn to_onnx(
         "features",
         vec![Attribute::int("axis", 1)],
     );
-
     builder.head_weights(tensor, &sizes)?;
-
     builder.integers("run_axis", &[1]);
     builder.node("Unsqueeze", &["features", "run_axis"], "one_run", vec![]);
     let plain = builder.head("plain", "one_run");
     builder.node("Squeeze", &[&plain, "run_axis"], "log_probability", vec![]);
+    builder.declare(config.shape, sizes.materials);
     if inputs == OnnxInputs::DigitsAndMasks {
         builder.monte_carlo();
-    }
-    builder.declare_inputs_and_outputs(inputs, &sizes);
-    // A single frame has no changes.
-    if let Some(likeness) = likeness.filter(|_| sizes.steps > 1) {
-        add_likeness(&mut builder, &likeness.tables());
+        builder.declare_masks("masks", sizes.features);
+        builder.declare_mean_over_masks(sizes.materials);
         builder.graph.output.push(Value::floats(
-            "likeness",
+            "mutual_information",
             vec![Size::open("sweeps")],
-            "p-value: share of training sweeps that differ as much from the others",
+            "between material and mask, nats",
         ));
     }
-
     builder.graph.name = setup.network.kind().into();
     let documentation = documentation(inputs, &sizes, setup.network.keep_probability);
-    let properties = properties(config, setup, calibration, about);
-    Ok(model(builder.graph, documentation, properties).encode_to_vec())
+    Ok(Exported {
+        builder,
+        documentation,
+    })
 }
 
 fn model(graph: Graph, doc_string: String, properties: BTreeMap<String, String>) -> Model {

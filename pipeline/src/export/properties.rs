@@ -11,10 +11,15 @@ use crate::{Calibration, ClassifierConfig, ModelConfig, NetworkSetup, PipelineEr
 pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&NetworkSetup, PipelineError> {
     match &config.model {
         ModelConfig::Network(setup) => Ok(setup),
-        ModelConfig::Baseline(_) | ModelConfig::Committee(_) => Err(PipelineError::incompatible(
+        ModelConfig::Baseline(_) => Err(PipelineError::incompatible(
             "export",
             "a network",
             "a baseline",
+        )),
+        ModelConfig::Committee(_) => Err(PipelineError::incompatible(
+            "export",
+            "a network",
+            "a committee, which has only an ONNX form",
         )),
     }
 }
@@ -22,7 +27,6 @@ pub(super) fn network_setup(config: &ClassifierConfig) -> Result<&NetworkSetup, 
 /// Returns the properties that a program needs besides the weights, by name: labels, rate, window, calibration and `about`. Lists are JSON.
 pub(super) fn properties(
     config: &ClassifierConfig,
-    setup: &NetworkSetup,
     calibration: Option<&Calibration>,
     about: &BTreeMap<String, String>,
 ) -> BTreeMap<String, String> {
@@ -37,20 +41,8 @@ pub(super) fn properties(
         ("window_steps".into(), config.shape.steps.to_string()),
         ("rows".into(), config.shape.rows.to_string()),
         ("cols".into(), config.shape.cols.to_string()),
-        (
-            "keep_probability".into(),
-            setup.network.keep_probability.to_string(),
-        ),
-        (
-            "levels".into(),
-            if setup.normalizer.needs_whole_sweep() {
-                "removed"
-            } else {
-                "kept"
-            }
-            .into(),
-        ),
     ]);
+    properties.extend(of_model(&config.model));
     if !config.conditions.is_empty() {
         let names = config.conditions.columns().iter();
         let names: Vec<String> = names.map(|of| of.condition.to_string()).collect();
@@ -90,6 +82,28 @@ pub(super) fn properties(
     }
     properties.extend(about.clone());
     properties
+}
+
+/// Returns the properties of a network, or the names of a committee's members.
+fn of_model(model: &ModelConfig) -> Vec<(String, String)> {
+    match model {
+        ModelConfig::Network(setup) => {
+            let levels = match setup.normalizer.needs_whole_sweep() {
+                true => "removed",
+                false => "kept",
+            };
+            let keep = setup.network.keep_probability.to_string();
+            vec![
+                ("keep_probability".into(), keep),
+                ("levels".into(), levels.into()),
+            ]
+        }
+        ModelConfig::Committee(members) => {
+            let names: Vec<&str> = members.iter().map(|member| member.name.as_str()).collect();
+            vec![("members".into(), serde_json::json!(names).to_string())]
+        }
+        ModelConfig::Baseline(_) => Vec::new(),
+    }
 }
 
 /// Returns the means of the conditions of the training sweeps, as JSON.

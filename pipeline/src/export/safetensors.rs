@@ -33,7 +33,7 @@ pub fn to_safetensors(
         weights.0.insert(name.into(), tensor);
     }
     let network = config.network_config(setup)?;
-    let mut about = properties(config, setup, calibration, about);
+    let mut about = properties(config, calibration, about);
     let json = |value: serde_json::Value| value.to_string();
     if let Some((kernel, pools)) = network.convolutions() {
         about.insert("kernel".into(), json(kernel.into()));

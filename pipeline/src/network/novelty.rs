@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tactnet_models::{NearestMean, Whitening};
 
-use crate::{Classifier, Embedding, PipelineError, TrainEmbeddings};
+use crate::{Classifier, Embedding, ModelConfig, PipelineError, TrainEmbeddings};
 
 /// Weight of the mean variance in the shrunk covariance of known sweeps.
 const SHRINKAGE: f64 = 0.3;
@@ -37,6 +37,14 @@ impl NoveltyScore {
 
     /// Score with the best detection of the twin's unknown materials (experiment `unknown`, RESULTS.md).
     pub const BEST: Self = Self::MutualInformation;
+
+    /// Returns the score that a calibration of a model uses; see the experiment in docs/training.md.
+    pub(crate) fn best_for(model: &ModelConfig) -> Self {
+        match model {
+            ModelConfig::Committee(_) => Self::LargestProbability,
+            ModelConfig::Network(_) | ModelConfig::Baseline(_) => Self::BEST,
+        }
+    }
 
     /// Returns the name in results.
     pub fn name(self) -> &'static str {

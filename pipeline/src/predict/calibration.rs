@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use tactnet_models::argmax;
 
-use crate::{Embedding, NoveltyScore, NoveltyScorer, PipelineError, PipelineRemedy};
+use super::judged_sweeps::JudgedSweeps;
+use crate::{NoveltyScore, PipelineError, PipelineRemedy};
 
 /// Maximum number of sweeps of one object with a separate threshold.
 const OBJECT_SWEEPS: usize = 5;
@@ -92,42 +93,6 @@ pub struct Calibration {
     pub sweeps: usize,
 }
 
-/// Scores of sweeps to which nothing in the classifier was fitted.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Judged {
-    pub(super) scores: Vec<f64>,
-    /// `[sweeps][materials]`
-    pub(super) log_probabilities: Vec<Vec<f64>>,
-    pub(super) labels: Vec<usize>,
-}
-
-impl Judged {
-    pub(super) fn of(
-        score: NoveltyScore,
-        strangeness: &NoveltyScorer<'_>,
-        embedding: &Embedding,
-    ) -> Result<Self, PipelineError> {
-        Ok(Self {
-            scores: strangeness.score(score, embedding)?,
-            log_probabilities: embedding.log_probabilities(),
-            labels: embedding.labels.clone(),
-        })
-    }
-
-    /// Returns the share of sweeps whose most probable material is the true one; 0 without sweeps.
-    pub(super) fn accuracy(&self) -> f64 {
-        let rows = self.log_probabilities.iter().zip(&self.labels);
-        let right = rows.filter(|(row, label)| argmax(row) == **label).count();
-        right as f64 / self.labels.len().max(1) as f64
-    }
-
-    pub(super) fn append(&mut self, mut other: Self) {
-        self.scores.append(&mut other.scores);
-        self.log_probabilities.append(&mut other.log_probabilities);
-        self.labels.append(&mut other.labels);
-    }
-}
-
 /// Calibrated assessment of one sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
@@ -143,27 +108,14 @@ impl Calibration {
     /// Version written by this program.
     pub const SCHEMA_VERSION: u32 = 1;
 
-    /// Fits the thresholds to held-out sweeps of known materials, to which neither the network nor `strangeness` was fitted.
-    ///
-    /// # Errors
-    /// Too few sweeps for the target; a model that is not a network.
-    pub fn fit(
-        target: CalibrationTarget,
-        score: NoveltyScore,
-        strangeness: &NoveltyScorer<'_>,
-        held_out: &Embedding,
-    ) -> Result<Self, PipelineError> {
-        Self::of(target, score, &Judged::of(score, strangeness, held_out)?)
-    }
-
-    /// Fits the thresholds to the scores of held-out sweeps.
+    /// Fits the thresholds to held-out sweeps of known materials, to which nothing in the classifier was fitted.
     ///
     /// # Errors
     /// Too few sweeps for the target.
-    pub(super) fn of(
+    pub(crate) fn fit(
         target: CalibrationTarget,
         score: NoveltyScore,
-        judged: &Judged,
+        judged: &JudgedSweeps,
     ) -> Result<Self, PipelineError> {
         target.check(judged.labels.len())?;
         let threshold = upper_quantile(&judged.scores, target.false_alarms);
@@ -210,24 +162,14 @@ impl Calibration {
     }
 
     /// Returns the verdict on every sweep.
-    ///
-    /// # Errors
-    /// A model that is not a network.
-    pub fn assess(
-        &self,
-        strangeness: &NoveltyScorer<'_>,
-        embedding: &Embedding,
-    ) -> Result<Vec<Verdict>, PipelineError> {
-        let scores = strangeness.score(self.score, embedding)?;
-        Ok(scores
-            .into_iter()
-            .zip(embedding.log_probabilities())
-            .map(|(strangeness, log_p)| Verdict {
-                strangeness,
-                unknown: strangeness > self.threshold,
-                set: prediction_set(&log_p, self.least_probability),
-            })
-            .collect())
+    pub(crate) fn assess(&self, judged: JudgedSweeps) -> Vec<Verdict> {
+        let rows = judged.scores.into_iter().zip(judged.log_probabilities);
+        rows.map(|(strangeness, log_p)| Verdict {
+            strangeness,
+            unknown: strangeness > self.threshold,
+            set: prediction_set(&log_p, self.least_probability),
+        })
+        .collect()
     }
 }
 

@@ -260,6 +260,15 @@ impl Classifier {
         Ok(self.scorer()?.net())
     }
 
+    /// Returns the weights from which [`Classifier::new`] restores it.
+    pub fn weights(&self) -> Weights {
+        match &self.model {
+            Model::Network(network) => network.net().weights(),
+            Model::Baseline(baseline) => baseline.to_weights(),
+            Model::Committee(committee) => committee.weights(),
+        }
+    }
+
     /// Returns the dropout masks of a Monte Carlo prediction for other runtimes, `[mc_samples][features]`.
     ///
     /// # Errors
@@ -286,6 +295,14 @@ impl Classifier {
         match &self.model {
             Model::Network(_) | Model::Committee(_) => None,
             Model::Baseline(baseline) => Some(baseline),
+        }
+    }
+
+    /// Returns the committee; `None` for other models.
+    pub(crate) fn committee(&self) -> Option<&Committee> {
+        match &self.model {
+            Model::Network(_) | Model::Baseline(_) => None,
+            Model::Committee(committee) => Some(committee),
         }
     }
 

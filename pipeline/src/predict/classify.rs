@@ -8,8 +8,7 @@ use tactnet_data::{LabelSet, SweepView, spreadsheet_cell};
 use tactnet_models::{Belief, argmax};
 
 use crate::{
-    Calibration, Classifier, Likeness, LikenessReport, NoveltyScorer, PipelineError,
-    PredictionMethod, TrainEmbeddings,
+    Classifier, Likeness, LikenessReport, PipelineError, PredictionMethod, UnknownDetector,
 };
 
 /// Predictions for some sweeps.
@@ -79,7 +78,7 @@ pub struct ClassifiedObject {
 impl ClassifiedSweeps {
     /// Classifies every sweep.
     ///
-    /// - `calibration`: thresholds, with the embeddings of the training sweeps
+    /// - `detector`: thresholds, if the classifier is calibrated
     /// - `likeness`: description of the training sweeps
     /// - `one_object`: true if all sweeps are of the same object
     ///
@@ -88,7 +87,7 @@ impl ClassifiedSweeps {
     pub fn of(
         sweeps: &SweepsToClassify,
         classifier: &Classifier,
-        calibration: Option<(&Calibration, &TrainEmbeddings)>,
+        detector: Option<&UnknownDetector>,
         likeness: Option<&Likeness>,
         method: PredictionMethod,
         one_object: bool,
@@ -96,13 +95,9 @@ impl ClassifiedSweeps {
         let config = classifier.config();
         let view = SweepView::all(&sweeps.dataset);
         let rows = classifier.log_probabilities(&view, method)?;
-        let verdicts = match calibration {
-            None => None,
-            Some((calibration, embeddings)) => {
-                let novelty = NoveltyScorer::fit(classifier, embeddings)?;
-                Some(calibration.assess(&novelty, &classifier.embed(&view)?)?)
-            }
-        };
+        let verdicts = detector
+            .map(|detector| detector.assess(classifier, &view))
+            .transpose()?;
         let name = |label: usize| config.labels.name(label).to_string();
         let still = sweeps.still();
         let entry = |(position, row): (usize, &Vec<f64>)| {
@@ -129,8 +124,7 @@ impl ClassifiedSweeps {
                 sweeps: rows.len(),
                 material: name(belief.label()),
                 probabilities: belief.probabilities(),
-                unknown: calibration
-                    .and_then(|(calibration, _)| calibration.object_is_unknown(mean, rows.len())),
+                unknown: detector.and_then(|of| of.calibration.object_is_unknown(mean, rows.len())),
             }
         });
         Ok(Self {

@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 use tactnet_data::{LabelSet, SweepView, sha256_hex};
 use tactnet_models::{LinearHead, WeightPrior, Weights, argmax, fit_new_class};
 
-use super::calibration::Judged;
+use super::judged_sweeps::JudgedSweeps;
 use super::overlap::sweep_sha256;
 use crate::{
-    Calibration, Classifier, ClassifierConfig, Embedding, NoveltyScorer, PipelineError,
-    TrainEmbeddings,
+    Calibration, Classifier, ClassifierConfig, Embedding, LeftOutMember, NoveltyScorer,
+    PipelineError, PredictionMethod, TrainEmbeddings,
 };
 
 /// Classifier with one more material.
@@ -20,14 +20,38 @@ pub struct Enrolled {
     pub config: ClassifierConfig,
     /// Weights with one more row in the output layer.
     pub weights: Weights,
-    /// Embeddings of the training sweeps and the new sweeps.
-    pub known: TrainEmbeddings,
+    /// Embeddings of the training sweeps and the new sweeps; `None` for a committee.
+    pub known: Option<TrainEmbeddings>,
     /// Refitted thresholds; `None` if the classifier is not calibrated.
     pub calibration: Option<Calibration>,
     /// Loss of accuracy on the other materials; `None` without held-out sweeps of them.
     pub cost: Option<EnrolmentCost>,
-    /// Prior with which the new row was fitted.
-    pub prior: RowPrior,
+    /// Prior with which the new row was fitted; `None` for a committee.
+    pub prior: Option<RowPrior>,
+    /// Members of a committee that cannot learn the material, and that the new committee lacks.
+    pub left_out: Vec<LeftOutMember>,
+}
+
+/// Network with one more row in its output layer.
+struct Extended {
+    config: ClassifierConfig,
+    weights: Weights,
+    known: TrainEmbeddings,
+    prior: RowPrior,
+}
+
+impl Extended {
+    fn with(self, calibration: Option<Calibration>, cost: Option<EnrolmentCost>) -> Enrolled {
+        Enrolled {
+            config: self.config,
+            weights: self.weights,
+            known: Some(self.known),
+            calibration,
+            cost,
+            prior: Some(self.prior),
+            left_out: Vec::new(),
+        }
+    }
 }
 
 impl Enrolled {
@@ -42,7 +66,10 @@ impl Enrolled {
         before: &Classifier,
         sweeps: &SweepView<'_>,
     ) -> Result<EnrolmentCost, PipelineError> {
-        cost(before, self, &before.embed(sweeps)?)
+        let after = Classifier::new(self.config.clone(), &self.weights, &before.device())?;
+        let rows = |of: &Classifier| of.log_probabilities(sweeps, PredictionMethod::Plain);
+        let labels = before.own_labels(sweeps)?;
+        Ok(EnrolmentCost::of(&rows(before)?, &rows(&after)?, &labels))
     }
 }
 
@@ -60,6 +87,21 @@ pub struct EnrolmentCost {
 }
 
 impl EnrolmentCost {
+    /// Counts predictions before and after the enrolment, `[sweeps][materials]`; the new material is the last one after it.
+    pub(crate) fn of(before: &[Vec<f64>], after: &[Vec<f64>], labels: &[usize]) -> Self {
+        let right = |rows: &[Vec<f64>]| {
+            let pairs = rows.iter().zip(labels);
+            pairs.filter(|(row, label)| argmax(row) == **label).count()
+        };
+        let is_new = |row: &&Vec<f64>| argmax(row) + 1 == row.len();
+        Self {
+            held_out: labels.len(),
+            right_before: right(before),
+            right_after: right(after),
+            claimed: after.iter().filter(is_new).count(),
+        }
+    }
+
     /// Returns true if more than one in twenty of the held-out sweeps are lost, and at least two.
     fn is_high(&self) -> bool {
         let lost = self.right_before.saturating_sub(self.right_after);
@@ -238,44 +280,58 @@ pub fn enroll(
     let Some((calibration, held_out)) = thresholds
         .and_then(|thresholds| Some((&thresholds.calibration, thresholds.held_out.as_ref()?)))
     else {
-        let mut enrolled = fitted(RowPrior::without_held_out(known))?;
-        enrolled.calibration = thresholds.map(|thresholds| thresholds.calibration.clone());
-        return Ok(enrolled);
+        let calibration = thresholds.map(|thresholds| thresholds.calibration.clone());
+        let extended = fitted(RowPrior::without_held_out(known))?;
+        return Ok(extended.with(calibration, None));
     };
-    let mut enrolled = fitted(RowPrior::Tenth)?;
-    let first = cost(classifier, &enrolled, held_out)?;
-    enrolled.cost = Some(first);
-    let mut in_turns = judge_in_turns(classifier, known, &new, &enrolled, calibration)?;
-    if first.is_high() {
+    let mut extended = fitted(RowPrior::Tenth)?;
+    let mut lost = cost(classifier, &extended, held_out)?;
+    let mut in_turns = judge_in_turns(classifier, known, &new, &extended, calibration)?;
+    if lost.is_high() {
         let known_materials = classifier.config().labels.len() as f64;
         // Every material has the same weight.
-        let balanced = |cost: &EnrolmentCost, new: &Judged| {
+        let balanced = |cost: &EnrolmentCost, new: &JudgedSweeps| {
             let known = cost.right_after as f64 / cost.held_out.max(1) as f64;
             known_materials * known + new.accuracy()
         };
-        let mut best = balanced(&first, &in_turns);
+        let mut best = balanced(&lost, &in_turns);
         for prior in [RowPrior::HundredthWithBias, RowPrior::ThousandthWithBias] {
-            let mut other = fitted(prior)?;
+            let other = fitted(prior)?;
             let cost = cost(classifier, &other, held_out)?;
             let turns = judge_in_turns(classifier, known, &new, &other, calibration)?;
             let score = balanced(&cost, &turns);
             if score > best {
-                other.cost = Some(cost);
-                (best, enrolled, in_turns) = (score, other, turns);
+                (best, extended, lost, in_turns) = (score, other, cost, turns);
             }
         }
     }
-    let mut judged = judge(classifier, &enrolled, calibration, held_out.clone())?;
+    let mut judged = judge(classifier, &extended, calibration, held_out.clone())?;
     judged.append(in_turns);
-    enrolled.calibration = Some(Calibration::of(
-        calibration.target,
-        calibration.score,
-        &judged,
-    )?);
-    Ok(enrolled)
+    let calibration = Calibration::fit(calibration.target, calibration.score, &judged)?;
+    Ok(extended.with(Some(calibration), Some(lost)))
 }
 
-/// Checks that the classifier can learn the material from these sweeps.
+/// Checks the name of a new material, and that there are sweeps of it.
+///
+/// # Errors
+/// A name that is already known; no sweep.
+pub(crate) fn refuse_known(
+    classifier: &Classifier,
+    sweeps: &SweepView<'_>,
+    material: &str,
+) -> Result<(), PipelineError> {
+    let mut names = classifier.config().labels.names();
+    if names.any(|name| name == material) {
+        let reason = "the classifier knows a material of this name";
+        return Err(PipelineError::enroll(material, reason));
+    }
+    match sweeps.is_empty() {
+        true => Err(PipelineError::enroll(material, "no sweep to learn from")),
+        false => Ok(()),
+    }
+}
+
+/// Checks that the network can learn the material from these sweeps.
 ///
 /// # Errors
 /// A name that is already known; no sweep; damaged weights; a model that is not a network.
@@ -284,22 +340,12 @@ fn refuse_impossible(
     sweeps: &SweepView<'_>,
     material: &str,
 ) -> Result<(), PipelineError> {
-    let refused = |reason: &str| PipelineError::Enroll {
-        material: material.into(),
-        reason: reason.into(),
-    };
-    let mut names = classifier.config().labels.names();
-    if names.any(|name| name == material) {
-        return Err(refused("the classifier knows a material of this name"));
-    }
-    if sweeps.is_empty() {
-        return Err(refused("no sweep to learn from"));
-    }
+    refuse_known(classifier, sweeps, material)?;
     let rows = classifier.network()?.output_layer().weights;
     if rows.windows(2).all(|pair| pair[0] == pair[1]) {
-        return Err(refused(
-            "the classifier's output layer is the same for every material; its weights are damaged",
-        ));
+        let reason =
+            "the classifier's output layer is the same for every material; its weights are damaged";
+        return Err(PipelineError::enroll(material, reason));
     }
     Ok(())
 }
@@ -309,12 +355,12 @@ fn judge_in_turns(
     classifier: &Classifier,
     known: &TrainEmbeddings,
     new: &Embedding,
-    enrolled: &Enrolled,
+    extended: &Extended,
     calibration: &Calibration,
-) -> Result<Judged, PipelineError> {
-    let label = enrolled.config.labels.len() - 1;
-    let material = enrolled.config.labels.name(label);
-    let mut judged = Judged::default();
+) -> Result<JudgedSweeps, PipelineError> {
+    let label = extended.config.labels.len() - 1;
+    let material = extended.config.labels.name(label);
+    let mut judged = JudgedSweeps::default();
     for part in 0..new.len().min(PARTS) {
         let (own, others): (Vec<usize>, Vec<usize>) =
             (0..new.len()).partition(|position| position % PARTS == part);
@@ -322,7 +368,7 @@ fn judge_in_turns(
             break;
         }
         let others = new.select(&others);
-        let without = with_row(classifier, known, &others, material, enrolled.prior)?;
+        let without = with_row(classifier, known, &others, material, extended.prior)?;
         let mut own = new.select(&own);
         own.labels.fill(label);
         judged.append(judge(classifier, &without, calibration, own)?);
@@ -333,44 +379,31 @@ fn judge_in_turns(
 /// Measures the accuracy on the held-out sweeps before and after the enrolment.
 fn cost(
     before: &Classifier,
-    enrolled: &Enrolled,
+    extended: &Extended,
     held_out: &Embedding,
 ) -> Result<EnrolmentCost, PipelineError> {
     let device = before.scorer()?.device();
-    let after = Classifier::new(enrolled.config.clone(), &enrolled.weights, device)?;
-    let predicted = |classifier: &Classifier| -> Result<Vec<usize>, PipelineError> {
-        let scored = held_out
-            .clone()
-            .scored_by(&classifier.network()?.output_layer());
-        let rows = scored.log_probabilities();
-        Ok(rows.iter().map(|row| argmax(row)).collect())
+    let after = Classifier::new(extended.config.clone(), &extended.weights, device)?;
+    let rows = |classifier: &Classifier| -> Result<Vec<Vec<f64>>, PipelineError> {
+        let head = classifier.network()?.output_layer();
+        Ok(held_out.clone().scored_by(&head).log_probabilities())
     };
-    let right = |predicted: &[usize]| {
-        let pairs = predicted.iter().zip(&held_out.labels);
-        pairs.filter(|(found, label)| found == label).count()
-    };
-    let (before, after) = (predicted(before)?, predicted(&after)?);
-    let new = enrolled.config.labels.len() - 1;
-    Ok(EnrolmentCost {
-        held_out: held_out.len(),
-        right_before: right(&before),
-        right_after: right(&after),
-        claimed: after.iter().filter(|label| **label == new).count(),
-    })
+    let (before, after) = (rows(before)?, rows(&after)?);
+    Ok(EnrolmentCost::of(&before, &after, &held_out.labels))
 }
 
 /// Scores sweeps that `before` has embedded by the classifier with the new material.
 fn judge(
     before: &Classifier,
-    enrolled: &Enrolled,
+    extended: &Extended,
     calibration: &Calibration,
     sweeps: Embedding,
-) -> Result<Judged, PipelineError> {
+) -> Result<JudgedSweeps, PipelineError> {
     let device = before.scorer()?.device();
-    let after = Classifier::new(enrolled.config.clone(), &enrolled.weights, device)?;
+    let after = Classifier::new(extended.config.clone(), &extended.weights, device)?;
     let sweeps = sweeps.scored_by(&after.network()?.output_layer());
-    let strangeness = NoveltyScorer::fit(&after, &enrolled.known)?;
-    Judged::of(calibration.score, &strangeness, &sweeps)
+    let strangeness = NoveltyScorer::fit(&after, &extended.known)?;
+    JudgedSweeps::of_embedding(calibration.score, &strangeness, &sweeps)
 }
 
 /// Returns the classifier with one more row, fitted to embedded sweeps.
@@ -380,7 +413,7 @@ fn with_row(
     embedding: &Embedding,
     material: &str,
     prior: RowPrior,
-) -> Result<Enrolled, PipelineError> {
+) -> Result<Extended, PipelineError> {
     let mut config = classifier.config().clone();
     config.labels = LabelSet::new(config.labels.names().chain([material]))?;
     let net = classifier.network()?;
@@ -409,12 +442,10 @@ fn with_row(
     known.labels.extend(embedding.labels.iter().map(|_| label));
     let values = [known.hidden.values(), embedding.hidden.values()].concat();
     known.hidden = tactnet_models::Features::new(known.hidden.width(), values);
-    Ok(Enrolled {
+    Ok(Extended {
         config,
         weights,
         known,
-        calibration: None,
-        cost: None,
         prior,
     })
 }

@@ -14,6 +14,7 @@ pub(crate) mod confusion;
 pub(crate) mod confusion_picture;
 pub(crate) mod enroll;
 pub(crate) mod evaluation;
+pub(crate) mod judged_sweeps;
 #[cfg(test)]
 mod length_tests;
 mod long_sweeps;
@@ -25,4 +26,5 @@ pub(crate) mod overlap;
 pub(crate) mod predictions;
 pub(crate) mod runtime;
 pub(crate) mod same;
+pub(crate) mod unknown_detector;
 pub(crate) mod verdicts;

@@ -3,10 +3,7 @@
 use serde::Serialize;
 use tactnet_data::SweepView;
 
-use crate::{
-    Calibration, CalibrationTarget, Classifier, Estimate, NoveltyScorer, PipelineError,
-    TrainEmbeddings,
-};
+use crate::{CalibrationTarget, Classifier, Estimate, PipelineError, UnknownDetector};
 
 /// Measured rates of a calibrated classifier, with their targets.
 #[derive(Debug, Clone, Serialize)]
@@ -34,17 +31,16 @@ impl Verdicts {
     /// - `known`, `unknown`: sweeps of known and of unknown materials; see [`Classifier::by_known_material`]
     ///
     /// # Errors
-    /// Sweeps of another shape or rate; a model that is not a network.
+    /// Sweeps of another shape or rate.
     pub fn of(
-        calibration: &Calibration,
-        embeddings: &TrainEmbeddings,
+        detector: &UnknownDetector,
         classifier: &Classifier,
         known: &SweepView<'_>,
         unknown: &SweepView<'_>,
     ) -> Result<Self, PipelineError> {
-        let novelty = NoveltyScorer::fit(classifier, embeddings)?;
-        let inside = calibration.assess(&novelty, &classifier.embed(known)?)?;
-        let outside = calibration.assess(&novelty, &classifier.embed(unknown)?)?;
+        let calibration = &detector.calibration;
+        let inside = detector.assess(classifier, known)?;
+        let outside = detector.assess(classifier, unknown)?;
         let share = |of: usize, all: usize| {
             (all > 0).then(|| Estimate::wilson(of as f64 / all as f64, all))
         };

@@ -2,6 +2,7 @@
 
 mod average;
 mod committee_session;
+mod enroll_run;
 pub(crate) mod evaluate_run;
 mod free_folder;
 pub(crate) mod provenance;

@@ -129,14 +129,10 @@ impl Reevaluation {
         let usual = config.recipe.method().mc_samples_or(100);
         let mc_samples = self.mc_samples.unwrap_or(usual);
         let (known, unknown) = classifier.by_known_material(&tested.view);
-        let verdicts = match run.calibration()? {
-            None => None,
-            Some(calibration) => {
-                let trained = run.train_embeddings()?;
-                let of = Verdicts::of(&calibration, &trained, classifier, &known, &unknown);
-                Some(of?)
-            }
-        };
+        let verdicts = run
+            .unknown_detector()?
+            .map(|detector| Verdicts::of(&detector, classifier, &known, &unknown))
+            .transpose()?;
         // Only a calibrated classifier accepts materials that it does not know.
         let view = if verdicts.is_some() {
             &known
@@ -231,7 +227,7 @@ fn taken_for(
     unknown: &SweepView<'_>,
 ) -> Result<BTreeMap<String, BTreeMap<String, usize>>, PipelineError> {
     let mut found: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
-    let rows = classifier.embed(unknown)?.log_probabilities();
+    let rows = classifier.log_probabilities(unknown, PredictionMethod::Plain)?;
     for (position, row) in rows.iter().enumerate() {
         let truth = unknown.dataset().labels().name(unknown.label(position));
         let label = classifier.config().labels.name(argmax(row));

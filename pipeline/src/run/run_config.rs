@@ -85,6 +85,30 @@ impl RunConfig {
         Err(PipelineError::run(run, reason).with_remedy(PipelineRemedy::TrainNetwork))
     }
 
+    /// Succeeds if the run's model is a network or a committee.
+    ///
+    /// - `run`: path of the run directory
+    /// - `what`: action that baselines do not support, as a verb phrase
+    ///
+    /// # Errors
+    /// A baseline.
+    pub fn require_network_or_committee(
+        &self,
+        run: &Path,
+        what: &str,
+    ) -> Result<(), PipelineError> {
+        match &self.recipe {
+            ModelRecipe::Network(_) | ModelRecipe::Committee(_) => Ok(()),
+            ModelRecipe::Baseline(recipe) => {
+                let name = &recipe.name;
+                let reason = format!(
+                    "it is a baseline ({name}), and only networks and committees can {what}"
+                );
+                Err(PipelineError::run(run, reason).with_remedy(PipelineRemedy::TrainNetwork))
+            }
+        }
+    }
+
     /// Returns settings that reproduce this run, with every value that the recipe or data set supplied.
     ///
     /// - `fold`: training and test sweeps of the run

@@ -7,22 +7,20 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use tactnet_data::{
-    DataSource, Dataset, Finding, Fold, Seed, TrainSplit, ValidationSplit, refuse_errors,
-    refuse_leaks,
+    DataSource, Dataset, Finding, Fold, Seed, TrainSplit, refuse_errors, refuse_leaks,
 };
 
 use super::committee_session::setups;
 use super::free_folder::free_folder;
 use super::random_fold::RandomFold;
-use super::set_aside::set_aside;
+use super::set_aside::{Aside, set_aside, write_known};
 use super::training_record::{TrainingRecord, train_batches};
 use crate::committee::recipe::CommitteeSweeps;
 use crate::{
-    BaselineRecipe, BatchReport, Calibration, CalibrationTarget, Classifier, ClassifierConfig,
-    Device, LeftOutMember, Likeness, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup,
-    NoveltyScore, NoveltyScorer, PipelineError, PipelineRemedy, Provenance, RunConfig, RunDir,
-    RunResult, SplitKind, TrainEmbeddings, TrainJob, TrainSpec, Training, TrainingSettings,
-    TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
+    BaselineRecipe, BatchReport, Calibration, Classifier, ClassifierConfig, Device, LeftOutMember,
+    Likeness, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup, PipelineError, PipelineRemedy,
+    Provenance, RunConfig, RunDir, RunResult, SplitKind, TrainJob, TrainSpec, Training,
+    TrainingSettings, TrainingSteps, TrainingSummary, evaluate_run, fit_baseline,
 };
 
 /// Progress of a session.
@@ -397,18 +395,10 @@ impl Session {
         if let Some(likeness) = Likeness::fit(&fitted.train, config.spec.seed)? {
             run.write_likeness(&likeness)?;
         }
-        if let ModelConfig::Network(_) = config.classifier.model {
-            let known = TrainEmbeddings::of(&classifier.embed(&fitted.train)?);
-            run.write_train_embeddings(&known)?;
-            if let Some((target, aside)) = &aside {
-                let novelty = NoveltyScorer::fit(&classifier, &known)?;
-                let held_out = classifier.embed(aside)?;
-                let score = NoveltyScore::BEST;
-                run.write_held_out(&held_out)?;
-                let calibration = Calibration::fit(*target, score, &novelty, &held_out)?;
-                run.write_calibration(&calibration)?;
-                on_event(TrainEvent::Calibrated(&calibration));
-            }
+        let aside = aside.as_ref().map(|(target, aside)| (*target, &**aside));
+        let calibration = write_known(run, &classifier, &fitted.train, aside)?;
+        if let Some(calibration) = &calibration {
+            on_event(TrainEvent::Calibrated(calibration));
         }
         on_event(TrainEvent::Predicting {
             sweeps: fold.test.len(),
@@ -560,7 +550,7 @@ pub(super) struct Begun<'a> {
     pub(super) fold: Fold<'a>,
     /// Fold without the sweeps that are set aside; models are fitted to its training sweeps.
     pub(super) fitted: Fold<'a>,
-    aside: Option<(CalibrationTarget, ValidationSplit<'a>)>,
+    aside: Option<Aside<'a>>,
     /// All sessions of the run so far, including this one.
     pub(super) sessions: Vec<Provenance>,
 }

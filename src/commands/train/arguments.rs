@@ -21,7 +21,7 @@ use crate::source::Doubts;
     tactnet train --recipe spectra                       a small network on spectra, in seconds\n  \
     tactnet train --model minirocket                     a baseline on the same fold\n  \
     tactnet train --data sweeps.h5 --fold 3 --seed 7     the fourth of five folds\n  \
-    tactnet train --calibrate                            a network that detects unknown materials\n  \
+    tactnet train --calibrate                            a network (or committee) that detects unknown materials\n  \
     tactnet train --resume runs/thesis                   continue after Ctrl-C or a crash\n  \
     tactnet train --print-recipe fast >my.toml           a copy to edit, for --recipe my.toml\n\n\
     Without --fold, the file's own `test_flag` selects the test sweeps if it has one; else fold 0 of 5 (or of as many folds as there are sweeps or blocks).")]

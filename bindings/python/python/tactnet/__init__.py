@@ -8,7 +8,7 @@ Sweeps are NumPy arrays ``X`` of shape ``(sweeps, steps, taxels)`` or ``(sweeps,
 
 - :class:`Dataset`: labelled sweeps with rate and recording blocks; reads all formats, checks data, makes folds.
 - :func:`read_sweeps`: sweeps without labels, from files.
-- :class:`TactNetClassifier`, :class:`MiniRocketClassifier`, …: scikit-learn estimators.
+- :class:`TactNetClassifier`, :class:`TactNetCommittee`, :class:`MiniRocketClassifier`, …: scikit-learn estimators.
 - :mod:`tactnet.aeon`: the same classifiers for aeon collections, ``(cases, channels, timepoints)``.
 - :mod:`tactnet.channel`: frames, commands and beliefs on the robot's channels.
 - :class:`Recording`: recordings of channels (MCAP files).
@@ -24,6 +24,7 @@ from ._estimators import (
     SvmClassifier,
     SweepClassifier,
     TactNetClassifier,
+    TactNetCommittee,
     fuse,
 )
 from ._recording import Packet, Recording
@@ -43,6 +44,7 @@ __all__ = [
     "SweepClassifier",
     "Sweeps",
     "TactNetClassifier",
+    "TactNetCommittee",
     "TactnetError",
     "__version__",
     "fuse",

@@ -24,8 +24,9 @@ except ImportError:
     from ._without_sklearn import BaseEstimator, ClassifierMixin, check_classification_targets, check_is_fitted, validate_data
 
 
-#: Name of a saved network in error messages.
+#: Names of saved networks and committees in error messages.
 NETWORK = "a network"
+COMMITTEE = "a committee"
 
 
 def fuse(log_proba: Any) -> np.ndarray:
@@ -229,7 +230,7 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         """
         native = _tactnet.Classifier.load(folder)
         described = json.loads((Path(folder) / "config.json").read_text())["classifier"]["model"]
-        model = described.get("baseline", {}).get("name", NETWORK)
+        model = COMMITTEE if "committee" in described else described.get("baseline", {}).get("name", NETWORK)
         own = next((known for known in ALL if known._settings_of(model) is not None), SweepClassifier)
         if cls is SweepClassifier:
             cls = own
@@ -266,16 +267,8 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         super().__setstate__(state)
 
 
-class TactNetClassifier(SweepClassifier):
-    """A network: TactNet-II (Tulbure & Bäuml, Humanoids 2018), or a smaller one on spectra of short windows (``recipe="spectra"``).
-
-    recipe: ``fast``, ``spectra``, ``thesis`` (200 adversarial epochs, as published), ``robust`` (trained for dead taxels, drift and other disturbances), or the path of a TOML file.
-    epochs: number of epochs instead of the recipe's.
-    levels: ``kept`` or ``removed``: use of a taxel's mean over the sweep; None: as in the recipe.
-    rate: frames per second; None: unknown, and sweeps of any rate are accepted.
-    seed: seed of all random numbers; equal seeds give identical results, also on the command line.
-    progress: shows a progress bar of batches (with tqdm if installed).
-    """
+class _OfRecipe(SweepClassifier):
+    """Base class of the classifiers whose recipe can be a TOML file."""
 
     def __init__(
         self,
@@ -322,19 +315,32 @@ class TactNetClassifier(SweepClassifier):
 
         return show
 
-    @classmethod
-    def _settings_of(cls, model: str) -> dict[str, Any] | None:
-        return {} if model == NETWORK else None
-
     def unknown_score(self, X: Any) -> np.ndarray:
         """Returns ``(sweeps,)``, a score that is larger for sweeps unlike any known material.
 
-        It is the mutual information of material and dropout masks in nats (Gal & Ghahramani, 2016).
+        Of a network it is the mutual information of material and dropout masks in nats (Gal & Ghahramani, 2016), of a committee the negative
+        logarithm of its largest probability.
         """
         data = self._dataset(X)
         return self.classifier_.unknown_scores(data)
 
-    def enroll(self, X: Any, material: Any) -> TactNetClassifier:
+
+class TactNetClassifier(_OfRecipe):
+    """A network: TactNet-II (Tulbure & Bäuml, Humanoids 2018), or a smaller one on spectra of short windows (``recipe="spectra"``).
+
+    recipe: ``fast``, ``spectra``, ``thesis`` (200 adversarial epochs, as published), ``robust`` (trained for dead taxels, drift and other disturbances), or the path of a TOML file.
+    epochs: number of epochs instead of the recipe's.
+    levels: ``kept`` or ``removed``: use of a taxel's mean over the sweep; None: as in the recipe.
+    rate: frames per second; None: unknown, and sweeps of any rate are accepted.
+    seed: seed of all random numbers; equal seeds give identical results, also on the command line.
+    progress: shows a progress bar of batches (with tqdm if installed).
+    """
+
+    @classmethod
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        return {} if model == NETWORK else None
+
+    def enroll(self, X: Any, material: Any) -> SweepClassifier:
         """Returns a classifier with one more material, learned from a few sweeps of it. This object is unchanged."""
         data = self._dataset(X)
         grown = copy_without_classifier(self)
@@ -346,6 +352,31 @@ class TactNetClassifier(SweepClassifier):
         """Returns the same network for frame-by-frame classification."""
         check_is_fitted(self, "classifier_")
         return OnlineClassifier(self.classifier_.online(), self.classes_)
+
+
+class TactNetCommittee(_OfRecipe):
+    """The mean of the probabilities of several models.
+
+    recipe: ``committee`` (TactNet-II, a network on spectra, MiniRocket, MultiRocket + Hydra, linear discriminants, a support vector machine), or
+        the path of a TOML file with a list ``members``. A member that the sweeps do not allow is left out.
+    epochs, levels, rate, seed, progress: as of :class:`TactNetClassifier`; epochs and levels are those of all members.
+    """
+
+    def __init__(
+        self,
+        *,
+        recipe: str = "committee",
+        epochs: int | None = None,
+        levels: str | None = None,
+        rate: float | None = None,
+        seed: int = 1,
+        progress: bool = False,
+    ):
+        super().__init__(recipe=recipe, epochs=epochs, levels=levels, rate=rate, seed=seed, progress=progress)
+
+    @classmethod
+    def _settings_of(cls, model: str) -> dict[str, Any] | None:
+        return {} if model == COMMITTEE else None
 
 
 def copy_without_classifier(estimator: SweepClassifier) -> SweepClassifier:
@@ -485,6 +516,7 @@ class KnnClassifier(_OnFeatures):
 #: Classes of saved classifiers.
 ALL = (
     TactNetClassifier,
+    TactNetCommittee,
     MiniRocketClassifier,
     MultiRocketHydraClassifier,
     QuantClassifier,

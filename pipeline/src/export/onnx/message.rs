@@ -57,6 +57,26 @@ pub(super) struct Graph {
     pub(super) output: Vec<Value>,
 }
 
+impl Graph {
+    /// Adds `prefix` to the names of all nodes, results and constants, and of inputs except `shared`.
+    pub(super) fn add_prefix(&mut self, prefix: &str, shared: &str) {
+        let longer = |name: &mut String| {
+            if name != shared {
+                name.insert_str(0, prefix);
+            }
+        };
+        for node in &mut self.node {
+            let own = std::iter::once(&mut node.name);
+            own.chain(&mut node.input)
+                .chain(&mut node.output)
+                .for_each(longer);
+        }
+        for tensor in &mut self.initializer {
+            longer(&mut tensor.name);
+        }
+    }
+}
+
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct Node {
     #[prost(string, repeated, tag = "1")]

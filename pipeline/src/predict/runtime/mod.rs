@@ -142,16 +142,12 @@ fn compare_exported(
         runtime: kind.name(),
         reason: one_line(&*reason),
     };
-    let weights = classifier.network()?.weights();
-    let config = classifier.config();
+    let (config, weights) = (classifier.config(), classifier.weights());
     if config.trained_steps.is_some() || view.dataset().lengths().is_some() {
         let (expected, found) = ("sweeps of one length for this runtime", "unequal lengths");
         return Err(PipelineError::incompatible("sweeps", expected, found));
     }
-    let masks = match mc_samples {
-        0 => Vec::new(),
-        mc_samples => classifier.masks(mc_samples)?,
-    };
+    let masks = masks_of(classifier, mc_samples)?;
     let about = BTreeMap::new();
     let mut network: Box<dyn ExportedNetwork> = match kind {
         #[cfg(feature = "onnxruntime")]
@@ -162,14 +158,13 @@ fn compare_exported(
             };
             let model = crate::to_onnx(config, &weights, None, None, inputs, &about)?;
             let threads = std::thread::available_parallelism().map_or(1, usize::from);
-            let features = weights.0["hidden.weight"].shape[1];
-            let network =
-                onnx_runtime::OnnxRuntime::new(&model, config.shape, features, masks, threads);
+            let network = onnx_runtime::OnnxRuntime::new(&model, config.shape, masks, threads);
             Box::new(network.map_err(failed)?)
         }
         #[cfg(feature = "candle")]
         RuntimeKind::Candle => {
             let bytes = crate::to_safetensors(config, &weights, None, &about)?;
+            let masks = masks.into_iter().next().map_or(Vec::new(), |of| of.values);
             let network = candle::Candle::new(&bytes, config.shape, masks);
             Box::new(network.map_err(failed)?)
         }
@@ -182,6 +177,41 @@ fn compare_exported(
         let found = network.score(sweep).map_err(failed)?;
         Ok((found, begun.elapsed().as_secs_f64() * 1e6))
     })
+}
+
+/// Dropout masks of an exported network.
+#[cfg(any(feature = "onnxruntime", feature = "candle"))]
+struct Masks {
+    /// Name of the input.
+    input: String,
+    /// Number of masks.
+    samples: usize,
+    /// `[samples][features]`
+    values: Vec<f32>,
+}
+
+/// Returns the masks of a network, or of every network of a committee; none for a plain prediction.
+#[cfg(any(feature = "onnxruntime", feature = "candle"))]
+fn masks_of(classifier: &Classifier, samples: usize) -> Result<Vec<Masks>, PipelineError> {
+    if samples == 0 {
+        return Ok(Vec::new());
+    }
+    let of = |input: String, network: &Classifier| {
+        let values = network.masks(samples)?;
+        Ok(Masks {
+            input,
+            samples,
+            values,
+        })
+    };
+    let Some(committee) = classifier.committee() else {
+        return Ok(vec![of("masks".into(), classifier)?]);
+    };
+    let networks = committee.named_members();
+    networks
+        .filter(|(_, member)| member.has_dropout())
+        .map(|(name, member)| of(format!("{name}/masks"), member))
+        .collect()
 }
 
 /// Returns an error with those causes that its own text leaves out.

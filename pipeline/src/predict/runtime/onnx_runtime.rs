@@ -8,7 +8,7 @@ use ort::session::Session;
 use ort::value::TensorRef;
 use tactnet_data::SweepShape;
 
-use super::{ExportedNetwork, RuntimeFailure};
+use super::{ExportedNetwork, Masks, RuntimeFailure};
 
 /// Environment variable with the path of the shared library, for a library outside the system's search path.
 const LIBRARY: &str = "ORT_DYLIB_PATH";
@@ -32,21 +32,19 @@ fn environment() -> Result<&'static Environment, RuntimeFailure> {
 pub struct OnnxRuntime {
     session: Session,
     shape: SweepShape,
-    features: usize,
-    masks: Vec<f32>,
+    masks: Vec<Masks>,
 }
 
 impl OnnxRuntime {
     /// - `model`: bytes of an exported ONNX file
-    /// - `masks`: `[mc_samples][features]`; empty: plain prediction
+    /// - `masks`: dropout masks of every network; empty: plain prediction
     ///
     /// # Errors
     /// A missing ONNX Runtime; a model that it rejects.
     pub fn new(
         model: &[u8],
         shape: SweepShape,
-        features: usize,
-        masks: Vec<f32>,
+        masks: Vec<Masks>,
         threads: usize,
     ) -> Result<Self, RuntimeFailure> {
         let environment = environment()?;
@@ -57,7 +55,6 @@ impl OnnxRuntime {
         Ok(Self {
             session,
             shape,
-            features,
             masks,
         })
     }
@@ -81,16 +78,13 @@ impl OnnxRuntime {
         let sweeps = digits.len() / self.shape.values();
         let digits =
             TensorRef::from_array_view(([sweeps, self.shape.steps, self.shape.taxels()], digits))?;
-        let mut outputs;
-        if self.masks.is_empty() {
-            outputs = self.session.run(ort::inputs!["digits" => digits])?;
-        } else {
-            let mc_samples = self.masks.len() / self.features;
-            let masks = TensorRef::from_array_view(([mc_samples, self.features], &*self.masks))?;
-            outputs = self
-                .session
-                .run(ort::inputs!["digits" => digits, "masks" => masks])?;
+        let mut inputs = ort::inputs!["digits" => digits];
+        for of in &self.masks {
+            let extents = [of.samples, of.values.len() / of.samples];
+            let masks = TensorRef::from_array_view((extents, &*of.values))?;
+            inputs.push((of.input.as_str().into(), masks.into()));
         }
+        let mut outputs = self.session.run(inputs)?;
         let found = outputs
             .remove(output)
             .ok_or_else(|| format!("the model has no output `{output}`"))?;
@@ -108,7 +102,10 @@ mod tests {
     use tactnet_models::Compute;
 
     use super::*;
-    use crate::{Likeness, NetworkRecipe, OnnxInputs, to_onnx, train_network};
+    use crate::{
+        FittedModel, Likeness, ModelRecipe, NetworkRecipe, OnnxInputs, PredictionMethod, fit_model,
+        to_onnx, train_network,
+    };
 
     /// Returns the test sweeps, then the same with a dead taxel, with another gain, and with two taxels exchanged.
     fn disturbed(fold: &Fold<'_>) -> Dataset {
@@ -159,7 +156,7 @@ mod tests {
         let (config, about) = (classifier.config(), BTreeMap::new());
         let inputs = OnnxInputs::Digits;
         let model = to_onnx(config, &weights, None, Some(&likeness), inputs, &about).unwrap();
-        let mut runtime = OnnxRuntime::new(&model, dataset.shape(), 0, Vec::new(), 1).unwrap();
+        let mut runtime = OnnxRuntime::new(&model, dataset.shape(), Vec::new(), 1).unwrap();
 
         let sweeps = disturbed(&fold);
         let offline = likeness.assess(&SweepView::all(&sweeps), Seed(1));
@@ -178,5 +175,40 @@ mod tests {
         assert!(20 * same >= 19 * apart.len(), "{same} of {}", apart.len());
         // Both small and large ones occur.
         assert!(found.iter().any(|p| *p < 0.02) && found.iter().any(|p| *p > 0.5));
+    }
+    #[test]
+    fn the_file_of_a_committee_averages_the_probabilities_of_its_networks() {
+        let twin = TwinConfig {
+            materials: 3,
+            sweeps: 10,
+            steps: 60,
+            ..TwinConfig::default()
+        };
+        let dataset = generate(&twin).unwrap();
+        let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
+        let training = "training = { epochs = 1, batch = 8, learning_rate = 0.01, method = { kind = \"base\" } }";
+        let members = format!(
+            "name = \"two\"\nmembers = [{{ name = \"a\", network = {{ maps = [4], hidden = 8 }}, {training} }}, \
+             {{ name = \"b\", network = {{ maps = [3], hidden = 6 }}, input = {{ levels = \"removed\" }}, {training} }}]"
+        );
+        let recipe = ModelRecipe::parse("two", &members).unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let fitted = fit_model(&recipe, &fold.train, Seed(1), &device, |_| true);
+        let FittedModel {
+            classifier,
+            weights,
+        } = fitted.unwrap().unwrap();
+        let (config, about) = (classifier.config(), BTreeMap::new());
+        let model = to_onnx(config, &weights, None, None, OnnxInputs::Digits, &about).unwrap();
+        let mut runtime = OnnxRuntime::new(&model, dataset.shape(), Vec::new(), 1).unwrap();
+        let digits: Vec<f32> = (0..fold.test.len())
+            .flat_map(|at| fold.test.sweep(at))
+            .collect();
+        let found = runtime.score(&digits).unwrap();
+        let expected = classifier.log_probabilities(&fold.test, PredictionMethod::Plain);
+        for (found, expected) in found.iter().zip(expected.unwrap().concat()) {
+            // Single precision.
+            assert!((found - expected).abs() < 1e-4, "{found} {expected}");
+        }
     }
 }

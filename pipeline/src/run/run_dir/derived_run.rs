@@ -19,7 +19,7 @@ const DRAFT: &str = ".incomplete-";
 struct Derived<'a> {
     classifier: &'a ClassifierConfig,
     weights: &'a Weights,
-    /// Embeddings of the training sweeps; `None` for baselines.
+    /// Embeddings of the training sweeps; `None` for baselines and committees.
     known: Option<&'a TrainEmbeddings>,
     /// Thresholds, if it is calibrated.
     calibration: Option<&'a Calibration>,
@@ -49,7 +49,7 @@ impl RunDir {
         let derived = Derived {
             classifier: &enrolled.config,
             weights: &enrolled.weights,
-            known: Some(&enrolled.known),
+            known: enrolled.known.as_ref(),
             calibration: enrolled.calibration.as_ref(),
             likeness: likeness
                 .map(|likeness| likeness.extended(sweeps, label))

@@ -7,10 +7,11 @@ use tactnet_data::twin::{self, TwinConfig};
 use tactnet_data::{LabelSet, Remedy, Samples, Scheme, SweepRecord, SweepShape};
 use tactnet_models::Weights;
 
+mod committee;
 mod random_fold;
 
 use super::*;
-use crate::{EpochMetrics, SplitKind, TestSweeps};
+use crate::{CalibrationTarget, EpochMetrics, SplitKind, TestSweeps, TrainEmbeddings};
 
 const RECIPE: &str = r#"
         name = "small"
@@ -315,6 +316,8 @@ struct Fitted {
     embeddings: TrainEmbeddings,
     /// Weights and selected settings.
     baselines: [(Weights, BTreeMap<String, f64>); 5],
+    /// Weights and thresholds.
+    committee: (Weights, Calibration),
 }
 
 /// Trains a calibrated network and baselines.
@@ -354,6 +357,7 @@ fn fitted(folder: &Path, name: &str, dataset: &Dataset) -> Fitted {
         calibration: run.calibration().unwrap().unwrap(),
         embeddings: run.train_embeddings().unwrap(),
         baselines,
+        committee: committee::calibrated(folder, name, &data),
     }
 }
 
@@ -401,6 +405,7 @@ fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
     assert_eq!(first.calibration, second.calibration, "calibration");
     assert_eq!(first.embeddings, second.embeddings, "embeddings");
     assert_eq!(first.baselines, second.baselines, "baselines");
+    assert_eq!(first.committee, second.committee, "committee");
 }
 
 /// A moved or converted file holds the same test sweeps. Without the training data, overlap with other sweeps is unknown, and reported as such.

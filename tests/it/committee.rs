@@ -1,0 +1,198 @@
+//! Committees with the real binary.
+
+use crate::command::{Lab, expect, json, stderr, tactnet};
+
+/// Two small networks.
+const NETWORKS: &str = r#"
+name = "two"
+
+[[members]]
+name = "conv"
+network = { maps = [8, 8], hidden = 16, keep_probability = 0.8 }
+input = { scaling = "per-taxel" }
+training = { epochs = 6, batch = 8, learning_rate = 0.005, method = { kind = "base" } }
+prediction = { method = { kind = "mc-dropout", runs = 20 } }
+
+[[members]]
+name = "bands"
+network = { spectra = { bands = 6, taxel_units = 5, units = 12 }, hidden = 16, keep_probability = 0.8 }
+input = { scaling = "per-taxel", levels = "removed" }
+training = { epochs = 6, batch = 8, learning_rate = 0.005, method = { kind = "base" } }
+prediction = { method = { kind = "mc-dropout", runs = 20 } }
+"#;
+
+/// Trains a committee with these recipe and options into the folder `run`.
+fn trained(lab: &Lab, recipe: &str, data: &str, more: &[&str]) {
+    std::fs::write(lab.path("committee.toml"), recipe).unwrap();
+    let mut train = tactnet(["train", "--data"]);
+    train.arg(lab.path(data)).arg("--recipe");
+    train.arg(lab.path("committee.toml"));
+    train.arg("--out").arg(lab.path("run")).args(more);
+    expect(0, train);
+}
+
+#[test]
+fn a_calibrated_committee_says_what_it_does_not_know_and_compares_objects() {
+    let lab = Lab::new();
+    lab.twin("three.h5", "--materials 3 --sweeps 60 --steps 120");
+    let recipe = "name = \"three\"\nmembers = [\"lda\", \"minirocket\", \"means\"]";
+    let options = ["--calibrate", "--false-alarms", "0.1"];
+    trained(&lab, recipe, "three.h5", &options);
+    // The fourth material of the small twin is unknown.
+    let mut eval = tactnet(["eval", "--json"]);
+    eval.arg(lab.path("run"));
+    eval.arg("--data").arg(lab.path("twin.h5"));
+    let found = json(eval);
+    assert_eq!(found["n_unknown"], 10, "{found}");
+    let verdicts = &found["verdicts"];
+    assert_eq!(verdicts["detected"]["n"], 10, "{found}");
+    // Sweeps of a material that no member knows are called unknown more often than those of known ones.
+    let share = |name: &str| verdicts[name]["mean"].as_f64().unwrap();
+    assert!(share("detected") > share("false_alarms"), "{found}");
+    let mut own = tactnet(["eval", "--json"]);
+    own.arg(lab.path("run"));
+    let own = json(own);
+    // 36 test sweeps at a target of 0.9: three standard deviations and the uncertainty of the threshold.
+    let coverage = own["verdicts"]["coverage"]["mean"].as_f64().unwrap();
+    assert!(coverage >= 0.7, "{own}");
+
+    let mut predict = tactnet(["predict", "--json"]);
+    predict.arg(lab.path("run"));
+    predict.arg("--data").arg(lab.path("twin.h5"));
+    let predicted = json(predict);
+    assert!(predicted["sweeps"][0]["unknown"].is_boolean());
+    assert!(predicted["sweeps"][0]["prediction_set"].is_array());
+
+    let mut same = tactnet(["same", "--json"]);
+    let one = lab.path("one.npz");
+    write_first_of(&lab, "three.h5", 0, &one);
+    same.arg(lab.path("run")).arg(&one).arg(&one);
+    let same = json(same);
+    assert!(same["same"].as_f64().unwrap() > 0.5, "{same}");
+}
+
+#[cfg(feature = "onnxruntime")]
+#[test]
+fn a_committee_of_networks_is_one_onnx_file_with_the_same_probabilities() {
+    assert!(
+        std::env::var_os("ORT_DYLIB_PATH").is_some(),
+        "ORT_DYLIB_PATH names ONNX Runtime's shared library"
+    );
+    let lab = Lab::new();
+    lab.twin("data.h5", "--materials 4 --sweeps 20 --steps 125");
+    trained(&lab, NETWORKS, "data.h5", &[]);
+    let mut eval = tactnet(["eval", "--json", "--runtime", "onnxruntime"]);
+    eval.arg(lab.path("run"));
+    let found = json(eval);
+    for way in ["plain", "mc_dropout"] {
+        let apart = found["runtimes"][way]["largest_difference"].as_f64();
+        // As for single networks.
+        assert!(apart.is_some_and(|apart| apart < 1e-4), "{way}: {found}");
+    }
+    for (file, masks) in [("plain.onnx", &[][..]), ("masks.onnx", &["--masks"][..])] {
+        let mut export = tactnet(["export"]);
+        export.arg(lab.path("run")).args(masks);
+        export.arg("--out").arg(lab.path(file));
+        expect(0, export);
+        let text = String::from_utf8_lossy(&lab.read(file)).into_owned();
+        assert_eq!(text.contains("bands/masks"), !masks.is_empty(), "{file}");
+        assert!(text.contains("[\"conv\",\"bands\"]"), "members: {file}");
+    }
+    let mut export = tactnet(["export"]);
+    export.arg(lab.path("run"));
+    export.arg("--out").arg(lab.path("run.safetensors"));
+    let refused = stderr(&expect(2, export));
+    assert!(refused.contains("only an ONNX form"), "{refused}");
+}
+
+#[test]
+fn members_without_an_onnx_form_are_named() {
+    let lab = Lab::new();
+    let recipe = "name = \"three\"\nmembers = [\"lda\", \"means\"]";
+    trained(&lab, recipe, "twin.h5", &[]);
+    let mut export = tactnet(["export"]);
+    export.arg(lab.path("run"));
+    export.arg("--out").arg(lab.path("run.onnx"));
+    let refused = stderr(&expect(2, export));
+    assert!(
+        refused.contains("no ONNX form: lda, means; train a committee of networks"),
+        "{refused}"
+    );
+    assert!(!lab.path("run.onnx").exists());
+    let mut eval = tactnet(["eval", "--runtime", "online"]);
+    eval.arg(lab.path("run"));
+    let refused = stderr(&expect(2, eval));
+    assert!(
+        refused.contains("a committee runs in `burn`, and in `onnxruntime`"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_committee_learns_a_material_and_names_the_members_that_cannot() {
+    let lab = Lab::new();
+    lab.twin("three.h5", "--materials 3 --sweeps 30 --steps 120");
+    lab.twin("four.h5", "--materials 4 --sweeps 30 --steps 120");
+    let names = |data: &str| {
+        let dataset = tactnet_data::format::read(&lab.path(data)).unwrap();
+        let names = dataset.labels().names();
+        names.map(String::from).collect::<Vec<_>>()
+    };
+    let known = names("three.h5");
+    let all = names("four.h5");
+    let new = all.iter().find(|name| !known.contains(name)).unwrap();
+    let recipe = "name = \"three\"\nmembers = [\"lda\", \"svm-spectra\", \"means\"]";
+    let options = ["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"];
+    trained(&lab, recipe, "three.h5", &options);
+    let enroll = |run: &str, sweeps: &str, out: &str| {
+        let mut enroll = tactnet(["enroll"]);
+        enroll.arg(lab.path(run)).arg("--data");
+        enroll.arg(lab.path("four.h5")).args(["--material", new]);
+        enroll.args(["--sweeps", sweeps, "--json", "--out"]);
+        enroll.arg(lab.path(out));
+        enroll
+    };
+    let ten = json(enroll("run", "10", "ten"));
+    assert_eq!(ten["materials"], 4, "{ten}");
+    assert!(ten["left_out"].is_null() && ten["prior"].is_null(), "{ten}");
+    // 90 sweeps: 18 are test sweeps; of the other 72, a fifth is held out.
+    let held_out = ten["cost"]["held_out"].as_u64().unwrap();
+    assert!((12..=15).contains(&held_out), "{ten}");
+    assert_eq!(lab.json("ten/calibration.json")["sweeps"], held_out);
+    let mut eval = tactnet(["eval", "--json"]);
+    eval.arg(lab.path("ten"));
+    eval.arg("--data").arg(lab.path("four.h5"));
+    let found = json(eval);
+    assert_eq!(found["n_unknown"], 0, "{found}");
+    let accuracy = &found["evaluations"]["plain"]["one_sweep"]["mean"];
+    // Chance is 0.25.
+    assert!(accuracy.as_f64().unwrap() > 0.5, "{found}");
+
+    let one = json(enroll("run", "1", "one"));
+    assert_eq!(one["left_out"][0]["name"], "svm-spectra", "{one}");
+    let again = stderr(&expect(2, enroll("ten", "1", "again")));
+    assert!(again.contains("only once after its training"), "{again}");
+    std::fs::rename(lab.path("three.h5"), lab.path("elsewhere.h5")).unwrap();
+    let lost = stderr(&expect(2, enroll("run", "10", "lost")));
+    assert!(
+        lost.contains("need the run's training sweeps again"),
+        "{lost}"
+    );
+    assert!(!lab.path("lost").exists());
+}
+
+/// Writes the first three sweeps of a material.
+fn write_first_of(lab: &Lab, from: &str, label: usize, to: &std::path::Path) {
+    use tactnet_data::format::{Format, read};
+    use tactnet_data::{Dataset, Samples, SweepView};
+    let all = read(&lab.path(from)).unwrap();
+    let own = (0..all.len()).filter(|index| all.records()[*index].label == label);
+    let own: Vec<usize> = own.take(3).collect();
+    let mut values = vec![0.0; own.len() * all.shape().values()];
+    SweepView::new(&all, own.clone()).copy_batch(&[0, 1, 2], &mut values);
+    let records = own.iter().map(|index| all.records()[*index].clone());
+    let (rate, labels) = (all.sample_rate_hz(), all.labels().clone());
+    let samples = Samples::F32(values);
+    let few = Dataset::new("few", rate, all.shape(), labels, records.collect(), samples);
+    Format::Npz.write(to, &few.unwrap()).unwrap();
+}
