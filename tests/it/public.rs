@@ -46,14 +46,14 @@ fn sets(lab: &Lab) {
     let dataset = Dataset::new("bouts", 20.0, shape, labels, records, Samples::F32(values));
     let path = lab.path("sets/bouts.npz");
     Format::Npz.write(&path, &dataset.unwrap()).unwrap();
-    let committee = "name = \"both\"\nmembers = [\"lda\", \"means\"]\n";
+    let committee = "name = \"both\"\nmembers = [\"lda\", \"minirocket\"]\n";
     std::fs::write(lab.path("both.toml"), committee).unwrap();
 }
 
 /// Returns the benchmark of cheap models, of which `knn-h` needs a higher rate than the recorded set has.
 fn benchmark(lab: &Lab, out: &str) -> Command {
     let models = format!(
-        "models=[\"lda\", \"means\", \"knn-h\", \"{}\"]",
+        "models=[\"lda\", \"minirocket\", \"knn-h\", \"{}\"]",
         lab.path("both.toml").display()
     );
     let mut command = tactnet(["experiment", "run", "public", "--set"]);
@@ -112,7 +112,7 @@ fn one_command_compares_all_models_on_all_sets_of_a_folder() {
         ("3 sweeps a material", "twin"),
     ] {
         let set = set(&summary, condition, data);
-        for model in ["lda", "means", "both"] {
+        for model in ["lda", "minirocket", "both"] {
             let result = result(set, model);
             for key in ["accuracy", "balanced_accuracy", "train_seconds", "rank"] {
                 assert!(result[key].is_f64(), "{condition}, {data}, {model}: {key}");
@@ -135,7 +135,7 @@ fn one_command_compares_all_models_on_all_sets_of_a_folder() {
 
     // The committee is the average of its members, with the sum of their times.
     let time = |model: &str| result(groups, model)["train_seconds"].as_f64().unwrap();
-    assert!((time("both") - time("lda") - time("means")).abs() < 1e-9);
+    assert!((time("both") - time("lda") - time("minirocket")).abs() < 1e-9);
     let log = lab.read("out/tasks/bouts-both-run0-groups0.log");
     assert!(
         String::from_utf8(log)
