@@ -181,6 +181,10 @@ fn compare_exported(
 
 /// Dropout masks of an exported network.
 #[cfg(any(feature = "onnxruntime", feature = "candle"))]
+#[cfg_attr(
+    not(feature = "onnxruntime"),
+    allow(dead_code, reason = "candle has one input")
+)]
 struct Masks {
     /// Name of the input.
     input: String,
