@@ -5,12 +5,12 @@ use crate::plain_name;
 /// Minimum Jaro similarity, 0 to 1, of a suggested name.
 const ALIKE: f64 = 0.7;
 /// Maximum length of a list that is shown whole.
-const SHORT: usize = 16;
+const SHORT: usize = 20;
 /// Number of names shown of a longer list.
 const SHOWN: usize = 5;
 
 /// Returns the `known` names and the one most similar to `name`, for the end of a message: `fast, thesis; did you mean
-/// `fast`?`. Of more than 16 names only the five most similar are named.
+/// `fast`?`. Of more than 20 names only the five most similar are named.
 ///
 /// ```
 /// let text = tactnet_data::known_names("fats", ["fast", "thesis"]);

@@ -241,7 +241,7 @@ fn mistyped_words_get_one_line_with_suggestions_and_exit_code_two() {
         ),
         (
             &["train", "--recipe", "tesis"],
-            &["tesis", "that ship with tactnet: thesis,", "did you mean `thesis`?"],
+            &["tesis", "fast, spectra, thesis", "did you mean `thesis`?"],
         ),
         (
             &["experiment", "run", "nsht"],
