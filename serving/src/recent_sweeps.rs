@@ -39,7 +39,8 @@ pub(crate) struct RecentSweeps {
 impl RecentSweeps {
     pub(crate) fn new(values: usize) -> Self {
         Self {
-            digits: vec![0.0; KEPT_SWEEPS * values],
+            // Not zero, so that all pages are mapped at the start and memory does not grow in service.
+            digits: vec![f32::NAN; KEPT_SWEEPS * values],
             values,
             came: 0,
             object: 0,
