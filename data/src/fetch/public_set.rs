@@ -125,7 +125,7 @@ impl PublicSet {
 
     /// Downloads the files, verifies each of them, and writes the converted data set to `out`, unless `out` already holds it.
     ///
-    /// An interrupted download is resumed by the next call: files wait in a hidden folder beside `out` until the data set is written.
+    /// An interrupted download is resumed by the next call: files wait in a hidden folder next to `out` until the data set is written.
     ///
     /// - `address`: folder of the files on a mirror; `None` for GitHub
     /// - `out`: file whose extension decides the format
