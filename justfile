@@ -14,6 +14,11 @@ ci:
 bench NAME='':
     {{ if NAME == '' { 'cargo bench --workspace' } else { 'cargo bench --workspace --bench ' + NAME } }}
 
+# The book of all pages, in target/book/site; PYTHON has mkdocs-material, see docs/building.md.
+book PYTHON='python3':
+    cargo build --release --locked --quiet --features full
+    {{PYTHON}} tests/book.py --tactnet target/release/tactnet --out target/book
+
 # Packet definitions for other languages; run after a change of serving/skin/src/packets.rs.
 packets:
     cargo build --release --locked --quiet

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Writes the files that are generated from packets.rs of serving/skin and catching/packets. With --check it compares them instead.
+# Writes the files that are generated from packets.rs of serving/skin and catching/packets. With --check it compares them instead. The book has
+# the pages (tests/book.py).
 # Usage: tests/generated_packets.sh [--check] [TACTNET]
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -15,11 +16,9 @@ while read -r of language file; do
     "$tactnet" channel packets --of "$of" --language "$language" >"$file"
   fi
 done <<EOF
-tactile markdown docs/packets.md
 tactile c bindings/c/include/tactnet/packets.h
 tactile cpp bindings/c/include/tactnet/packets.hpp
 tactile python bindings/python/python/tactnet/packets.py
 tactile proto channel/recording/proto/tactnet.proto
-catching markdown docs/catching-packets.md
 catching proto channel/recording/proto/tactnet_catching.proto
 EOF

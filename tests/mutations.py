@@ -5,10 +5,10 @@
     python3 tests/mutations.py --only no-l2 --json    # one mutation
     python3 tests/mutations.py --random 3             # three, selected by the commit, as in .ci/run
     python3 tests/mutations.py --cargo='--workspace --features zenoh'    # with the build of these arguments
-    python3 tests/mutations.py --write                # all, and tests/MUTATIONS.md with the test that caught each
+    python3 tests/mutations.py --write                # all, and tests/mutations_caught.json, the test that caught each
 
 A mutation is caught if a unit test of its crate fails, or else a unit test of the workspace (`cargo test --lib`). The test named in
-tests/MUTATIONS.md runs first. Only the unit tests of the mutated crate are compiled, not its dependents. A mutation that does not compile, or whose
+tests/mutations_caught.json runs first. Only the unit tests of the mutated crate are compiled, not its dependents. A mutation that does not compile, or whose
 line is missing, is an error in the list. Exit code: 0 if all are caught, 1 if one survives, 2 for an error in the call or in the list.
 """
 
@@ -31,7 +31,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = ROOT / "tests" / "mutations.toml"
-PAGE = ROOT / "tests" / "MUTATIONS.md"
+CAUGHT = ROOT / "tests" / "mutations_caught.json"
 # A test that does not end because of a mutation counts as failed.
 LIMIT_SECONDS = 900
 # Wrapper of the compiler: compiles the unit tests of one crate and their dependencies. Cargo would compile all
@@ -116,9 +116,8 @@ def needed_crates(crate):
 
 
 def known_tests():
-    """Returns the test that caught each mutation when tests/MUTATIONS.md was written."""
-    rows = re.findall(r"^\| ([^ |]+) \| `([^`]+)` \|$", PAGE.read_text(), re.MULTILINE)
-    return dict(rows)
+    """Returns the test that caught each mutation when tests/mutations_caught.json was written."""
+    return {mutation: test for mutation, test in json.loads(CAUGHT.read_text()).items() if test}
 
 
 def package_of(fingerprint):
@@ -329,31 +328,11 @@ def content_key():
     return digest.hexdigest()
 
 
-def page(results):
-    """Returns tests/MUTATIONS.md."""
-    caught = sum(result["caught_by"] is not None for result in results)
-    lines = [
-        "# Mutations",
-        "",
-        "For contributors: the unit test that fails for each deliberate fault in [mutations.toml](mutations.toml), which says where it is and",
-        "what is wrong then. Written by `python3 tests/mutations.py --write`; `.ci/run` tries three, drawn by the commit.",
-        "",
-        f"{caught} of {len(results)} are caught.",
-        "",
-        "| mutation | caught by |",
-        "|---|---|",
-    ]
-    for result in results:
-        by = f"`{result['caught_by']}`" if result["caught_by"] else "**nothing**"
-        lines.append(f"| {result['id']} | {by} |")
-    return "\n".join(lines) + "\n"
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", metavar="ID", help="IDs of the mutations [default: all]")
     parser.add_argument("--random", type=int, metavar="N", help="number of mutations, selected by the commit")
-    parser.add_argument("--write", action="store_true", help="write tests/MUTATIONS.md")
+    parser.add_argument("--write", action="store_true", help="write tests/mutations_caught.json")
     parser.add_argument("--unchecked", action="store_true", help="skip the check that the unit tests pass without a mutation")
     parser.add_argument("--cargo", default="", metavar="ARGS", help="packages and features [default: the mutated crate, then the workspace]")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -402,7 +381,8 @@ def main():
         say(f"{number}/{len(mutations)} {result['id']}: {result['caught_by'] or 'SURVIVES'} ({left / 60:.0f} min left)")
     caught = sum(result["caught_by"] is not None for result in results)
     if arguments.write:
-        PAGE.write_text(page(results))
+        caught_by = {result["id"]: result["caught_by"] for result in results}
+        CAUGHT.write_text(json.dumps(caught_by, indent=1) + "\n")
     if arguments.json:
         shown = [{key: result[key] for key in ("id", "file", "caught_by")} for result in results]
         print(json.dumps({"mutations": len(results), "caught": caught, "results": shown}, indent=2))

@@ -18,7 +18,7 @@ pub struct ManArgs {
     /// Folder in which to write a page per command [default: print the page of `tactnet`]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print a reference of all commands as Markdown, as in docs/cli.md
+    /// Print a reference of all commands as Markdown
     #[arg(long, conflicts_with = "out")]
     markdown: bool,
 }

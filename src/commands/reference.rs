@@ -1,4 +1,4 @@
-//! The reference of all commands as Markdown, for `docs/cli.md`.
+//! The reference of all commands as Markdown, for the book (`tests/book.py`).
 
 use std::fmt::Write;
 

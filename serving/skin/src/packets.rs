@@ -9,7 +9,7 @@
 //! | `tactile/status` | [`TactileStatus`] | the classifier | on events, and ten times a second |
 //! | `tactile/model` | [`ModelNames`] | the classifier | when a model starts to serve; kept for late subscribers |
 //!
-//! This file is the only definition. `docs/packets.md` (with offsets), the C and C++ headers, the Python module
+//! This file is the only definition. The page of packets in the book (with offsets), the C and C++ headers, the Python module
 //! `tactnet.packets` and the messages of recordings are generated from [`DESCRIPTION`].
 
 use tactnet_channel::{Described, Description, choices, packets};
