@@ -6,7 +6,8 @@
     python experiments/twin/calibrate.py --program target/release/tactnet record
 
 `try` evaluates constructions (a JSON object of names, each with fields of `Construction`). `search` varies the best one at random. Both
-append a line for each construction to calibration.jsonl in this folder and skip known ones. `record` trains on the built-in twin with several
+append a line for each construction to calibration.jsonl in this folder and skip known ones. Lines called `pilot` used scikit-learn's linear
+discriminant on 14 bands a taxel; names that a construction leaves out have the values of the line `pilot K2`. `record` trains on the built-in twin with several
 twin seeds and network seeds, and writes data/src/twin/trained_targets.json, which `tactnet data twin --stats` shows.
 
 Only the numbers in TARGETS are tuned. The network is trained on fold 0 of twin seed 1, on which no recipe was selected; the linear classifier
