@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 GENERATED = re.compile(r"^<!-- tactnet (.*) -->$", re.MULTILINE)
 LINK = re.compile(r"\[([^\[\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 FENCE = re.compile(r"^(```.*?^```)", re.MULTILINE | re.DOTALL)
-# Pages outside the book: of release archives, and for GitHub alone.
+# Outside the book: the first page of release archives.
 LEFT_OUT = {"packaging/INSTALL.md"}
 
 
@@ -66,6 +66,8 @@ def staged(name, page, out):
     for i in range(0, len(parts), 2):
         # A list after a paragraph needs an empty line there.
         text = re.sub(r"^((?!\s|[-*] |\d+\. ).+\n)(?=[-*] |\d+\. )", r"\1\n", parts[i], flags=re.MULTILINE)
+        # Pipes in code do not end a cell, and are shown with their backslash.
+        text = re.sub(r"`[^`\n]+`", lambda code: code[0].replace("\\|", "|"), text)
         parts[i] = LINK.sub(link, text)
     return "".join(parts)
 
@@ -86,6 +88,7 @@ def main():
         (pages / name).parent.mkdir(parents=True, exist_ok=True)
         page = generated((ROOT / name).read_text(), arguments.tactnet)
         (pages / name).write_text(staged(name, page, pages))
+    shutil.copyfile(ROOT / "docs/book.css", pages / "docs/book.css")
     settings = out / "mkdocs.yml"
     settings.write_text(f"INHERIT: {ROOT}/docs/book.yml\ndocs_dir: {pages}\nsite_dir: {out}/site\n")
     # Not `--quiet`: that would also drop the warnings that `--strict` counts.
