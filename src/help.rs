@@ -16,6 +16,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
             "same",
             "enroll",
             "adapt",
+            "distill",
             "regress",
             "export",
             "experiment",

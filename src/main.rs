@@ -16,9 +16,9 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{
-    adapt, bench, catch, channel, completions, dashboard, data, demo, doctor, enroll, eval,
-    experiment, export, man, predict, record, regress, replay, same, serve, simulate, task, train,
-    version, view,
+    adapt, bench, catch, channel, completions, dashboard, data, demo, distill, doctor, enroll,
+    eval, experiment, export, man, predict, record, regress, replay, same, serve, simulate, task,
+    train, version, view,
 };
 
 #[global_allocator]
@@ -37,11 +37,11 @@ const GIT: &str = env!("TACTNET_GIT");
         tactnet train                                train on the synthetic TactMat twin\n  \
         tactnet demo                                 classify a simulated fingertip live in the browser\n  \
         tactnet train --data sweeps.h5               train on recorded sweeps\n  \
-        tactnet eval runs/twin-fast-fold0-1          evaluate a trained classifier again\n  \
-        tactnet predict runs/twin-fast-fold0-1 --data new.npz   predict the material of new sweeps\n  \
-        tactnet same runs/twin-fast-fold0-1 cup.npz plate.npz   compare the materials of two objects\n  \
-        tactnet enroll runs/twin-fast-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
-        tactnet adapt runs/twin-fast-fold0-1 --data today.npz --out runs/today\n  \
+        tactnet eval runs/twin-committee-fold0-1          evaluate a trained classifier again\n  \
+        tactnet predict runs/twin-committee-fold0-1 --data new.npz   predict the material of new sweeps\n  \
+        tactnet same runs/twin-committee-fold0-1 cup.npz plate.npz   compare the materials of two objects\n  \
+        tactnet enroll runs/twin-committee-fold0-1 --data new.h5 --material felt --out runs/with-felt\n  \
+        tactnet adapt runs/twin-committee-fold0-1 --data today.npz --out runs/today\n  \
         tactnet experiment run crossval_baselines    compare models over folds\n  \
         tactnet data info sweeps.h5                  show the contents of a data set\n\n\
         See `tactnet COMMAND --help` or `tactnet help COMMAND` for each command."
@@ -65,6 +65,8 @@ enum Command {
     Enroll(enroll::EnrollArgs),
     /// Adapt a trained classifier to another skin, robot or day
     Adapt(adapt::AdaptArgs),
+    /// Make one network of a committee, which classifies frame by frame
+    Distill(distill::DistillArgs),
     /// Measure how well speed and force are recovered from the sweeps alone
     Regress(regress::RegressArgs),
     /// Export a trained network or committee: ONNX, safetensors
@@ -158,7 +160,11 @@ fn main() -> ExitCode {
     // Other commands may open a window: the Rerun viewer or a browser.
     if matches!(
         cli.command,
-        Command::Train(_) | Command::Task(_) | Command::Bench(_) | Command::Doctor(_)
+        Command::Train(_)
+            | Command::Distill(_)
+            | Command::Task(_)
+            | Command::Bench(_)
+            | Command::Doctor(_)
     ) {
         without_wayland();
     }
@@ -169,6 +175,7 @@ fn main() -> ExitCode {
         Command::Same(arguments) => same::run(&arguments),
         Command::Enroll(arguments) => enroll::run(&arguments),
         Command::Adapt(arguments) => adapt::run(&arguments),
+        Command::Distill(arguments) => distill::run(&arguments),
         Command::Regress(arguments) => regress::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Experiment(command) => experiment::run(command),

@@ -106,7 +106,7 @@ step 'evaluate from any folder' from_elsewhere
 resumed() {
   "$tactnet" train --data rated.npz --epochs 40 --out later >/dev/null 2>&1 &
   local process=$!
-  for _ in $(seq 200); do [ -s later/metrics.jsonl ] && break; sleep 0.05; done
+  for _ in $(seq 200); do [ -s later/members/0/metrics.jsonl ] && break; sleep 0.05; done
   kill -INT $process
   wait $process
   cd elsewhere && "$tactnet" train --resume ../later --json >/dev/null

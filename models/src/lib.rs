@@ -79,7 +79,7 @@ pub use heads::{
 pub use knn::Knn;
 pub use lda::Lda;
 pub use log_spectra::{ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, SpectralTables};
-pub use loss::cross_entropy;
+pub use loss::{cross_entropy, soft_cross_entropy};
 pub use missing_feature::MissingFeature;
 pub use mlp::{DenseWeights, Mlp, matrix};
 #[cfg(any(feature = "vulkan", feature = "cuda"))]

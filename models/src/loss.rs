@@ -13,3 +13,12 @@ pub fn cross_entropy(logits: Tensor<2>, labels: Tensor<1, Int>) -> Tensor<1> {
         .mean()
         .neg()
 }
+
+/// Returns the mean cross entropy in nats between probabilities and a network's prediction.
+///
+/// - `logits`: `[batch, materials]`
+/// - `probabilities`: `[batch, materials]`
+pub fn soft_cross_entropy(logits: Tensor<2>, probabilities: Tensor<2>) -> Tensor<1> {
+    let of_sweeps = (log_softmax(logits, 1) * probabilities).sum_dim(1);
+    of_sweeps.mean().neg()
+}

@@ -69,7 +69,7 @@ pub use network::fit_mlp::{
 };
 pub use network::measured::{Figures, Measured};
 pub use network::novelty::{NoveltyScore, NoveltyScorer};
-pub use network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
+pub use network::objective::{Pass, Perturbation, Targets, adversarial_pass, base_pass};
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 pub use network::stacked::{StackMember, StackedTraining};
 pub use network::train_embeddings::TrainEmbeddings;
@@ -100,7 +100,8 @@ pub use predict::unknown_detector::{UnknownDetector, novelty_scores};
 pub use predict::verdicts::Verdicts;
 pub use recipe::{
     AdversarialMask, AdversarialStatistics, AttackedLabel, Input, LearningRateDrop, NetworkRecipe,
-    OneCycle, PenalizedParameters, Prediction, PredictionMethod, TrainingMethod, TrainingSettings,
+    OneCycle, PenalizedParameters, Prediction, PredictionMethod, Teacher, TrainingMethod,
+    TrainingSettings,
 };
 pub use regress::{Interval, Recovery, RegressionReport};
 pub use remedy::PipelineRemedy;

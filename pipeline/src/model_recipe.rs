@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use tactnet_data::known_names;
+use tactnet_data::{TrainSplit, known_names};
 
+use crate::committee::recipe::CommitteeSweeps;
 use crate::{
-    BaselineRecipe, CommitteeRecipe, MeanRemoval, NetworkRecipe, PipelineError, PredictionMethod,
+    BaselineRecipe, CommitteeRecipe, LeftOutMember, MeanRemoval, NetworkRecipe, PipelineError,
+    PredictionMethod, Teacher,
 };
 
 /// Names and TOML of the built-in recipes of baselines.
@@ -123,6 +125,41 @@ impl ModelRecipe {
         }
     }
 
+    /// Returns the recipe from whose probabilities a network learns; `None` if it learns from the labels alone.
+    pub fn teacher(&self) -> Option<&ModelRecipe> {
+        match self {
+            Self::Network(recipe) => recipe.training.teacher.as_ref().map(Teacher::recipe),
+            Self::Baseline(_) | Self::Committee(_) => None,
+        }
+    }
+
+    /// Returns the recipe for training sweeps, and the members of a committee that they do not allow.
+    ///
+    /// # Errors
+    /// Sweeps that allow no member.
+    pub(crate) fn for_sweeps(
+        &self,
+        train: &TrainSplit<'_>,
+    ) -> Result<(Self, Vec<LeftOutMember>), PipelineError> {
+        match self {
+            Self::Network(recipe) => {
+                Ok((Self::Network(recipe.for_sweeps(train.len())), Vec::new()))
+            }
+            Self::Baseline(_) => Ok((self.clone(), Vec::new())),
+            Self::Committee(recipe) => {
+                let (mut kept, left_out) = recipe.clone().for_sweeps(CommitteeSweeps {
+                    shape: train.shape(),
+                    rate_hz: train.dataset().sample_rate_hz(),
+                    counts: &train.sweeps_per_label(),
+                })?;
+                for member in &mut kept.members {
+                    *member = member.for_sweeps(train)?.0;
+                }
+                Ok((Self::Committee(kept), left_out))
+            }
+        }
+    }
+
     /// Returns the recipe's name.
     pub fn name(&self) -> &str {
         match self {
@@ -134,11 +171,16 @@ impl ModelRecipe {
 
     /// Returns a material that has too few training sweeps for this recipe and the number needed; `None` if all have enough.
     ///
-    /// Networks need one sweep of each material. A baseline that selects settings or calibrates on a part of the sweeps needs two.
+    /// Networks need one sweep of each material, with a teacher two. A baseline that selects settings or calibrates on a part of the sweeps needs two.
     ///
     /// - `counts`: number of training sweeps of each material
     pub fn starved(&self, counts: &[usize]) -> Option<(usize, usize)> {
         match self {
+            // The teacher is tested on a part of the sweeps.
+            Self::Network(recipe) if recipe.training.teacher.is_some() => counts
+                .iter()
+                .position(|count| *count < 2)
+                .map(|label| (label, 2)),
             Self::Network(_) => None,
             Self::Baseline(recipe) => recipe.starved(counts),
             // Members with too few sweeps are left out.
@@ -184,7 +226,11 @@ impl ModelRecipe {
     /// Returns the recipe with another removal of means.
     pub fn with_levels(mut self, levels: MeanRemoval) -> Self {
         match &mut self {
-            Self::Network(recipe) => recipe.input.levels = levels,
+            Self::Network(recipe) => {
+                recipe.input.levels = levels;
+                let teacher = recipe.training.teacher.take();
+                recipe.training.teacher = teacher.map(|it| it.map(|of| of.with_levels(levels)));
+            }
             Self::Baseline(recipe) => recipe.levels = levels,
             Self::Committee(recipe) => {
                 for member in &mut recipe.members {
@@ -201,6 +247,8 @@ impl ModelRecipe {
             Self::Network(recipe) => {
                 recipe.training.epochs = epochs;
                 recipe.training.least_steps = None;
+                let teacher = recipe.training.teacher.take();
+                recipe.training.teacher = teacher.map(|it| it.map(|of| of.with_epochs(epochs)));
             }
             Self::Baseline(_) => {}
             Self::Committee(recipe) => {
@@ -247,7 +295,9 @@ mod tests {
     #[test]
     fn a_mistyped_name_is_answered_with_the_one_that_was_meant() {
         let refused = ModelRecipe::load("minirokt").unwrap_err().to_string();
-        assert!(refused.contains("ship with tactnet: fast, spectra, thesis, robust, means"));
+        assert!(
+            refused.contains("ship with tactnet: fast, spectra, thesis, robust, distilled, means")
+        );
         assert!(refused.ends_with("did you mean `minirocket`?"), "{refused}");
         let refused = ModelRecipe::load("tactnet2").unwrap_err().to_string();
         assert!(refused.ends_with("did you mean `fast`?"), "{refused}");

@@ -7,14 +7,15 @@ use tactnet_data::known_names;
 use tactnet_models::Architecture;
 
 use crate::error::InvalidSetting;
-use crate::{Augmentation, MeanRemoval, PipelineError, Scaling};
+use crate::{Augmentation, MeanRemoval, ModelRecipe, PipelineError, Scaling};
 
 /// Names and TOML of the built-in recipes.
-const BUILT_IN: [(&str, &str); 4] = [
+const BUILT_IN: [(&str, &str); 5] = [
     ("fast", include_str!("../recipes/fast.toml")),
     ("spectra", include_str!("../recipes/spectra.toml")),
     ("thesis", include_str!("../recipes/thesis.toml")),
     ("robust", include_str!("../recipes/robust.toml")),
+    ("distilled", include_str!("../recipes/distilled.toml")),
 ];
 
 /// All settings from which a network is trained and with which it predicts.
@@ -77,6 +78,63 @@ pub struct TrainingSettings {
     pub augmentation: Augmentation,
     /// Loss.
     pub method: TrainingMethod,
+    /// Model whose out-of-fold probabilities the network learns from, besides the labels; `None`: the labels alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub teacher: Option<Teacher>,
+}
+
+/// Recipe of a network's teacher. In TOML it is the name of a built-in recipe or a whole recipe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "TeacherText", into = "ModelRecipe")]
+pub struct Teacher(Box<ModelRecipe>);
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum TeacherText {
+    Named(String),
+    Whole(Box<ModelRecipe>),
+}
+
+impl TryFrom<TeacherText> for Teacher {
+    type Error = String;
+
+    fn try_from(text: TeacherText) -> Result<Self, String> {
+        let recipe = match text {
+            TeacherText::Named(name) => {
+                Box::new(ModelRecipe::load(&name).map_err(|error| error.to_string())?)
+            }
+            TeacherText::Whole(recipe) => recipe,
+        };
+        let members = match &*recipe {
+            ModelRecipe::Committee(committee) => committee.members.as_slice(),
+            other => std::slice::from_ref(other),
+        };
+        match members.iter().find(|member| member.teacher().is_some()) {
+            None => Ok(Self(recipe)),
+            Some(member) => Err(format!(
+                "teacher: expected recipes without a teacher, found `{}`",
+                member.name()
+            )),
+        }
+    }
+}
+
+impl From<Teacher> for ModelRecipe {
+    fn from(teacher: Teacher) -> Self {
+        *teacher.0
+    }
+}
+
+impl Teacher {
+    /// Returns the recipe.
+    pub fn recipe(&self) -> &ModelRecipe {
+        &self.0
+    }
+
+    /// Returns the teacher with another recipe of the same model.
+    pub(crate) fn map(self, change: impl FnOnce(ModelRecipe) -> ModelRecipe) -> Self {
+        Self(Box::new(change(*self.0)))
+    }
 }
 
 /// One-cycle learning rate, updated after each batch (Smith & Topin, 2019; constants of PyTorch's `OneCycleLR`).

@@ -38,6 +38,11 @@ pub enum PipelineRemedy {
     },
     /// Train a network instead of a baseline.
     TrainNetwork,
+    /// Make a network of a committee.
+    Distill {
+        /// Path of the committee's run directory.
+        run: PathBuf,
+    },
     /// Add the unknown material to the network, or calibrate a network so that it detects unknown materials.
     EnrollOrCalibrate,
     /// Calibrate a network, so that it detects unknown materials.

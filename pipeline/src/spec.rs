@@ -80,11 +80,11 @@ pub struct TrainSpec {
 }
 
 impl Default for TrainSpec {
-    /// Returns the settings for the `fast` recipe on the twin with seed 1.
+    /// Returns the settings for the committee on the twin with seed 1.
     fn default() -> Self {
         Self {
             data: "twin".into(),
-            recipe: "fast".into(),
+            recipe: "committee".into(),
             mean_removal: None,
             rate_hz: None,
             steps: None,

@@ -111,10 +111,8 @@ impl ServedModel {
     /// # Errors
     /// Fails if the run is incomplete or unreadable, or if it has more taxels or materials than packets hold.
     pub fn load(path: &Path, version: u64) -> Result<Self, ServeError> {
-        let run = RunDir::open(path)?;
-        let config = run.config()?;
-        config.require_network(path, "be served")?;
-        let config = config.classifier;
+        let run = RunDir::open(path)?.network("be served")?;
+        let config = run.config()?.classifier;
         if !run.has_final_weights() {
             return Err(run.no_final_weights().into());
         }

@@ -32,8 +32,7 @@ pub(crate) fn limits(config: &ClassifierConfig) -> Option<[f32; 2]> {
 /// # Errors
 /// Fails if `run` is not a run directory or holds a baseline.
 pub fn accepted_values(run: &Path) -> Result<Option<[f32; 2]>, ServeError> {
-    let config = RunDir::open(run)?.config()?;
-    config.require_network(run, "be served")?;
+    let config = RunDir::open(run)?.network("be served")?.config()?;
     Ok(limits(&config.classifier))
 }
 

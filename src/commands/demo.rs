@@ -9,11 +9,12 @@ use std::process::ExitCode;
 
 use clap::Args;
 use tactnet_data::DataSource;
-use tactnet_pipeline::{LabelOrder, RunDir};
+use tactnet_pipeline::LabelOrder;
 use tactnet_serving::web;
 use tactnet_simulation::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 
 use super::choices::{listen, rate};
+use super::served_run::served_run;
 use super::simulate::check_fit;
 use super::simulate::fault::FaultArgs;
 use crate::stop::Stop;
@@ -106,9 +107,8 @@ fn network_and_sweeps(
     let made = folder.join("sweeps.h5");
     match &arguments.run {
         Some(run) => {
-            let opened = RunDir::open(run)?;
+            let opened = served_run(run)?;
             let config = opened.config()?;
-            config.require_network(run, "be served")?;
             if arguments.data.is_none() {
                 for added in opened.enrolled()? {
                     say!(

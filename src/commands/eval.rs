@@ -18,8 +18,8 @@ use crate::{GIT, output, source};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet eval runs/twin-fast-fold0-1                       the run's test sweeps\n  \
-    tactnet eval runs/twin-fast-fold0-1 --sweeps 5 --mc 500   five fused sweeps, 500 Monte Carlo samples\n  \
+    tactnet eval runs/twin-committee-fold0-1                       the run's test sweeps\n  \
+    tactnet eval runs/twin-committee-fold0-1 --sweeps 5 --mc 500   five fused sweeps, 500 Monte Carlo samples\n  \
     tactnet eval runs/a --data other.h5                       all sweeps of another data set\n  \
     tactnet eval runs/a --runtime online                       frame by frame, as in `tactnet serve`")]
 pub struct EvalArgs {

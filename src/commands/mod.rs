@@ -13,6 +13,7 @@ pub mod completions;
 pub mod dashboard;
 pub mod data;
 pub mod demo;
+pub mod distill;
 pub mod doctor;
 pub mod enroll;
 pub mod eval;
@@ -35,6 +36,7 @@ pub mod run_classifier;
 pub mod same;
 mod same_text;
 pub mod serve;
+mod served_run;
 pub mod simulate;
 #[cfg(feature = "catching")]
 pub mod stage_source;

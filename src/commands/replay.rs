@@ -41,7 +41,9 @@ pub struct ReplayArgs {
 
 /// Returns the hash of a run's weights.
 fn weights_of(run: &Path) -> anyhow::Result<String> {
-    Ok(weights_sha256(&RunDir::open(run)?.weights()?)?)
+    Ok(weights_sha256(
+        &RunDir::open(run)?.network("be served")?.weights()?,
+    )?)
 }
 
 /// Replays the recording.

@@ -17,6 +17,7 @@ use tactnet_serving::{
 };
 use tactnet_skin::{FrameSpan, ServeConfig, commented};
 
+use super::served_run::served_run;
 use crate::output::counted;
 use crate::stop::Stop;
 use crate::table;
@@ -25,7 +26,7 @@ use crate::{GIT, output};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
     tactnet channel hub --table robot.toml &                          start the hub, once per host\n  \
-    tactnet serve --run runs/twin-fast-fold0-1 --table robot.toml     serve one trained network\n  \
+    tactnet serve --run runs/twin-committee-fold0-1 --table robot.toml     serve one trained network\n  \
     tactnet serve --models models/right --table robot.toml            serve the newest of models/right/1, models/right/2, …\n  \
     tactnet serve --run runs/a --table robot.toml --priority 60 --cpu 1 --lock-memory\n  \
     tactnet serve --run runs/a --table robot.toml --dead 3,7          taxels 3 and 7 are broken: classify without them\n\n\
@@ -81,7 +82,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     config.dead.extend(&arguments.dead);
     // A wrong folder is reported before the channels are opened.
     if let ModelSource::Run(run) = &source {
-        RunDir::open(run)?.config()?;
+        served_run(run)?;
     }
     let bus = Bus::open(Domain::Host, &table)?;
     let skip = config.segmenter.skip;

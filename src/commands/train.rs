@@ -35,6 +35,27 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     }
     let stop = Stop::listen()?;
     let session = begin(arguments)?.with_random_fold(RANDOM_FOLD_BELOW);
+    let format = OutputFormat::from_flag(arguments.json);
+    Ok(train_to_end(&session, &stop, format, arguments.resume.is_some())?.code)
+}
+
+/// End of a training.
+pub struct Conclusion {
+    /// Exit status.
+    pub code: ExitCode,
+    /// Result, unless the training was stopped.
+    pub result: Option<Box<RunResult>>,
+}
+
+/// Trains from the current state of the run, and prints warnings before, the result, and next steps.
+///
+/// - `resumed`: true if another process began the run
+pub fn train_to_end(
+    session: &Session,
+    stop: &Stop,
+    format: OutputFormat,
+    resumed: bool,
+) -> anyhow::Result<Conclusion> {
     let config = session.run().config()?;
     if config.spec.device == Compute::Vulkan
         && let Ok(adapter) = Compute::vulkan_adapter()
@@ -51,19 +72,17 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<ExitCode> {
     if let Some(reason) = &unfit {
         say!("note: `tactnet serve` does not support this classifier: {reason}");
     }
-    let format = OutputFormat::from_flag(arguments.json);
-    let resumed = arguments.resume.is_some();
-    let (code, finished) = train(&session, &stop, format, resumed)?;
-    if let Some(result) = finished {
-        say!("{}", next_steps(&session, unfit.is_none())?);
-        for line in advice(&session, &result)? {
+    let (code, result) = train(session, stop, format, resumed)?;
+    if let Some(result) = &result {
+        say!("{}", next_steps(session, unfit.is_none())?);
+        for line in advice(session, result)? {
             say!("hint: {line}");
         }
-        if let Some(command) = random_fold_command(&session, &result)? {
+        if let Some(command) = random_fold_command(session, result)? {
             say!("hint: `{command}` has sweeps of the same recordings in training, for comparison");
         }
     }
-    Ok(code)
+    Ok(Conclusion { code, result })
 }
 
 /// Begins a run, or continues one with `--resume`.

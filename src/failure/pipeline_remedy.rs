@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use tactnet_experiments::ExperimentError;
-use tactnet_pipeline::{PipelineError, PipelineRemedy};
+use tactnet_pipeline::{PipelineError, PipelineRemedy, quoted};
 use tactnet_serving::ServeError;
 
 use crate::commands::train::resume_command;
@@ -50,6 +50,10 @@ fn worded(remedy: &PipelineRemedy) -> String {
             ),
         },
         PipelineRemedy::TrainNetwork => "train one with `tactnet train --data FILE`".into(),
+        PipelineRemedy::Distill { run } => format!(
+            "make a network of it with `tactnet distill {}`",
+            quoted(&run.display().to_string())
+        ),
         PipelineRemedy::EnrollOrCalibrate => {
             "`tactnet enroll` adds one; a network or committee of `train --calibrate` can detect unknown materials"
                 .into()
@@ -81,7 +85,7 @@ fn worded(remedy: &PipelineRemedy) -> String {
                 .into()
         }
         PipelineRemedy::ListNetworks => {
-            "train a committee of networks, with `members = [\"fast\", \"spectra\"]` in a recipe file".into()
+            "export a network: that in the run's folder `network`, or one that `tactnet distill` makes of the run".into()
         }
         PipelineRemedy::RecordMore => "record more sweeps".into(),
     }

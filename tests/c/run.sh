@@ -86,7 +86,7 @@ say "wrong calls are answered with code and text; packets are given back; C++ mo
 
 # --- a driver and a reader in C around a classifier
 "$tactnet" data twin --materials 4 --sweeps 15 --steps 300 --out twin.h5 >/dev/null 2>&1
-"$tactnet" train --data twin.h5 --epochs 12 --out run >/dev/null 2>&1
+"$tactnet" train --recipe fast --data twin.h5 --epochs 12 --out run >/dev/null 2>&1
 "$tactnet" serve --print-table >robot.toml 2>/dev/null
 # The sweeps of this data set are complete windows, so no frame is skipped.
 sed -i 's/^bus = .*/bus = "c-robot"/; s/^skip = "333ms" /skip = 0 /' robot.toml

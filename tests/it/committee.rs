@@ -115,7 +115,7 @@ fn members_without_an_onnx_form_are_named() {
     export.arg("--out").arg(lab.path("run.onnx"));
     let refused = stderr(&expect(2, export));
     assert!(
-        refused.contains("no ONNX form: lda, means; train a committee of networks"),
+        refused.contains("no ONNX form: lda, means; export a network"),
         "{refused}"
     );
     assert!(!lab.path("run.onnx").exists());
@@ -194,4 +194,44 @@ fn write_first_of(lab: &Lab, from: &str, label: usize, to: &std::path::Path) {
     let samples = Samples::F32(values);
     let few = Dataset::new("few", rate, all.shape(), labels, records.collect(), samples);
     Format::Npz.write(to, &few.unwrap()).unwrap();
+}
+
+#[test]
+fn a_committee_serves_its_network_and_a_distilled_one() {
+    let lab = Lab::new();
+    lab.twin("data.h5", "--materials 3 --sweeps 15 --steps 100");
+    let mut train = tactnet(["train", "--epochs", "2", "--data"]);
+    train.arg(lab.path("data.h5"));
+    train.arg("--out").arg(lab.path("run"));
+    expect(0, train);
+    assert_eq!(lab.json("run/result.json")["recipe"], "committee");
+    assert_eq!(lab.json("run/network/result.json")["recipe"], "fast");
+    let mut table = tactnet(["serve", "--print-table", "--run"]);
+    table.arg(lab.path("run"));
+    expect(0, table);
+
+    let mut distill = tactnet(["distill"]);
+    distill.arg(lab.path("run"));
+    distill.arg("--out").arg(lab.path("one"));
+    let said = stderr(&expect(0, distill));
+    assert!(said.contains("committee, without part 5 of 5"), "{said}");
+    let compared = said
+        .lines()
+        .any(|line| line.starts_with("one sweep: ") && line.contains("the committee "));
+    assert!(compared, "{said}");
+    let [whole, one] = ["run", "one"].map(|run| lab.json(&format!("{run}/result.json")));
+    assert_eq!(one["recipe"], "distilled");
+    assert_eq!(one["data_sha256"], whole["data_sha256"]);
+    let mut export = tactnet(["export"]);
+    export.arg(lab.path("one"));
+    export.arg("--out").arg(lab.path("one.onnx"));
+    expect(0, export);
+
+    let mut again = tactnet(["distill"]);
+    again.arg(lab.path("one"));
+    let refused = stderr(&expect(2, again));
+    assert!(
+        refused.contains("only committees are distilled"),
+        "{refused}"
+    );
 }

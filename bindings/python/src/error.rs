@@ -120,6 +120,7 @@ fn words_of_pipeline(remedy: &PipelineRemedy) -> Option<String> {
         | PipelineRemedy::NameData
         | PipelineRemedy::ChooseModel { .. }
         | PipelineRemedy::TrainNetwork
+        | PipelineRemedy::Distill { .. }
         | PipelineRemedy::EnrollOrCalibrate
         | PipelineRemedy::Calibrate
         | PipelineRemedy::EnrollFewerSweeps

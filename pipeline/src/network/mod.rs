@@ -14,6 +14,7 @@ pub(crate) mod novelty;
 pub(crate) mod objective;
 pub(crate) mod pairs_pass;
 pub(crate) mod resident;
+pub(crate) mod soft_targets;
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 pub(crate) mod stacked;
 pub(crate) mod train_embeddings;

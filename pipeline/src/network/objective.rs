@@ -4,7 +4,7 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Gradients, Int, Tensor, TensorData};
 use rayon::prelude::*;
-use tactnet_models::{BatchStatistics, Network, cross_entropy, is_cpu, values};
+use tactnet_models::{BatchStatistics, Network, cross_entropy, is_cpu, soft_cross_entropy, values};
 
 use super::measured::Measured;
 use crate::AttackedLabel;
@@ -24,6 +24,34 @@ pub struct Pass {
     pub measured: Measured,
 }
 
+/// What a network is to predict for the sweeps of a batch.
+#[derive(Debug, Clone)]
+pub struct Targets {
+    /// Labels, `[batch]`.
+    pub labels: Tensor<1, Int>,
+    /// Probabilities of the materials, `[batch, materials]`; `None`: 1 for the label.
+    pub probabilities: Option<Tensor<2>>,
+}
+
+impl From<Tensor<1, Int>> for Targets {
+    fn from(labels: Tensor<1, Int>) -> Self {
+        Self {
+            labels,
+            probabilities: None,
+        }
+    }
+}
+
+impl Targets {
+    /// Returns the mean cross entropy in nats.
+    fn loss(self, logits: Tensor<2>) -> Tensor<1> {
+        match self.probabilities {
+            None => cross_entropy(logits, self.labels),
+            Some(probabilities) => soft_cross_entropy(logits, probabilities),
+        }
+    }
+}
+
 /// Settings of the adversarial objective.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Perturbation {
@@ -38,15 +66,15 @@ pub struct Perturbation {
 /// Runs a forward and backward pass of `E(x)`, the cross entropy.
 ///
 /// - `sweeps`: `[batch, 1, steps, taxels]` without autodiff
-/// - `labels`: `[batch]`
+/// - `targets`: targets, or labels `[batch]`
 /// - `mask`: dropout mask, `[batch, features]`
 pub fn base_pass(
     net: &Network,
     sweeps: Tensor<4>,
-    labels: Tensor<1, Int>,
+    targets: impl Into<Targets>,
     mask: Tensor<2>,
 ) -> Pass {
-    let (mut gradients, statistics, half) = pass(net, sweeps.autodiff(), labels, mask, 1.0);
+    let (mut gradients, statistics, half) = pass(net, sweeps.autodiff(), targets.into(), mask, 1.0);
     let gradients = GradientsParams::from_module(&mut gradients, net);
     Pass {
         gradients,
@@ -61,11 +89,12 @@ pub fn base_pass(
 /// One clean pass gives both the weight gradients and `dE/dx`. The perturbation is constant in the second pass (Goodfellow et al., 2014).
 /// If the predicted label is attacked, `dE/dx` is that of the loss of the most probable label, which takes another pass with the clean mask.
 ///
+/// - `targets`: targets, or labels `[batch]`
 /// - `masks`: `[clean, adversarial]`
 pub fn adversarial_pass(
     net: &Network,
     sweeps: Tensor<4>,
-    labels: Tensor<1, Int>,
+    targets: impl Into<Targets>,
     masks: [Tensor<2>; 2],
     Perturbation {
         alpha,
@@ -73,7 +102,7 @@ pub fn adversarial_pass(
         attack,
     }: &Perturbation,
 ) -> Pass {
-    let alpha = *alpha;
+    let (alpha, targets) = (*alpha, targets.into());
     let [clean_mask, adversarial_mask] = masks;
     let tracked = sweeps.clone().autodiff().require_grad();
     // The sign of dE/dx needs a clean loss even if that has no weight.
@@ -82,7 +111,7 @@ pub fn adversarial_pass(
     let (mut clean, statistics, clean_half) = pass(
         net,
         tracked.clone(),
-        labels.clone(),
+        targets.clone(),
         clean_mask,
         clean_weight,
     );
@@ -95,7 +124,7 @@ pub fn adversarial_pass(
     drop(tracked);
     let perturbed = perturbed(sweeps, gradient, epsilon).autodiff();
     let (mut adversarial, adversarial_statistics, adversarial_half) =
-        pass(net, perturbed, labels, adversarial_mask, 1.0 - alpha);
+        pass(net, perturbed, targets, adversarial_mask, 1.0 - alpha);
     let mut gradients = GradientsParams::from_module(&mut adversarial, net);
     if alpha > 0.0 {
         gradients = sum(
@@ -161,7 +190,7 @@ fn perturbed(sweeps: Tensor<4>, gradient: Tensor<4>, epsilon: &[f32]) -> Tensor<
 fn pass(
     net: &Network,
     sweeps: Tensor<4>,
-    labels: Tensor<1, Int>,
+    targets: Targets,
     mask: Tensor<2>,
     weight: f64,
 ) -> (Gradients, Vec<BatchStatistics>, Tensor<1>) {
@@ -171,9 +200,9 @@ fn pass(
         .clone()
         .argmax(1)
         .squeeze_dim::<1>(1)
-        .equal(labels.clone());
+        .equal(targets.labels.clone());
     let correct = recognised.float().sum();
-    let loss = cross_entropy(forward.logits, labels);
+    let loss = targets.loss(forward.logits);
     let gradients = loss.clone().mul_scalar(weight).backward();
     let half = Tensor::cat(vec![loss.without_autodiff(), correct.without_autodiff()], 0);
     (gradients, forward.statistics, half)
@@ -313,5 +342,45 @@ mod tests {
         let losses =
             [0.0, 0.01, 0.02].map(|epsilon| adversarial(&batch, 0.0, epsilon).measured.read().loss);
         assert!(losses.is_sorted_by(|a, b| a < b), "{losses:?}");
+    }
+
+    #[test]
+    fn certain_probabilities_give_the_loss_and_gradients_of_labels() {
+        let Batch {
+            net,
+            sweeps,
+            labels,
+            mask,
+        } = batch();
+        let one_hot = |share: f32| {
+            let rows = [0, 1, 2, 0, 1, 2].map(|label| {
+                let mut row = [(1.0 - share) / 2.0; 3];
+                row[label] = share;
+                row
+            });
+            let targets = TensorData::new(rows.concat(), [6, 3]);
+            Targets {
+                labels: labels.clone(),
+                probabilities: Some(Tensor::from_data(targets, &labels.device())),
+            }
+        };
+        let of = |targets: Targets| base_pass(&net, sweeps.clone(), targets, mask.clone());
+        let (hard, certain, unsure) = (
+            of(labels.clone().into()),
+            of(one_hot(1.0)),
+            of(one_hot(0.5)),
+        );
+        let gradients = [&hard, &certain].map(|pass| net.gradients(&pass.gradients));
+        for (name, expected) in &gradients[0].0 {
+            let largest = expected.values.iter().fold(1e-6_f32, |m, v| m.max(v.abs()));
+            for (found, expected) in gradients[1].0[name].values.iter().zip(&expected.values) {
+                // The sums are in another order.
+                assert!((found - expected).abs() < 1e-5 * largest, "{name}");
+            }
+        }
+        let [hard, certain, unsure] = [hard, certain, unsure].map(|pass| pass.measured.read());
+        assert!((hard.loss - certain.loss).abs() < 1e-6);
+        assert!((hard.loss - unsure.loss).abs() > 1e-3);
+        assert_eq!(hard.correct, unsure.correct);
     }
 }

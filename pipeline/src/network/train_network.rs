@@ -3,6 +3,7 @@
 use burn::tensor::Device;
 use tactnet_data::{Seed, TrainSplit};
 
+use crate::network::soft_targets::SoftTargets;
 use crate::{
     BatchReport, Classifier, ClassifierConfig, ModelConfig, NetworkRecipe, NetworkSetup,
     PipelineError, Training,
@@ -19,9 +20,23 @@ pub fn train_network(
     train: &TrainSplit<'_>,
     seed: Seed,
     device: &Device,
-    go_on: impl FnMut(&BatchReport) -> bool,
+    mut go_on: impl FnMut(&BatchReport) -> bool,
 ) -> Result<Option<Classifier>, PipelineError> {
-    train_whole(recipe, train, seed, device, |training| training, go_on)
+    let Some(teacher) = &recipe.training.teacher else {
+        return train_whole(recipe, train, seed, device, |training| training, go_on);
+    };
+    let targets = SoftTargets::of(teacher.recipe(), train, seed, device, &mut go_on)?;
+    let Some(targets) = targets else {
+        return Ok(None);
+    };
+    train_whole(
+        recipe,
+        train,
+        seed,
+        device,
+        |training| training.towards(targets),
+        go_on,
+    )
 }
 
 /// Trains a Siamese network: sweeps of one material move close to each other in its embedding (Koch et al., 2015). Its output layer is not

@@ -10,9 +10,10 @@ use crate::network::adam::FusedAdam;
 use crate::network::batches::{BatchNumber, augment, batch_positions, batch_shape, fill_batch};
 use crate::network::in_pool::in_pool;
 use crate::network::measured::Measured;
-use crate::network::objective::{Pass, Perturbation, adversarial_pass, base_pass};
+use crate::network::objective::{Pass, Perturbation, Targets, adversarial_pass, base_pass};
 use crate::network::pairs_pass::pairs_pass;
 use crate::network::resident::ResidentSweeps;
+use crate::network::soft_targets::SoftTargets;
 use crate::{
     AdversarialMask, AdversarialStatistics, NetworkRecipe, Normalizer, PipelineError,
     TrainingMethod,
@@ -106,6 +107,8 @@ pub struct Training<'a> {
     position: Position,
     /// Batches of this epoch whose losses have not been read.
     unread: Vec<Unread>,
+    /// Probabilities of the materials of the training sweeps, `[sweeps][materials]`; `None`: the labels are the targets.
+    towards: Option<SoftTargets>,
     /// True for a Siamese network, which learns from pairs instead of materials.
     on_pairs: bool,
     /// Batch of the last step, for error messages.
@@ -155,6 +158,7 @@ impl<'a> Training<'a> {
             resident,
             position: Position::default(),
             unread: Vec::new(),
+            towards: None,
             on_pairs: false,
             last: BatchNumber { epoch: 0, batch: 0 },
         })
@@ -165,6 +169,14 @@ impl<'a> Training<'a> {
     pub(crate) fn on_pairs(self) -> Self {
         Self {
             on_pairs: true,
+            ..self
+        }
+    }
+
+    /// Returns the training with probabilities as targets.
+    pub(crate) fn towards(self, targets: SoftTargets) -> Self {
+        Self {
+            towards: Some(targets),
             ..self
         }
     }
@@ -245,7 +257,14 @@ impl<'a> Training<'a> {
             let mask = self.mask("dropout", number, positions.len());
             pairs_pass(self.net(), sweeps, &own, mask)
         } else {
-            self.pass(sweeps, self.labels(self.train, &positions), |stream| {
+            let targets = Targets {
+                labels: self.labels(self.train, &positions),
+                probabilities: self
+                    .towards
+                    .as_ref()
+                    .map(|targets| targets.batch(&positions, &self.device)),
+            };
+            self.pass(sweeps, targets, |stream| {
                 self.mask(stream, number, positions.len())
             })
         };
@@ -333,11 +352,11 @@ impl<'a> Training<'a> {
     fn pass(
         &self,
         sweeps: Tensor<4>,
-        labels: Tensor<1, Int>,
+        targets: Targets,
         mask: impl Fn(&'static str) -> Tensor<2>,
     ) -> Pass {
         match self.recipe.training.method {
-            TrainingMethod::Base => base_pass(self.net(), sweeps, labels, mask("dropout")),
+            TrainingMethod::Base => base_pass(self.net(), sweeps, targets, mask("dropout")),
             TrainingMethod::Adversarial {
                 alpha,
                 epsilon,
@@ -355,7 +374,7 @@ impl<'a> Training<'a> {
                     attack,
                 };
                 let masks = [mask("dropout"), other];
-                adversarial_pass(self.net(), sweeps, labels, masks, &perturbation)
+                adversarial_pass(self.net(), sweeps, targets, masks, &perturbation)
             }
         }
     }
@@ -373,7 +392,8 @@ impl<'a> Training<'a> {
                 let positions = round_robin(watched.len(), batches, batch);
                 let sweeps = self.loaded(watched, &positions, |_, _| {});
                 let epoch = self.position.epoch;
-                let pass = self.pass(sweeps, self.labels(watched, &positions), |stream| {
+                let targets = self.labels(watched, &positions).into();
+                let pass = self.pass(sweeps, targets, |stream| {
                     let stream = format!("watched {stream}");
                     self.mask(&stream, BatchNumber { epoch, batch }, positions.len())
                 });

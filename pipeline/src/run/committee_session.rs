@@ -1,16 +1,20 @@
-//! Training of a committee in a run directory: one member after the other, each in a folder of its own until all have ended.
+//! Training of a committee in a run directory: one member after the other, each in a folder of its own until all have ended. The first network
+//! remains as a run of its own, since only networks classify frame by frame.
 
 use std::fs;
 
 use super::session::{Begun, Trained};
 use crate::committee::fitted::joined_weights;
 use crate::{
-    CommitteeRecipe, MemberConfig, ModelConfig, ModelRecipe, PipelineError, RunDir, Session,
-    TrainEvent, TrainingSummary,
+    ClassifierConfig, CommitteeRecipe, MemberConfig, ModelConfig, ModelRecipe, PipelineError,
+    RunConfig, RunDir, Session, TrainEvent, TrainSpec, TrainingSummary,
 };
+use tactnet_models::Weights;
 
 /// Folder of the members of an unfinished committee.
 const MEMBERS: &str = "members";
+/// Folder with the run of a committee's first network.
+const NETWORK: &str = "network";
 
 impl Session {
     /// Trains all members; returns `None` if stopped. A later session keeps the finished members and continues the one that was
@@ -29,7 +33,7 @@ impl Session {
             sweeps: begun.fitted.train.len(),
             ..TrainingSummary::default()
         };
-        let mut weights = Vec::new();
+        let (mut weights, mut network) = (Vec::new(), None);
         for (number, (member, setup)) in recipe.members.iter().zip(setups).enumerate() {
             let run = RunDir::unopened(&folder.join(number.to_string()));
             fs::create_dir_all(run.path()).map_err(failed)?;
@@ -46,16 +50,58 @@ impl Session {
                 },
             };
             summary.seconds += trained.seconds;
+            let trained_weights = run.weights()?;
+            if network.is_none() && matches!(member, ModelRecipe::Network(_)) {
+                network = Some((member, setup, trained.clone(), trained_weights.clone()));
+            }
             let chosen = trained.chosen.into_iter();
             let named = chosen.map(|(setting, value)| (format!("{}.{setting}", setup.name), value));
             summary.chosen.extend(named);
-            weights.push(run.weights()?);
+            weights.push(trained_weights);
+        }
+        if let Some((member, setup, trained, weights)) = network {
+            self.keep_network(begun, member, setup, trained, &weights)?;
         }
         let names = setups.iter().map(|setup| setup.name.as_str());
         self.run()
             .write_weights(&joined_weights(names.zip(&weights)))?;
         fs::remove_dir_all(&folder).map_err(failed)?;
         Ok(Some(summary))
+    }
+
+    /// Writes the run of the committee's network.
+    fn keep_network(
+        &self,
+        begun: &Begun<'_>,
+        member: &ModelRecipe,
+        setup: &MemberConfig,
+        trained: TrainingSummary,
+        weights: &Weights,
+    ) -> Result<(), PipelineError> {
+        let folder = self.run().file(NETWORK);
+        if folder.exists() {
+            let failed = |error| PipelineError::io(&folder, "replace the network's run", error);
+            fs::remove_dir_all(&folder).map_err(failed)?;
+        }
+        let whole = &begun.config;
+        let config = RunConfig {
+            spec: TrainSpec {
+                recipe: member.name().into(),
+                ..whole.spec.clone()
+            },
+            recipe: member.clone(),
+            classifier: ClassifierConfig {
+                model: setup.model.clone(),
+                ..whole.classifier.clone()
+            },
+            ..whole.clone()
+        };
+        let split = begun.fold.manifest();
+        let run = RunDir::create(&folder, &config, &split, &self.program.provenance)?;
+        run.write_weights(weights)?;
+        let result = self.evaluated(&run, &config, begun, trained, &mut |_| {})?;
+        run.write_json("result.json", &result)?;
+        run.write_manifest()
     }
 
     fn train_member(
@@ -76,6 +122,21 @@ impl Session {
 }
 
 impl RunDir {
+    /// Returns the run of a network, which classifies frame by frame: this one, or that of a committee's first network.
+    ///
+    /// - `what`: action that only networks support, as a verb phrase
+    ///
+    /// # Errors
+    /// A baseline, or a committee without the run of a network.
+    pub fn network(self, what: &str) -> Result<Self, PipelineError> {
+        let config = self.config()?;
+        let below = self.file(NETWORK);
+        match config.recipe {
+            ModelRecipe::Committee(_) if below.exists() => Self::open(&below),
+            _ => config.require_network(self.path(), what).map(|()| self),
+        }
+    }
+
     /// Reads the summary of a finished member; returns `None` if it has not ended.
     fn summary(&self) -> Result<Option<TrainingSummary>, PipelineError> {
         match self.file(SUMMARY).exists() {

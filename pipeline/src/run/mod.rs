@@ -14,6 +14,7 @@ pub(crate) mod run_config;
 pub(crate) mod run_dir;
 pub(crate) mod session;
 mod set_aside;
+mod teacher_session;
 pub(crate) mod test_sweeps;
 pub(crate) mod together;
 pub(crate) mod training_record;

@@ -75,14 +75,17 @@ impl RunConfig {
     /// # Errors
     /// A baseline or committee.
     pub fn require_network(&self, run: &Path, what: &str) -> Result<(), PipelineError> {
-        let kind = match &self.recipe {
+        let (kind, remedy) = match &self.recipe {
             ModelRecipe::Network(_) => return Ok(()),
-            ModelRecipe::Baseline(_) => "baseline",
-            ModelRecipe::Committee(_) => "committee",
+            ModelRecipe::Baseline(_) => ("baseline", PipelineRemedy::TrainNetwork),
+            ModelRecipe::Committee(_) => {
+                let run = run.to_path_buf();
+                ("committee", PipelineRemedy::Distill { run })
+            }
         };
         let name = self.recipe.name();
         let reason = format!("it is a {kind} ({name}), and only networks can {what}");
-        Err(PipelineError::run(run, reason).with_remedy(PipelineRemedy::TrainNetwork))
+        Err(PipelineError::run(run, reason).with_remedy(remedy))
     }
 
     /// Succeeds if the run's model is a network or a committee.

@@ -15,7 +15,6 @@ use super::free_folder::free_folder;
 use super::random_fold::RandomFold;
 use super::set_aside::{Aside, set_aside, write_known};
 use super::training_record::{TrainingRecord, train_batches};
-use crate::committee::recipe::CommitteeSweeps;
 use crate::{
     BaselineRecipe, BatchReport, Calibration, Classifier, ClassifierConfig, Device, LeftOutMember,
     Likeness, ModelConfig, ModelRecipe, NetworkRecipe, NetworkSetup, PipelineError, PipelineRemedy,
@@ -41,6 +40,15 @@ pub enum TrainEvent<'a> {
     },
     /// A committee has no such member, since the sweeps do not allow it.
     LeftOut(&'a LeftOutMember),
+    /// The training of a network's teacher without one part of the training sweeps begins.
+    Teacher {
+        /// Name of its recipe.
+        name: &'a str,
+        /// Number of the part, from 1.
+        number: usize,
+        /// Number of parts.
+        parts: usize,
+    },
     /// The training of a network begins or continues.
     Begun {
         /// Number of batches trained before an interruption.
@@ -152,31 +160,6 @@ fn setup_of(recipe: &ModelRecipe, train: &TrainSplit<'_>) -> ModelConfig {
     }
 }
 
-/// Returns the recipe for training sweeps, and the members of a committee that they do not allow.
-fn recipe_for(
-    recipe: &ModelRecipe,
-    train: &TrainSplit<'_>,
-) -> Result<(ModelRecipe, Vec<LeftOutMember>), PipelineError> {
-    match recipe {
-        ModelRecipe::Network(recipe) => {
-            let recipe = recipe.for_sweeps(train.len());
-            Ok((ModelRecipe::Network(recipe), Vec::new()))
-        }
-        ModelRecipe::Baseline(_) => Ok((recipe.clone(), Vec::new())),
-        ModelRecipe::Committee(recipe) => {
-            let (mut kept, left_out) = recipe.clone().for_sweeps(CommitteeSweeps {
-                shape: train.shape(),
-                rate_hz: train.dataset().sample_rate_hz(),
-                counts: &train.sweeps_per_label(),
-            })?;
-            for member in &mut kept.members {
-                *member = recipe_for(member, train)?.0;
-            }
-            Ok((ModelRecipe::Committee(kept), left_out))
-        }
-    }
-}
-
 impl Session {
     /// Reads and splits the data, and writes everything that is known before training into a new folder.
     ///
@@ -205,7 +188,7 @@ impl Session {
             target.check(aside.len())?;
         }
         refuse_starved(job.recipe(), &fitted.train)?;
-        let (recipe, left_out) = recipe_for(job.recipe(), &fitted.train)?;
+        let (recipe, left_out) = job.recipe().for_sweeps(&fitted.train)?;
         let classifier = fit_inputs(&recipe, &fitted.train, spec.seed)?;
         let config = RunConfig {
             schema_version: RunConfig::SCHEMA_VERSION,
@@ -382,35 +365,14 @@ impl Session {
         on_event: &mut impl FnMut(TrainEvent<'_>),
         stop: &impl Fn() -> bool,
     ) -> Result<TrainOutcome, PipelineError> {
-        let run = &self.run;
-        let Begun {
-            config,
-            fold,
-            fitted,
-            aside,
-            sessions,
-        } = begun;
-        let device = self.device(&config)?;
-        let classifier = Classifier::new(config.classifier.clone(), &run.weights()?, device)?;
-        if let Some(likeness) = Likeness::fit(&fitted.train, config.spec.seed)? {
-            run.write_likeness(&likeness)?;
-        }
-        let aside = aside.as_ref().map(|(target, aside)| (*target, &**aside));
-        let calibration = write_known(run, &classifier, &fitted.train, aside)?;
-        if let Some(calibration) = &calibration {
-            on_event(TrainEvent::Calibrated(calibration));
-        }
-        on_event(TrainEvent::Predicting {
-            sweeps: fold.test.len(),
-        });
-        let command = (self.program.command)(&config.named_spec(&fold).without_folders());
-        let mut result =
-            evaluate_run(run, &config, &classifier, &fold, sessions, trained, command)?;
+        let (run, config) = (&self.run, &begun.config);
+        let mut result = self.evaluated(run, config, &begun, trained, on_event)?;
         let below = self.random_fold_below.unwrap_or_default().as_secs_f64();
-        let holds_out_blocks = SplitKind::of(fold.scheme()).holds_out_blocks();
+        let holds_out_blocks = SplitKind::of(begun.fold.scheme()).holds_out_blocks();
         if holds_out_blocks && config.spec.inner.is_none() && result.train_seconds < below {
             on_event(TrainEvent::RandomFold);
-            result.random_fold = RandomFold::measure(&config, &self.dataset, device, stop);
+            let device = self.device(config)?;
+            result.random_fold = RandomFold::measure(config, &self.dataset, device, stop);
         }
         if stop() {
             return Ok(TrainOutcome::Stopped);
@@ -418,6 +380,38 @@ impl Session {
         run.write_json("result.json", &result)?;
         run.write_manifest()?;
         Ok(TrainOutcome::Finished(Box::new(result)))
+    }
+
+    /// Calibrates and evaluates the trained classifier whose weights are in `run`, and writes what is known of its training sweeps.
+    pub(super) fn evaluated(
+        &self,
+        run: &RunDir,
+        config: &RunConfig,
+        begun: &Begun<'_>,
+        trained: TrainingSummary,
+        on_event: &mut impl FnMut(TrainEvent<'_>),
+    ) -> Result<RunResult, PipelineError> {
+        let (fold, train) = (&begun.fold, &begun.fitted.train);
+        let classifier = Classifier::new(
+            config.classifier.clone(),
+            &run.weights()?,
+            self.device(config)?,
+        )?;
+        if let Some(likeness) = Likeness::fit(train, config.spec.seed)? {
+            run.write_likeness(&likeness)?;
+        }
+        let aside = begun.aside.as_ref();
+        let aside = aside.map(|(target, aside)| (*target, &**aside));
+        let calibration = write_known(run, &classifier, train, aside)?;
+        if let Some(calibration) = &calibration {
+            on_event(TrainEvent::Calibrated(calibration));
+        }
+        on_event(TrainEvent::Predicting {
+            sweeps: fold.test.len(),
+        });
+        let command = (self.program.command)(&config.named_spec(fold).without_folders());
+        let sessions = begun.sessions.clone();
+        evaluate_run(run, config, &classifier, fold, sessions, trained, command)
     }
 
     /// Trains a network or baseline and writes weights, metrics and checkpoints into `run`; returns `None` if stopped.
@@ -458,6 +452,16 @@ impl Session {
         let device = self.device(config)?;
         let network = config.classifier.network_config(setup)?;
         let normalizer = &setup.normalizer;
+        let taught = match &recipe.training.teacher {
+            None => None,
+            Some(teacher) => {
+                let teacher = teacher.recipe();
+                match self.soft_targets(run, teacher, begun, on_event, stop)? {
+                    None => return Ok(None),
+                    taught => taught,
+                }
+            }
+        };
         let training = Training::start(
             recipe,
             train,
@@ -466,6 +470,10 @@ impl Session {
             config.spec.seed,
             device,
         )?;
+        let (training, teacher_seconds) = match taught {
+            None => (training, 0.0),
+            Some((targets, seconds)) => (training.towards(targets), seconds),
+        };
         let (mut record, mut training) = TrainingRecord::resume(run, training)?;
         let (epochs, batches) = (recipe.training.epochs, training.batches());
         let steps = TrainingSteps { epochs, batches };
@@ -481,7 +489,7 @@ impl Session {
         record.save(&mut training)?;
         run.write_weights(&training.state()?.weights)?;
         Ok(Some(TrainingSummary {
-            seconds: record.seconds(),
+            seconds: teacher_seconds + record.seconds(),
             sweeps: train.len(),
             epochs: Some(epochs),
             ..TrainingSummary::default()

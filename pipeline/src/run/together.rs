@@ -67,11 +67,14 @@ mod stacks {
             on_event: &mut impl FnMut(usize, TrainEvent<'_>),
         ) -> Result<Option<Self>, PipelineError> {
             let config = session.run().config()?;
-            let (ModelRecipe::Network(_), ModelConfig::Network(setup)) =
+            let (ModelRecipe::Network(recipe), ModelConfig::Network(setup)) =
                 (&config.recipe, &config.classifier.model)
             else {
                 return Ok(None);
             };
+            if recipe.training.teacher.is_some() {
+                return Ok(None);
+            }
             let on_gpu = config.spec.device != tactnet_models::Compute::Cpu;
             // A stack trains on batches of one length.
             let unequal = session.dataset().lengths().is_some();

@@ -220,8 +220,7 @@ fn felt(run: &Path, arguments: &RunArgs) -> anyhow::Result<SkinSettings> {
 
 /// Returns the materials that a network knows, which are those of the balls.
 pub fn felt_materials(run: &Path) -> anyhow::Result<Vec<String>> {
-    let config = RunDir::open(run)?.config()?;
-    config.require_network(run, "be served")?;
+    let config = RunDir::open(run)?.network("be served")?.config()?;
     Ok(config.classifier.labels.names().map(Into::into).collect())
 }
 

@@ -14,8 +14,8 @@ use crate::commands::recall_text::recall_text;
 
 /// Accuracy from which no advice is given.
 const GOOD: f64 = 0.95;
-/// The default recipe of a training.
-const DEFAULT: &str = "fast";
+/// The recipe that has an alternative for few sweeps.
+const FAST: &str = "fast";
 /// Number of training sweeps of a material up to which the network on spectra was clearly better on the twin.
 const FEW_SWEEPS: usize = 20;
 
@@ -94,7 +94,7 @@ pub fn advice(session: &Session, result: &RunResult) -> Result<Vec<String>, Pipe
     let train = SweepView::new(session.dataset(), run.split()?.train);
     let counts = train.sweeps_per_label();
     let fewest = counts.iter().min().copied().unwrap_or_default();
-    if best < GOOD && recipe.name == DEFAULT && fewest <= FEW_SWEEPS {
+    if best < GOOD && recipe.name == FAST && fewest <= FEW_SWEEPS {
         lines.push(
             "another network may be more accurate with so few sweeps: `--recipe spectra` (on ten sweeps of each material of the synthetic twin 78 \
              instead of 45 %, but no better on a real BioTac)"
@@ -139,8 +139,8 @@ pub fn next_steps(session: &Session, fits_serving: bool) -> Result<String, Pipel
     let run = session.run();
     let config = run.config()?;
     let folder = quoted(&run.path().display().to_string());
-    let network = matches!(config.recipe, ModelRecipe::Network(_));
-    let first = if network && fits_serving {
+    let serves = RunDir::open(run.path())?.network("be served").is_ok();
+    let first = if serves && fits_serving {
         format!("`tactnet demo --run {folder}` shows it live")
     } else {
         format!("`tactnet eval {folder} --data FILE` tests it on other sweeps")

@@ -22,7 +22,7 @@ use crate::{GIT, output, source};
 #[command(after_help = "Examples:\n  \
     tactnet simulate soak --seconds 30 --json                          trains a small network first\n  \
     tactnet simulate soak --seconds 60 --with catching                 beside the real catching stack\n  \
-    tactnet simulate soak --seconds 600 --run runs/twin-fast-fold0-1   ten minutes with a trained network")]
+    tactnet simulate soak --seconds 600 --run runs/twin-committee-fold0-1   ten minutes with a trained network")]
 pub struct SoakArgs {
     /// Time with the classifier, in s; as much time without it alternates in windows of at most 10 s
     #[arg(long, value_name = "S", default_value_t = 30.0)]

@@ -16,7 +16,8 @@ use crate::source::Doubts;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet train                                        train on the twin, in about a minute and a half\n  \
+    tactnet train                                        a committee of six models on the twin, in minutes\n  \
+    tactnet train --recipe fast                          its network alone, in about a minute and a half\n  \
     tactnet train --recipe thesis --out runs/thesis      TactNet-II as published\n  \
     tactnet train --recipe spectra                       a small network on spectra, in seconds\n  \
     tactnet train --model minirocket                     a baseline on the same fold\n  \
@@ -54,10 +55,10 @@ pub struct TrainArgs {
 #[derive(Args)]
 #[group(conflicts_with = "resume")]
 struct TrainOptions {
-    /// Model to train [default: tactnet2]
+    /// Model to train [default: committee]
     #[arg(long, value_enum, ignore_case = true)]
     model: Option<ModelChoice>,
-    /// Built-in recipe (fast, spectra, thesis, robust) or TOML file [default: fast, or the model's only recipe]
+    /// Built-in recipe (fast, spectra, thesis, robust, distilled) or TOML file [default: committee, or the recipe of --model]
     #[arg(long, value_name = "NAME|FILE")]
     recipe: Option<String>,
     /// Keep or remove each taxel's mean over the sweep [default: the recipe's choice]
@@ -315,7 +316,7 @@ mod tests {
     fn a_printed_command_parses_to_the_same_settings() {
         assert_eq!(
             command_line(&TrainSpec::default()),
-            "tactnet train --data twin --recipe fast --repeat 0 --seed 1 --device cpu"
+            "tactnet train --data twin --recipe committee --repeat 0 --seed 1 --device cpu"
         );
         let spaced = TrainSpec {
             data: "some where/wood, cork.h5".into(),

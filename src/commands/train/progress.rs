@@ -52,6 +52,11 @@ impl Progress {
                 number,
                 members,
             } => say!("{name}, {number} of {members}:"),
+            TrainEvent::Teacher {
+                name,
+                number,
+                parts,
+            } => say!("{name}, without part {number} of {parts}:"),
             TrainEvent::Begun {
                 batches_before,
                 steps,

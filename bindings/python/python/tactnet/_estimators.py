@@ -328,7 +328,7 @@ class _OfRecipe(SweepClassifier):
 class TactNetClassifier(_OfRecipe):
     """A network: TactNet-II (Tulbure & Bäuml, Humanoids 2018), or a smaller one on spectra of short windows (``recipe="spectra"``).
 
-    recipe: ``fast``, ``spectra``, ``thesis`` (200 adversarial epochs, as published), ``robust`` (trained for dead taxels, drift and other disturbances), or the path of a TOML file.
+    recipe: ``fast``, ``spectra``, ``thesis`` (200 adversarial epochs, as published), ``robust`` (trained for dead taxels, drift and other disturbances), ``distilled`` (taught by a committee), or the path of a TOML file.
     epochs: number of epochs instead of the recipe's.
     levels: ``kept`` or ``removed``: use of a taxel's mean over the sweep; None: as in the recipe.
     rate: frames per second; None: unknown, and sweeps of any rate are accepted.

@@ -9,6 +9,7 @@ use tactnet_models::Weights;
 
 mod committee;
 mod random_fold;
+mod teacher;
 
 use super::*;
 use crate::{CalibrationTarget, EpochMetrics, SplitKind, TestSweeps, TrainEmbeddings};
