@@ -425,7 +425,7 @@ mod tests {
     #[test]
     fn json_is_short_and_comes_back() {
         let text = serde_json::to_string(&TrainSpec::default()).unwrap();
-        assert_eq!(text, r#"{"data":"twin","recipe":"fast","seed":1}"#);
+        assert_eq!(text, r#"{"data":"twin","recipe":"committee","seed":1}"#);
         for spec in [TrainSpec::default(), everything()] {
             let text = serde_json::to_string(&spec).unwrap();
             assert_eq!(serde_json::from_str::<TrainSpec>(&text).unwrap(), spec);
@@ -440,6 +440,7 @@ mod tests {
     #[test]
     fn a_job_has_the_settings_of_its_spec() {
         let job = TrainJob::try_from(TrainSpec {
+            recipe: "fast".into(),
             epochs: Some(3),
             mean_removal: Some(MeanRemoval::PerSweep),
             ..TrainSpec::default()
