@@ -16,6 +16,9 @@ alternate, and the median counts. A ratio is aeon's time divided by ours, so abo
 is less sensitive to other load. Memory is the peak of each process, including its interpreter and libraries, its copy of the sweeps (bytes
 here, `f32` in aeon) and the features. Our times also include converting bytes to `f32` and transposing `[steps][taxels]` to
 `[taxels][steps]`, which aeon does not need.
+
+With `--public DIR` it measures the accuracy of aeon's classifiers instead, on the folds of `tactnet experiment run public --set data=DIR`,
+and ranks them among the models of experiments/results/public.json.
 """
 
 import argparse
@@ -29,6 +32,8 @@ import subprocess
 import sys
 import tempfile
 import time
+
+import aeon_public
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SWEEPS = {"minirocket": 3600, "multirocket-hydra": 200, "h": 3600}
@@ -176,6 +181,7 @@ def main():
     parser.add_argument(
         "--example", type=pathlib.Path, default=ROOT / "target/release/examples/feature_turns", help="our side"
     )
+    parser.add_argument("--public", metavar="DIR", help="folder of data sets: accuracy instead of time")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--aeon-side", metavar="FILE", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -184,6 +190,15 @@ def main():
         return
     options.program, options.example = options.program.resolve(), options.example.resolve()
     found_versions = versions()
+    if options.public:
+        rows = aeon_public.measure(options.program, options.public, options.threads)
+        found = {"rows": rows, "ranks": aeon_public.ranked(rows), "commit": commit(), "versions": found_versions}
+        if options.json:
+            print(json.dumps(found, indent=2))
+        else:
+            for row in found["ranks"]:
+                print(f"{row['classifier']:<26}error {100 * row['mean_error']:5.1f} %  rank {row['mean_rank']:.2f}  {row['sets']} sets")
+        return
     for program in [options.program, options.example]:
         if not program.exists():
             sys.exit(f"{program} is missing: cargo build --release && cargo build --release --examples")
