@@ -14,7 +14,7 @@ use tactnet_serving::web;
 use tactnet_simulation::{Demo, SMALL_MATERIALS, SMALL_SWEEPS, make_twin, train_small_network};
 
 use super::choices::{listen, rate};
-use super::served_run::served_run;
+use super::network_run::{NetworkUse, network_run};
 use super::simulate::check_fit;
 use super::simulate::fault::FaultArgs;
 use crate::stop::Stop;
@@ -107,7 +107,7 @@ fn network_and_sweeps(
     let made = folder.join("sweeps.h5");
     match &arguments.run {
         Some(run) => {
-            let opened = served_run(run)?;
+            let opened = network_run(run, NetworkUse::Serve)?;
             let config = opened.config()?;
             if arguments.data.is_none() {
                 for added in opened.enrolled()? {

@@ -1,7 +1,7 @@
 //! `tactnet export`: writes a trained network or committee in other formats.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, bail};
@@ -10,6 +10,7 @@ use tactnet_pipeline::{
     ModelRecipe, OnnxInputs, RunDir, to_onnx, to_safetensors, weights_sha256, write_whole,
 };
 
+use super::network_run::{NetworkUse, network_run};
 use super::run_choice::RunChoice;
 use crate::GIT;
 
@@ -69,9 +70,8 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
             arguments.out.display()
         );
     }
-    let run = RunDir::open(arguments.run.dir())?;
+    let run = exported(arguments.run.dir())?;
     let config = run.config()?;
-    config.require_network_or_committee(arguments.run.dir(), "be exported")?;
     if let (Format::Safetensors, ModelRecipe::Committee(_)) = (format, &config.recipe) {
         bail!(
             "{}: a committee has only an ONNX form; name a file that ends in .onnx",
@@ -112,4 +112,20 @@ pub fn run(arguments: &ExportArgs) -> anyhow::Result<ExitCode> {
         bytes.len() as f64 / 1e6
     );
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns the run to export: that of its network if a committee has members without an ONNX form.
+fn exported(dir: &Path) -> anyhow::Result<RunDir> {
+    let run = RunDir::open(dir)?;
+    let config = run.config()?;
+    config.require_network_or_committee(dir, "be exported")?;
+    let ModelRecipe::Committee(committee) = &config.recipe else {
+        return Ok(run);
+    };
+    let is_network = |member: &ModelRecipe| matches!(member, ModelRecipe::Network(_));
+    if committee.members.iter().all(is_network) {
+        return Ok(run);
+    }
+    // Without a network, the error of the export names the members.
+    Ok(network_run(dir, NetworkUse::Export).unwrap_or(run))
 }

@@ -22,6 +22,7 @@ mod evaluation_table;
 pub mod experiment;
 pub mod export;
 pub mod man;
+mod network_run;
 pub mod predict;
 pub mod progress_line;
 mod recall_text;
@@ -36,7 +37,6 @@ pub mod run_classifier;
 pub mod same;
 mod same_text;
 pub mod serve;
-mod served_run;
 pub mod simulate;
 #[cfg(feature = "catching")]
 pub mod stage_source;

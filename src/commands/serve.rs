@@ -17,7 +17,7 @@ use tactnet_serving::{
 };
 use tactnet_skin::{FrameSpan, ServeConfig, commented};
 
-use super::served_run::served_run;
+use super::network_run::{NetworkUse, network_run};
 use crate::output::counted;
 use crate::stop::Stop;
 use crate::table;
@@ -82,7 +82,7 @@ pub fn run(arguments: &ServeArgs) -> anyhow::Result<ExitCode> {
     config.dead.extend(&arguments.dead);
     // A wrong folder is reported before the channels are opened.
     if let ModelSource::Run(run) = &source {
-        served_run(run)?;
+        network_run(run, NetworkUse::Serve)?;
     }
     let bus = Bus::open(Domain::Host, &table)?;
     let skip = config.segmenter.skip;

@@ -210,6 +210,12 @@ fn a_committee_serves_its_network_and_a_distilled_one() {
     table.arg(lab.path("run"));
     expect(0, table);
 
+    let mut export = tactnet(["export"]);
+    export.arg(lab.path("run"));
+    export.arg("--out").arg(lab.path("network.onnx"));
+    let said = stderr(&expect(0, export));
+    assert!(said.contains("its network `fast` is exported"), "{said}");
+
     let mut distill = tactnet(["distill"]);
     distill.arg(lab.path("run"));
     distill.arg("--out").arg(lab.path("one"));
