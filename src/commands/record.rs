@@ -10,6 +10,7 @@ use serde::Serialize;
 use tactnet_channel::{Bus, Domain};
 use tactnet_recording::{About, Counts, Recorder, files_of_run};
 
+use super::network_run::{NetworkUse, network_run};
 use crate::stop::Stop;
 use crate::table;
 use crate::{GIT, output};
@@ -103,7 +104,7 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
         git: GIT.into(),
         files: match &arguments.run {
             None => Vec::new(),
-            Some(run) => files_of_run(run)?,
+            Some(run) => files_of_run(network_run(run, NetworkUse::Serve)?.path())?,
         },
     };
     let table = table::load(&arguments.table)?;

@@ -47,9 +47,38 @@ pub(super) fn cut(
     }
     recordings.recordings = match &options.windows {
         Some(windows) => in_windows(recordings, timing, &pieces, &stretches, windows, options)?,
-        None => stretches,
+        None => {
+            share_blocks(recordings, &pieces, &mut stretches);
+            stretches
+        }
     };
     Ok(())
+}
+
+/// Gives the stretches of each recording one block if gaps have split recordings, so that no fold separates them, and notes it.
+fn share_blocks(recordings: &mut Recordings<'_>, pieces: &[Piece], stretches: &mut [Recording]) {
+    let all = recordings.recordings.len();
+    let mut counts = vec![0_usize; all];
+    for piece in pieces {
+        counts[piece.recording] += 1;
+    }
+    let split = counts.iter().filter(|count| **count > 1).count();
+    if split == 0 {
+        return;
+    }
+    let mut lengths = Vec::new();
+    for (piece, stretch) in pieces.iter().zip(stretches) {
+        stretch.block.get_or_insert(piece.recording as u32);
+        if counts[piece.recording] > 1 {
+            lengths.push(stretch.frames(recordings.patch));
+        }
+    }
+    let shortest = lengths.iter().min().copied().unwrap_or_default();
+    let longest = lengths.iter().max().copied().unwrap_or_default();
+    recordings.findings.push(Finding::not_read(format!(
+        "{split} of {all} recordings have gaps and became {} sweeps of {shortest} to {longest} steps; the sweeps of one recording share a block",
+        lengths.len()
+    )));
 }
 
 /// Returns the stretches of all recordings without a gap.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use proptest::prelude::*;
-use tactnet_data::format::{self, ReadOptions, Span, Windows, npz};
+use tactnet_data::format::{self, Keep, ReadOptions, Span, Windows, npz};
 use tactnet_data::{DataError, Dataset, FindingKind, Remedy, Severity, check};
 
 use crate::tables::write;
@@ -139,6 +139,58 @@ fn windows_end_at_gaps() {
         .map(|(window, first)| (window.2 - first).abs() < 1e-3)
         .collect();
     assert_eq!((dataset.sample_rate_hz(), near), (50.0, vec![true, true]));
+}
+
+/// A split recording in two folds would be trained and tested on at once.
+#[test]
+fn the_parts_of_a_recording_with_a_gap_share_a_block_and_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    for (material, recordings) in [("cork", 3), ("felt", 2)] {
+        std::fs::create_dir(dir.path().join(material)).unwrap();
+        for recording in 0..recordings {
+            let mut text = String::from("time,a,b\n");
+            for frame in 0..100 {
+                // The first recording of each material stands still for a second after frame 39.
+                let lost = if recording == 0 && frame >= 40 {
+                    1.0
+                } else {
+                    0.0
+                };
+                let time = f64::from(frame) / 100.0 + lost;
+                text.push_str(&format!(
+                    "{time},{},{}\n",
+                    frame * 7 % 13,
+                    frame * recording
+                ));
+            }
+            write(
+                &dir.path().join(format!("{material}/{recording}.csv")),
+                &text,
+            );
+        }
+    }
+    let options = ReadOptions {
+        resample_hz: Some(50.0),
+        keep: Keep::Shortest,
+        ..ReadOptions::default()
+    };
+    let dataset = format::read_with(dir.path(), &options).unwrap();
+    let blocks = |material: &str| -> Vec<u32> {
+        let of_material = contents(&dataset)
+            .into_iter()
+            .filter(|found| found.0 == material);
+        of_material.map(|(_, block, _)| block).collect()
+    };
+    assert_eq!(
+        (blocks("cork"), blocks("felt")),
+        (vec![0, 0, 1, 2], vec![3, 3, 4])
+    );
+    let said = "2 of 5 recordings have gaps and became 4 sweeps of 20 to 30 steps; the sweeps of one recording share a block";
+    let findings = dataset.reading_findings();
+    assert!(
+        findings.iter().any(|finding| finding.message == said),
+        "{findings:?}"
+    );
 }
 
 #[test]
