@@ -66,6 +66,8 @@ def measure(program, data, threads, seed=1):
     """Returns one row for each set, split and classifier."""
     warnings.filterwarnings("ignore")
     rows, loaded = {}, {}
+    # Tasks name the files that links point to.
+    names = {str(file.resolve()): file.stem for file in pathlib.Path(data).iterdir()}
     with tempfile.TemporaryDirectory() as out:
         for file, condition, train, test in folds(program, data, out):
             if file not in loaded:
@@ -73,11 +75,12 @@ def measure(program, data, threads, seed=1):
             samples, labels = loaded[file]
             for name, make in classifiers(threads, seed).items():
                 begin = time.perf_counter()
+                name_of_set = names.get(str(pathlib.Path(file).resolve()), pathlib.Path(file).stem)
                 found = make().fit(samples[train], labels[train]).predict(samples[test])
-                row = rows.setdefault((pathlib.Path(file).stem, condition, name), ([], []))
+                row = rows.setdefault((name_of_set, condition, name), ([], []))
                 row[0].append(float(np.mean(found == labels[test])))
                 row[1].append(time.perf_counter() - begin)
-                print(f"{pathlib.Path(file).stem}, {condition}: {name} {row[0][-1]:.3f} in {row[1][-1]:.0f} s", file=sys.stderr, flush=True)
+                print(f"{name_of_set}, {condition}: {name} {row[0][-1]:.3f} in {row[1][-1]:.0f} s", file=sys.stderr, flush=True)
     return [
         {
             "data": data,
