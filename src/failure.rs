@@ -155,12 +155,15 @@ fn is_usage_of_features(cause: &(dyn Error + 'static)) -> Option<bool> {
     answer
 }
 
-/// Returns true for a disk that is full or read-only. Other system errors, such as a missing file, count as wrong calls.
+/// Returns true for a disk that is full or read-only, or takes no file of that size. Other system errors, such as a missing file, count as wrong calls.
 fn is_about_disk(error: &std::io::Error) -> bool {
     use std::io::ErrorKind;
     matches!(
         error.kind(),
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::ReadOnlyFilesystem
+        ErrorKind::StorageFull
+            | ErrorKind::QuotaExceeded
+            | ErrorKind::FileTooLarge
+            | ErrorKind::ReadOnlyFilesystem
     )
 }
 

@@ -118,7 +118,7 @@ enum Command {
 fn silence_reader_panics() {
     let shown = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        if std::thread::current().name() != Some(tactnet_data::format::READING) {
+        if !tactnet_data::format::is_reading() {
             shown(panic);
         }
     }));
@@ -132,6 +132,16 @@ fn use_processor_by_default() {
         unsafe { std::env::set_var("BURN_DEVICE", "flex") };
     }
 }
+
+/// Makes a write beyond the limit of file sizes (`ulimit -f`) an error with a message instead of the end of the process.
+#[cfg(unix)]
+fn refuse_large_files_in_words() {
+    // SAFETY: no other thread has been started, and no handler is installed.
+    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
+#[cfg(not(unix))]
+fn refuse_large_files_in_words() {}
 
 /// Sets a nonexistent Wayland display if the environment has neither a display nor a runtime folder. Otherwise graphics drivers would
 /// print warnings during the search for a GPU.
@@ -153,6 +163,7 @@ fn parse() -> Result<Cli, clap::Error> {
 fn main() -> ExitCode {
     use_processor_by_default();
     silence_reader_panics();
+    refuse_large_files_in_words();
     let cli = match parse() {
         Ok(cli) => cli,
         Err(error) => return failure::usage(&error),

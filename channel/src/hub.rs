@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
+use crate::hub_runs::HUB_LOCK;
 use crate::memory_folder::{bus_folder, own_folder};
 use crate::own_file::own_file;
 use crate::packet::{Block, Header};
@@ -192,7 +193,7 @@ impl Hub {
 }
 
 fn lock(folder: &FilePath, bus: &str) -> Result<File, ChannelError> {
-    let path = folder.join("hub");
+    let path = folder.join(HUB_LOCK);
     let failed = |source| ChannelError::Io {
         path: path.clone(),
         action: "lock",

@@ -18,6 +18,7 @@ mod error;
 mod failed_connections;
 mod get;
 mod hub;
+mod hub_runs;
 mod hub_thread;
 mod listing;
 mod memory_folder;
@@ -43,6 +44,7 @@ pub use bus::{AsChannelId, Bus, Domain};
 pub use error::{ChannelError, Remedy, is_wrong_path};
 pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
+pub use hub_runs::hub_runs;
 pub use hub_thread::HubThread;
 pub use listing::{ListedChannel, list_channels};
 pub use memory_folder::{

@@ -9,10 +9,12 @@ mod groups;
 mod manifest;
 mod scheme;
 mod split;
+mod train_split;
 
 pub use manifest::SplitManifest;
 pub use scheme::Scheme;
-pub use split::{SweepView, TestSplit, TrainSplit, ValidationSplit};
+pub use split::{SweepView, TestSplit, ValidationSplit};
+pub use train_split::TrainSplit;
 
 use crate::{DataError, Dataset, Seed, shuffle};
 use groups::Groups;
@@ -309,7 +311,7 @@ fn held_out(
 }
 
 /// Distributes sweeps to parts, label by label in random order. The sizes of the parts differ by at most one sweep, for
-/// every label and in total.
+/// every label that occurs and in total.
 ///
 /// Returns the part of each of `sweeps`, below `parts`. The order of label `l` comes from the stream `(stream, repeat,
 /// l)`.
@@ -330,6 +332,9 @@ fn distribute(
     let mut part_of = vec![0; sweeps.len()];
     let mut next = 0;
     for (label, mut positions) in positions_of_label.into_iter().enumerate() {
+        if positions.is_empty() {
+            continue;
+        }
         if positions.len() < parts {
             return Err(DataError::inconsistent(
                 format!("sweeps of `{}`", dataset.labels().name(label)),

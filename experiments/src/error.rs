@@ -79,6 +79,18 @@ pub enum ExperimentError {
         /// Message of the program.
         reason: String,
     },
+    /// A disk without space for the results of a task.
+    #[error(
+        "{}: the disk is full, a quota is used up, or files may not be that large; what has finished is kept ({first}: {reason})", path.display()
+    )]
+    DiskFull {
+        /// Folder of the experiment.
+        path: PathBuf,
+        /// Name of the task that failed first.
+        first: String,
+        /// Last line of its log.
+        reason: String,
+    },
     /// Tasks that failed in every attempt.
     #[error("{count} of {all} tasks failed; the first, {first}: {reason}")]
     Tasks {
@@ -134,7 +146,7 @@ impl ExperimentError {
             | Self::Occupied { .. }
             | Self::Unsuitable { .. } => true,
             Self::Io { source, .. } => is_wrong_path(source),
-            Self::Slurm { .. } | Self::Tasks { .. } => false,
+            Self::Slurm { .. } | Self::Tasks { .. } | Self::DiskFull { .. } => false,
         }
     }
 

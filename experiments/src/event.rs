@@ -27,6 +27,13 @@ pub enum Event<'a> {
         /// time; it is 0 if another runner ran the task.
         seconds: f64,
     },
+    /// The cluster ended a task before it was finished; the task goes on later, and no attempt is used up.
+    Interrupted {
+        /// The task.
+        task: &'a Task,
+        /// The cluster's reason.
+        reason: String,
+    },
     /// A task has failed; it is retried a limited number of times.
     Failed {
         /// The task.

@@ -10,7 +10,7 @@ use tactnet_data::Seed;
 use tactnet_models::Compute;
 use tactnet_pipeline::TrainSpec;
 
-use crate::tasks::{ExperimentDir, TaskState};
+use crate::tasks::{ExperimentDir, TaskState, is_about_disk};
 use crate::{Event, ExperimentError, Job, Task, TimeLeft};
 use task_process::TaskProcess;
 
@@ -99,7 +99,7 @@ fn together(dir: &ExperimentDir, first: usize, open: &[usize], most: usize) -> V
 /// - `tell`: receives progress events
 ///
 /// # Errors
-/// Tasks that failed three times, after all others have finished; a folder that cannot be written.
+/// Tasks that failed three times, after all others have finished; a folder that cannot be written; a full disk, at once.
 pub fn run_locally(
     dir: &ExperimentDir,
     program: &Path,
@@ -177,6 +177,14 @@ impl Runner<'_> {
                     let seconds = process.seconds() / indices.len() as f64;
                     tell(Event::Done { task, seconds });
                 } else if !stopping {
+                    let reason = self.dir.last_log_line(task);
+                    if is_about_disk(&reason) {
+                        return Err(ExperimentError::DiskFull {
+                            path: self.dir.path().into(),
+                            first: task.id.clone(),
+                            reason,
+                        });
+                    }
                     self.attempts[index] += 1;
                     // With several tasks in a process, the wrong call cannot be attributed to one of them.
                     if status.code() == Some(HOPELESS) && indices.len() == 1 {
@@ -185,7 +193,7 @@ impl Runner<'_> {
                     tell(Event::Failed {
                         task,
                         attempt: self.attempts[index],
-                        reason: self.dir.last_log_line(task),
+                        reason,
                     });
                     self.ended[index] = self.attempts[index] >= ATTEMPTS;
                 }

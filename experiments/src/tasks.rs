@@ -342,6 +342,18 @@ impl ExperimentDir {
     }
 }
 
+/// Returns true for a line about a disk that is full, a quota that is used up, or a file that is larger than allowed.
+pub(crate) fn is_about_disk(line: &str) -> bool {
+    let line = line.to_lowercase();
+    let words = [
+        "no space left on device",
+        "disk quota exceeded",
+        "quota exceeded",
+        "file too large",
+    ];
+    words.iter().any(|words| line.contains(words))
+}
+
 /// Returns the last line of a log that is not about stopping.
 fn last_progress_in(log: &str) -> &str {
     let is_about_stopping =

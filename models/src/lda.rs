@@ -20,31 +20,40 @@ pub struct Lda {
 impl Lda {
     /// Fits to `features` with `labels` below `materials`; prior probabilities are the label frequencies.
     ///
+    /// - `weights`: `[sweeps]`, positive; `None`: all are equal. Frequencies, means and covariances are weighted sums. The shrinkage follows
+    ///   the effective number of sweeps, `(sum w)^2 / sum w^2` (Kish, 1965).
+    ///
     /// # Errors
     /// The covariance is not positive definite.
     pub fn fit(
         features: &Features,
         labels: &[usize],
         materials: usize,
+        weights: Option<&[f64]>,
     ) -> Result<Self, ModelError> {
         // With one thread, results do not depend on the number of threads.
         faer::set_global_parallelism(Par::Seq);
-        let (width, sweeps) = (features.width(), labels.len() as f64);
+        let weight = |sweep: usize| weights.map_or(1.0, |weights| weights[sweep]);
+        let (width, total) = (features.width(), (0..labels.len()).map(weight).sum::<f64>());
         let mut covariance = Mat::<f64>::zeros(width, width);
         let mut means = Mat::<f64>::zeros(width, materials);
         let mut logs = vec![f64::NEG_INFINITY; materials];
         for label in 0..materials {
-            let rows: Vec<&[f32]> = features
+            let rows: Vec<WeightedRow<'_>> = features
                 .values()
                 .chunks_exact(width)
                 .zip(labels)
-                .filter(|(_, found)| **found == label)
-                .map(|(row, _)| row)
+                .enumerate()
+                .filter(|(_, (_, found))| **found == label)
+                .map(|(sweep, (values, _))| WeightedRow {
+                    values,
+                    weight: weight(sweep),
+                })
                 .collect();
             if rows.is_empty() {
                 continue;
             }
-            let prior = rows.len() as f64 / sweeps;
+            let prior = rows.iter().map(|row| row.weight).sum::<f64>() / total;
             logs[label] = prior.ln();
             let (mean, shrunk) = mean_and_covariance(&rows, width);
             covariance += faer::Scale(prior) * shrunk;
@@ -88,30 +97,51 @@ impl Lda {
     }
 }
 
+/// Features of a sweep with its weight.
+struct WeightedRow<'a> {
+    values: &'a [f32],
+    weight: f64,
+}
+
 /// Returns mean and shrunk covariance of one class; the shrinkage is estimated on features scaled to unit variance.
-fn mean_and_covariance(rows: &[&[f32]], width: usize) -> (Vec<f64>, Mat<f64>) {
-    let n = rows.len() as f64;
+fn mean_and_covariance(rows: &[WeightedRow<'_>], width: usize) -> (Vec<f64>, Mat<f64>) {
+    let n: f64 = rows.iter().map(|row| row.weight).sum();
+    let squares: f64 = rows.iter().map(|row| row.weight.powi(2)).sum();
     let mut mean = vec![0.0; width];
     for row in rows {
-        for (mean, x) in mean.iter_mut().zip(*row) {
-            *mean += f64::from(*x) / n;
+        for (mean, x) in mean.iter_mut().zip(row.values) {
+            *mean += row.weight * f64::from(*x) / n;
         }
     }
     let mut scale = vec![0.0; width];
     for row in rows {
-        for ((scale, x), mean) in scale.iter_mut().zip(*row).zip(&mean) {
-            *scale += (f64::from(*x) - mean).powi(2) / n;
+        for ((scale, x), mean) in scale.iter_mut().zip(row.values).zip(&mean) {
+            *scale += row.weight * (f64::from(*x) - mean).powi(2) / n;
         }
     }
     for scale in &mut scale {
         *scale = if *scale > 0.0 { scale.sqrt() } else { 1.0 };
     }
+    // Rows times the roots of their weights, so that products of columns are weighted sums.
     let centred = Mat::from_fn(rows.len(), width, |row, k| {
-        (f64::from(rows[row][k]) - mean[k]) / scale[k]
+        let WeightedRow { values, weight } = &rows[row];
+        weight.sqrt() * ((f64::from(values[k]) - mean[k]) / scale[k])
     });
     let mut covariance = centred.transpose() * &centred * faer::Scale(1.0 / n);
     let trace = (0..width).map(|k| covariance[(k, k)]).sum::<f64>() / width as f64;
-    let shrinkage = shrinkage(&centred, &covariance, trace);
+    // The norm of a row of `centred` has the factor sqrt(w), so its fourth power has w^2.
+    let fourth: f64 = (0..centred.nrows())
+        .map(|row| {
+            let norm = centred.row(row).iter().map(|x| x * x).sum::<f64>();
+            norm.powi(2) / rows[row].weight
+        })
+        .sum();
+    let shrinkage = shrinkage(Moments {
+        fourth: fourth / n,
+        effective: n.powi(2) / squares,
+        trace,
+        covariance: &covariance,
+    });
     for i in 0..width {
         for j in 0..width {
             covariance[(i, j)] *= 1.0 - shrinkage;
@@ -126,18 +156,24 @@ fn mean_and_covariance(rows: &[&[f32]], width: usize) -> (Vec<f64>, Mat<f64>) {
     (mean, covariance)
 }
 
+/// Moments of the scaled features of a class.
+struct Moments<'a> {
+    /// Mean fourth power of the norm of a sweep.
+    fourth: f64,
+    /// Effective number of sweeps.
+    effective: f64,
+    /// Mean of the covariance's diagonal.
+    trace: f64,
+    covariance: &'a Mat<f64>,
+}
+
 /// Returns Ledoit and Wolf's estimate of the shrinkage, 0 to 1.
-///
-/// - `trace`: mean of the covariance's diagonal
-fn shrinkage(centred: &Mat<f64>, covariance: &Mat<f64>, trace: f64) -> f64 {
-    let (n, width) = (centred.nrows() as f64, centred.ncols() as f64);
-    let squares: f64 = covariance.squared_norm_l2();
-    let fourth: f64 = (0..centred.nrows())
-        .map(|row| centred.row(row).iter().map(|x| x * x).sum::<f64>().powi(2))
-        .sum();
+fn shrinkage(moments: Moments<'_>) -> f64 {
+    let width = moments.covariance.ncols() as f64;
+    let squares: f64 = moments.covariance.squared_norm_l2();
     // Sum over all feature pairs of the variance of their products, over the squared distance to a multiple of the unit matrix.
-    let beta = (fourth / n - squares) / (width * n);
-    let delta = squares / width - trace * trace;
+    let beta = (moments.fourth - squares) / (width * moments.effective);
+    let delta = squares / width - moments.trace * moments.trace;
     if delta <= 0.0 || beta <= 0.0 {
         return if beta <= 0.0 { 0.0 } else { 1.0 };
     }
@@ -162,7 +198,7 @@ mod tests {
             })
             .collect();
         let features = Features::new(width, values);
-        let lda = Lda::fit(&features, &labels, materials).unwrap();
+        let lda = Lda::fit(&features, &labels, materials, None).unwrap();
         let expected = GOLDEN;
         for (found, expected) in lda.coefficients.iter().zip(expected.0) {
             assert!((found - expected).abs() < 1e-6, "{found} {expected}");
@@ -177,10 +213,36 @@ mod tests {
     #[test]
     fn a_material_without_sweeps_is_never_predicted() {
         let features = Features::new(1, vec![0.0, 1.0, 5.0, 6.0]);
-        let lda = Lda::fit(&features, &[0, 0, 2, 2], 3).unwrap();
+        let lda = Lda::fit(&features, &[0, 0, 2, 2], 3, None).unwrap();
         for row in lda.log_probabilities(&features) {
             assert_eq!(row[1], f64::NEG_INFINITY);
         }
+    }
+
+    /// Of a single feature the shrinkage, which counts repetitions as one sweep, has no influence.
+    #[test]
+    fn whole_weights_are_repetitions_of_the_sweep() {
+        let features = Features::new(1, vec![0.0, 1.0, 3.0, 5.0, 6.0]);
+        let labels = [0, 0, 0, 1, 1];
+        let plain = Lda::fit(&features, &labels, 2, None).unwrap();
+        let doubled = Lda::fit(&features, &labels, 2, Some(&[2.0; 5])).unwrap();
+        let weighted = Lda::fit(&features, &labels, 2, Some(&[1.0, 1.0, 2.0, 1.0, 3.0])).unwrap();
+        let repeated = Features::new(1, vec![0.0, 1.0, 3.0, 3.0, 5.0, 6.0, 6.0, 6.0]);
+        let repeated = Lda::fit(&repeated, &[0, 0, 0, 0, 1, 1, 1, 1], 2, None).unwrap();
+        let numbers = |lda: &Lda| [lda.coefficients.clone(), lda.intercepts.clone()].concat();
+        for (found, expected, how) in [
+            (&doubled, &plain, "doubled"),
+            (&weighted, &repeated, "repeated"),
+        ] {
+            for (found, expected) in numbers(found).iter().zip(numbers(expected)) {
+                // Rounding of double precision.
+                assert!(
+                    (found - expected).abs() < 1e-9 * expected.abs().max(1.0),
+                    "{how}: {found} {expected}"
+                );
+            }
+        }
+        assert_ne!(numbers(&weighted), numbers(&plain));
     }
 
     const GOLDEN: ([f64; 9], [f64; 3]) = (

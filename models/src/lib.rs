@@ -79,13 +79,13 @@ pub use heads::{
 pub use knn::Knn;
 pub use lda::Lda;
 pub use log_spectra::{ENERGY_FLOOR, LOG_GAIN, LOG_OFFSET, SpectralTables};
-pub use loss::{cross_entropy, soft_cross_entropy};
+pub use loss::{cross_entropy, soft_cross_entropy, weighted_cross_entropy};
 pub use missing_feature::MissingFeature;
 pub use mlp::{DenseWeights, Mlp, matrix};
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 pub use net_stack::{NetStack, StackSettings, StackedNet};
 pub use network::{Network, TrainingForward};
-pub use ridge::{Gram, Ridge, default_penalties};
+pub use ridge::{Gram, Ridge, RidgeTargets, default_penalties};
 pub use ridge_regression::RidgeRegression;
 pub use safetensors_bytes::safetensors_bytes;
 pub use siamese::{batch_contrastive_loss, contrastive_loss, distance, probability_of_difference};

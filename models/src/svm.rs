@@ -202,7 +202,11 @@ impl Svm {
     }
 }
 
-/// Fits the sigmoids of all pairs (Platt, 1999; Lin, Lin & Weng, 2007) to decisions on held-out sweeps.
+/// Slope and offset of a pair of which held-out sweeps of one side or both are missing: a decision value counts as log-odds.
+const UNCALIBRATED: [f64; 2] = [-1.0, 0.0];
+
+/// Fits the sigmoids of all pairs (Platt, 1999; Lin, Lin & Weng, 2007) to decisions on held-out sweeps. A pair without held-out sweeps of both
+/// materials is not calibrated.
 ///
 /// - `decisions`: `[sweeps][pairs]`
 /// - `labels`: `[sweeps]`
@@ -222,6 +226,9 @@ pub fn fit_platt(
             let (values, positive): (Vec<f64>, Vec<bool>) = rows
                 .map(|i| (decisions[i][pair], labels[i] == first))
                 .unzip();
+            if !positive.contains(&true) || !positive.contains(&false) {
+                return Ok(UNCALIBRATED);
+            }
             sigmoid(&Array1::from(values), &Array1::from(positive))
         })
         .collect::<Result<Vec<_>, _>>()
@@ -361,6 +368,15 @@ mod tests {
             labels.push(label);
         }
         (Features::new(2, values), labels)
+    }
+
+    #[test]
+    fn a_pair_without_held_out_sweeps_of_one_side_keeps_its_decisions() {
+        let decisions = [[2.0, 1.0, -1.0], [-1.0, 0.5, 2.0], [1.5, 1.0, 0.0]].map(Vec::from);
+        let sigmoids = fit_platt(&decisions, &[0, 1, 0], 3).unwrap();
+        // Pairs (0, 1), (0, 2), (1, 2): nothing is held out of material 2.
+        assert_ne!(sigmoids.0[0], UNCALIBRATED);
+        assert_eq!(sigmoids.0[1..], [UNCALIBRATED; 2]);
     }
 
     #[test]

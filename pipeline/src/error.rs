@@ -100,6 +100,14 @@ pub enum PipelineError {
         /// Built-in models that can be trained with so few sweeps.
         models: Vec<&'static str>,
     },
+    /// Model that cannot be fitted to weighted sweeps.
+    #[error(
+        "model `{model}` cannot use sample weights; networks, `lda`, `minirocket` and `multirocket-hydra` can"
+    )]
+    SampleWeights {
+        /// Name of the recipe.
+        model: String,
+    },
     /// Too few sweeps for calibrated thresholds at the requested rates.
     #[error(
         "calibration: {false_alarms_percent} % false alarms and {coverage_percent} % coverage need at least {needed} sweeps set aside, found \
@@ -224,6 +232,7 @@ impl PipelineError {
             | Self::Incompatible { .. }
             | Self::Doubtful { .. }
             | Self::TooFewSweeps { .. }
+            | Self::SampleWeights { .. }
             | Self::TooFewSetAside { .. }
             | Self::Enroll { .. }
             | Self::AdaptRefused { .. }

@@ -63,6 +63,7 @@ pub use features::mean_removal::MeanRemoval;
 pub use features::normalize::{Normalizer, Scaling};
 pub use likeness::{Difference, Likeness, LikenessReport, LikenessVerdict, Property, TaxelOrder};
 pub use model_recipe::ModelRecipe;
+pub use network::batch_report::BatchReport;
 pub use network::embedding::Embedding;
 pub use network::fit_mlp::{
     MlpTraining, SweepPair, fit_difference, fit_embedding, fit_labels, predict_difference,
@@ -74,7 +75,7 @@ pub use network::objective::{Pass, Perturbation, Targets, adversarial_pass, base
 pub use network::stacked::{StackMember, StackedTraining};
 pub use network::train_embeddings::TrainEmbeddings;
 pub use network::train_network::{train_network, train_siamese};
-pub use network::training::{BatchReport, Position, Training, TrainingState};
+pub use network::training::{Position, Training, TrainingState};
 pub use predict::by_length::LengthAccuracy;
 pub use predict::by_method::serialize_by_method;
 pub use predict::calibration::{

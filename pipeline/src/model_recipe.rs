@@ -193,6 +193,30 @@ impl ModelRecipe {
         }
     }
 
+    /// Checks that weights of the training sweeps, if there are any, can be used.
+    ///
+    /// # Errors
+    /// A model, or the first member of a committee, that cannot use weights.
+    pub(crate) fn refuse_weights(&self, train: &TrainSplit<'_>) -> Result<(), PipelineError> {
+        if train.weights().is_none() {
+            return Ok(());
+        }
+        match self {
+            Self::Network(recipe) => match &recipe.training.teacher {
+                Some(teacher) => teacher.recipe().refuse_weights(train),
+                None => Ok(()),
+            },
+            Self::Baseline(recipe) if recipe.takes_weights() => Ok(()),
+            Self::Baseline(recipe) => Err(PipelineError::SampleWeights {
+                model: recipe.name.clone(),
+            }),
+            Self::Committee(recipe) => {
+                let mut members = recipe.members.iter();
+                members.try_for_each(|member| member.refuse_weights(train))
+            }
+        }
+    }
+
     /// Returns the built-in `models` that can be trained with these numbers of sweeps.
     ///
     /// - `counts`: number of training sweeps of each material

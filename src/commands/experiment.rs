@@ -14,8 +14,8 @@ use anyhow::Context;
 use clap::Subcommand;
 use tactnet_data::{DataSource, FindingKind};
 use tactnet_experiments::{
-    AssumedRate, Event, ExperimentDir, ExperimentRecipe, LocalPool, SlurmArray, Status,
-    export_mlflow, run_locally, run_on_slurm, run_task, summarise, to_html,
+    AssumedRate, Event, ExperimentDir, ExperimentError, ExperimentRecipe, LocalPool, SlurmArray,
+    Status, export_mlflow, run_locally, run_on_slurm, run_task, summarise, to_html,
 };
 use tactnet_models::Compute;
 
@@ -144,6 +144,10 @@ fn run_experiment(arguments: &RunArgs) -> anyhow::Result<ExitCode> {
             tactnet_pipeline::quoted(&dir.path().display().to_string())
         );
         return Ok(ExitCode::from(failure::INTERRUPTED));
+    }
+    // Neither can the report be written to a full disk.
+    if let Err(error @ ExperimentError::DiskFull { .. }) = outcome {
+        return Err(error.into());
     }
     // Failed tasks are reported after the results of the others.
     report(&dir, OutputFormat::from_flag(arguments.json))?;

@@ -278,6 +278,8 @@ def swap(attack, kills, rng):
     robot.end()
 
 
+#: Optional features of the program without which an attack is skipped.
+NEEDS = {"kill record": "recording"}
 ATTACKS = {"kill train": train, "kill experiment": experiment, "kill enroll": enroll, "kill record": record, "kill model swap": swap, "kill channels": channels}
 
 
@@ -289,9 +291,15 @@ def main():
     parser.add_argument("--only", nargs="+", choices=ATTACKS)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    rows = []
+    version = subprocess.run([arguments.tactnet, "version", "--json"], capture_output=True, check=True)
+    features = json.loads(version.stdout)["features"]
+    rows, skipped = [], []
     for name, attack_with in ATTACKS.items():
         if arguments.only and name not in arguments.only:
+            continue
+        if name in NEEDS and NEEDS[name] not in features:
+            skipped.append({"target": name, "reason": f"this build lacks the feature; build with `--features {NEEDS[name]}`"})
+            print(f"{name}: skipped, {skipped[-1]['reason']}", file=sys.stderr, flush=True)
             continue
         with tempfile.TemporaryDirectory() as folder:
             attack = Attack(name, arguments.tactnet.resolve(), Path(folder))
@@ -315,7 +323,7 @@ def main():
             # The other attacks may take hours.
             print(json.dumps(attack.row), file=sys.stderr, flush=True)
             rows.append(attack.row)
-    print(json.dumps({"schema_version": 1, "seed": arguments.seed, "rows": rows}, indent=2))
+    print(json.dumps({"schema_version": 1, "seed": arguments.seed, "rows": rows, "skipped": skipped}, indent=2))
     return 1 if any(row[key] for row in rows for key in ("panics", "hangs", "over_memory", "lost")) else 0
 
 

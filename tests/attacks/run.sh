@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Hostile input for all readers of files and foreign packets, and kills at random moments. Prints one JSON document with a row for each attack.
+# Hostile input for all readers of files and foreign packets, and kills at random moments. Prints one JSON document with a row for each attack, and
+# the attacks that were skipped because the build lacks an optional feature.
 #
 #   tests/attacks/run.sh --quick     a minute, in CI
 #   tests/attacks/run.sh --full      hours: ten million inputs or an hour per target, 200 kills of each kind, 500 on the channels
@@ -21,7 +22,7 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
-[ -n "$how" ] || { sed -n '2,10s/^# \{0,1\}//p' "$0"; exit 2; }
+[ -n "$how" ] || { sed -n '2,11s/^# \{0,1\}//p' "$0"; exit 2; }
 if [ ! -x "$programs/tactnet" ] || [ ! -x "$programs/tactnet-attacks" ]; then
   (cd "$repository" && cargo build --release --locked --package tactnet --package tactnet-attacks)
 fi
@@ -44,12 +45,15 @@ for part in $parts; do
     *) echo "error: --part: expected inputs, kills or long, found $part" >&2; exit 2 ;;
   esac
   "${attack[@]}" >"$work/$part.json" || failed=1
+  [ -s "$work/$part.json" ] || { echo "error: part $part printed no report" >&2; exit 1; }
 done
 "$programs/tactnet" version --json >"$work/version"
 python3 - "$how" "$work/version" "$work"/*.json <<'PY'
 import json, sys
 how, version, *files = sys.argv[1:]
-rows = [row for file in sorted(files) for row in json.load(open(file))["rows"]]
-print(json.dumps({"schema_version": 1, "how": how, "program": json.load(open(version)), "rows": rows}, indent=2))
+parts = [json.load(open(file)) for file in sorted(files)]
+rows = [row for part in parts for row in part["rows"]]
+skipped = [target for part in parts for target in part.get("skipped", [])]
+print(json.dumps({"schema_version": 1, "how": how, "program": json.load(open(version)), "rows": rows, "skipped": skipped}, indent=2))
 PY
 exit $failed

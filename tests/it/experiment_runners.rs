@@ -187,7 +187,7 @@ fn slurm_that_is_not_there_is_said_in_one_line() {
         .env("PATH", Path::new("/nowhere"));
     let said = stderr(&expect(1, command));
     assert!(
-        said.contains("sbatch: not found; Slurm's client programs must be installed"),
+        said.contains("squeue: not found; Slurm's client programs must be installed"),
         "{said}"
     );
 }

@@ -39,6 +39,7 @@ mod runtimes;
 mod serve;
 mod service;
 mod sessions;
+mod slurm;
 mod study;
 #[cfg(feature = "recording")]
 mod topics;

@@ -14,13 +14,14 @@ use tactnet_skin::packets::{
 };
 
 use crate::error::{TactnetError, raised};
+use crate::of_process::OfProcess;
 use crate::packet_ports::{RawGetPort, RawPutPort, locked, wait_for};
 use crate::words::belief_in_words;
 
 /// Holds a bus in this process, for tests and small setups. On a robot the hub is a separate program.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct Hub {
-    thread: Mutex<Option<HubThread>>,
+    thread: OfProcess<Option<HubThread>>,
     table: Table,
 }
 
@@ -41,15 +42,16 @@ impl Hub {
             .detach(|| tactnet_channel::Hub::spawn(&table))
             .map_err(raised)?;
         Ok(Self {
-            thread: Mutex::new(Some(thread)),
+            thread: OfProcess::new(Some(thread)),
             table,
         })
     }
 
     /// Stops the hub and removes its bus; open ports keep their memory.
     fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        let thread = self.thread.here()?;
         py.detach(|| {
-            let Some(thread) = locked(&self.thread).take() else {
+            let Some(thread) = locked(thread).take() else {
                 return Ok(());
             };
             thread.stop()?;
@@ -81,7 +83,8 @@ impl Hub {
 /// Access to the channels of a table.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct Bus {
-    bus: Mutex<tactnet_channel::Bus>,
+    bus: OfProcess<tactnet_channel::Bus>,
+    table: Table,
     config: ServeConfig,
 }
 
@@ -103,7 +106,8 @@ impl Bus {
             .detach(|| tactnet_channel::Bus::open(Domain::Host, &table))
             .map_err(raised)?;
         Ok(Self {
-            bus: Mutex::new(bus),
+            bus: OfProcess::new(bus),
+            table,
             config,
         })
     }
@@ -117,22 +121,22 @@ impl Bus {
     /// Returns a port that puts the frames of one finger.
     #[pyo3(signature = (finger=0))]
     fn skin(&self, finger: usize) -> PyResult<SkinPort> {
-        let port = locked(&self.bus)
+        let port = locked(self.bus.here()?)
             .put_port(self.finger(finger)?, Priority::High)
             .map_err(raised)?;
         Ok(SkinPort {
-            port: Mutex::new(port),
+            port: OfProcess::new(port),
             sequence: Mutex::new(0),
         })
     }
 
     /// Returns a port that puts sweep commands.
     fn commands(&self) -> PyResult<CommandPort> {
-        let port = locked(&self.bus)
+        let port = locked(self.bus.here()?)
             .put_port(self.config.command.as_str(), Priority::High)
             .map_err(raised)?;
         Ok(CommandPort {
-            port: Mutex::new(port),
+            port: OfProcess::new(port),
         })
     }
 
@@ -145,11 +149,11 @@ impl Bus {
         item_bytes: usize,
     ) -> PyResult<RawPutPort> {
         let packet = packet_type(name, version, item_bytes)?;
-        let port = locked(&self.bus)
+        let port = locked(self.bus.here()?)
             .put_port_of(channel, packet, Priority::Normal)
             .map_err(raised)?;
         Ok(RawPutPort {
-            port: Mutex::new(port),
+            port: OfProcess::new(port),
             item_bytes,
         })
     }
@@ -169,17 +173,18 @@ impl Bus {
         } else {
             Start::History(history)
         };
-        let port = locked(&self.bus)
+        let port = locked(self.bus.here()?)
             .get_port_of(channel, packet, start)
             .map_err(raised)?;
         Ok(RawGetPort {
-            port: Mutex::new(port),
+            table: self.table.clone(),
+            port: OfProcess::new(port),
         })
     }
 
     /// Returns a port that gets beliefs.
     fn beliefs(&self) -> PyResult<BeliefPort> {
-        let bus = locked(&self.bus);
+        let bus = locked(self.bus.here()?);
         let beliefs = bus
             .get_port(self.config.belief.as_str(), Start::Now)
             .map_err(raised)?;
@@ -187,7 +192,8 @@ impl Bus {
             .get_port(self.config.model.as_str(), Start::History(1))
             .map_err(raised)?;
         Ok(BeliefPort {
-            inner: Mutex::new(Beliefs {
+            table: self.table.clone(),
+            inner: OfProcess::new(Beliefs {
                 beliefs,
                 models,
                 names: None,
@@ -224,7 +230,7 @@ impl Bus {
 /// Puts the frames of one finger.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct SkinPort {
-    port: Mutex<PutPort<SkinFrame>>,
+    port: OfProcess<PutPort<SkinFrame>>,
     sequence: Mutex<u64>,
 }
 
@@ -249,10 +255,10 @@ impl SkinPort {
                 "frame: expected 1 to {MAX_TAXELS} taxels, found {found}"
             )));
         }
+        let port = self.port.here()?;
         let mut next = locked(&self.sequence);
         let sequence = sequence.unwrap_or(*next);
-        *next = sequence + 1;
-        let port = locked(&self.port);
+        let port = locked(port);
         let mut packet = port.loan(1).map_err(raised)?;
         let frame = &mut packet[0];
         frame.sequence = sequence;
@@ -261,14 +267,16 @@ impl SkinPort {
         frame.reserved = 0;
         frame.digits[..values.len()].copy_from_slice(values);
         frame.digits[values.len()..].fill(0.0);
-        port.put(packet).map(drop).map_err(raised)
+        port.put(packet).map_err(raised)?;
+        *next = sequence + 1;
+        Ok(())
     }
 }
 
 /// Puts sweep commands.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct CommandPort {
-    port: Mutex<PutPort<SweepCommand>>,
+    port: OfProcess<PutPort<SweepCommand>>,
 }
 
 #[pymethods]
@@ -297,15 +305,23 @@ impl CommandPort {
                 )));
             }
         };
+        let text = Text::new(material);
+        let room = size_of_val(&text);
+        if material.len() > room {
+            return Err(TactnetError::new_err(format!(
+                "material: expected a text of at most {room} bytes, found {}: {material:.20}…",
+                material.len()
+            )));
+        }
         let packet = SweepCommand {
             kind: command as u32,
             finger,
             motion,
             sweeps,
             reserved: 0,
-            material: Text::new(material),
+            material: text,
         };
-        locked(&self.port)
+        locked(self.port.here()?)
             .put_copy(&[packet])
             .map(drop)
             .map_err(raised)
@@ -321,7 +337,8 @@ struct Beliefs {
 /// Gets beliefs.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct BeliefPort {
-    inner: Mutex<Beliefs>,
+    inner: OfProcess<Beliefs>,
+    table: Table,
 }
 
 #[pymethods]
@@ -329,18 +346,24 @@ impl BeliefPort {
     /// Waits for the next belief. Returns it as a JSON document, or None after `timeout` seconds.
     #[pyo3(signature = (timeout=None))]
     fn get_json(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Option<String>> {
-        let belief = wait_for(py, timeout, |wait| {
-            let mut inner = locked(&self.inner);
-            let belief = inner.beliefs.get(wait)?.map(|belief| belief[0]);
+        let inner = self.inner.here()?;
+        let belief = wait_for(py, &self.table, timeout, |wait| {
+            let mut inner = locked(inner);
+            let belief = inner.beliefs.get(wait)?;
+            let belief = belief.map(|belief| (belief[0], *belief.header()));
             while let Some(model) = inner.models.try_get()? {
                 inner.names = Some(model[0]);
             }
-            Ok(belief.and_then(|belief| {
+            Ok(belief.and_then(|(belief, header)| {
                 let names = inner
                     .names
                     .as_ref()
                     .filter(|names| names.version == belief.model_version);
-                belief_in_words(&belief, names)
+                let mut words = belief_in_words(&belief, names)?;
+                let object = words.as_object_mut()?;
+                object.insert("sender".into(), header.sender.into());
+                object.insert("put_ns".into(), header.put_ns.into());
+                Some(words)
             }))
         })?;
         Ok(belief.map(|belief| belief.to_string()))
@@ -348,7 +371,7 @@ impl BeliefPort {
 
     /// Number of lost packets.
     #[getter]
-    fn lost(&self) -> u64 {
-        locked(&self.inner).beliefs.lost()
+    fn lost(&self) -> PyResult<u64> {
+        Ok(locked(self.inner.here()?).beliefs.lost())
     }
 }

@@ -7,11 +7,13 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use tactnet::Recipe;
 use tactnet_data::{Seed, SweepView, TrainSplit};
-use tactnet_pipeline::{BatchReport, MeanRemoval, NewSweeps, RiskPolicy};
+use tactnet_pipeline::{MeanRemoval, NewSweeps, RiskPolicy};
 
 use crate::dataset::Dataset;
 use crate::error::{TactnetError, raised};
+use crate::fit::fit_watched;
 use crate::online::Online;
+use crate::threads::{detached, detached_with};
 
 /// A fitted classifier: a network, a baseline or a committee.
 #[pyclass(frozen, module = "tactnet")]
@@ -38,16 +40,19 @@ impl From<tactnet::Classifier> for Classifier {
 impl Classifier {
     /// Fits to all sweeps of `dataset`.
     ///
+    /// - `weights`: `[sweeps]`, positive; None: all are equal
     /// - `recipe`: a built-in name (spectra, fast, thesis, minirocket, …) or a TOML file
     /// - `levels`: "kept" or "removed"; None: as in the recipe
-    /// - `progress`: called as `progress(epoch, batch, batches, loss, accuracy)` after every batch of a network's
+    /// - `progress`: called as `progress(epoch, batch, batches, epochs, loss, accuracy)` after every batch of a network's
     ///   training
     #[staticmethod]
-    #[pyo3(signature = (dataset, recipe, epochs=None, seed=1, levels=None, progress=None))]
+    #[pyo3(signature = (dataset, recipe, weights=None, epochs=None, seed=1, levels=None, progress=None))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments of Python
     fn fit(
         py: Python<'_>,
         dataset: &Dataset,
         recipe: &str,
+        weights: Option<Vec<f64>>,
         epochs: Option<usize>,
         seed: u64,
         levels: Option<&str>,
@@ -73,35 +78,24 @@ impl Classifier {
                 )));
             }
         }
-        let mut stopped = None;
-        let fitted = py.detach(|| {
-            let train = TrainSplit::all(&dataset.inner, Seed(seed));
-            recipe.fit_while(&train, |report| match look(report, progress.as_ref()) {
-                Ok(()) => true,
-                Err(error) => {
-                    stopped = Some(error);
-                    false
-                }
-            })
-        });
-        match (stopped, fitted.map_err(raised)?) {
-            (None, Some(fitted)) => Ok(fitted.into()),
-            (Some(error), _) => Err(error),
-            (None, None) => Err(TactnetError::new_err("the training was stopped")),
+        let mut train = TrainSplit::all(&dataset.inner, Seed(seed));
+        if let Some(weights) = weights {
+            train = train.weighted(weights).map_err(raised)?;
         }
+        fit_watched(py, &recipe, &train, progress.as_ref()).map(Self::from)
     }
 
     /// Opens a saved classifier or a run directory of the command line.
     #[staticmethod]
     fn load(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
-        py.detach(|| tactnet::Classifier::load(folder))
+        detached(py, || tactnet::Classifier::load(folder))?
             .map(Self::from)
             .map_err(raised)
     }
 
     /// Saves into a new folder, which the command line can open as well.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
-        py.detach(|| self.lock().save(folder)).map_err(raised)
+        detached_with(py, &self.inner, |own| own.save(folder))?.map_err(raised)
     }
 
     /// Returns `[sweeps][materials]`, natural logarithms of the probabilities. Labels are ignored.
@@ -110,12 +104,10 @@ impl Classifier {
         py: Python<'py>,
         dataset: &Dataset,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let rows = py
-            .detach(|| {
-                self.lock()
-                    .log_probabilities(&SweepView::all(&dataset.inner))
-            })
-            .map_err(raised)?;
+        let rows = detached_with(py, &self.inner, |own| {
+            own.log_probabilities(&SweepView::all(&dataset.inner))
+        })?
+        .map_err(raised)?;
         Ok(PyArray2::from_vec2(py, &rows)?)
     }
 
@@ -125,17 +117,19 @@ impl Classifier {
         py: Python<'py>,
         dataset: &Dataset,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let scores = py
-            .detach(|| self.lock().unknown_scores(&SweepView::all(&dataset.inner)))
-            .map_err(raised)?;
+        let scores = detached_with(py, &self.inner, |own| {
+            own.unknown_scores(&SweepView::all(&dataset.inner))
+        })?
+        .map_err(raised)?;
         Ok(PyArray1::from_vec(py, scores))
     }
 
     /// Compares sweeps with the training sweeps: a JSON document, or None if the training sweeps were too few.
     fn likeness(&self, py: Python<'_>, dataset: &Dataset) -> PyResult<Option<String>> {
-        let report = py
-            .detach(|| self.lock().likeness(&SweepView::all(&dataset.inner)))
-            .map_err(raised)?;
+        let report = detached_with(py, &self.inner, |own| {
+            own.likeness(&SweepView::all(&dataset.inner))
+        })?
+        .map_err(raised)?;
         report
             .map(|report| serde_json::to_string(&report))
             .transpose()
@@ -144,10 +138,9 @@ impl Classifier {
 
     /// Returns a classifier with one more material, learned from all sweeps of `dataset`.
     fn enroll(&self, py: Python<'_>, material: &str, dataset: &Dataset) -> PyResult<Self> {
-        py.detach(|| {
-            self.lock()
-                .enroll(material, &SweepView::all(&dataset.inner))
-        })
+        detached_with(py, &self.inner, |own| {
+            own.enroll(material, &SweepView::all(&dataset.inner))
+        })?
         .map(Self::from)
         .map_err(raised)
     }
@@ -167,7 +160,7 @@ impl Classifier {
             true => RiskPolicy::Accept,
             false => RiskPolicy::Refuse,
         };
-        let adapted = py.detach(|| {
+        let adapted = detached_with(py, &self.inner, |own| {
             let sweeps = SweepView::all(&dataset.inner);
             let new = match labelled {
                 true => NewSweeps {
@@ -179,8 +172,8 @@ impl Classifier {
                     labelled: None,
                 },
             };
-            self.lock().adapt(new, policy)
-        });
+            own.adapt(new, policy)
+        })?;
         let adapted = adapted.map_err(raised)?;
         let last = adapted.adaptations().last();
         let risks = last.map_or(Vec::new(), |last| {
@@ -195,7 +188,7 @@ impl Classifier {
 
     /// Returns the same network for frame-by-frame classification.
     fn online(&self, py: Python<'_>) -> PyResult<Online> {
-        py.detach(|| self.lock().online())
+        detached_with(py, &self.inner, |own| own.online())?
             .map(Online::from)
             .map_err(raised)
     }
@@ -234,23 +227,4 @@ impl Classifier {
             inner.shape()
         )
     }
-}
-
-/// Checks for Ctrl-C and calls `progress`.
-fn look(report: &BatchReport, progress: Option<&Py<PyAny>>) -> PyResult<()> {
-    Python::attach(|py| {
-        py.check_signals()?;
-        if let Some(progress) = progress {
-            let BatchReport {
-                epoch,
-                batch,
-                batches,
-                mean_loss,
-                accuracy,
-                ..
-            } = *report;
-            progress.call1(py, (epoch, batch, batches, mean_loss, accuracy))?;
-        }
-        Ok(())
-    })
 }

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray4};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray4};
+use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use tactnet_data::format::{self, Format, Keep, ReadOptions, Span, Windows};
 use tactnet_data::twin::{self, TwinConfig, TwinVersion};
@@ -14,6 +15,7 @@ use tactnet_data::{
 use tactnet_pipeline::RegressionReport;
 
 use crate::error::{TactnetError, raised, with_cure};
+use crate::threads::detached;
 
 /// Sweeps of a tactile skin with their materials.
 #[pyclass(frozen, module = "tactnet")]
@@ -92,14 +94,15 @@ impl<T: numpy::Element> ShapeOf for PyReadonlyArray4<'_, T> {
 
 /// Succeeds if 32-bit floats keep the resolution of `samples`, `[sweeps][steps][rows][cols]`, C-contiguous.
 #[pyfunction]
-pub(crate) fn check_resolution(samples: PyReadonlyArray4<'_, f64>) -> PyResult<()> {
+pub(crate) fn check_resolution(py: Python<'_>, samples: PyReadonlyArray4<'_, f64>) -> PyResult<()> {
     let extents = samples.shape_of();
     let shape = SweepShape {
         steps: extents[1],
         rows: extents[2],
         cols: extents[3],
     };
-    Samples::from_f64(samples.as_slice()?, shape)
+    let samples = samples.as_slice()?;
+    detached(py, || Samples::from_f64(samples, shape))?
         .map(drop)
         .map_err(raised)
 }
@@ -117,7 +120,9 @@ impl Dataset {
     /// - `lengths`: `[sweeps]`, numbers of frames; None: all
     #[staticmethod]
     #[pyo3(signature = (samples, labels, materials, rate_hz=None, blocks=None, name="arrays", lengths=None))]
+    #[allow(clippy::too_many_arguments)] // keyword arguments of Python
     fn from_arrays(
+        py: Python<'_>,
         samples: Values<'_>,
         labels: Vec<usize>,
         materials: Vec<String>,
@@ -161,13 +166,42 @@ impl Dataset {
             cols: extents[3],
         };
         let labels = LabelSet::new(materials).map_err(raised)?;
-        tactnet_data::Dataset::at_rate(name, rate_hz, shape, labels, records, samples)
-            .and_then(|dataset| match lengths {
-                Some(lengths) => dataset.with_lengths(lengths),
-                None => Ok(dataset),
-            })
+        detached(py, || {
+            tactnet_data::Dataset::at_rate(name, rate_hz, shape, labels, records, samples).and_then(
+                |dataset| match lengths {
+                    Some(lengths) => dataset.with_lengths(lengths),
+                    None => Ok(dataset),
+                },
+            )
+        })?
+        .map(Self::from)
+        .map_err(raised)
+    }
+
+    /// Returns the sweeps with these indices, in this order, with the materials that occur.
+    fn select(&self, py: Python<'_>, indices: Vec<usize>) -> PyResult<Self> {
+        if let Some(wrong) = indices.iter().find(|index| **index >= self.inner.len()) {
+            return Err(PyIndexError::new_err(format!(
+                "sweep: expected an index below {}, found {wrong}",
+                self.inner.len()
+            )));
+        }
+        detached(py, || self.inner.of_sweeps(&indices))?
             .map(Self::from)
             .map_err(raised)
+    }
+
+    /// Returns the frames of one sweep, `[steps][rows][cols]`, in the type of the data set.
+    fn sweep<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
+        let shape = self.inner.shape();
+        let extents = [self.inner.steps_of(index), shape.rows, shape.cols];
+        let start = index * shape.values();
+        let range = start..start + extents.iter().product::<usize>();
+        match self.inner.samples() {
+            Samples::U8(values) => array(py, &values[range], extents),
+            Samples::U16(values) => array(py, &values[range], extents),
+            Samples::F32(values) => array(py, &values[range], extents),
+        }
     }
 
     /// Reads HDF5, npz, MATLAB, CSV, Parquet or a folder of CSV.
@@ -214,9 +248,25 @@ impl Dataset {
             }),
             ..ReadOptions::default()
         };
-        py.detach(|| format::read_with(&path, &options))
+        detached(py, || format::read_with(&path, &options))?
             .map(Self::from)
             .map_err(raised)
+    }
+
+    /// Reads back a .npz file that `write` made, also with values that are not finite.
+    #[staticmethod]
+    fn restored(
+        py: Python<'_>,
+        path: PathBuf,
+        name: &str,
+        rate_is_assumed: bool,
+    ) -> PyResult<Self> {
+        let read = detached(py, || format::npz::read_with_gaps(&path))?.map_err(raised)?;
+        let named = read.with_name(name);
+        Ok(match rate_is_assumed {
+            true => named.with_assumed_rate().into(),
+            false => named.into(),
+        })
     }
 
     /// Messages of the warnings that only the reader of the file can make.
@@ -238,7 +288,7 @@ impl Dataset {
         rate_hz: Option<f64>,
         steps: Option<StepsToKeep>,
     ) -> PyResult<(Self, Vec<String>)> {
-        py.detach(|| -> Result<_, DataError> {
+        detached(py, || -> Result<_, DataError> {
             let options = ReadOptions {
                 rate_hz,
                 keep: steps.map_or(Ok(Keep::Equal), Keep::try_from)?,
@@ -246,7 +296,7 @@ impl Dataset {
             };
             let sweeps = format::read_to_classify_with(&path, &options)?;
             Ok((Self::from(sweeps.dataset), sweeps.names))
-        })
+        })?
         .map_err(raised)
     }
 
@@ -281,20 +331,22 @@ impl Dataset {
             seed: seed.unwrap_or(usual.seed),
             ..usual
         };
-        py.detach(|| twin::generate(&config))
+        detached(py, || twin::generate(&config))?
             .map(Self::from)
             .map_err(raised)
     }
 
     /// Writes a file in the format that its extension names: .h5, .npz, .ts.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| Format::from_extension(&path)?.write(&path, &self.inner))
-            .map_err(raised)
+        detached(py, || {
+            Format::from_extension(&path)?.write(&path, &self.inner)
+        })?
+        .map_err(raised)
     }
 
     /// Returns errors, warnings and findings of the check as a JSON document.
     fn check_json(&self, py: Python<'_>) -> PyResult<String> {
-        let mut report = py.detach(|| CheckReport::of(check(&self.inner)));
+        let mut report = detached(py, || CheckReport::of(check(&self.inner)))?;
         for finding in &mut report.findings {
             let message = std::mem::take(&mut finding.message);
             finding.message = with_cure(message, finding.remedy.as_ref());
@@ -320,9 +372,10 @@ impl Dataset {
             }
         };
         let scheme = Scheme::default_for(&self.inner);
-        let report = py
-            .detach(|| RegressionReport::of(&self.inner, target, scheme, Seed(seed)))
-            .map_err(raised)?;
+        let report = detached(py, || {
+            RegressionReport::of(&self.inner, target, scheme, Seed(seed))
+        })?
+        .map_err(raised)?;
         serde_json::to_string(&report).map_err(raised)
     }
 
@@ -374,15 +427,6 @@ impl Dataset {
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let shape = self.inner.shape();
         let extents = [self.inner.len(), shape.steps, shape.rows, shape.cols];
-        fn array<'py, T: numpy::Element + Copy>(
-            py: Python<'py>,
-            values: &[T],
-            extents: [usize; 4],
-        ) -> PyResult<Bound<'py, PyAny>> {
-            let flat = PyArray1::from_slice(py, values);
-            let shaped: Bound<'py, PyArray4<T>> = flat.reshape(extents)?;
-            Ok(shaped.into_any())
-        }
         match self.inner.samples() {
             Samples::U8(values) => array(py, values, extents),
             Samples::U16(values) => array(py, values, extents),
@@ -477,6 +521,16 @@ impl Dataset {
             }
         )
     }
+}
+
+/// Returns a copy of `values` as an array of this shape.
+fn array<'py, T: numpy::Element + Copy, const D: usize>(
+    py: Python<'py>,
+    values: &[T],
+    extents: [usize; D],
+) -> PyResult<Bound<'py, PyAny>> {
+    let shaped = PyArray1::from_slice(py, values).reshape(extents)?;
+    Ok(shaped.into_any())
 }
 
 impl From<tactnet_data::Dataset> for Dataset {

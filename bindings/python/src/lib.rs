@@ -7,9 +7,12 @@ mod channel;
 mod classifier;
 mod dataset;
 mod error;
+mod fit;
+mod of_process;
 mod online;
 mod packet_ports;
 mod recording;
+mod threads;
 mod words;
 
 use numpy::{PyArray1, PyReadonlyArray2, PyUntypedArrayMethods};

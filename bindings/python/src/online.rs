@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use tactnet::OnlineClassifier;
 
 use crate::error::TactnetError;
+use crate::threads::detached_with;
 
 /// Classifies one sweep at a time, and fuses the sweeps of one object.
 #[pyclass(frozen, module = "tactnet")]
@@ -59,19 +60,17 @@ impl Online {
     /// Returns `[materials]`, the probabilities given the sweep so far.
     #[pyo3(signature = (dropout=false))]
     fn classify<'py>(&self, py: Python<'py>, dropout: bool) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let mut online = self.lock();
-        if online.frames() == 0 {
-            return Err(TactnetError::new_err("no frame of this sweep yet"));
-        }
-        let belief = match dropout {
-            false => online.classify(),
-            true if online.mc_samples() > 0 => online.classify_by_dropout(),
-            true => {
-                return Err(TactnetError::new_err(
-                    "the network's recipe predicts without dropout masks",
-                ));
+        let belief = detached_with(py, &self.inner, |online| {
+            if online.frames() == 0 {
+                return Err("no frame of this sweep yet");
             }
-        };
+            match dropout {
+                false => Ok(online.classify()),
+                true if online.mc_samples() > 0 => Ok(online.classify_by_dropout()),
+                true => Err("the network's recipe predicts without dropout masks"),
+            }
+        })?
+        .map_err(TactnetError::new_err)?;
         let probabilities = belief.log_probability.iter().map(|log_p| log_p.exp());
         Ok(PyArray1::from_iter(py, probabilities))
     }

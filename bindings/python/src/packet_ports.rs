@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use tactnet_channel::{ChannelError, GetPort, PutPort, Wait};
+use tactnet_channel::{ChannelError, GetPort, PutPort, Table, Wait, hub_runs};
 
 use crate::error::{TactnetError, raised};
+use crate::of_process::OfProcess;
 
 /// Maximum sleep of a wait, which bounds the reaction time to Ctrl-C.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -19,7 +20,7 @@ pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Puts packets as bytes.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct RawPutPort {
-    pub(crate) port: Mutex<PutPort<u8>>,
+    pub(crate) port: OfProcess<PutPort<u8>>,
     pub(crate) item_bytes: usize,
 }
 
@@ -34,7 +35,7 @@ impl RawPutPort {
                 items.len()
             )));
         }
-        let port = locked(&self.port);
+        let port = locked(self.port.here()?);
         let mut loan = port.loan(items.len()).map_err(raised)?;
         loan.copy_from_slice(items);
         port.put(loan).map_err(raised)
@@ -44,35 +45,45 @@ impl RawPutPort {
 /// Gets packets as bytes.
 #[pyclass(frozen, module = "tactnet.channel")]
 pub(crate) struct RawGetPort {
-    pub(crate) port: Mutex<GetPort<u8>>,
+    pub(crate) port: OfProcess<GetPort<u8>>,
+    pub(crate) table: Table,
 }
 
 #[pymethods]
 impl RawGetPort {
-    /// Waits for the next packet. Returns its bytes and the time of its put, or None after `timeout` seconds.
+    /// Waits for the next packet. Returns its bytes, the number of its sender and the time of its put in nanoseconds of the sending host's
+    /// monotonic clock, or None after `timeout` seconds.
     #[pyo3(signature = (timeout=None))]
     fn get<'py>(
         &self,
         py: Python<'py>,
         timeout: Option<f64>,
-    ) -> PyResult<Option<(Bound<'py, PyBytes>, u64)>> {
-        let packet = wait_for(py, timeout, |wait| {
-            let packet = locked(&self.port).get(wait)?;
-            Ok(packet.map(|packet| (packet.to_vec(), packet.header().put_ns)))
+    ) -> PyResult<Option<(Bound<'py, PyBytes>, u64, u64)>> {
+        let port = self.port.here()?;
+        let packet = wait_for(py, &self.table, timeout, |wait| {
+            let packet = locked(port).get(wait)?;
+            Ok(packet.map(|packet| (packet.to_vec(), *packet.header())))
         })?;
-        Ok(packet.map(|(items, put_ns)| (PyBytes::new(py, &items), put_ns)))
+        Ok(packet.map(|(items, header)| {
+            let items = PyBytes::new(py, &items);
+            (items, header.sender, header.put_ns)
+        }))
     }
 
     /// Number of lost packets.
     #[getter]
-    fn lost(&self) -> u64 {
-        locked(&self.port).lost()
+    fn lost(&self) -> PyResult<u64> {
+        Ok(locked(self.port.here()?).lost())
     }
 }
 
 /// Waits until `get` returns a value, or `timeout` seconds are over. Signals interrupt it.
+///
+/// # Errors
+/// No hub holds the bus any more, and nothing that it brought is left.
 pub(crate) fn wait_for<T: Send>(
     py: Python<'_>,
+    table: &Table,
     timeout: Option<f64>,
     get: impl Fn(Wait) -> Result<Option<T>, ChannelError> + Sync,
 ) -> PyResult<Option<T>> {
@@ -88,6 +99,10 @@ pub(crate) fn wait_for<T: Send>(
             return Ok(Some(found));
         }
         py.check_signals()?;
+        if !py.detach(|| hub_runs(table)).map_err(raised)? {
+            let bus = table.bus.clone();
+            return Err(raised(ChannelError::NoHub { bus }));
+        }
         if deadline.is_some_and(|end| Instant::now() >= end) {
             return Ok(None);
         }

@@ -8,6 +8,7 @@ use tactnet_recording::{RecordedPacket, SweepSettings, sweeps};
 
 use crate::dataset::Dataset;
 use crate::error::{TactnetError, raised};
+use crate::threads::detached;
 use crate::words::{belief_in_words, in_words};
 
 /// Recording of the tactile channels, in memory.
@@ -31,9 +32,7 @@ impl Recording {
     /// Reads an MCAP file, complete or not.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let inner = py
-            .detach(|| tactnet_recording::Recording::read(&path))
-            .map_err(raised)?;
+        let inner = detached(py, || tactnet_recording::Recording::read(&path))?.map_err(raised)?;
         Ok(Self { path, inner })
     }
 
@@ -136,7 +135,7 @@ impl Recording {
             rate_hz,
             rows_cols,
         };
-        py.detach(|| sweeps(&self.path, &self.inner, material, settings))
+        detached(py, || sweeps(&self.path, &self.inner, material, settings))?
             .map(|found| found.dataset.into())
             .map_err(raised)
     }

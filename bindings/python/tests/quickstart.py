@@ -32,9 +32,11 @@ class Flat(tactnet.SweepClassifier):
     def _check_sweeps(self, data):
         """Skips the checks of sweeps: no taxel changes in equal frames, and the tables have equal rows."""
 
+    def _takes_tables(self):
+        return True
+
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
-        tags.input_tags.two_d_array = True
         tags.input_tags.three_d_array = False
         return tags
 

@@ -182,7 +182,7 @@ def test_progress_is_seen_and_an_exception_in_it_stops_the_training(data):
 
     class Watched(tactnet.TactNetClassifier):
         def _progress(self):
-            def watch(epoch, batch, batches_, loss, accuracy):
+            def watch(epoch, batch, *_):
                 batches.append((epoch, batch))
                 if epoch == 1:
                     raise Stopped
@@ -279,7 +279,7 @@ sys.modules["sklearn"] = None
 import tactnet
 own = tactnet.Dataset.read({str(data[1])!r})
 fitted = tactnet.KnnClassifier(rate=750, features="l").fit(own.X, own.y)
-assert fitted.get_params() == {{"features": "l", "rate": 750, "seed": 1}}, fitted.get_params()
+assert fitted.get_params() == {{"features": "l", "rate": 750, "shape": None, "seed": 1, "random_state": None}}, fitted.get_params()
 print(fitted.score(own.X, own.y))
 """
     found = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout

@@ -98,6 +98,40 @@ impl Dataset {
         })
     }
 
+    /// Sets the name.
+    ///
+    /// ```
+    /// use tactnet_data::twin::{self, TwinConfig};
+    ///
+    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
+    /// assert_eq!(twin::generate(&config)?.with_name("Monday").name(), "Monday");
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
+    #[must_use]
+    pub fn with_name(self, name: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            ..self
+        }
+    }
+
+    /// Marks the sample rate as assumed.
+    ///
+    /// ```
+    /// use tactnet_data::twin::{self, TwinConfig};
+    ///
+    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
+    /// assert!(twin::generate(&config)?.with_assumed_rate().is_rate_assumed());
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
+    #[must_use]
+    pub fn with_assumed_rate(self) -> Self {
+        Self {
+            rate_assumed: true,
+            ..self
+        }
+    }
+
     /// Arranges the taxels in `rows` by `cols`, row by row. Conditions stay behind them.
     ///
     /// # Errors
@@ -262,6 +296,57 @@ impl Dataset {
         }
         let samples = self.samples.gather(self.shape.values(), &indices);
         let name = format!("{}, {} materials", self.name, labels.len());
+        let lengths = self.lengths.as_ref();
+        let lengths = lengths.map(|all| indices.iter().map(|index| all[*index]).collect());
+        let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?
+            .with_known_lengths(lengths)?;
+        Ok(Self {
+            origin: self.origin,
+            rate_assumed: self.rate_assumed,
+            patch_assumed: self.patch_assumed,
+            ..part.declared(self.columns.clone())
+        })
+    }
+
+    /// Returns the sweeps with these indices, in this order, with the materials that occur. Repetitions are allowed.
+    ///
+    /// # Errors
+    /// No index.
+    ///
+    /// # Panics
+    /// If an index is out of range.
+    ///
+    /// ```
+    /// use tactnet_data::twin::{self, TwinConfig};
+    ///
+    /// let config = TwinConfig { materials: 4, sweeps: 2, steps: 100, ..TwinConfig::default() };
+    /// let twin = twin::generate(&config)?;
+    /// let part = twin.of_sweeps(&[6, 0, 7])?;
+    /// assert_eq!((part.len(), part.labels().len()), (3, 2));
+    /// assert_eq!(part.sweep(0), twin.sweep(6));
+    /// # Ok::<(), tactnet_data::DataError>(())
+    /// ```
+    pub fn of_sweeps(&self, indices: &[usize]) -> Result<Self, DataError> {
+        let known = || indices.iter().map(|index| &self.records[*index]);
+        let occurs = |label: &usize| known().any(|record| record.label == *label);
+        let labels: Vec<usize> = (0..self.labels.len()).filter(occurs).collect();
+        let mut sweeps = vec![0; labels.len()];
+        let records = known().map(|record| {
+            let label = labels
+                .iter()
+                .take_while(|label| **label < record.label)
+                .count();
+            sweeps[label] += 1;
+            SweepRecord {
+                label,
+                sweep: sweeps[label] - 1,
+                ..record.clone()
+            }
+        });
+        let records: Vec<SweepRecord> = records.collect();
+        let set = LabelSet::new(labels.iter().map(|label| self.labels.name(*label)))?;
+        let samples = self.samples.gather(self.shape.values(), indices);
+        let name = format!("{}, {} sweeps", self.name, indices.len());
         let lengths = self.lengths.as_ref();
         let lengths = lengths.map(|all| indices.iter().map(|index| all[*index]).collect());
         let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?

@@ -1,7 +1,7 @@
 //! Splits as data, stored with every result so that the split can be repeated.
 
-use super::split::{SplitKey, TestSplit, TrainSplit};
-use super::{Fold, Scheme};
+use super::split::{SplitKey, TestSplit};
+use super::{Fold, Scheme, TrainSplit};
 use crate::{DataError, Dataset, Seed, sha256_hex};
 use serde::{Deserialize, Serialize};
 

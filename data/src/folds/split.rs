@@ -1,8 +1,9 @@
 //! Sides of a split. Their types prevent fitting on test sweeps.
 
-use super::{Fold, Scheme, SplitManifest, distribute};
-use crate::{DataError, Dataset, Seed, SweepShape};
 use std::ops::Deref;
+
+use super::Scheme;
+use crate::{Dataset, Seed, SweepShape};
 
 /// Some sweeps of a data set, in ascending order; the input of predictions.
 ///
@@ -288,140 +289,6 @@ pub(super) struct SplitKey {
     pub(super) seed: Seed,
     pub(super) repeat: usize,
     pub(super) fold: usize,
-}
-
-/// Training sweeps, the only ones that models are fitted to.
-///
-/// Only a [`Fold`](crate::Fold) or [`TrainSplit::all`], which leaves no test sweeps, makes one. So a function that takes
-/// a `TrainSplit` cannot see a test sweep, while one that takes a [`SweepView`] reads any side:
-///
-/// ```
-/// use tactnet_data::{Fold, SweepView, TrainSplit};
-/// fn fit(_: &TrainSplit) {}
-/// fn predict(_: &SweepView) {}
-/// fn learn(fold: &Fold) {
-///     fit(&fold.train);
-///     predict(&fold.train);
-///     predict(&fold.test);
-/// }
-/// ```
-///
-/// Fitting to the test side does not compile:
-///
-/// ```compile_fail,E0308
-/// use tactnet_data::{Fold, TrainSplit};
-/// fn fit(_: &TrainSplit) {}
-/// fn learn(fold: &Fold) {
-///     fit(&fold.test);
-/// }
-/// ```
-///
-/// Turning test sweeps into training sweeps does not compile either:
-///
-/// ```compile_fail,E0451
-/// use tactnet_data::{Fold, TrainSplit};
-/// fn cheat<'a>(fold: &Fold<'a>) -> TrainSplit<'a> {
-///     TrainSplit { view: (*fold.test).clone() }
-/// }
-/// ```
-#[derive(Debug, Clone)]
-pub struct TrainSplit<'a> {
-    view: SweepView<'a>,
-    key: SplitKey,
-}
-
-impl<'a> TrainSplit<'a> {
-    pub(super) fn new(dataset: &'a Dataset, indices: Vec<usize>, key: SplitKey) -> Self {
-        Self {
-            view: SweepView::new(dataset, indices),
-            key,
-        }
-    }
-
-    /// Returns all sweeps of `dataset`, for a classifier that is evaluated on another data set.
-    ///
-    /// - `seed`: seed of the parts of [`TrainSplit::inner`]
-    pub fn all(dataset: &'a Dataset, seed: Seed) -> Self {
-        let key = SplitKey {
-            scheme: Scheme::TrainOnAll,
-            seed,
-            repeat: 0,
-            fold: 0,
-        };
-        Self::new(dataset, (0..dataset.len()).collect(), key)
-    }
-
-    /// Returns the number of parts of [`TrainSplit::inner`]: [`Fold::INNER_FOLDS`], or as many as the material with the
-    /// fewest sweeps has, at least two.
-    pub fn inner_folds(&self) -> usize {
-        let fewest = self.sweeps_per_label().into_iter().min().unwrap_or(0);
-        fewest.clamp(2, Fold::INNER_FOLDS)
-    }
-
-    /// Splits the training sweeps once more, stratified, to choose settings without the test sweeps.
-    ///
-    /// With [`Scheme::LeaveBlockOut`](crate::Scheme::LeaveBlockOut), too, the inner sides share recording blocks.
-    ///
-    /// - `part`: validation part, below [`TrainSplit::inner_folds`]
-    ///
-    /// # Errors
-    /// No such part, or a material with a single training sweep.
-    pub fn inner(&self, part: usize) -> Result<(Self, ValidationSplit<'a>), DataError> {
-        let folds = self.inner_folds();
-        if part >= folds {
-            return Err(DataError::inconsistent(
-                "inner fold",
-                format!("a number below {folds}"),
-                part.to_string(),
-            ));
-        }
-        let SplitKey {
-            seed, repeat, fold, ..
-        } = self.key;
-        let (dataset, sweeps) = (self.view.dataset, self.view.indices());
-        let stream = format!("folds, inside fold {fold}");
-        let parts = distribute(dataset, sweeps, folds, seed, &stream, repeat)?;
-        let side = |validates: bool| -> Vec<usize> {
-            let members = sweeps
-                .iter()
-                .zip(&parts)
-                .filter(|&(_, &p)| (p == part) == validates);
-            members.map(|(&sweep, _)| sweep).collect()
-        };
-        Ok((
-            Self::new(dataset, side(false), self.key),
-            ValidationSplit::new(dataset, side(true)),
-        ))
-    }
-}
-
-impl TrainSplit<'_> {
-    /// Returns the split as data, which is saved with a classifier: these training sweeps, and the test sweeps of their
-    /// fold.
-    ///
-    /// # Errors
-    /// A data set that cannot be split the same way again.
-    pub fn manifest(&self) -> Result<SplitManifest, DataError> {
-        let SplitKey {
-            scheme,
-            seed,
-            repeat,
-            fold,
-        } = self.key;
-        let fold = Fold {
-            train: self.clone(),
-            ..Fold::new(self.view.dataset, scheme, seed, repeat, fold)?
-        };
-        Ok(fold.manifest())
-    }
-}
-
-impl<'a> Deref for TrainSplit<'a> {
-    type Target = SweepView<'a>;
-
-    fn deref(&self) -> &SweepView<'a> {
-        &self.view
-    }
 }
 
 side! {

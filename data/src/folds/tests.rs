@@ -330,6 +330,40 @@ fn inner_folds_are_limited_by_the_fewest_sweeps() {
 }
 
 #[test]
+fn the_only_sweep_of_a_material_is_a_training_sweep_of_every_inner_part() {
+    let dataset = recorded(&[1, 3], 1);
+    let train = TrainSplit::all(&dataset, Seed(5));
+    let train = train.weighted(vec![1.0, 2.0, 3.0, 4.0]).unwrap();
+    let mut validated = Vec::new();
+    for part in 0..train.inner_folds() {
+        let (fit, held) = train.inner(part).unwrap();
+        assert_eq!(fit.indices()[0], 0, "the only sweep of the first material");
+        // Weights follow their sweeps; the mean of 1 to 4 is 2.5.
+        let weights = fit.weights().unwrap();
+        for (&index, weight) in fit.indices().iter().zip(weights) {
+            assert_eq!(*weight, (index + 1) as f64 / 2.5);
+        }
+        validated.extend_from_slice(held.indices());
+    }
+    validated.sort_unstable();
+    assert_eq!(validated, [1, 2, 3]);
+}
+
+#[test]
+fn weights_that_are_not_positive_or_not_one_a_sweep_are_refused() {
+    let dataset = recorded(&[2, 2], 1);
+    for (weights, complaint) in [
+        (vec![1.0; 3], "one for each of 4 training sweeps, found 3"),
+        (vec![1.0, 0.0, 1.0, 1.0], "positive numbers, found 0"),
+        (vec![1.0, f64::NAN, 1.0, 1.0], "positive numbers, found NaN"),
+    ] {
+        let train = TrainSplit::all(&dataset, Seed(5));
+        let refused = train.weighted(weights).unwrap_err().to_string();
+        assert!(refused.contains(complaint), "{refused}");
+    }
+}
+
+#[test]
 fn a_nested_fold_never_sees_the_test_sweeps() {
     let dataset = recorded(&[20, 25], 5);
     let outer = Fold::new(&dataset, Scheme::default(), Seed(3), 1, 2).unwrap();

@@ -1,28 +1,51 @@
 //! Readers of crates that may panic on damaged files.
 
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use super::READING;
 use crate::DataError;
 
-/// Reads a file on a separate thread; a panic of the reader becomes an error.
+thread_local! {
+    /// True while this thread runs a reader that may panic.
+    static READING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Returns true on a thread that runs [`caught`]: panics there become errors and need no output.
+pub fn is_reading() -> bool {
+    READING.get()
+}
+
+/// Returns the result of a reader that may panic on damaged files; `None` after a panic.
+///
+/// It runs on the calling thread, so that its parallel parts run in the thread pool of the caller.
+///
+/// ```
+/// use tactnet_data::format::{caught, is_reading};
+///
+/// assert_eq!(caught(is_reading), Some(true));
+/// assert!(!is_reading());
+/// ```
+pub fn caught<T>(read: impl FnOnce() -> T) -> Option<T> {
+    let before = READING.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(read));
+    READING.set(before);
+    result.ok()
+}
+
+/// Reads a file; a panic of the reader becomes an error.
 ///
 /// - `kind`: kind of the file, for messages: "a Parquet table"
 ///
 /// # Errors
 /// Errors of `read`; a panic.
-pub(super) fn guarded<T: Send>(
+pub(super) fn guarded<T>(
     path: &Path,
     kind: &str,
-    read: impl FnOnce() -> Result<T, DataError> + Send,
+    read: impl FnOnce() -> Result<T, DataError>,
 ) -> Result<T, DataError> {
-    let joined = std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new().name(READING.into());
-        Ok(thread.spawn_scoped(scope, read)?.join())
-    });
-    joined
-        .map_err(|error| DataError::io(path, "read", error))?
-        .unwrap_or_else(|_| Err(DataError::format(path, "file", kind, "one that is damaged")))
+    caught(read)
+        .unwrap_or_else(|| Err(DataError::format(path, "file", kind, "one that is damaged")))
 }
 
 #[cfg(test)]
@@ -38,5 +61,6 @@ mod tests {
             error.to_string(),
             "a.h5: file: expected HDF5, found one that is damaged"
         );
+        assert!(!is_reading());
     }
 }

@@ -81,6 +81,7 @@ mod windows;
 
 pub use file_layout::{Axes, FileLayout};
 pub use folder::{data_sets_in, is_folder_of_sweeps};
+pub use guarded::{caught, is_reading};
 pub use lengths::{Keep, OddLength};
 pub use name_pattern::NamePattern;
 pub use read_options::ReadOptions;
@@ -97,6 +98,9 @@ pub(crate) use timing::named_rate;
 
 /// Maximum compression ratio of deflate; a file that claims more is damaged.
 const DEFLATE_LIMIT: u64 = 1032;
+
+/// True in a build that reads Parquet.
+pub const READS_PARQUET: bool = cfg!(feature = "parquet");
 
 /// File format that data sets can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -346,10 +350,6 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, DataError> {
         .map_err(|error| DataError::io(path, "read", error))?;
     Ok(head)
 }
-
-/// Name of the threads that read files with crates that may panic on damaged files; panics in these threads need no
-/// output.
-pub const READING: &str = "reading a file";
 
 /// Returns an error if `dataset` has a NaN or an infinity.
 fn refuse_non_finite(path: &Path, dataset: Dataset, labelled: bool) -> Result<Dataset, DataError> {

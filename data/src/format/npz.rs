@@ -21,6 +21,7 @@ use std::path::Path;
 
 use super::DEFLATE_LIMIT;
 use super::arrays::{Arrays, Container, Other, Roles};
+use super::file_kind::{self, FileKind};
 use super::named_sweeps::{Labels, NAMED, some_names};
 use super::npy::{Array, Header};
 use super::read_options::ReadOptions;
@@ -73,10 +74,10 @@ fn arrays<'a>(path: &'a Path, options: &ReadOptions) -> Result<Arrays<'a>, DataE
     }
     let mut arrays = Arrays::new(path, Container::Npz, Roles::own(options));
     let file = crate::open_file(path).map_err(io)?;
-    let mut archive = zip::ZipArchive::new(BufReader::new(file)).map_err(|error| {
-        let item = "npz archive with array `X`";
-        DataError::format(path, item, "a zip archive", error.to_string())
-    })?;
+    let mut archive = match zip::ZipArchive::new(BufReader::new(file)) {
+        Ok(archive) => archive,
+        Err(error) => return Err(no_archive(path, &error)?),
+    };
     if let Some(found) = other_archive(&archive) {
         return Err(DataError::format(path, "file", super::READABLE, found));
     }
@@ -103,6 +104,34 @@ fn arrays<'a>(path: &'a Path, options: &ReadOptions) -> Result<Arrays<'a>, DataE
         });
     }
     Ok(arrays)
+}
+
+/// Returns the error for a file that is not a complete zip archive, with its actual kind.
+///
+/// # Errors
+/// A file that cannot be read.
+fn no_archive(path: &Path, error: &zip::result::ZipError) -> Result<DataError, DataError> {
+    let found = match file_kind::of(path)? {
+        FileKind::Npz => format!(
+            "the beginning of one: the file is cut off or damaged ({error}); copy or download it again"
+        ),
+        FileKind::Hdf5 => "HDF5; name it .h5".into(),
+        FileKind::Npy => "a single numpy array; name it .npy".into(),
+        FileKind::Parquet => "Parquet; name it .parquet".into(),
+        FileKind::Mcap => "a recording; name it .mcap".into(),
+        FileKind::Matlab => "MATLAB; name it .mat".into(),
+        FileKind::Pretended(found) => found.into(),
+        FileKind::Other => {
+            let head = super::first_bytes(path)?;
+            format!("a file that begins with `{}`", head.escape_ascii())
+        }
+    };
+    Ok(DataError::format(
+        path,
+        "file",
+        "a zip archive of numpy arrays (.npz)",
+        found,
+    ))
 }
 
 /// Returns what a zip archive without a numpy array is, with the cure.
@@ -139,5 +168,34 @@ fn unpack(
         Array::read_samples(member, room)
     } else {
         Array::read(member, room)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_no_archive_is_told_with_its_actual_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sweeps.npz");
+        let read = |content: &[u8]| -> String {
+            std::fs::write(&path, content).unwrap();
+            read(&path).unwrap_err().to_string()
+        };
+        for (content, kind) in [
+            (&b""[..], "an empty file"),
+            (b"\x89HDF\r\n\x1a\n\0\0\0\0", "found HDF5; name it .h5"),
+            (b"PK\x03\x04\x14\0\0\0", "cut off or damaged"),
+            (b"PAR1abcd", "found Parquet"),
+            (b"1,2,3\n", "begins with `1,2,3\\n`"),
+        ] {
+            let told = read(content);
+            assert!(told.contains(kind), "{told}");
+            assert!(
+                told.contains("sweeps.npz: file: expected a zip archive"),
+                "{told}"
+            );
+        }
     }
 }

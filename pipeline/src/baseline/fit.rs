@@ -29,13 +29,19 @@ pub struct BaselineFit {
 /// - `progress`: called with a description of each step
 ///
 /// # Errors
-/// Sweeps too short for the features; too few sweeps for the inner split; a solver that fails.
+/// Sweeps too short for the features; too few sweeps for the inner split; weights of the sweeps that the classifier cannot use; a solver that
+/// fails.
 pub fn fit_baseline(
     recipe: &BaselineRecipe,
     sweeps: &TrainSplit<'_>,
     seed: Seed,
     mut progress: impl FnMut(String),
 ) -> Result<BaselineFit, PipelineError> {
+    if sweeps.weights().is_some() && !recipe.takes_weights() {
+        return Err(PipelineError::SampleWeights {
+            model: recipe.name.clone(),
+        });
+    }
     progress(format!("features of {} training sweeps …", sweeps.len()));
     let extractor = Extractor::fit(recipe.features, recipe.levels, sweeps, seed)?;
     let train = TrainFeatures {

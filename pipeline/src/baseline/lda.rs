@@ -28,13 +28,18 @@ impl Method for LdaRecipe {
         fewest(counts).map(|label| (label, 2))
     }
 
+    fn takes_weights(&self) -> bool {
+        true
+    }
+
     fn fit(
         &self,
         train: TrainFeatures<'_>,
         _progress: &mut dyn FnMut(String),
     ) -> Result<Fit, PipelineError> {
         let (all, scaler) = train.all();
-        let lda = Lda::fit(&all.features, &all.labels, train.materials)?;
+        let weights = train.sweeps.weights();
+        let lda = Lda::fit(&all.features, &all.labels, train.materials, weights)?;
         Ok(Fit {
             classifier: Box::new(lda),
             scaler,

@@ -29,6 +29,11 @@ pub(super) trait Method {
             .map(|label| (label, 2))
     }
 
+    /// Returns true if the fit uses the weights of the training sweeps.
+    fn takes_weights(&self) -> bool {
+        false
+    }
+
     /// Fits the classifier. Settings are selected and probabilities calibrated on inner splits of the training sweeps.
     ///
     /// - `progress`: called with a description of each step

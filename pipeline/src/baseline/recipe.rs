@@ -82,6 +82,11 @@ impl BaselineRecipe {
         self.classifier.method().starved(counts)
     }
 
+    /// Returns true if the fit uses the weights of the training sweeps.
+    pub(crate) fn takes_weights(&self) -> bool {
+        self.classifier.method().takes_weights()
+    }
+
     /// Validates names and ranges.
     ///
     /// # Errors

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 use tactnet_models::{
-    Features, Gram, LinearHead, Ridge, Weights, default_penalties, fit_inverse_temperature,
+    Features, Gram, LinearHead, Ridge, RidgeTargets, Weights, default_penalties,
+    fit_inverse_temperature,
 };
 
 use super::method::{
@@ -39,18 +40,28 @@ impl Method for RidgeRecipe {
         })
     }
 
+    fn takes_weights(&self) -> bool {
+        true
+    }
+
+    /// Weights count in the fit and in the choice of the penalty, but neither in the scaling of the features nor in the calibration.
     fn fit(
         &self,
         mut train: TrainFeatures<'_>,
         progress: &mut dyn FnMut(String),
     ) -> Result<Fit, PipelineError> {
-        let penalties = &self.penalties;
         // Scaled in place, since random-convolution features are large.
         let scaler = train.scaler(&train.features);
         if let Some(scaler) = &scaler {
             scaler.apply(&mut train.features);
         }
-        let (features, labels, materials) = (&train.features, &train.labels, train.materials);
+        let (features, labels) = (&train.features, &train.labels);
+        let targets = RidgeTargets {
+            labels,
+            materials: train.materials,
+            weights: train.sweeps.weights(),
+            penalties: &self.penalties,
+        };
         progress(format!(
             "scalar products of {} features …",
             features.width()
@@ -58,7 +69,7 @@ impl Method for RidgeRecipe {
         let gram = Gram::of(features);
         progress("calibrating on an inner split …".into());
         let inner = train.inner(0)?;
-        let scores = gram.held_out_scores(&inner.fit, &inner.held, labels, materials, penalties)?;
+        let scores = gram.held_out_scores(&inner.fit, &inner.held, targets)?;
         let truth: Vec<usize> = inner
             .held
             .iter()
@@ -66,7 +77,7 @@ impl Method for RidgeRecipe {
             .collect();
         let inverse_temperature = fit_inverse_temperature(&scores, &truth);
         progress("fitting …".into());
-        let ridge = Ridge::fit(features, gram, labels, materials, penalties)?;
+        let ridge = Ridge::fit(features, gram, targets)?;
         let chosen = [
             ("penalty".into(), ridge.penalty),
             ("temperature".into(), 1.0 / inverse_temperature),

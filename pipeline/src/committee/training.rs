@@ -23,7 +23,8 @@ pub struct FittedModel {
 /// - `go_on`: called after every batch of a network; false ends the training
 ///
 /// # Errors
-/// Settings that do not match the sweeps; too few sweeps; a loss that is not finite; a solver that fails.
+/// Settings that do not match the sweeps; too few sweeps; weights of the sweeps that a model cannot use; a loss that is not finite; a solver that
+/// fails.
 ///
 /// ```
 /// use tactnet_data::twin::{self, TwinConfig};
@@ -48,6 +49,7 @@ pub fn fit_model(
     device: &Device,
     mut go_on: impl FnMut(&BatchReport) -> bool,
 ) -> Result<Option<FittedModel>, PipelineError> {
+    recipe.refuse_weights(train)?;
     fit(recipe, train, seed, device, &mut go_on)
 }
 
@@ -107,6 +109,30 @@ mod tests {
 
     use super::*;
     use crate::{PredictionMethod, Predictions};
+
+    #[test]
+    fn weights_that_a_member_cannot_use_are_refused_by_its_name() {
+        let twin = twin::generate(&TwinConfig {
+            materials: 2,
+            sweeps: 4,
+            steps: 100,
+            ..TwinConfig::default()
+        })
+        .unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let fit = |text: &str| {
+            let train = TrainSplit::all(&twin, Seed(1)).weighted(vec![1.0; 8]);
+            let recipe = ModelRecipe::parse("own", text).unwrap();
+            fit_model(&recipe, &train.unwrap(), Seed(1), &device, |_| true)
+        };
+        let refused = fit("name = \"own\"\nmembers = [\"lda\", \"svm-spectra\"]");
+        let refused = refused.err().unwrap().to_string();
+        assert!(
+            refused.starts_with("model `svm-spectra` cannot use sample weights"),
+            "{refused}"
+        );
+        assert!(fit("name = \"own\"\nmembers = [\"lda\", \"minirocket\"]").is_ok());
+    }
 
     #[test]
     fn a_committee_averages_the_probabilities_of_its_members() {

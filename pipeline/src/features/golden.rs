@@ -1,7 +1,7 @@
 //! Golden tests of features and ridge classifier against aeon, scikit-learn, numpy and scipy (`tests/golden/features_with_aeon.py`).
 
 use tactnet_data::SweepShape;
-use tactnet_models::{Features, Gram, NamedTensor, Ridge, Weights};
+use tactnet_models::{Features, Gram, NamedTensor, Ridge, RidgeTargets, Weights};
 
 use crate::MeanRemoval;
 use crate::features::arrays::get;
@@ -176,7 +176,13 @@ fn ridge_classifier_is_scikit_learns() {
     let penalties: Vec<f64> = (0..10)
         .map(|i| 10.0_f64.powf(-3.0 + f64::from(i) * 6.0 / 9.0))
         .collect();
-    let ridge = Ridge::fit(&features, Gram::of(&features), &labels, 4, &penalties).unwrap();
+    let targets = RidgeTargets {
+        labels: &labels,
+        materials: 4,
+        weights: None,
+        penalties: &penalties,
+    };
+    let ridge = Ridge::fit(&features, Gram::of(&features), targets).unwrap();
     let penalty = tensor(&golden, "ridge.penalty").values[0];
     assert!(
         (ridge.penalty as f32 / penalty - 1.0).abs() < 1e-6,
@@ -202,11 +208,15 @@ fn ridge_classifier_is_scikit_learns() {
     // Held-out scores equal those of a classifier fitted without the held-out sweeps.
     let (train, held): (Vec<usize>, Vec<usize>) = (0..40).partition(|i| i % 5 != 0);
     let held_scores = Gram::of(&features)
-        .held_out_scores(&train, &held, &labels, 4, &penalties)
+        .held_out_scores(&train, &held, targets)
         .unwrap();
     let part = features.select(&train);
     let of_part: Vec<usize> = train.iter().map(|&i| labels[i]).collect();
-    let alone = Ridge::fit(&part, Gram::of(&part), &of_part, 4, &penalties).unwrap();
+    let of_part = RidgeTargets {
+        labels: &of_part,
+        ..targets
+    };
+    let alone = Ridge::fit(&part, Gram::of(&part), of_part).unwrap();
     let expected = alone.scores(&features.select(&held));
     for (found, expected) in held_scores.concat().iter().zip(expected.concat()) {
         assert!((found - expected).abs() < 1e-5, "{found} {expected}");

@@ -3,6 +3,7 @@
 pub(crate) mod adam;
 #[cfg(any(feature = "vulkan", feature = "cuda"))]
 pub(crate) mod adam_state;
+pub(crate) mod batch_report;
 pub(crate) mod batches;
 pub(crate) mod checkpoint;
 pub(crate) mod embedding;

@@ -4,7 +4,10 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Gradients, Int, Tensor, TensorData};
 use rayon::prelude::*;
-use tactnet_models::{BatchStatistics, Network, cross_entropy, is_cpu, soft_cross_entropy, values};
+use tactnet_models::{
+    BatchStatistics, Network, cross_entropy, is_cpu, soft_cross_entropy, values,
+    weighted_cross_entropy,
+};
 
 use super::measured::Measured;
 use crate::AttackedLabel;
@@ -31,6 +34,8 @@ pub struct Targets {
     pub labels: Tensor<1, Int>,
     /// Probabilities of the materials, `[batch, materials]`; `None`: 1 for the label.
     pub probabilities: Option<Tensor<2>>,
+    /// Weights of the losses, `[batch]`, of mean 1 over the training set; `None`: all are equal.
+    pub weights: Option<Tensor<1>>,
 }
 
 impl From<Tensor<1, Int>> for Targets {
@@ -38,6 +43,7 @@ impl From<Tensor<1, Int>> for Targets {
         Self {
             labels,
             probabilities: None,
+            weights: None,
         }
     }
 }
@@ -45,9 +51,13 @@ impl From<Tensor<1, Int>> for Targets {
 impl Targets {
     /// Returns the mean cross entropy in nats.
     fn loss(self, logits: Tensor<2>) -> Tensor<1> {
-        match self.probabilities {
-            None => cross_entropy(logits, self.labels),
-            Some(probabilities) => soft_cross_entropy(logits, probabilities),
+        match (self.probabilities, self.weights) {
+            (None, None) => cross_entropy(logits, self.labels),
+            (None, Some(weights)) => weighted_cross_entropy(logits, self.labels, weights),
+            (Some(probabilities), None) => soft_cross_entropy(logits, probabilities),
+            (Some(probabilities), Some(weights)) => {
+                soft_cross_entropy(logits, probabilities * weights.unsqueeze_dim(1))
+            }
         }
     }
 }
@@ -362,6 +372,7 @@ mod tests {
             Targets {
                 labels: labels.clone(),
                 probabilities: Some(Tensor::from_data(targets, &labels.device())),
+                weights: None,
             }
         };
         let of = |targets: Targets| base_pass(&net, sweeps.clone(), targets, mask.clone());

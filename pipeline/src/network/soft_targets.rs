@@ -42,7 +42,7 @@ impl TaughtPart {
     }
 }
 
-/// Target probabilities of training sweeps: the mean of the label and the teacher's out-of-fold probabilities.
+/// Target probabilities of training sweeps: the mean of the label and the teacher's out-of-fold probabilities; the label of a material's only sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SoftTargets {
     materials: usize,
@@ -79,6 +79,10 @@ impl SoftTargets {
     pub fn new(train: &TrainSplit<'_>, parts: &[TaughtPart]) -> Result<Self, PipelineError> {
         let materials = train.dataset().labels().len();
         let mut values = vec![0.0; train.len() * materials];
+        // The only sweep of a material is in no part.
+        for (target, label) in values.chunks_exact_mut(materials).zip(train.labels()) {
+            target[label] = 1.0;
+        }
         let other = || {
             let found = "those of other sweeps";
             PipelineError::incompatible(

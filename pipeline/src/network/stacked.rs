@@ -79,7 +79,7 @@ impl<'a> StackedTraining<'a> {
     /// A device that is not a GPU; a state of another network.
     ///
     /// # Panics
-    /// If `members` is empty, or two cannot share a stack, or sweeps differ in length.
+    /// If `members` is empty, or two cannot share a stack, or sweeps differ in length or weight.
     pub fn start(
         members: Vec<StackMember<'a>>,
         states: Vec<Option<TrainingState>>,
@@ -94,6 +94,12 @@ impl<'a> StackedTraining<'a> {
                 .iter()
                 .all(|member| member.train.dataset().lengths().is_none()),
             "a stack trains on sweeps of one length"
+        );
+        assert!(
+            members
+                .iter()
+                .all(|member| member.train.weights().is_none()),
+            "a stack trains on sweeps of equal weight"
         );
         let batch = members.iter().map(StackMember::batch).max().unwrap_or(0);
         let nets: Result<Vec<StackedNet>, PipelineError> = members
@@ -213,6 +219,7 @@ impl<'a> StackedTraining<'a> {
             epoch,
             batch,
             batches,
+            epochs: recipe.training.epochs,
             mean_loss: None,
             accuracy: None,
             adversarial_accuracy: None,

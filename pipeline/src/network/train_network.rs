@@ -54,6 +54,11 @@ pub fn train_siamese(
     device: &Device,
     go_on: impl FnMut(&BatchReport) -> bool,
 ) -> Result<Option<Classifier>, PipelineError> {
+    if train.weights().is_some() {
+        return Err(PipelineError::SampleWeights {
+            model: format!("{}, Siamese", recipe.name),
+        });
+    }
     train_whole(
         recipe,
         train,
@@ -96,6 +101,7 @@ mod tests {
     use tactnet_models::{Compute, Weights};
 
     use super::*;
+    use crate::PredictionMethod;
 
     fn twin() -> Dataset {
         generate(&TwinConfig {
@@ -119,6 +125,39 @@ mod tests {
         let device = Compute::Cpu.open().unwrap();
         let fitted = train_network(&recipe, &fold.train, Seed(1), &device, |_| true);
         fitted.unwrap().unwrap().network().unwrap().weights()
+    }
+
+    /// The second material weighs a thousandth: the network learns to answer with the first or the third. Equal weights of any size are none.
+    #[test]
+    fn a_network_follows_the_sweeps_that_weigh_more() {
+        let dataset = twin();
+        let text = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 1.0 }\n\
+             [training]\nepochs = 30\nbatch = 9\nlearning_rate = 0.01\nmethod = { kind = \"base\" }\n";
+        let recipe = NetworkRecipe::parse("small", text).unwrap();
+        let device = Compute::Cpu.open().unwrap();
+        let all = || TrainSplit::all(&dataset, Seed(1));
+        let trained = |train: TrainSplit<'_>| {
+            let fitted = train_network(&recipe, &train, Seed(1), &device, |_| true);
+            fitted.unwrap().unwrap()
+        };
+        let weights: Vec<f64> = all()
+            .labels()
+            .map(|label| if label == 1 { 1e-3 } else { 1.0 })
+            .collect();
+        let answers = |network: &Classifier| {
+            let rows = network
+                .log_probabilities(&all(), PredictionMethod::Plain)
+                .unwrap();
+            let is_second = |row: &&Vec<f64>| row[1] > row[0].max(row[2]);
+            rows.iter().filter(is_second).count()
+        };
+        let plain = trained(all());
+        assert!(answers(&plain) >= 4, "{} of 6", answers(&plain));
+        let weighted = trained(all().weighted(weights).unwrap());
+        assert_eq!(answers(&weighted), 0);
+        let equal = trained(all().weighted(vec![0.5; dataset.len()]).unwrap());
+        let numbers = |network: &Classifier| network.network().unwrap().weights();
+        assert_eq!(numbers(&equal), numbers(&plain));
     }
 
     fn adversarial(more: &str) -> String {

@@ -15,7 +15,7 @@ use crate::network::pairs_pass::pairs_pass;
 use crate::network::resident::ResidentSweeps;
 use crate::network::soft_targets::SoftTargets;
 use crate::{
-    AdversarialMask, AdversarialStatistics, NetworkRecipe, Normalizer, PipelineError,
+    AdversarialMask, AdversarialStatistics, BatchReport, NetworkRecipe, Normalizer, PipelineError,
     TrainingMethod,
 };
 
@@ -47,32 +47,6 @@ pub struct TrainingState {
     pub weights: Weights,
     /// Adam's moments in Burn's format.
     pub optimizer: Vec<u8>,
-}
-
-/// Statistics of one batch.
-#[derive(Debug, Clone, PartialEq)]
-pub struct BatchReport {
-    /// Epoch, counted from 0.
-    pub epoch: usize,
-    /// Batch, counted from 0.
-    pub batch: usize,
-    /// Number of batches in an epoch.
-    pub batches: usize,
-    /// Mean loss of the epoch so far, in nats per sweep. On a GPU `None` until the epoch's last batch, since reading it would stall the GPU.
-    pub mean_loss: Option<f64>,
-    /// Accuracy on the epoch's training sweeps so far, with dropout; `None` as `mean_loss`.
-    pub accuracy: Option<f64>,
-    /// Accuracy on adversarial training sweeps; `None` as `mean_loss`, and without adversarial training.
-    pub adversarial_accuracy: Option<f64>,
-    /// Learning rate of the batch.
-    pub learning_rate: f64,
-}
-
-impl BatchReport {
-    /// Returns true if this batch was the last of its epoch.
-    pub fn ends_epoch(&self) -> bool {
-        self.batch + 1 == self.batches
-    }
 }
 
 /// Accuracy on sweeps that are watched but not trained on.
@@ -257,14 +231,7 @@ impl<'a> Training<'a> {
             let mask = self.mask("dropout", number, positions.len());
             pairs_pass(self.net(), sweeps, &own, mask)
         } else {
-            let targets = Targets {
-                labels: self.labels(self.train, &positions),
-                probabilities: self
-                    .towards
-                    .as_ref()
-                    .map(|targets| targets.batch(&positions, &self.device)),
-            };
-            self.pass(sweeps, targets, |stream| {
+            self.pass(sweeps, self.targets(&positions), |stream| {
                 self.mask(stream, number, positions.len())
             })
         };
@@ -306,6 +273,7 @@ impl<'a> Training<'a> {
             epoch: position.epoch,
             batch: position.batch,
             batches,
+            epochs: self.recipe.training.epochs,
             mean_loss: mean(position.loss_sum),
             accuracy: mean(position.correct as f64),
             adversarial_accuracy: mean(position.adversarial_correct as f64)
@@ -467,6 +435,20 @@ impl<'a> Training<'a> {
             TensorData::new(values, extents),
             &self.device.clone().without_autodiff(),
         )
+    }
+
+    /// Returns the targets of training sweeps.
+    fn targets(&self, positions: &[usize]) -> Targets {
+        let weights = self.train.weights().map(|all| {
+            let weights: Vec<f32> = positions.iter().map(|at| all[*at] as f32).collect();
+            Tensor::from_data(TensorData::new(weights, [positions.len()]), &self.device)
+        });
+        let towards = self.towards.as_ref();
+        Targets {
+            labels: self.labels(self.train, positions),
+            probabilities: towards.map(|targets| targets.batch(positions, &self.device)),
+            weights,
+        }
     }
 
     fn labels(&self, of: &SweepView<'_>, positions: &[usize]) -> Tensor<1, Int> {

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
-use tactnet_experiments::{Event, TimeLeft};
+use tactnet_experiments::{Event, Task, TimeLeft};
 
 use crate::commands::progress_line::{COLUMNS, about, end_of};
 use crate::output;
@@ -82,18 +82,26 @@ impl Progress {
                     }
                 }
             }
+            Event::Interrupted { task, reason } => {
+                self.lose(task, &format!("{} interrupted, goes on: {reason}", task.id));
+            }
             Event::Failed {
                 task,
                 attempt,
                 reason,
             } => {
-                self.left.change(|left| left.fail(task));
                 let line = format!("{} failed (attempt {attempt}): {reason}", task.id);
-                match &self.bar {
-                    Some(bar) => bar.println(line),
-                    None => say!("{line}"),
-                }
+                self.lose(task, &line);
             }
+        }
+    }
+
+    /// Prints a line about a task that ended without a result.
+    fn lose(&self, task: &Task, line: &str) {
+        self.left.change(|left| left.fail(task));
+        match &self.bar {
+            Some(bar) => bar.println(line),
+            None => say!("{line}"),
         }
     }
 

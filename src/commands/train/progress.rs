@@ -184,6 +184,7 @@ mod tests {
             epoch: 999,
             batch: 0,
             batches: 1,
+            epochs: 1000,
             mean_loss: Some(99_999.0),
             accuracy: Some(1.0),
             adversarial_accuracy: None,

@@ -13,6 +13,14 @@ pub struct Report {
     schema_version: u32,
     seed: u64,
     rows: Vec<Row>,
+    skipped: Vec<Skipped>,
+}
+
+/// Target that this build lacks.
+#[derive(Debug, Serialize)]
+struct Skipped {
+    target: String,
+    reason: &'static str,
 }
 
 impl Report {
@@ -25,8 +33,16 @@ impl Report {
             Some(name) => vec![name],
             None => targets::NAMES.to_vec(),
         };
-        let mut rows = Vec::new();
+        let (mut rows, mut skipped) = (Vec::new(), Vec::new());
         for name in names {
+            if let Some(reason) = targets::lacking(name) {
+                eprintln!("{name}: skipped, {reason}");
+                skipped.push(Skipped {
+                    target: name.into(),
+                    reason,
+                });
+                continue;
+            }
             eprintln!("{name} …");
             rows.push(row(name, limits)?);
         }
@@ -34,6 +50,7 @@ impl Report {
             schema_version: 1,
             seed: limits.seed,
             rows,
+            skipped,
         })
     }
 

@@ -25,6 +25,12 @@ pub const NAMES: [&str; 13] = [
     "tables",
 ];
 
+/// Returns the reason why this build lacks a target; `None` if it has it.
+pub fn lacking(name: &str) -> Option<&'static str> {
+    let is_lacking = name == "parquet" && !tactnet_data::format::READS_PARQUET;
+    is_lacking.then_some("this build does not read Parquet; build with `--features parquet`")
+}
+
 /// Reads an input; returns true if it accepts it as valid.
 type Run = dyn FnMut(&[u8]) -> bool;
 

@@ -20,7 +20,16 @@ fn damaged_input_breaks_nothing() {
     let report: Value = serde_json::from_slice(&output.stdout).expect(&said);
     assert!(output.status.success(), "{report:#}\n{said}");
     let rows = report["rows"].as_array().unwrap();
-    assert_eq!(rows.len(), tactnet_attacks::NAMES.len());
+    let skipped = report["skipped"].as_array().unwrap();
+    assert_eq!(rows.len() + skipped.len(), tactnet_attacks::NAMES.len());
+    let lacks_parquet = !tactnet_data::format::READS_PARQUET;
+    assert_eq!(skipped.len(), usize::from(lacks_parquet), "{skipped:?}");
+    for target in skipped {
+        assert_eq!(target["target"], "parquet");
+        let reason = target["reason"].as_str().unwrap();
+        assert!(reason.contains("--features parquet"), "{reason}");
+        assert!(said.contains("parquet: skipped"), "{said}");
+    }
     for row in rows {
         assert!(row["executions"].as_u64().unwrap() > 20, "{row}");
         // Some changes are harmless.

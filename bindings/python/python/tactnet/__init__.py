@@ -22,12 +22,12 @@ from ._estimators import (
     MultiRocketHydraClassifier,
     QuantClassifier,
     SvmClassifier,
-    SweepClassifier,
     TactNetClassifier,
     TactNetCommittee,
     fuse,
 )
 from ._recording import Packet, Recording
+from ._sweep_classifier import SweepClassifier
 from ._tactnet import TactnetError, __version__
 
 __all__ = [

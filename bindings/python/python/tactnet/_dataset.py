@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import tempfile
 import warnings
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Sequence
+from pathlib import Path
+from typing import Any, Iterator, NamedTuple, Sequence
 
 import numpy as np
 
 from . import _tactnet
 from ._tactnet import TactnetError
+from ._values import as_sweeps, checked_labels
 
 
 @dataclass(frozen=True)
@@ -34,10 +37,6 @@ def native_values(X: Any) -> np.ndarray:
     X = np.asarray(X)
     if X.ndim == 3:
         X = X[:, :, None, :]
-    if X.ndim != 4:
-        raise TactnetError(
-            f"X: expected (sweeps, steps, taxels) or (sweeps, steps, rows, cols), found shape {X.shape}"
-        )
     if 0 in X.shape:
         raise TactnetError(f"X: expected at least one sweep, step and taxel, found shape {X.shape}")
     if X.dtype == np.bool_:
@@ -102,21 +101,23 @@ class Dataset:
         blocks: Sequence[int] | None = None,
         name: str = "arrays",
         lengths: Sequence[int] | None = None,
+        shape: Sequence[int] | None = None,
     ) -> Dataset:
         """Creates a data set from arrays.
 
         X: ``(sweeps, steps, taxels)`` or ``(sweeps, steps, rows, cols)``, any numeric type; copied once. Or a list of sweeps of unequal
-            length, ``(steps, taxels)`` or ``(steps, rows, cols)`` each.
+            length, ``(steps, taxels)`` or ``(steps, rows, cols)`` each. Or a table with a sweep in each row, with ``shape``.
         y: one material per sweep, as names or numbers.
         rate: frames per second; None: 750, and :attr:`rate_is_assumed` is true.
         blocks: recording block of each sweep, for the scheme ``leave-block-out`` of :meth:`folds`.
         lengths: number of frames of each sweep of a padded array; None: all.
+        shape: shape of each sweep of a table, ``(steps, taxels)`` or ``(steps, rows, cols)``; None: X is no table.
         """
-        y = np.asarray(y)
+        y = checked_labels(y)
         if y.ndim != 1:
             raise TactnetError(f"y: expected one material per sweep, found shape {y.shape}")
         materials, labels = np.unique(y, return_inverse=True)
-        X, of_list = padded(X)
+        X, of_list = padded(as_sweeps(X, shape))
         lengths = of_list if lengths is None else [int(steps) for steps in lengths]
         native = _tactnet.Dataset.from_arrays(
             native_values(X),
@@ -199,14 +200,17 @@ class Dataset:
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Returns ``(train, test)`` indices of every fold, usable as ``cv`` in scikit-learn. Equal seeds give the folds of the command line.
 
-        scheme: ``default`` (the file's own test sweeps, otherwise stratified folds), ``k-fold`` or ``leave-block-out``.
+        scheme: ``default`` (the file's own test sweeps, otherwise stratified folds), ``k-fold``, ``group-k-fold`` (the sweeps of a block
+            stay together) or ``leave-block-out``.
         folds: number of folds; implies ``k-fold`` for the default scheme; None: 5.
         """
         if not isinstance(scheme, str):
-            raise TactnetError(f"scheme: expected default, k-fold or leave-block-out, found {scheme!r}; pass a number of folds as `folds={scheme!r}`")
+            raise TactnetError(
+                f"scheme: expected default, k-fold, group-k-fold or leave-block-out, found {scheme!r}; pass a number of folds as `folds={scheme!r}`"
+            )
         if folds is not None and scheme == "default":
             scheme = "k-fold"
-        if folds is not None and scheme != "k-fold":
+        if folds is not None and scheme not in ("k-fold", "group-k-fold"):
             raise TactnetError(f"folds: expected None with {scheme}, whose folds follow from the data, found {folds}")
         return self._native.folds(scheme, 5 if folds is None else folds, seed, repeat)
 
@@ -252,6 +256,34 @@ class Dataset:
 
     def __len__(self) -> int:
         return len(self._native)
+
+    def __getitem__(self, index: Any) -> Any:
+        """Returns the sweep with this index, ``(steps, rows, cols)``, and its material; a data set for a slice, indices or a mask."""
+        if not isinstance(index, (int, np.integer)):
+            return Dataset(self._native.select(np.arange(len(self))[index].tolist()))
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"sweep: expected an index below {len(self)}, found {index}")
+        index = int(index) % len(self)
+        return self._native.sweep(index), self.materials[self._native.labels[index]]
+
+    def __iter__(self) -> Iterator[tuple[np.ndarray, str]]:
+        labels, materials = self._native.labels, self.materials
+        for index in range(len(self)):
+            yield self._native.sweep(index), materials[labels[index]]
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The file lacks the name and whether the rate is assumed.
+        with tempfile.TemporaryDirectory() as work:
+            file = Path(work) / "data.npz"
+            self._native.write(file)
+            content = file.read_bytes()
+        return {"npz": content, "name": self._native.name, "rate_is_assumed": self.rate_is_assumed}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        with tempfile.TemporaryDirectory() as work:
+            file = Path(work) / "data.npz"
+            file.write_bytes(state["npz"])
+            self._native = _tactnet.Dataset.restored(file, state["name"], state["rate_is_assumed"])
 
     def __repr__(self) -> str:
         return repr(self._native)

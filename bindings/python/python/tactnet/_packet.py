@@ -14,12 +14,21 @@ class Packet:
     """A packet: a dataclass with the same bytes as in Rust and C.
 
     Arrays with a count of valid values hold only these values; packing sets the count.
+
+    A packet of :meth:`tactnet.channel.GetPort.get` has two more attributes: ``sender``, the random number of its put-port, and ``put_ns``, the
+    time of the put in nanoseconds of the sending host's monotonic clock (``time.monotonic_ns``).
     """
 
     NAME: ClassVar[str]
     VERSION: ClassVar[int]
     DTYPE: ClassVar[np.dtype]
     COUNTED_BY: ClassVar[dict[str, str]]
+
+    def received(self: T, sender: int, put_ns: int) -> T:
+        """Returns this packet with ``sender`` and ``put_ns`` as attributes, unless it has fields of these names."""
+        own = {field.name for field in fields(self)}  # type: ignore[arg-type]
+        self.__dict__.update({name: value for name, value in (("sender", sender), ("put_ns", put_ns)) if name not in own})
+        return self
 
     def to_bytes(self) -> bytes:
         """Returns the bytes of the packet; raises ``ValueError`` for values out of range."""

@@ -1,10 +1,13 @@
 """The robot's channels: puts frames and commands, gets beliefs.
 
 >>> with Hub(bus="lab") as hub:                                 # on a robot the hub is a separate program
-...     bus = Bus(hub.table)
-...     skin, beliefs = bus.skin(), bus.beliefs()
-...     skin.put(digits)                                        # (taxels,), written in place in shared memory
-...     belief = beliefs.get(timeout=1.0)                       # a dict, or None                     # doctest: +SKIP
+...     with Bus(hub.table) as bus:
+...         skin, beliefs = bus.skin(), bus.beliefs()
+...         skin.put(digits)                                    # (taxels,), written in place in shared memory
+...         belief = beliefs.get(timeout=1.0)                   # a dict, or None                     # doctest: +SKIP
+
+``with`` closes a bus or a port at the end; otherwise it closes when nothing refers to it. ``get`` raises TactnetError once no hub holds the bus. A
+process that is forked from one with a bus opens its own.
 """
 
 from __future__ import annotations
@@ -18,18 +21,39 @@ import numpy as np
 
 from . import _tactnet
 from ._packet import Packet
-from ._tactnet import Hub
+from ._tactnet import Hub, TactnetError
 
 __all__ = ["BeliefPort", "Bus", "CommandPort", "GetPort", "Hub", "PutPort", "SkinPort"]
 
 P = TypeVar("P", bound=Packet)
+C = TypeVar("C", bound="_Closing")
 
 
-class SkinPort:
+class _Closing:
+    """A bus or a port, which can be closed."""
+
+    def __init__(self, native: Any):
+        self._open = native
+
+    @property
+    def _native(self) -> Any:
+        if self._open is None:
+            raise TactnetError(f"this {type(self).__name__} is closed")
+        return self._open
+
+    def close(self) -> None:
+        """Closes it; a second call does nothing. Other threads that wait at a port end their wait first."""
+        self._open = None
+
+    def __enter__(self: C) -> C:
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self.close()
+
+
+class SkinPort(_Closing):
     """Puts the frames of one finger."""
-
-    def __init__(self, native: _tactnet.SkinPort):
-        self._native = native
 
     def put(self, digits: Any, sequence: int | None = None, sensor_time_ns: int | None = None) -> None:
         """Puts a frame.
@@ -43,11 +67,8 @@ class SkinPort:
         self._native.put(digits, sequence, sensor_time_ns)
 
 
-class CommandPort:
+class CommandPort(_Closing):
     """Puts sweep commands, like a motion controller."""
-
-    def __init__(self, native: _tactnet.CommandPort):
-        self._native = native
 
     def start(self, finger: int = 0, motion: int = 0, material: str = "") -> None:
         """Starts a sweep with the next frame.
@@ -65,7 +86,7 @@ class CommandPort:
         self._native.put("reset", finger)
 
     def enroll(self, material: str, sweeps: int, finger: int = 0) -> None:
-        """Learns a material from the newest complete sweeps."""
+        """Learns a material from the newest complete sweeps. Raises TactnetError for a name of more than 56 bytes, as :meth:`start` does."""
         self._native.put("enroll", finger, 0, sweeps, material)
 
     def adapt(self, sweeps: int, finger: int = 0) -> None:
@@ -73,18 +94,18 @@ class CommandPort:
         self._native.put("adapt", finger, 0, sweeps)
 
 
-class BeliefPort:
+class BeliefPort(_Closing):
     """Gets beliefs; also iterates over them, and asynchronously."""
-
-    def __init__(self, native: _tactnet.BeliefPort):
-        self._native = native
 
     def get(self, timeout: float | None = None) -> dict[str, Any] | None:
         """Waits for the next belief; returns None after ``timeout`` seconds.
 
         A belief is a dict: ``stage`` (``anytime`` during a sweep, ``plain`` after it, ``dropout`` after it as a mean over dropout masks),
         ``provisional`` (true during a sweep, while the result may change), ``frames`` of ``sweep_frames``, ``sweep_says`` and
-        ``object_says`` with ``material``, ``probability`` and ``verdict``, ``posterior`` and ``fused`` in the order of ``materials``, ``latency_ms``.
+        ``object_says`` with ``material``, ``probability`` and ``verdict``, ``posterior`` and ``fused`` in the order of ``materials``,
+        ``latency_ms``, ``sender`` and ``put_ns`` (put-port and time of the put, as of a packet).
+
+        Raises TactnetError once no hub holds the bus and no belief is left.
         """
         found = self._native.get_json(timeout)
         return None if found is None else json.loads(found)
@@ -112,11 +133,12 @@ class BeliefPort:
         return self._native.lost
 
 
-class PutPort(Generic[P]):
+class PutPort(_Closing, Generic[P]):
     """Puts packets of one type into a channel."""
 
     def __init__(self, native: _tactnet.RawPutPort, packet: type[P]):
-        self._native, self._packet = native, packet
+        super().__init__(native)
+        self._packet = packet
 
     def put(self, *packets: P) -> int:
         """Puts one or more items as one packet. Returns the number of get-ports that have it."""
@@ -126,21 +148,27 @@ class PutPort(Generic[P]):
         return self._native.put(b"".join(packet.to_bytes() for packet in packets))
 
 
-class GetPort(Generic[P]):
+class GetPort(_Closing, Generic[P]):
     """Gets packets of one type from a channel; also iterates over them, and asynchronously."""
 
     def __init__(self, native: _tactnet.RawGetPort, packet: type[P]):
-        self._native, self._packet = native, packet
+        super().__init__(native)
+        self._packet = packet
         self._waiting: deque[P] = deque()
 
     def get(self, timeout: float | None = None) -> P | None:
-        """Waits for the next packet; returns None after ``timeout`` seconds."""
+        """Waits for the next packet, which has ``sender`` and ``put_ns``; returns None after ``timeout`` seconds.
+
+        Raises TactnetError once no hub holds the bus and no packet is left.
+        """
         if not self._waiting:
             found = self._native.get(timeout)
             if found is None:
                 return None
-            items, size = found[0], self._packet.DTYPE.itemsize
-            self._waiting.extend(self._packet.from_bytes(items[at : at + size]) for at in range(0, len(items), size))
+            items, sender, put_ns = found
+            size = self._packet.DTYPE.itemsize
+            packets = (self._packet.from_bytes(items[at : at + size]) for at in range(0, len(items), size))
+            self._waiting.extend(packet.received(sender, put_ns) for packet in packets)
         return self._waiting.popleft() if self._waiting else None
 
     async def get_async(self, timeout: float | None = None) -> P | None:
@@ -165,14 +193,14 @@ class GetPort(Generic[P]):
         return self._native.lost
 
 
-class Bus:
+class Bus(_Closing):
     """Access to the channels that a hub holds.
 
     table: path of the hub's table, or its text as TOML.
     """
 
     def __init__(self, table: str):
-        self._native = _tactnet.Bus(str(table))
+        super().__init__(_tactnet.Bus(str(table)))
 
     @property
     def fingers(self) -> list[str]:

@@ -135,6 +135,7 @@ class Bridge:
             for number, name in enumerate(bus.fingers)
         ]
         self._stop = threading.Event()
+        self._hub_is_gone = False
         self.frames = self.beliefs = self.refused = 0
 
     def run(self) -> None:
@@ -144,7 +145,7 @@ class Bridge:
         for thread in threads:
             thread.start()
         while not self._stop.is_set():
-            belief = self._beliefs.get(timeout=0.1)
+            belief = self._next_belief()
             if belief is None:
                 continue
             self.beliefs += 1
@@ -154,6 +155,19 @@ class Bridge:
                 self._material.write(String("unknown" if sweep["verdict"] == "unknown" else sweep["material"]))
         for thread in threads:
             thread.join()
+
+    def _next_belief(self) -> dict[str, Any] | None:
+        """Returns the next belief; None after a while, and while no hub runs, since a new one takes over."""
+        try:
+            belief = self._beliefs.get(timeout=0.1)
+            self._hub_is_gone = False
+            return belief
+        except TactnetError as reason:
+            if not self._hub_is_gone:
+                print(f"warning: {reason}; waiting for a new one", file=sys.stderr, flush=True)
+            self._hub_is_gone = True
+            self._stop.wait(0.1)
+            return None
 
     def stop(self) -> None:
         """Ends ``run``."""

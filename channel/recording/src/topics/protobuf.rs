@@ -11,14 +11,9 @@ use super::value::Value;
 /// # Errors
 /// Descriptors that cannot be read, or lack the type.
 pub(super) fn descriptor(name: &str, file_set: &[u8]) -> Result<MessageDescriptor, String> {
-    // The crate panics on some damaged descriptions; the panic then ends only this thread.
-    let read = std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new().name(tactnet_data::format::READING.into());
-        let thread = thread.spawn_scoped(scope, || DescriptorPool::decode(file_set))?;
-        Ok::<_, std::io::Error>(thread.join())
-    });
-    let read = read.map_err(|error| error.to_string())?;
-    let pool = read.map_err(|_| format!("the description of {name} is damaged"))?;
+    // The crate panics on some damaged descriptions.
+    let pool = tactnet_data::format::caught(|| DescriptorPool::decode(file_set));
+    let pool = pool.ok_or_else(|| format!("the description of {name} is damaged"))?;
     let pool = pool.map_err(|error| error.to_string())?;
     let found = pool.get_message_by_name(name);
     found.ok_or_else(|| format!("the description of {name} is missing"))

@@ -2,11 +2,11 @@
 #![no_main]
 
 use std::cell::RefCell;
-use std::{panic, thread};
+use std::panic;
 
 use libfuzzer_sys::fuzz_target;
 use tactnet_attacks::{Allocator, Target, most_held, open};
-use tactnet_data::format::READING;
+use tactnet_data::format::is_reading;
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;
@@ -18,11 +18,11 @@ thread_local! {
 /// Returns the target after a check that it accepts its valid inputs, which a useful run requires. Writes them to the
 /// folder `TACTNET_FUZZ_SEEDS`, if set.
 fn ready() -> Target {
-    // libFuzzer's own hook ends the process. The Parquet reader panics on damaged files on its own thread, where panics
+    // libFuzzer's own hook ends the process. Some readers panic on damaged files, and the panics
     // become errors.
     let ends = panic::take_hook();
     panic::set_hook(Box::new(move |panic| {
-        if thread::current().name() != Some(READING) {
+        if !is_reading() {
             ends(panic);
         }
     }));

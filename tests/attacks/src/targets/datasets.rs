@@ -183,7 +183,11 @@ fn write_members(folder: &Path, input: &[u8]) {
 
 /// Target: a folder of files, with the options of other people's folders. Names outside the folder are left out.
 pub(super) fn folders() -> anyhow::Result<Target> {
-    let mut seeds = lerobot_folders()?;
+    // The episodes of LeRobot are Parquet.
+    let mut seeds = match format::READS_PARQUET {
+        true => lerobot_folders()?,
+        false => Vec::new(),
+    };
     let text = |sweep: usize| -> String {
         let line = |step: usize| format!("{step} {} {}\n", sweep * step % 7, (sweep + step) % 5);
         (0..12).map(line).collect()
