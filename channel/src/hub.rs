@@ -4,6 +4,7 @@
 //! Clients exchange packets directly, so they lose nothing when the hub dies, and a new hub takes over. Wake events
 //! stay when a hub ends: running clients must find the same ones under the next hub.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path as FilePath, PathBuf};
@@ -12,6 +13,8 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
+use crate::kept_packets::KeptPackets;
+use crate::memory_failure::{MemoryFailure, file_error};
 use crate::memory_folder::{bus_folder, own_folder};
 use crate::own_file::own_file;
 use crate::packet::{Block, Header};
@@ -88,9 +91,10 @@ impl Hub {
         own_folder(&folder)?;
         let lock = lock(&folder, &table.bus)?;
         let config = iceoryx_config(&folder, &table.local_name())?;
+        MemoryFailure::forget();
         remove_unfinished(&folder, &config)?;
         remove_stillborn(&config)?;
-        let node: Node<Ipc> = node(&config)?;
+        let node: Node<Ipc> = node(&config, &folder)?;
         let begun = Instant::now();
         let prefix = format!("{}_", table.local_name());
         while !remove_unfinished_connections(&folder, &prefix)? {
@@ -109,7 +113,7 @@ impl Hub {
         let mut channels = Vec::new();
         for (id, config) in &table.channels {
             let id = ChannelId::new(id)?;
-            let channel = create(&node, id, config)?;
+            let channel = create(&node, id, config, &folder)?;
             WakeEvent::create(&wake_event_file(&folder, id)?)?;
             channels.push((id, channel));
         }
@@ -145,12 +149,32 @@ impl Hub {
             return Ok(0);
         }
         self.cleaned = Instant::now();
+        self.remove_unread();
         let found = self.clear_up()?;
         if found == 0 {
             return Ok(0);
         }
         let stillborn = remove_stillborn(self.node.config())?;
         Ok(found.saturating_sub(stillborn))
+    }
+
+    /// Removes kept packets of get-ports that have ended.
+    fn remove_unread(&self) {
+        for (id, channel) in &self.channels {
+            let kept = KeptPackets::in_folder(self.folder.clone(), *id);
+            let unread = kept.getters();
+            if unread.is_empty() {
+                continue;
+            }
+            let mut living = BTreeSet::new();
+            channel.dynamic_config().list_subscribers(|port| {
+                living.insert(port.subscriber_id.value());
+                CallbackProgression::Continue
+            });
+            for getter in unread.difference(&living) {
+                drop(kept.take(*getter));
+            }
+        }
     }
 
     /// Cleans up after dead clients. Clients with unfinished connections are left for the next call.
@@ -193,11 +217,7 @@ impl Hub {
 
 fn lock(folder: &FilePath, bus: &str) -> Result<File, ChannelError> {
     let path = folder.join("hub");
-    let failed = |source| ChannelError::Io {
-        path: path.clone(),
-        action: "lock",
-        source,
-    };
+    let failed = |source| file_error(&path, "lock", 0, source);
     let file = own_file(&path).map_err(failed)?;
     let begun = Instant::now();
     let mut outcome = file.try_lock();

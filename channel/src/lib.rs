@@ -13,13 +13,19 @@
 #[cfg(feature = "zenoh")]
 mod bridge;
 mod bus;
+mod connection;
 mod create_port;
+mod created_channels;
 mod error;
 mod failed_connections;
 mod get;
 mod hub;
 mod hub_thread;
+mod inbox;
+mod kept_packets;
+mod lanes;
 mod listing;
+mod memory_failure;
 mod memory_folder;
 #[cfg(feature = "zenoh")]
 mod network_settings;
@@ -32,6 +38,7 @@ mod rate_limit;
 mod received_summary;
 mod service;
 mod shared;
+mod storage;
 mod sync_group;
 mod table;
 mod temporary_bus;
@@ -50,7 +57,7 @@ pub use memory_folder::{
 };
 pub use packet::{ChannelId, Header, PacketType, Priority};
 pub use percentile::percentile;
-pub use put::{Loan, PutPort, now_ns};
+pub use put::{GetterLoss, Loan, PutPort, now_ns};
 pub use rate::{PacketRate, measure_rate};
 pub use rate_limit::RateLimit;
 pub use received_summary::ReceivedSummary;
