@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use iceoryx2::prelude::*;
 
 use crate::created_channels;
+use crate::history::History;
 use crate::kept_packets::KeptPackets;
 use crate::memory_failure::MemoryFailure;
 use crate::memory_folder::bus_folder;
@@ -58,6 +59,8 @@ struct Inner {
     wake_events: Mutex<BTreeMap<ChannelId, Arc<WakeEvent>>>,
     /// Kept packets of the opened channels; used in the process domain only.
     kept: Mutex<BTreeMap<ChannelId, Arc<KeptPackets>>>,
+    /// Histories of the opened channels; used in the process domain only.
+    histories: Mutex<BTreeMap<ChannelId, Arc<History>>>,
     /// Channels that this bus has created, which exist as long as it.
     created: Mutex<BTreeMap<ChannelId, (ChannelConfig, AnyChannel)>>,
     /// Wake event for sync groups that are too large for one kernel call.
@@ -84,6 +87,7 @@ pub(crate) struct Opened {
     pub(crate) wake_event: Arc<WakeEvent>,
     pub(crate) crowd: Arc<WakeEvent>,
     pub(crate) kept: Arc<KeptPackets>,
+    pub(crate) history: Arc<History>,
     /// Folder of the bus's files; empty in the process domain.
     pub(crate) folder: PathBuf,
     /// Bytes of one item of the channel's packet type, also where the port's items are bytes.
@@ -147,6 +151,7 @@ impl Bus {
                 table: table.clone(),
                 wake_events: Mutex::default(),
                 kept: Mutex::default(),
+                histories: Mutex::default(),
                 created: Mutex::default(),
                 crowd: Arc::new(crowd),
                 folder,
@@ -416,11 +421,12 @@ impl Bus {
         let config = self.config(id)?;
         let folder = &self.inner.folder;
         MemoryFailure::forget();
-        let (channel, wake_event, kept) = match &self.inner.node {
+        let (channel, wake_event, kept, history) = match &self.inner.node {
             Either::Process(node) => (
                 Either::Process(create(node, id, &config, folder)?),
                 of_channel(&self.inner.wake_events, id, WakeEvent::local),
                 of_channel(&self.inner.kept, id, KeptPackets::in_process),
+                of_channel(&self.inner.histories, id, History::in_process),
             ),
             Either::Host(node) => {
                 let opened = open(node, id, &self.inner.table.bus, folder);
@@ -437,6 +443,7 @@ impl Bus {
                     Either::Host(channel),
                     Arc::new(WakeEvent::open(&wake_event_file(folder, id)?)?),
                     Arc::new(KeptPackets::in_folder(folder.clone(), id)),
+                    Arc::new(History::in_folder(folder.clone(), id)),
                 )
             }
         };
@@ -448,6 +455,7 @@ impl Bus {
             wake_event,
             crowd: self.inner.crowd.clone(),
             kept,
+            history,
             folder: folder.clone(),
         })
     }

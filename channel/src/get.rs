@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::subscriber::SubscriberCreateError;
+use iceoryx2::prelude::{CallbackProgression, PortFactory};
 
 use crate::bus::Opened;
 use crate::create_port::{Places, create_port};
@@ -21,7 +22,7 @@ use crate::memory_failure::{MemoryFailure, transport_error};
 use crate::put::short;
 use crate::transport::{AnySample, AnySubscriber, Either, both};
 use crate::wake_event::WakeEvent;
-use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority};
+use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority, now_ns};
 
 /// First packet that a get-port receives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,7 +31,7 @@ pub enum Start {
     Now,
     /// Starts with the last packets of every put-port, at most this many.
     ///
-    /// They arrive with the put-port's next put or [`crate::PutPort::send_history`].
+    /// They are there at once, if the put-port is on this host.
     History(usize),
 }
 
@@ -134,6 +135,7 @@ impl<T: Packet> GetPort<T> {
             wake_event,
             crowd,
             kept,
+            history: past,
             folder,
             ..
         } = opened;
@@ -146,6 +148,7 @@ impl<T: Packet> GetPort<T> {
         let history = start.history(id, &config)?;
         let failed = FailedConnections::default();
         let kept_read = AtomicU32::new(wake_event.kept_version());
+        let opened_ns = now_ns();
         MemoryFailure::forget();
         macro_rules! subscriber {
             ($channel:expr) => {{
@@ -155,7 +158,7 @@ impl<T: Packet> GetPort<T> {
                 create_port($channel, Places::Get, is_full, || {
                     $channel
                         .subscriber_builder()
-                        .history_request(history)
+                        .history_request(0)
                         .set_degradation_handler(failed.counter())
                         .create()
                 })
@@ -173,12 +176,23 @@ impl<T: Packet> GetPort<T> {
                 })?
             }};
         }
-        let subscriber = match channel {
-            Either::Process(channel) => Either::Process(subscriber!(&channel)),
-            Either::Host(channel) => Either::Host(subscriber!(&channel)),
+        let subscriber = match &channel {
+            Either::Process(channel) => Either::Process(subscriber!(channel)),
+            Either::Host(channel) => Either::Host(subscriber!(channel)),
         };
         let number = both!(&subscriber, subscriber => subscriber.id().value());
-        let inbox = RefCell::new(Inbox::new(config.total_put_ports()));
+        let mut inbox = Inbox::new(config.total_put_ports());
+        if history > 0 {
+            let mut senders = Vec::new();
+            both!(&channel, channel => channel.dynamic_config().list_publishers(|port| {
+                senders.push(port.publisher_id.value());
+                CallbackProgression::Continue
+            }));
+            let packets = senders
+                .into_iter()
+                .flat_map(|sender| past.read(sender, history, &config));
+            inbox.add_history(packets, opened_ns);
+        }
         Ok(Self {
             inner: Arc::new(GetInner {
                 id,
@@ -187,14 +201,14 @@ impl<T: Packet> GetPort<T> {
                 kept,
                 kept_read,
                 merges: config.merges(),
-                has_taken: AtomicBool::new(false),
+                has_taken: AtomicBool::new(!inbox.is_empty()),
                 priority: AtomicU8::new(config.priority as u8),
                 config,
                 subscriber,
                 wake_event,
                 crowd,
             }),
-            inbox,
+            inbox: RefCell::new(inbox),
             failed,
             packet: PhantomData,
         })

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
+use crate::history::History;
 use crate::kept_packets::KeptPackets;
 use crate::memory_failure::{MemoryFailure, file_error};
 use crate::memory_folder::{bus_folder, own_folder};
@@ -158,9 +159,17 @@ impl Hub {
         Ok(found.saturating_sub(stillborn))
     }
 
-    /// Removes kept packets of get-ports that have ended.
+    /// Removes kept packets of get-ports, and histories of put-ports, that have ended.
     fn remove_unread(&self) {
         for (id, channel) in &self.channels {
+            History::in_folder(self.folder.clone(), *id).remove_ended(|| {
+                let mut living = BTreeSet::new();
+                channel.dynamic_config().list_publishers(|port| {
+                    living.insert(port.publisher_id.value());
+                    CallbackProgression::Continue
+                });
+                living
+            });
             let kept = KeptPackets::in_folder(self.folder.clone(), *id);
             let unread = kept.getters();
             if unread.is_empty() {

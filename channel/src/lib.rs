@@ -19,6 +19,7 @@ mod created_channels;
 mod error;
 mod failed_connections;
 mod get;
+mod history;
 mod hub;
 mod hub_thread;
 mod inbox;

@@ -17,10 +17,12 @@ use parking_lot::Mutex;
 use crate::bus::Opened;
 use crate::create_port::{Places, client_put_ports, create_port, hub_name};
 use crate::failed_connections::FailedConnections;
+use crate::history::{Board, History};
 use crate::kept_packets::{KeptPacket, KeptPackets, Parcel};
 use crate::lanes::{LinkState, links_of};
 use crate::memory_failure::{MemoryFailure, transport_error};
 use crate::packet::{Block, blocks};
+use crate::storage::last_segment;
 use crate::transport::{AnyLoan, AnyPublisher, Either, both};
 use crate::wake_event::WakeEvent;
 use crate::{Bus, ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority, Start};
@@ -48,6 +50,9 @@ pub struct PutPort<T> {
     wake_event: Arc<WakeEvent>,
     crowd: Arc<WakeEvent>,
     kept: Arc<KeptPackets>,
+    history: Arc<History>,
+    /// List of the last packets, for channels with a history.
+    board: Option<Arc<Board>>,
     /// Number of the port in the transport.
     number: u128,
     sender: u64,
@@ -102,6 +107,7 @@ impl<T: Packet> PutPort<T> {
             wake_event,
             crowd,
             kept,
+            history,
             folder,
             unit,
         } = opened;
@@ -150,8 +156,19 @@ impl<T: Packet> PutPort<T> {
             Either::Host(channel) => Either::Host(publisher!(&channel)),
         };
         let number = both!(&publisher, publisher => publisher.id().value());
+        let board = (config.history > 0)
+            .then(|| {
+                let base = match &publisher {
+                    Either::Process(_) => 0,
+                    Either::Host(_) => last_segment(),
+                };
+                history.create(number, base, &config)
+            })
+            .transpose()?;
         Ok(Self {
             id,
+            board,
+            history,
             publisher,
             wake_event,
             crowd,
@@ -338,8 +355,14 @@ impl<T: Packet> PutPort<T> {
         }
         both!(&mut loan.sample, sample => *sample.user_header_mut() = header);
         let first = both!(&mut loan.sample, sample => NonNull::from(sample.payload_mut()).cast());
-        let getters = both!(loan.sample, sample => sample.send())
-            .map_err(|error| ChannelError::transport(self.id, error))?;
+        if let Some(board) = &self.board {
+            board.begin_put();
+        }
+        let outcome = both!(loan.sample, sample => sample.send());
+        if let Some(board) = &self.board {
+            board.end_put(outcome.is_ok().then_some((&header, first)));
+        }
+        let getters = outcome.map_err(|error| ChannelError::transport(self.id, error))?;
         if sent.last.len() == self.config.depth {
             sent.last.pop_front();
         }
@@ -379,7 +402,7 @@ impl<T: Packet> PutPort<T> {
             .map_err(|error| ChannelError::transport(self.id, error))
     }
 
-    /// Sends the history to new get-ports now. Otherwise the next put does so.
+    /// Connects to new get-ports now, and wakes all. Otherwise the next put does so.
     ///
     /// # Errors
     /// The transport has failed.
@@ -419,6 +442,9 @@ impl<T> PutPort<T> {
 
 impl<T> Drop for PutPort<T> {
     fn drop(&mut self) {
+        if let Some(board) = &self.board {
+            self.history.remove(board);
+        }
         let links = links_of(self.number);
         let mut unseen = links
             .iter()

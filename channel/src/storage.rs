@@ -3,6 +3,7 @@
 //! Iceoryx2's `dynamic_storage::file` only sets the length of a new file. If the memory is used up, the first write to
 //! a page then kills the process by SIGBUS. The files of this module have the same layout.
 
+use std::cell::Cell;
 use std::fmt::Debug;
 use std::fs::{File, OpenOptions, Permissions};
 use std::io;
@@ -35,6 +36,15 @@ use crate::memory_failure::{MemoryFailure, reserve};
 
 /// Interval at which an opener checks a file that another process is still creating.
 const LOOK: Duration = Duration::from_millis(1);
+
+thread_local! {
+    static LAST_SEGMENT: Cell<usize> = const { Cell::new(0) };
+}
+
+/// Returns the address of the last file for packets that this thread created.
+pub(crate) fn last_segment() -> usize {
+    LAST_SEGMENT.get()
+}
 
 /// Content of a file: the version, which is 0 until the rest is initialised, and the value. Its heap follows.
 #[repr(C)]
@@ -174,6 +184,9 @@ impl<T: Send + Sync + Debug + ZeroCopySend> Builder<'_, T> {
         let protection = libc::PROT_READ | libc::PROT_WRITE;
         let storage = Storage::map(&file, &path, self.name, protection)
             .map_err(|error| failed("map", error))?;
+        if path.extension().is_some_and(|kind| kind == "data") {
+            LAST_SEGMENT.set(storage.memory.as_ptr() as usize);
+        }
         self.initialize(storage, &file)
     }
 

@@ -19,6 +19,7 @@ pub use limits::{
 };
 pub use promises::{
     a_bulk_sender_that_connected_first_starves_nobody, a_channel_can_be_created_at_run_time,
+    a_history_read_during_puts_has_no_gap,
     a_late_getter_gets_the_history_of_all_put_ports_in_order,
     a_sync_group_names_the_urgent_port_first, bulk_displaces_no_urgent_packet,
     losses_count_from_the_opening_and_the_putter_knows_them,

@@ -43,6 +43,7 @@ suite! {
     a_busy_port_does_not_starve_the_group
     packets_of_all_put_ports_arrive_in_the_order_of_their_puts
     a_late_getter_gets_the_history_of_all_put_ports_in_order
+    a_history_read_during_puts_has_no_gap
     order_holds_between_put_ports_of_two_threads
     a_bulk_sender_that_connected_first_starves_nobody
     losses_count_from_the_opening_and_the_putter_knows_them

@@ -23,6 +23,15 @@ fn putter_of(bus: &Bus, priority: Priority) -> PutPort<Reading> {
     bus.put_port("a", priority).unwrap()
 }
 
+/// Stops a thread, also when the test fails.
+struct StopAtTheEnd<'a>(&'a AtomicBool);
+
+impl Drop for StopAtTheEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 /// Gets packets until none has come for a while, and returns their numbers.
 fn all_numbers(port: &GetPort<Reading>) -> Vec<u64> {
     let wait = Wait::Block {
@@ -66,10 +75,52 @@ pub fn a_late_getter_gets_the_history_of_all_put_ports_in_order(world: &World) {
         .near
         .get_port::<Reading>("a", Start::History(6))
         .unwrap();
-    for put in &puts {
-        put.send_history().unwrap();
-    }
+    // At once, and also where only one of the put-ports goes on.
     assert_eq!(numbers(&late), (0..12).collect::<Vec<_>>());
+    let later = ends
+        .near
+        .get_port::<Reading>("a", Start::History(2))
+        .unwrap();
+    puts[0].put_copy(&[reading(12)]).unwrap();
+    assert_eq!(numbers(&later), (8..13).collect::<Vec<_>>());
+    assert_eq!(numbers(&late), [12]);
+    assert_eq!((late.lost(), later.lost()), (0, 0));
+}
+
+pub fn a_history_read_during_puts_has_no_gap(world: &World) {
+    let ends = world.with(&[(
+        "a",
+        ChannelConfig {
+            history: 4,
+            get_ports: 2,
+            ..shared(1, 1024)
+        },
+    )]);
+    let put = putter(&ends.near, "a");
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            for number in 0.. {
+                put.put_copy(&[reading(number); 4]).unwrap();
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+                std::thread::sleep(Duration::from_micros(20));
+            }
+        });
+        let _stop = StopAtTheEnd(&stop);
+        for _ in 0..100 {
+            let late = ends
+                .near
+                .get_port::<Reading>("a", Start::History(4))
+                .unwrap();
+            let first = wait_for(&late, 1)[0];
+            for number in first + 1..first + 12 {
+                let packet = late.get(SOON).unwrap().unwrap();
+                assert_eq!(*packet, [reading(number); 4]);
+            }
+        }
+    });
 }
 
 pub fn order_holds_between_put_ports_of_two_threads(world: &World) {
@@ -103,7 +154,8 @@ pub fn order_holds_between_put_ports_of_two_threads(world: &World) {
 }
 
 pub fn a_bulk_sender_that_connected_first_starves_nobody(world: &World) {
-    let ends = world.with(&[("a", shared(2, 16))]);
+    // Deep enough for all other packets, on however busy a machine.
+    let ends = world.with(&[("a", shared(2, 128))]);
     let get = getter(&ends.near, "a");
     let (bulk, other) = (putter(&ends.near, "a"), putter(&ends.near, "a"));
     ends.settle();
@@ -120,6 +172,7 @@ pub fn a_bulk_sender_that_connected_first_starves_nobody(world: &World) {
                 other.put_copy(&[reading(number)]).unwrap();
             }
         });
+        let stop = StopAtTheEnd(&stop);
         let mut found = Vec::new();
         let begun = Instant::now();
         while found.len() < 100 && begun.elapsed() < Duration::from_secs(20) {
@@ -128,7 +181,7 @@ pub fn a_bulk_sender_that_connected_first_starves_nobody(world: &World) {
             let busy = Instant::now();
             while busy.elapsed() < Duration::from_micros(30) {}
         }
-        stop.store(true, Ordering::Relaxed);
+        drop(stop);
         assert_eq!(found, (1..=100).collect::<Vec<_>>());
     });
 }
