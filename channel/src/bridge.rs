@@ -117,7 +117,9 @@ impl Bridge {
                         // Zenoh calls this from one thread for each remote host; the lock keeps the number of loans
                         // within the table's limit.
                         let delivery = delivery.lock();
-                        delivery.unwrap_or_else(PoisonError::into_inner).deliver(&sample);
+                        delivery
+                            .unwrap_or_else(PoisonError::into_inner)
+                            .deliver(&sample);
                     })
                     .wait()
                     .map_err(|error| ChannelError::transport(mirror.id, error))?;
@@ -314,7 +316,10 @@ impl Senders {
     /// Returns the number of packets of the same sender that did not arrive before this one.
     fn missing_before(&mut self, header: &Header) -> u64 {
         let after = header.sequence.wrapping_add(1);
-        let known = self.0.iter().position(|(sender, _)| *sender == header.sender);
+        let known = self
+            .0
+            .iter()
+            .position(|(sender, _)| *sender == header.sender);
         let (missing, next) = match known.map(|at| self.0.remove(at)) {
             Some((_, expected)) => (
                 header.sequence.saturating_sub(expected),

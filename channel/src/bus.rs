@@ -130,7 +130,11 @@ impl Bus {
                 let number = BUSES.fetch_add(1, Ordering::Relaxed);
                 let folder = PathBuf::new();
                 let config = iceoryx_config(&folder, &format!("{}-{number}", table.bus))?;
-                (Either::Process(node(&config, &folder)?), WakeEvent::local(), folder)
+                (
+                    Either::Process(node(&config, &folder)?),
+                    WakeEvent::local(),
+                    folder,
+                )
             }
             Domain::Host => {
                 let folder = bus_folder(table)?;

@@ -1,8 +1,9 @@
 //! Connections of iceoryx2 that count lost packets and can hold packets back.
 //!
-//! The state of an otherwise unused channel of a connection is a counter in shared memory: the sender counts packets
-//! that it overwrote before they were taken, the receiver sets a bit when it connects.
+//! The states of two otherwise unused channels of a connection are numbers in shared memory: the sender counts packets
+//! that it overwrote before they were taken, and notes its first put; the receiver sets a bit when it connects.
 
+use std::cell::Cell;
 use std::marker::PhantomData;
 use std::ptr::NonNull;
 use std::sync::Arc;
@@ -30,10 +31,24 @@ const SEEN: u64 = 1 << 62;
 /// Value that iceoryx2 writes when it removes a dead end.
 const REMOVED: u64 = u64::MAX;
 
+/// Number of channels that connections have in addition to those of iceoryx2.
+const ADDED: usize = 2;
+
+thread_local! {
+    static PUT: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Sets the number of the put that this thread sends next, from 0.
+pub(crate) fn set_put(number: u64) {
+    PUT.set(number + 1);
+}
+
 /// Counter of a connection's lost packets, in its shared memory.
 #[derive(Debug)]
 pub(crate) struct LossCounter {
     memory: NonNull<AtomicU64>,
+    /// Number of the first put, from 1; 0 if there was none.
+    first_put: NonNull<AtomicU64>,
     last: u64,
 }
 
@@ -46,9 +61,13 @@ impl LossCounter {
     /// # Safety
     /// It is not used after the connection's end was dropped.
     unsafe fn of(end: &impl ZeroCopyPortDetails) -> Self {
-        let counter = ChannelId::new(end.number_of_channels() - 1);
+        let state = |before_last| {
+            let channel = ChannelId::new(end.number_of_channels() - 1 - before_last);
+            NonNull::from_ref(end.__internal_get_channel_state(channel))
+        };
         Self {
-            memory: NonNull::from_ref(end.__internal_get_channel_state(counter)),
+            memory: state(0),
+            first_put: state(1),
             last: 0,
         }
     }
@@ -71,6 +90,13 @@ impl LossCounter {
         self.last
     }
 
+    /// Returns the number of the first put, from 0, if there was one and the channel has a history.
+    pub(crate) fn first_put(&self) -> Option<u64> {
+        // SAFETY: mapped, as `of` requires.
+        let first = unsafe { self.first_put.as_ref() }.load(Ordering::SeqCst);
+        (first != REMOVED).then(|| first.checked_sub(1)).flatten()
+    }
+
     /// Returns true if the receiver has connected.
     pub(crate) fn is_seen(&self) -> bool {
         self.memory().load(Ordering::Relaxed) & SEEN != 0
@@ -80,9 +106,9 @@ impl LossCounter {
 /// Returns the numbers of put-port and get-port.
 fn ports(name: &FileName) -> (u128, u128) {
     let name = name.to_string();
-    let numbers = name.split_once('_').and_then(|(sender, getter)| {
-        Some((sender.parse().ok()?, getter.parse().ok()?))
-    });
+    let numbers = name
+        .split_once('_')
+        .and_then(|(sender, getter)| Some((sender.parse().ok()?, getter.parse().ok()?)));
     numbers.unwrap_or_else(|| panic!("iceoryx2 names connections after two ports, not `{name}`"))
 }
 
@@ -157,7 +183,7 @@ macro_rules! forward_details {
 
         impl<C: ZeroCopyConnection> ZeroCopyPortDetails for $end<C> {
             fn number_of_channels(&self) -> usize {
-                self.inner.number_of_channels() - 1
+                self.inner.number_of_channels() - ADDED
             }
             fn buffer_size(&self) -> usize {
                 self.inner.buffer_size()
@@ -189,12 +215,16 @@ impl<C: ZeroCopyConnection> Sender<C> {
         &self,
         sent: Result<Option<PointerOffset>, ZeroCopySendError>,
     ) -> Result<Option<PointerOffset>, ZeroCopySendError> {
-        self.link.count();
-        if !matches!(sent, Ok(None)) {
-            let counter = ChannelId::new(self.number_of_channels());
+        let state = |channel| {
             self.inner
-                .__internal_get_channel_state(counter)
-                .fetch_add(1, Ordering::Relaxed);
+                .__internal_get_channel_state(ChannelId::new(channel))
+        };
+        let channels = self.number_of_channels();
+        if self.link.count() == 0 {
+            state(channels).store(PUT.get(), Ordering::SeqCst);
+        }
+        if !matches!(sent, Ok(None)) {
+            state(channels + 1).fetch_add(1, Ordering::Relaxed);
         }
         sent
     }
@@ -274,7 +304,7 @@ impl<C: ZeroCopyConnection> NamedConceptBuilder<Connection<C>> for Builder<C> {
     fn new(name: &FileName) -> Self {
         Self {
             name: *name,
-            inner: C::Builder::new(name).number_of_channels(2),
+            inner: C::Builder::new(name).number_of_channels(1 + ADDED),
         }
     }
 
@@ -311,7 +341,7 @@ impl<C: ZeroCopyConnection> ZeroCopyConnectionBuilder<Connection<C>> for Builder
     }
 
     fn number_of_channels(mut self, value: usize) -> Self {
-        self.inner = self.inner.number_of_channels(value + 1);
+        self.inner = self.inner.number_of_channels(value + ADDED);
         self
     }
 

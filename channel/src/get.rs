@@ -22,7 +22,7 @@ use crate::memory_failure::{MemoryFailure, transport_error};
 use crate::put::short;
 use crate::transport::{AnySample, AnySubscriber, Either, both};
 use crate::wake_event::WakeEvent;
-use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority, now_ns};
+use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority};
 
 /// First packet that a get-port receives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -148,7 +148,6 @@ impl<T: Packet> GetPort<T> {
         let history = start.history(id, &config)?;
         let failed = FailedConnections::default();
         let kept_read = AtomicU32::new(wake_event.kept_version());
-        let opened_ns = now_ns();
         MemoryFailure::forget();
         macro_rules! subscriber {
             ($channel:expr) => {{
@@ -170,9 +169,7 @@ impl<T: Packet> GetPort<T> {
                             most: config.get_ports,
                         }
                     }
-                    error => {
-                        transport_error(format!("channel `{id}`"), &folder, error)
-                    }
+                    error => transport_error(format!("channel `{id}`"), &folder, error),
                 })?
             }};
         }
@@ -181,6 +178,7 @@ impl<T: Packet> GetPort<T> {
             Either::Host(channel) => Either::Host(subscriber!(channel)),
         };
         let number = both!(&subscriber, subscriber => subscriber.id().value());
+        let lanes = lanes_of(number);
         let mut inbox = Inbox::new(config.total_put_ports());
         if history > 0 {
             let mut senders = Vec::new();
@@ -190,14 +188,14 @@ impl<T: Packet> GetPort<T> {
             }));
             let packets = senders
                 .into_iter()
-                .flat_map(|sender| past.read(sender, history, &config));
-            inbox.add_history(packets, opened_ns);
+                .flat_map(|sender| past.read(sender, history, &config, || lanes.first_put(sender)));
+            inbox.add_history(packets);
         }
         Ok(Self {
             inner: Arc::new(GetInner {
                 id,
                 number,
-                lanes: lanes_of(number),
+                lanes,
                 kept,
                 kept_read,
                 merges: config.merges(),

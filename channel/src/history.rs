@@ -21,7 +21,7 @@ use crate::kept_packets::KeptPacket;
 use crate::memory_failure::{file_error, reserve};
 use crate::own_file::own_file;
 use crate::packet::{Block, blocks};
-use crate::{ChannelConfig, ChannelError, ChannelId, Header, now_ns};
+use crate::{ChannelConfig, ChannelError, ChannelId, Header};
 
 /// Maximum time that a reader waits for a put in progress, whose client may have died.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -42,8 +42,6 @@ struct Begin {
 struct Entry {
     /// Number of the put, from 1; 0 while it is written.
     put: AtomicU64,
-    /// Time at which the packet was listed, after the transport had sent it.
-    listed_ns: AtomicU64,
     /// Place of its data: in the put-port's file, or the address in the process domain.
     place: AtomicU64,
     header: Header,
@@ -66,14 +64,6 @@ pub(crate) struct Board {
 unsafe impl Send for Board {}
 // SAFETY: as above.
 unsafe impl Sync for Board {}
-
-/// A packet of a history.
-#[derive(Debug)]
-pub(crate) struct PastPacket {
-    /// Time at which it was listed, after it had been sent.
-    pub(crate) listed_ns: u64,
-    pub(crate) packet: KeptPacket,
-}
 
 fn board_bytes(entries: usize) -> usize {
     size_of::<Begin>() + entries * size_of::<Entry>()
@@ -128,13 +118,14 @@ impl Board {
         }
     }
 
-    /// Announces a put, before the transport can release the oldest listed packet.
-    pub(crate) fn begin_put(&self) {
+    /// Announces a put, before the transport can release the oldest listed packet. Returns its number, from 0.
+    pub(crate) fn begin_put(&self) -> u64 {
         let put = self.begin().begun.fetch_add(1, Ordering::SeqCst);
         // SAFETY: valid, as above.
         unsafe { self.entry(put).as_ref() }
             .put
             .store(0, Ordering::SeqCst);
+        put
     }
 
     /// Ends the put, and lists the packet if it was sent.
@@ -145,7 +136,6 @@ impl Board {
             let place = (data.as_ptr() as usize - self.base) as u64;
             // SAFETY: valid, as above; this port alone writes, and readers check `put`.
             unsafe {
-                (*entry).listed_ns.store(now_ns(), Ordering::Relaxed);
                 (*entry).place.store(place, Ordering::Relaxed);
                 (&raw mut (*entry).header).write_volatile(*header);
                 (*entry).put.store(put + 1, Ordering::Release);
@@ -154,16 +144,18 @@ impl Board {
         self.begin().ended.store(put + 1, Ordering::SeqCst);
     }
 
-    /// Copies the last packets, at most `most`.
+    /// Copies the last packets that a new get-port does not have in its ring, at most `most`.
     ///
+    /// - `ring`: returns the number of the first put in the ring, if there is one
     /// - `copy`: copies data at a place into a slice; returns false if it cannot
     fn read(
         &self,
         most: usize,
         packet_bytes: usize,
+        ring: impl Fn() -> Option<u64>,
         copy: impl Fn(u64, &mut [Block]) -> bool,
-    ) -> Vec<PastPacket> {
-        // Later puts find the reader connected.
+    ) -> Vec<KeptPacket> {
+        // Later puts find the reader connected, so those that have ended are in its ring if one of them is.
         let before = self.begin().begun.load(Ordering::SeqCst);
         let deadline = Instant::now() + PATIENCE;
         while self.begin().ended.load(Ordering::SeqCst) < before && Instant::now() < deadline {
@@ -172,7 +164,8 @@ impl Board {
         let ended = self.begin().ended.load(Ordering::SeqCst);
         let most = most.min(self.entries) as u64;
         let mut past = Vec::new();
-        for put in ended.saturating_sub(most)..ended {
+        let end = ring().map_or(ended, |first| first.min(ended));
+        for put in end.saturating_sub(most)..end {
             match self.copy(put, packet_bytes, &copy) {
                 Some(packet) => past.push(packet),
                 // It was replaced meanwhile: a history has no gap.
@@ -187,7 +180,7 @@ impl Board {
         put: u64,
         packet_bytes: usize,
         copy: impl Fn(u64, &mut [Block]) -> bool,
-    ) -> Option<PastPacket> {
+    ) -> Option<KeptPacket> {
         let entry = self.entry(put).as_ptr();
         // SAFETY: valid, as above.
         let number = unsafe { &(*entry).put };
@@ -196,9 +189,8 @@ impl Board {
             return None;
         }
         // SAFETY: valid, as above; a torn header is discarded below.
-        let (listed_ns, place, header) = unsafe {
+        let (place, header) = unsafe {
             (
-                (*entry).listed_ns.load(Ordering::Relaxed),
                 (*entry).place.load(Ordering::Relaxed),
                 (&raw const (*entry).header).read_volatile(),
             )
@@ -209,10 +201,7 @@ impl Board {
         let mut data = vec![Block::zeroed(); blocks(bytes)].into_boxed_slice();
         let is_copied = copy(place, &mut data);
         fence(Ordering::Acquire);
-        (is_copied && is_listed()).then_some(PastPacket {
-            listed_ns,
-            packet: KeptPacket { header, data },
-        })
+        (is_copied && is_listed()).then_some(KeptPacket { header, data })
     }
 }
 
@@ -327,13 +316,16 @@ impl History {
         }
     }
 
-    /// Copies the last packets of a put-port, at most `most`.
+    /// Copies the last packets of a put-port that a new get-port does not have in its ring, at most `most`.
+    ///
+    /// - `ring`: returns the number of the first put in the ring, if there is one
     pub(crate) fn read(
         &self,
         sender: u128,
         most: usize,
         config: &ChannelConfig,
-    ) -> Vec<PastPacket> {
+        ring: impl Fn() -> Option<u64>,
+    ) -> Vec<KeptPacket> {
         let packet_bytes = config.packet_bytes();
         match self {
             Self::Process(boards) => {
@@ -342,7 +334,7 @@ impl History {
                 let Some(board) = boards.iter().find(|board| board.sender == sender) else {
                     return Vec::new();
                 };
-                board.read(most, packet_bytes, |place, data| {
+                board.read(most, packet_bytes, ring, |place, data| {
                     let from = place as usize as *const Block;
                     // SAFETY: the packet is in memory of a port that exists; torn data is discarded.
                     unsafe { std::ptr::copy(from, data.as_mut_ptr(), data.len()) };
@@ -362,7 +354,7 @@ impl History {
                 let Ok((board, file)) = open() else {
                     return Vec::new();
                 };
-                board.read(most, packet_bytes, |place, data| {
+                board.read(most, packet_bytes, ring, |place, data| {
                     file.read_exact_at(bytemuck::cast_slice_mut(data), place)
                         .is_ok()
                 })

@@ -9,7 +9,6 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::get::GetInner;
-use crate::history::PastPacket;
 use crate::kept_packets::KeptPacket;
 use crate::lanes::Lane;
 use crate::transport::{AnySample, both};
@@ -50,8 +49,6 @@ pub(crate) struct Inbox {
     lanes: Vec<Arc<Lane>>,
     /// Packets of closed put-ports, in the order of delivery.
     kept: VecDeque<(Order, KeptPacket)>,
-    /// Sender and sequence number of past packets that may also be in a ring.
-    twice: Vec<(u64, u64)>,
     /// Time at which the last complete scan of the rings began.
     scanned_ns: u64,
 }
@@ -67,7 +64,6 @@ impl Inbox {
             heads: Vec::with_capacity(room),
             lanes: Vec::with_capacity(room),
             kept: VecDeque::new(),
-            twice: Vec::new(),
             scanned_ns: 0,
         }
     }
@@ -82,7 +78,7 @@ impl Inbox {
         if !port.merges {
             return match self.kept.pop_front() {
                 Some((_, packet)) => Ok(Some(Packet::Kept(packet))),
-                None => Ok(self.receive(port)?.map(Packet::Sample)),
+                None => Ok(port.receive()?.map(Packet::Sample)),
             };
         }
         loop {
@@ -93,7 +89,7 @@ impl Inbox {
                 return self.take(place, port).map(Some);
             }
             let begun = now_ns();
-            while let Some(sample) = self.receive(port)? {
+            while let Some(sample) = port.receive()? {
                 self.stage(sample, port, begun);
             }
             self.scanned_ns = begun;
@@ -104,47 +100,15 @@ impl Inbox {
     }
 
     /// Adds the past packets of put-ports.
-    ///
-    /// - `opened_ns`: time before the port was connected
-    pub(crate) fn add_history(
-        &mut self,
-        packets: impl Iterator<Item = PastPacket>,
-        opened_ns: u64,
-    ) {
+    pub(crate) fn add_history(&mut self, packets: impl Iterator<Item = KeptPacket>) {
         let now = now_ns();
-        for PastPacket { listed_ns, packet } in packets {
-            if listed_ns >= opened_ns {
-                let Header {
-                    sender, sequence, ..
-                } = packet.header;
-                self.twice.push((sender, sequence));
-            }
-            self.kept.push_back((order(&packet.header, now), packet));
-        }
+        self.kept
+            .extend(packets.map(|packet| (order(&packet.header, now), packet)));
         self.sort_kept();
     }
 
     fn sort_kept(&mut self) {
         self.kept.make_contiguous().sort_by_key(|(order, _)| *order);
-    }
-
-    /// Takes the next packet from the transport that is not in the history.
-    fn receive(&mut self, port: &GetInner) -> Result<Option<AnySample>, ChannelError> {
-        loop {
-            let received = port.receive()?;
-            let Some(sample) = &received else {
-                return Ok(None);
-            };
-            if self.twice.is_empty() {
-                return Ok(received);
-            }
-            let header = both!(sample, sample => *sample.user_header());
-            let packet = (header.sender, header.sequence);
-            match self.twice.iter().position(|past| *past == packet) {
-                Some(at) => drop(self.twice.swap_remove(at)),
-                None => return Ok(received),
-            }
-        }
     }
 
     /// Returns the order and the index of the head to deliver next; no index for a kept packet.

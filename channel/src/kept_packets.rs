@@ -98,7 +98,9 @@ impl KeptPackets {
         match self {
             Self::Process(parcels) => {
                 let mut parcels = parcels.lock();
-                parcels.extract_if(.., |parcel| parcel.getter == getter).collect()
+                parcels
+                    .extract_if(.., |parcel| parcel.getter == getter)
+                    .collect()
             }
             Self::Host { .. } => {
                 let files = self.files(getter);

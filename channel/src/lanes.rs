@@ -100,6 +100,14 @@ impl Lanes {
         self.0.lock().lost += packets;
     }
 
+    /// Returns the number of a put-port's first put in the ring, if there is one and the channel has a history.
+    pub(crate) fn first_put(&self, sender: u128) -> Option<u64> {
+        let list = self.0.lock();
+        let mut lanes = list.open.iter();
+        let (_, counter) = lanes.find(|(lane, _)| lane.sender == sender)?;
+        counter.first_put()
+    }
+
     /// Returns true if the get-port was connected to this put-port.
     pub(crate) fn knows(&self, sender: u128) -> bool {
         let list = self.0.lock();
@@ -108,7 +116,11 @@ impl Lanes {
 
     fn close(&self, lane: &Arc<Lane>) -> bool {
         let mut list = self.0.lock();
-        if let Some(at) = list.open.iter().position(|(open, _)| Arc::ptr_eq(open, lane)) {
+        if let Some(at) = list
+            .open
+            .iter()
+            .position(|(open, _)| Arc::ptr_eq(open, lane))
+        {
             let (lane, mut counter) = list.open.swap_remove(at);
             list.lost += counter.lost();
             if list.closed.len() == REMEMBERED {
@@ -170,10 +182,11 @@ impl Link {
         }
     }
 
-    /// Counts a packet; called by one thread at a time.
-    pub(crate) fn count(&self) {
+    /// Counts a packet; called by one thread at a time. Returns the number of packets before it.
+    pub(crate) fn count(&self) -> u64 {
         let sent = self.sent.load(Ordering::Relaxed);
         self.sent.store(sent + 1, Ordering::Relaxed);
+        sent
     }
 }
 

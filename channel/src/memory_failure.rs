@@ -157,10 +157,7 @@ mod tests {
     #[test]
     fn names_of_iceoryx_errors_become_words() {
         let error = |name: &str| transport_error("a", Path::new(""), format_args!("{name}"));
-        assert_eq!(
-            error("VersionMismatch").to_string(),
-            "a: version mismatch"
-        );
+        assert_eq!(error("VersionMismatch").to_string(), "a: version mismatch");
         for name in ["InternalError", "ServiceConfigCouldNotBeCreated"] {
             assert!(!error(name).to_string().contains(name));
         }

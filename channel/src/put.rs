@@ -15,6 +15,7 @@ use iceoryx2::prelude::BackpressureStrategy;
 use parking_lot::Mutex;
 
 use crate::bus::Opened;
+use crate::connection::set_put;
 use crate::create_port::{Places, client_put_ports, create_port, hub_name};
 use crate::failed_connections::FailedConnections;
 use crate::history::{Board, History};
@@ -356,7 +357,7 @@ impl<T: Packet> PutPort<T> {
         both!(&mut loan.sample, sample => *sample.user_header_mut() = header);
         let first = both!(&mut loan.sample, sample => NonNull::from(sample.payload_mut()).cast());
         if let Some(board) = &self.board {
-            board.begin_put();
+            set_put(board.begin_put());
         }
         let outcome = both!(loan.sample, sample => sample.send());
         if let Some(board) = &self.board {

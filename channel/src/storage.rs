@@ -242,7 +242,10 @@ impl<T: Send + Sync + Debug + ZeroCopySend> Builder<'_, T> {
                 Err(error) => return Err(failed("open", error)),
             };
             if let Some(file) = file {
-                let bytes = file.metadata().map_err(|error| failed("open", error))?.len();
+                let bytes = file
+                    .metadata()
+                    .map_err(|error| failed("open", error))?
+                    .len();
                 if bytes >= size_of::<Data<T>>() as u64 {
                     let storage = Storage::map(&file, &path, self.name, protection)
                         .map_err(|error| failed("map", error))?;

@@ -47,8 +47,7 @@ impl SyncGroup {
         for step in 0..self.ports.len() {
             let number = (self.first + step) % self.ports.len();
             let priority = self.ports[number].priority();
-            let is_more_urgent =
-                found.is_none_or(|found| self.ports[found].priority() < priority);
+            let is_more_urgent = found.is_none_or(|found| self.ports[found].priority() < priority);
             if is_more_urgent && self.ports[number].has_packets()? {
                 found = Some(number);
                 if Some(priority) == highest {

@@ -10,8 +10,8 @@ use iceoryx2::service::internal::ServiceInternal;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Channel;
 use iceoryx2::unique_id_generator::unique_system_id::UniqueSystemId;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
-use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
 use iceoryx2_cal::shared_memory::common::details::{AllocatorDetails, Memory};
+use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
 use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
 use iceoryx2_cal::zero_copy_connection::common::details::{
     Connection as ZeroCopy, SharedManagementData,

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Packet, Priority};
 use crate::packet::{Header, blocks};
+use crate::{Packet, Priority};
 
 fn ten_thousand() -> u32 {
     10_000

@@ -293,7 +293,12 @@ pub fn a_sync_group_names_the_urgent_port_first(world: &World) {
         }
     }
     let mut named = Vec::new();
-    while let Some(port) = group.wait(Wait::Block { timeout: Duration::ZERO }).unwrap() {
+    while let Some(port) = group
+        .wait(Wait::Block {
+            timeout: Duration::ZERO,
+        })
+        .unwrap()
+    {
         drop(gets[port].try_get().unwrap());
         named.push(port);
     }
@@ -314,7 +319,10 @@ pub fn a_channel_can_be_created_at_run_time(world: &World) {
         .unwrap();
     let id = creator.create_channel("own/reply", shared(2, 16)).unwrap();
     let again = creator.create_channel(id, normal()).unwrap_err();
-    assert!(matches!(again, ChannelError::ChannelExists { .. }), "{again}");
+    assert!(
+        matches!(again, ChannelError::ChannelExists { .. }),
+        "{again}"
+    );
     let distributed = ChannelConfig {
         distributed: true,
         ..normal()
@@ -328,5 +336,8 @@ pub fn a_channel_can_be_created_at_run_time(world: &World) {
     put.put_copy(&[reading(7)]).unwrap();
     assert_eq!(wait_for(&get, 1), [7]);
     let unknown = other.get_port::<Reading>("b", Start::Now).unwrap_err();
-    assert!(matches!(unknown, ChannelError::NoSuchChannel { .. }), "{unknown}");
+    assert!(
+        matches!(unknown, ChannelError::NoSuchChannel { .. }),
+        "{unknown}"
+    );
 }
