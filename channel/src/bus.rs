@@ -20,7 +20,7 @@ use crate::table::describe;
 use crate::transport::{AnyChannel, AnyNode, Either, both};
 use crate::wake_event::WakeEvent;
 use crate::{
-    ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, PacketType, Priority,
+    AsChannelId, ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, PacketType, Priority,
     PutPort, Start, SyncGroup, Table,
 };
 
@@ -403,7 +403,11 @@ impl Bus {
     }
 
     /// Returns the configuration of a channel of the table, or of one that a client has created.
-    pub(crate) fn config(&self, id: ChannelId) -> Result<ChannelConfig, ChannelError> {
+    ///
+    /// # Errors
+    /// No such channel.
+    pub fn config(&self, id: impl AsChannelId) -> Result<ChannelConfig, ChannelError> {
+        let id = id.channel_id()?;
         let Inner {
             table,
             created,
@@ -473,25 +477,4 @@ fn of_channel<V>(
 ) -> Arc<V> {
     let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
     all.entry(id).or_insert_with(|| Arc::new(create())).clone()
-}
-
-/// A name of a channel: text, or a [`ChannelId`] that was received in a packet.
-pub trait AsChannelId {
-    /// Returns the id.
-    ///
-    /// # Errors
-    /// Text that is not a channel id.
-    fn channel_id(self) -> Result<ChannelId, ChannelError>;
-}
-
-impl AsChannelId for &str {
-    fn channel_id(self) -> Result<ChannelId, ChannelError> {
-        ChannelId::new(self)
-    }
-}
-
-impl AsChannelId for ChannelId {
-    fn channel_id(self) -> Result<ChannelId, ChannelError> {
-        Ok(self)
-    }
 }

@@ -26,6 +26,7 @@ mod inbox;
 mod kept_packets;
 mod lanes;
 mod listing;
+mod loan;
 mod memory_failure;
 mod memory_folder;
 #[cfg(feature = "zenoh")]
@@ -47,18 +48,19 @@ mod ticker;
 mod transport;
 mod wake_event;
 
-pub use bus::{AsChannelId, Bus, Domain};
+pub use bus::{Bus, Domain};
 pub use error::{ChannelError, Remedy, is_wrong_path};
 pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
 pub use hub_thread::HubThread;
+pub use loan::Loan;
 pub use listing::{ListedChannel, list_channels};
 pub use memory_folder::{
     MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
 };
-pub use packet::{ChannelId, Header, PacketType, Priority};
+pub use packet::{AsChannelId, ChannelId, Header, PacketType, Priority};
 pub use percentile::percentile;
-pub use put::{GetterLoss, Loan, PutPort, now_ns};
+pub use put::{GetterLoss, PutPort, now_ns};
 pub use rate::{PacketRate, measure_rate};
 pub use rate_limit::RateLimit;
 pub use received_summary::ReceivedSummary;

@@ -84,6 +84,27 @@ impl Packet for ChannelId {
     const VERSION: u32 = 1;
 }
 
+/// A name of a channel: text, or a [`ChannelId`] that was received in a packet.
+pub trait AsChannelId {
+    /// Returns the id.
+    ///
+    /// # Errors
+    /// Text that is not a channel id.
+    fn channel_id(self) -> Result<ChannelId, ChannelError>;
+}
+
+impl AsChannelId for &str {
+    fn channel_id(self) -> Result<ChannelId, ChannelError> {
+        ChannelId::new(self)
+    }
+}
+
+impl AsChannelId for ChannelId {
+    fn channel_id(self) -> Result<ChannelId, ChannelError> {
+        Ok(self)
+    }
+}
+
 /// Header that the channel layer adds to every packet.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable, ZeroCopySend)]

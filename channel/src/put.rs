@@ -3,7 +3,6 @@
 use std::collections::VecDeque;
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
-use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
 use std::sync::Arc;
 
@@ -24,9 +23,9 @@ use crate::lanes::{LinkState, links_of};
 use crate::memory_failure::{MemoryFailure, transport_error};
 use crate::packet::{Block, blocks};
 use crate::storage::last_segment;
-use crate::transport::{AnyLoan, AnyPublisher, Either, both};
+use crate::transport::{AnyPublisher, Either, both};
 use crate::wake_event::WakeEvent;
-use crate::{Bus, ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority, Start};
+use crate::{Bus, ChannelConfig, ChannelError, ChannelId, Header, Loan, Packet, Priority, Start};
 
 /// Puts packets of `T` into one channel. Its functions neither allocate nor start a thread.
 ///
@@ -267,7 +266,7 @@ impl<T: Packet> PutPort<T> {
             sample,
             items,
             sender: self.sender,
-            packet: PhantomData,
+            items_of: PhantomData,
         })
     }
 
@@ -462,32 +461,6 @@ impl<T> Drop for PutPort<T> {
         self.wake_event.note_kept();
         self.wake_event.notify();
         self.crowd.notify_sleepers();
-    }
-}
-
-/// A packet that is being written: a slice of items in shared memory. If dropped, it is not sent.
-#[derive(Debug)]
-pub struct Loan<T> {
-    sample: AnyLoan,
-    items: usize,
-    sender: u64,
-    packet: PhantomData<T>,
-}
-
-impl<T: Packet> Deref for Loan<T> {
-    type Target = [T];
-    fn deref(&self) -> &[T] {
-        let first = both!(&self.sample, sample => sample.payload().as_ptr());
-        // SAFETY: the blocks hold at least `items` items, are aligned to 64 bytes, and every bit pattern is a `T`.
-        unsafe { std::slice::from_raw_parts(first.cast::<T>(), self.items) }
-    }
-}
-
-impl<T: Packet> DerefMut for Loan<T> {
-    fn deref_mut(&mut self) -> &mut [T] {
-        let first = both!(&mut self.sample, sample => sample.payload_mut().as_mut_ptr());
-        // SAFETY: as above; the packet has a single owner until it is put.
-        unsafe { std::slice::from_raw_parts_mut(first.cast::<T>(), self.items) }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Ports for packets of any type, as bytes.
 
+use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -39,6 +40,13 @@ impl RawPutPort {
         loan.copy_from_slice(items);
         port.put(loan).map_err(raised)
     }
+
+    /// Packets that each get-port has lost because it took them too slowly, as a dict from its number.
+    fn losses(&self) -> BTreeMap<u64, u64> {
+        let losses = locked(&self.port).losses();
+        let losses = losses.iter().map(|loss| (loss.getter, loss.packets));
+        losses.collect()
+    }
 }
 
 /// Gets packets as bytes.
@@ -63,7 +71,13 @@ impl RawGetPort {
         Ok(packet.map(|(items, put_ns)| (PyBytes::new(py, &items), put_ns)))
     }
 
-    /// Number of lost packets.
+    /// Number of this port in the `losses` of put-ports.
+    #[getter]
+    fn number(&self) -> u64 {
+        locked(&self.port).number()
+    }
+
+    /// Number of lost packets since the port was opened.
     #[getter]
     fn lost(&self) -> u64 {
         locked(&self.port).lost()
