@@ -20,8 +20,8 @@ use crate::table::describe;
 use crate::transport::{AnyChannel, AnyNode, Either, both};
 use crate::wake_event::WakeEvent;
 use crate::{
-    AsChannelId, ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, PacketType, Priority,
-    PutPort, Start, SyncGroup, Table,
+    AsChannelId, ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, PacketType,
+    Priority, PutPort, Start, SyncGroup, Table,
 };
 
 /// Set of components that a bus connects.

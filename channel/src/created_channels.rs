@@ -5,6 +5,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use crate::memory_failure::file_error;
+use crate::service::wake_event_file;
 use crate::{ChannelConfig, ChannelError, ChannelId, Table};
 
 fn file(folder: &Path, id: ChannelId) -> PathBuf {
@@ -69,5 +70,6 @@ pub(crate) fn remove(folder: &Path, id: ChannelId) {
     if !folder.as_os_str().is_empty() {
         // The hub may have removed the folder.
         let _ = std::fs::remove_file(file(folder, id));
+        let _ = wake_event_file(folder, id).map(std::fs::remove_file);
     }
 }

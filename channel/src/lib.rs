@@ -53,8 +53,8 @@ pub use error::{ChannelError, Remedy, is_wrong_path};
 pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
 pub use hub_thread::HubThread;
-pub use loan::Loan;
 pub use listing::{ListedChannel, list_channels};
+pub use loan::Loan;
 pub use memory_folder::{
     MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
 };

@@ -6,7 +6,8 @@ use std::sync::Mutex;
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use tactnet_channel::{
-    ChannelConfig, Domain, GetPort, HubThread, PacketType, Priority, PutPort, Start, Table, now_ns, remove_bus,
+    ChannelConfig, Domain, GetPort, HubThread, PacketType, Priority, PutPort, Start, Table, now_ns,
+    remove_bus,
 };
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{
@@ -154,9 +155,7 @@ impl Bus {
             Some(text) => parse_priority(text)?,
             None => bus.config(channel).map_err(raised)?.priority,
         };
-        let port = bus
-            .put_port_of(channel, packet, priority)
-            .map_err(raised)?;
+        let port = bus.put_port_of(channel, packet, priority).map_err(raised)?;
         Ok(RawPutPort {
             port: Mutex::new(port),
             item_bytes,

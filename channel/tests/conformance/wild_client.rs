@@ -40,7 +40,7 @@ fn hub() {
     let hub = Hub::spawn(&table).unwrap();
     println!("\nready");
     let _ = std::io::stdin().read_to_end(&mut Vec::new());
-    hub.stop().unwrap();
+    drop(hub);
 }
 
 #[test]
@@ -127,6 +127,22 @@ fn survives(pattern: &str) {
     let packet = late.get(Wait::Block { timeout }).unwrap().unwrap();
     assert_eq!(packet[0], 77);
     drop(packet);
+    assert_eq!(
+        hub.try_wait().unwrap(),
+        None,
+        "the hub runs after `{pattern}`"
+    );
     drop(hub.stdin.take());
-    assert!(hub.wait().unwrap().success(), "the hub has not failed");
+    let ended = hub.wait().unwrap();
+    eprintln!("after `{pattern}` the hub ended by {ended}");
+    // The next hub takes over.
+    let mut hub = start("hub", &table, pattern);
+    exchange(Duration::from_millis(1500));
+    assert_eq!(
+        hub.try_wait().unwrap(),
+        None,
+        "the next hub runs after `{pattern}`"
+    );
+    hub.kill().unwrap();
+    hub.wait().unwrap();
 }
