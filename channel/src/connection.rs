@@ -1,7 +1,7 @@
 //! Connections of iceoryx2 that count lost packets and can hold packets back.
 //!
 //! The states of two otherwise unused channels of a connection are numbers in shared memory: the sender counts packets
-//! that it overwrote before they were taken, and notes its first put; the receiver sets a bit when it connects.
+//! that it overwrote before they were taken, and notes its first put; the receiver sets a bit at its first look.
 
 use std::cell::Cell;
 use std::marker::PhantomData;
@@ -97,7 +97,7 @@ impl LossCounter {
         (first != REMOVED).then(|| first.checked_sub(1)).flatten()
     }
 
-    /// Returns true if the receiver has connected.
+    /// Returns true if the receiver has looked for packets.
     pub(crate) fn is_seen(&self) -> bool {
         self.memory().load(Ordering::Relaxed) & SEEN != 0
     }
@@ -264,8 +264,20 @@ impl<C: ZeroCopyConnection> ZeroCopySender for Sender<C> {
     }
 }
 
+impl<C: ZeroCopyConnection> Receiver<C> {
+    /// Tells the put-port that this end is complete: packets that it puts here arrive, also after it has closed.
+    fn begin_use(&self) {
+        if self.lane.begin_use() {
+            let counter = ChannelId::new(self.number_of_channels() + ADDED - 1);
+            let counter = self.inner.__internal_get_channel_state(counter);
+            counter.fetch_or(SEEN, Ordering::SeqCst);
+        }
+    }
+}
+
 impl<C: ZeroCopyConnection> ZeroCopyReceiver for Receiver<C> {
     fn has_data(&self, channel: ChannelId) -> bool {
+        self.begin_use();
         let has_data = self.inner.has_data(channel);
         if self.lane.is_staged() {
             self.lane.set_more(has_data);
@@ -275,6 +287,7 @@ impl<C: ZeroCopyConnection> ZeroCopyReceiver for Receiver<C> {
     }
 
     fn receive(&self, channel: ChannelId) -> Result<Option<PointerOffset>, ZeroCopyReceiveError> {
+        self.begin_use();
         if self.lane.is_staged() {
             self.lane.set_more(self.inner.has_data(channel));
             return Ok(None);
@@ -370,7 +383,6 @@ impl<C: ZeroCopyConnection> ZeroCopyConnectionBuilder<Connection<C>> for Builder
         let lane = Arc::new(Lane::new(sender));
         // SAFETY: `Receiver` closes the lane before `inner` is dropped.
         let counter = unsafe { LossCounter::of(&inner) };
-        counter.memory().fetch_or(SEEN, Ordering::Relaxed);
         let lanes = open_lane(getter, &lane, counter);
         Ok(Receiver {
             getter,

@@ -4,15 +4,17 @@
 //! Clients exchange packets directly, so they lose nothing when the hub dies, and a new hub takes over. Wake events
 //! stay when a hub ends: running clients must find the same ones under the next hub.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path as FilePath, PathBuf};
 use std::time::{Duration, Instant};
 
+use iceoryx2::node::NodeView;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
+use crate::child_process::{Work, in_child};
 use crate::history::History;
 use crate::kept_packets::KeptPackets;
 use crate::memory_failure::{MemoryFailure, file_error};
@@ -31,6 +33,8 @@ const CLEAN_EVERY: Duration = Duration::from_secs(1);
 const UNFINISHED_AFTER: Duration = Duration::from_millis(100);
 /// Maximum time that a starting hub spends on cleaning up.
 const CLEARING_UP: Duration = Duration::from_secs(3);
+/// Maximum number of attempts to clean up after a client whose shared memory crashes the clean-up.
+const CRASHES: u32 = 2;
 /// Maximum time that a client needs to start.
 const STILLBORN_AFTER: Duration = Duration::from_secs(10);
 
@@ -59,6 +63,8 @@ pub struct Hub {
     node: Node<Ipc>,
     channels: Vec<(ChannelId, Channel)>,
     cleaned: Instant,
+    /// Number of times that the clean-up after a dead client has crashed, by client.
+    crashes: BTreeMap<String, u32>,
     #[cfg(feature = "zenoh")]
     bridge: crate::bridge::Bridge,
     /// Lock of the bus. The system releases it when the process ends. Last field, so that everything else is dropped
@@ -110,7 +116,11 @@ impl Hub {
             }
             std::thread::sleep(UNFINISHED_AFTER);
         }
-        node.blocking_cleanup_dead_nodes(PATIENCE);
+        // What it leaves is tried again by `tick`.
+        let _ = in_child(CLEARING_UP, || {
+            node.blocking_cleanup_dead_nodes(PATIENCE);
+            true
+        });
         let mut channels = Vec::new();
         for (id, config) in &table.channels {
             let id = ChannelId::new(id)?;
@@ -128,6 +138,7 @@ impl Hub {
             node,
             channels,
             cleaned: Instant::now(),
+            crashes: BTreeMap::new(),
             _lock: lock,
         })
     }
@@ -187,20 +198,29 @@ impl Hub {
     }
 
     /// Cleans up after dead clients. Clients with unfinished connections are left for the next call.
-    fn clear_up(&self) -> Result<usize, ChannelError> {
+    ///
+    /// A client that overwrote its shared memory can crash this, so a child process does it.
+    fn clear_up(&mut self) -> Result<usize, ChannelError> {
         let prefix = format!("{}_", self.local_name);
         let mut found = 0;
         let mut outcome = Ok(());
         let _ = Node::<Ipc>::list(self.node.config(), |state| {
-            if let NodeState::Dead(client) = state {
-                match remove_unfinished_connections(&self.folder, &prefix) {
-                    Ok(true) => {
-                        found +=
-                            usize::from(client.blocking_remove_stale_resources(PATIENCE).is_ok());
+            let NodeState::Dead(client) = state else {
+                return CallbackProgression::Continue;
+            };
+            let id = format!("{:?}", client.id());
+            let crashes = self.crashes.get(&id).copied().unwrap_or(0);
+            match remove_unfinished_connections(&self.folder, &prefix) {
+                Ok(true) if crashes < CRASHES => {
+                    let remove = || client.blocking_remove_stale_resources(PATIENCE).is_ok();
+                    match in_child(CLEARING_UP, remove) {
+                        Work::Done => found += 1,
+                        Work::Failed => {}
+                        Work::Crashed => drop(self.crashes.insert(id, crashes + 1)),
                     }
-                    Ok(false) => {}
-                    Err(error) => outcome = Err(error),
                 }
+                Ok(_) => {}
+                Err(error) => outcome = Err(error),
             }
             CallbackProgression::Continue
         });

@@ -26,6 +26,8 @@ pub(crate) struct Lane {
     more: AtomicBool,
     /// Number of packets that the get-port holds.
     held: AtomicUsize,
+    /// True once the get-port has looked for packets, so the connection was complete.
+    is_used: AtomicBool,
 }
 
 impl Lane {
@@ -35,6 +37,7 @@ impl Lane {
             staged: AtomicBool::new(false),
             more: AtomicBool::new(false),
             held: AtomicUsize::new(0),
+            is_used: AtomicBool::new(false),
         }
     }
 
@@ -56,6 +59,15 @@ impl Lane {
 
     pub(crate) fn set_held(&self, held: usize) {
         self.held.store(held, Ordering::Relaxed);
+    }
+
+    /// Notes that the get-port has looked for packets. Returns true for the first time.
+    pub(crate) fn begin_use(&self) -> bool {
+        let is_first = !self.is_used.load(Ordering::Relaxed);
+        if is_first {
+            self.is_used.store(true, Ordering::Relaxed);
+        }
+        is_first
     }
 
     pub(crate) fn held(&self) -> usize {
@@ -126,7 +138,10 @@ impl Lanes {
             if list.closed.len() == REMEMBERED {
                 list.closed.pop_front();
             }
-            list.closed.push_back(lane.sender);
+            // Otherwise its put-port closed while it was created, and its packets were kept.
+            if lane.is_used.load(Ordering::Relaxed) {
+                list.closed.push_back(lane.sender);
+            }
         }
         list.open.is_empty()
     }

@@ -13,6 +13,7 @@
 #[cfg(feature = "zenoh")]
 mod bridge;
 mod bus;
+mod child_process;
 mod connection;
 mod create_port;
 mod created_channels;

@@ -84,6 +84,17 @@ pub(crate) fn open<S: Service>(
                     "more clients than its ports allow",
                 ));
             }
+            Err(
+                PublishSubscribeOpenError::VersionMismatch
+                | PublishSubscribeOpenError::HangsInCreation
+                | PublishSubscribeOpenError::ServiceInCorruptedState,
+            ) => {
+                let reason = format!(
+                    "its shared memory is damaged, or another version has written it; stop its clients and remove {}",
+                    folder.display()
+                );
+                return Err(ChannelError::transport(format!("channel `{id}`"), reason));
+            }
             Err(PublishSubscribeOpenError::DoesNotExist) => {
                 return Err(ChannelError::NoHub { bus: bus.into() });
             }
