@@ -37,17 +37,22 @@ pub(crate) fn in_child(most: Duration, work: impl FnOnce() -> bool) -> Work {
         child => {
             let deadline = Instant::now() + most;
             let mut status = 0;
-            // SAFETY: the child of this process, for which nobody else waits.
-            while unsafe { libc::waitpid(child, &raw mut status, libc::WNOHANG) } == 0 {
-                if Instant::now() >= deadline {
-                    // SAFETY: as above; it is not yet waited for, so its number is not used again.
-                    unsafe {
-                        libc::kill(child, libc::SIGKILL);
-                        libc::waitpid(child, &raw mut status, 0);
+            loop {
+                // SAFETY: a child of this process.
+                match unsafe { libc::waitpid(child, &raw mut status, libc::WNOHANG) } {
+                    0 if Instant::now() < deadline => std::thread::sleep(LOOK),
+                    0 => {
+                        // SAFETY: nobody has waited for it yet, so its number is not used again.
+                        unsafe {
+                            libc::kill(child, libc::SIGKILL);
+                            libc::waitpid(child, &raw mut status, 0);
+                        }
+                        return Work::Crashed;
                     }
-                    return Work::Crashed;
+                    // Another part of this process has waited for it.
+                    ..0 => return Work::Failed,
+                    _ => break,
                 }
-                std::thread::sleep(LOOK);
             }
             match (libc::WIFEXITED(status), libc::WEXITSTATUS(status)) {
                 (true, 0) => Work::Done,

@@ -77,6 +77,7 @@ impl LossCounter {
         unsafe { self.memory.as_ref() }
     }
 
+    #[cfg(feature = "zenoh")]
     pub(crate) fn add(&self, packets: u64) {
         self.memory().fetch_add(packets, Ordering::Relaxed);
     }

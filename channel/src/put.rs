@@ -91,6 +91,8 @@ pub struct GetterLoss {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Owner {
     Client,
+    /// Only for packets of other hosts.
+    #[cfg_attr(not(feature = "zenoh"), allow(dead_code))]
     Hub,
 }
 
