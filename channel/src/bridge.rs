@@ -108,23 +108,18 @@ impl Bridge {
             // The forwarder holds one of the get-ports.
             let wanted = state.get_ports > usize::from(mirror.forwarder.is_some());
             if wanted && mirror.deliverer.is_none() {
-                let put = match network.bus.raw_put_port(mirror.id, Priority::Normal) {
-                    Ok(put) => Mutex::new(put),
-                    // A client has taken the hub's place, which may become free soon.
-                    Err(ChannelError::TooManyPorts { .. }) => continue,
-                    Err(error) => return Err(error),
-                };
-                let rate = Mutex::new(RateLimit::new(mirror.config.remote_rate));
+                let delivery = Mutex::new(Delivery::new(&network.bus, mirror));
                 let deliverer = network
                     .session
                     .declare_subscriber(mirror.key.clone())
                     .allowed_origin(Locality::Remote)
                     .callback(move |sample| {
-                        let mut rate = rate.lock().unwrap_or_else(PoisonError::into_inner);
-                        if rate.allows(Instant::now()) {
-                            drop(rate);
-                            deliver(&put, &sample);
-                        }
+                        // Zenoh calls this from one thread for each remote host; the lock keeps the number of loans
+                        // within the table's limit.
+                        let delivery = delivery.lock();
+                        delivery
+                            .unwrap_or_else(PoisonError::into_inner)
+                            .deliver(&sample);
                     })
                     .wait()
                     .map_err(|error| ChannelError::transport(mirror.id, error))?;
@@ -251,29 +246,112 @@ fn forward(get: &GetPort<u8>, wire: &Wire, stop: &AtomicBool) {
     }
 }
 
-/// Puts a packet from another host into the local channel.
-fn deliver(put: &Mutex<PutPort<u8>>, sample: &Sample) {
-    // Zenoh calls this from one thread for each remote host; the lock keeps the number of loans within the table's
-    // limit.
-    let put = put.lock().unwrap_or_else(PoisonError::into_inner);
-    let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
-    let header =
-        attachment.and_then(|bytes| bytemuck::try_pod_read_unaligned::<Header>(&bytes).ok());
-    // Sent by another program or another version.
-    let Some(header) = header else { return };
-    let payload = sample.payload();
-    let Ok(mut packet) = put.loan(payload.len()) else {
-        return;
-    };
-    let mut at = 0;
-    for slice in payload.slices() {
-        packet[at..at + slice.len()].copy_from_slice(slice);
-        at += slice.len();
+/// Puts packets of other hosts into a local channel.
+struct Delivery {
+    bus: Bus,
+    id: ChannelId,
+    rate: RateLimit,
+    /// Ports by priority, opened with the first packet of each.
+    ports: [Option<PutPort<u8>>; 4],
+    senders: Senders,
+}
+
+impl Delivery {
+    fn new(bus: &Bus, mirror: &Mirror) -> Self {
+        Self {
+            bus: bus.clone(),
+            id: mirror.id,
+            rate: RateLimit::new(mirror.config.remote_rate),
+            ports: [const { None }; 4],
+            senders: Senders::default(),
+        }
     }
-    let header = Header {
-        bytes: at as u64,
-        remote: 1,
-        ..header
-    };
-    let _ = put.put_as(packet, header);
+
+    fn deliver(&mut self, sample: &Sample) {
+        if !self.rate.allows(Instant::now()) {
+            return;
+        }
+        let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
+        let header =
+            attachment.and_then(|bytes| bytemuck::try_pod_read_unaligned::<Header>(&bytes).ok());
+        // Sent by another program or another version.
+        let Some(header) = header else { return };
+        let priority = Priority::from_number(header.priority);
+        let port = &mut self.ports[priority as usize];
+        if port.is_none() {
+            // Without memory the packet is lost, and the next one tries again.
+            *port = self.bus.hub_put_port(self.id, priority).ok();
+        }
+        let Some(port) = port else { return };
+        let payload = sample.payload();
+        let Ok(mut packet) = port.loan(payload.len()) else {
+            return;
+        };
+        let mut at = 0;
+        for slice in payload.slices() {
+            packet[at..at + slice.len()].copy_from_slice(slice);
+            at += slice.len();
+        }
+        let missing = self.senders.missing_before(&header);
+        if missing > 0 {
+            port.add_missing(missing);
+        }
+        let header = Header {
+            bytes: at as u64,
+            remote: 1,
+            ..header
+        };
+        let _ = port.put_as(packet, header);
+    }
+}
+
+/// Maximum number of senders of other hosts that a channel follows.
+const SENDERS: usize = 256;
+
+/// Next sequence number of every sender; the longest silent sender comes first.
+#[derive(Debug, Default)]
+struct Senders(Vec<(u64, u64)>);
+
+impl Senders {
+    /// Returns the number of packets of the same sender that did not arrive before this one.
+    fn missing_before(&mut self, header: &Header) -> u64 {
+        let after = header.sequence.wrapping_add(1);
+        let known = self
+            .0
+            .iter()
+            .position(|(sender, _)| *sender == header.sender);
+        let (missing, next) = match known.map(|at| self.0.remove(at)) {
+            Some((_, expected)) => (
+                header.sequence.saturating_sub(expected),
+                expected.max(after),
+            ),
+            None => (0, after),
+        };
+        if self.0.len() == SENDERS {
+            self.0.remove(0);
+        }
+        self.0.push((header.sender, next));
+        missing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_in_a_senders_sequence_are_missing_packets() {
+        let mut senders = Senders::default();
+        let mut missing = |sender, sequence| {
+            senders.missing_before(&Header {
+                sender,
+                sequence,
+                ..Header::default()
+            })
+        };
+        assert_eq!([missing(1, 5), missing(2, 0), missing(1, 6)], [0; 3]);
+        assert_eq!((missing(1, 10), missing(2, 1)), (3, 0));
+        // A late packet is no gap.
+        assert_eq!((missing(1, 8), missing(1, 11)), (0, 0));
+    }
 }

@@ -7,16 +7,21 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use iceoryx2::prelude::*;
 
+use crate::created_channels;
+use crate::history::History;
+use crate::kept_packets::KeptPackets;
+use crate::memory_failure::MemoryFailure;
 use crate::memory_folder::bus_folder;
+use crate::put::Owner;
 use crate::service::{
-    check_attributes, create, crowd_file, iceoryx_config, node, open, wake_event_file,
+    check_attributes, create, create_new, crowd_file, iceoryx_config, node, open, wake_event_file,
 };
 use crate::table::describe;
 use crate::transport::{AnyChannel, AnyNode, Either, both};
 use crate::wake_event::WakeEvent;
 use crate::{
-    ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, PacketType, Priority,
-    PutPort, Start, SyncGroup, Table,
+    AsChannelId, ChannelConfig, ChannelError, ChannelId, ChannelState, GetPort, Packet, PacketType,
+    Priority, PutPort, Start, SyncGroup, Table,
 };
 
 /// Set of components that a bus connects.
@@ -52,10 +57,26 @@ struct Inner {
     table: Table,
     /// Wake events of the opened channels; used in the process domain only.
     wake_events: Mutex<BTreeMap<ChannelId, Arc<WakeEvent>>>,
+    /// Kept packets of the opened channels; used in the process domain only.
+    kept: Mutex<BTreeMap<ChannelId, Arc<KeptPackets>>>,
+    /// Histories of the opened channels; used in the process domain only.
+    histories: Mutex<BTreeMap<ChannelId, Arc<History>>>,
+    /// Channels that this bus has created, which exist as long as it.
+    created: Mutex<BTreeMap<ChannelId, (ChannelConfig, AnyChannel)>>,
     /// Wake event for sync groups that are too large for one kernel call.
     crowd: Arc<WakeEvent>,
     /// Folder of the bus's files; empty in the process domain.
     folder: PathBuf,
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        let created = self.created.get_mut();
+        let created = created.unwrap_or_else(PoisonError::into_inner);
+        for id in created.keys() {
+            created_channels::remove(&self.folder, *id);
+        }
+    }
 }
 
 /// An opened channel with everything that a port needs.
@@ -65,8 +86,10 @@ pub(crate) struct Opened {
     pub(crate) channel: AnyChannel,
     pub(crate) wake_event: Arc<WakeEvent>,
     pub(crate) crowd: Arc<WakeEvent>,
-    /// Folder of its files in shared memory, and the prefix of their names.
-    pub(crate) files: Option<(PathBuf, String)>,
+    pub(crate) kept: Arc<KeptPackets>,
+    pub(crate) history: Arc<History>,
+    /// Folder of the bus's files; empty in the process domain.
+    pub(crate) folder: PathBuf,
     /// Bytes of one item of the channel's packet type, also where the port's items are bytes.
     pub(crate) unit: usize,
 }
@@ -107,7 +130,11 @@ impl Bus {
                 let number = BUSES.fetch_add(1, Ordering::Relaxed);
                 let folder = PathBuf::new();
                 let config = iceoryx_config(&folder, &format!("{}-{number}", table.bus))?;
-                (Either::Process(node(&config)?), WakeEvent::local(), folder)
+                (
+                    Either::Process(node(&config, &folder)?),
+                    WakeEvent::local(),
+                    folder,
+                )
             }
             Domain::Host => {
                 let folder = bus_folder(table)?;
@@ -119,7 +146,7 @@ impl Bus {
                 }
                 let config = iceoryx_config(&folder, &table.local_name())?;
                 let crowd = WakeEvent::open(&crowd)?;
-                (Either::Host(node(&config)?), crowd, folder)
+                (Either::Host(node(&config, &folder)?), crowd, folder)
             }
         };
         Ok(Self {
@@ -127,6 +154,9 @@ impl Bus {
                 node,
                 table: table.clone(),
                 wake_events: Mutex::default(),
+                kept: Mutex::default(),
+                histories: Mutex::default(),
+                created: Mutex::default(),
                 crowd: Arc::new(crowd),
                 folder,
             }),
@@ -159,7 +189,8 @@ impl Bus {
         id: impl AsChannelId,
         priority: Priority,
     ) -> Result<PutPort<T>, ChannelError> {
-        PutPort::open(self.open_channel::<T>(id.channel_id()?)?, priority)
+        let channel = self.open_channel::<T>(id.channel_id()?)?;
+        PutPort::open(channel, priority, Owner::Client)
     }
 
     /// Creates a port that gets packets of `T` from channel `id`.
@@ -183,6 +214,55 @@ impl Bus {
         start: Start,
     ) -> Result<GetPort<T>, ChannelError> {
         GetPort::open(self.open_channel::<T>(id.channel_id()?)?, start)
+    }
+
+    /// Creates a channel that is not in the table, for as long as this bus and its clones exist.
+    ///
+    /// Other components of the domain open it by its id, which they may get in a packet.
+    ///
+    /// # Errors
+    /// The table or a client has a channel with this id; a configuration out of range or for other hosts; not enough
+    /// shared memory.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table};
+    /// # let bus = Bus::open(Domain::Process, &Table::new("lab"))?;
+    /// let id = bus.create_channel("force", ChannelConfig::of::<f32>(3))?;
+    /// let get = bus.get_port::<f32>(id, Start::Now)?;
+    /// bus.put_port::<f32>(id, Priority::Normal)?.put_copy(&[1.5])?;
+    /// assert_eq!(get.try_get()?.unwrap()[0], 1.5);
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
+    pub fn create_channel(
+        &self,
+        id: impl AsChannelId,
+        config: ChannelConfig,
+    ) -> Result<ChannelId, ChannelError> {
+        let id = id.channel_id()?;
+        let Inner {
+            node,
+            table,
+            created,
+            folder,
+            ..
+        } = &*self.inner;
+        created_channels::check(table, id, &config)?;
+        let mut created = created.lock().unwrap_or_else(PoisonError::into_inner);
+        if created.contains_key(&id) {
+            return Err(ChannelError::ChannelExists { id });
+        }
+        MemoryFailure::forget();
+        let channel = match node {
+            Either::Process(node) => Either::Process(create(node, id, &config, folder)?),
+            Either::Host(node) => {
+                let channel = create_new(node, id, &config, folder)?;
+                WakeEvent::create(&wake_event_file(folder, id)?)?;
+                created_channels::write(folder, id, &config)?;
+                Either::Host(channel)
+            }
+        };
+        created.insert(id, (config, channel));
+        Ok(id)
     }
 
     /// Creates a group of get-ports to wait for together.
@@ -219,7 +299,7 @@ impl Bus {
     }
 
     fn open_as(&self, id: ChannelId, packet: PacketType<'_>) -> Result<Opened, ChannelError> {
-        let config = self.inner.table.channel(id.as_str()?)?;
+        let config = self.config(id)?;
         let asked = describe(packet.name, packet.version, packet.item_bytes);
         if asked != config.describe() {
             return Err(ChannelError::Type {
@@ -254,7 +334,8 @@ impl Bus {
         packet: PacketType<'_>,
         priority: Priority,
     ) -> Result<PutPort<u8>, ChannelError> {
-        PutPort::open(self.open_as(id.channel_id()?, packet)?.raw(), priority)
+        let channel = self.open_as(id.channel_id()?, packet)?.raw();
+        PutPort::open(channel, priority, Owner::Client)
     }
 
     /// Creates a port that gets the packets of any channel as bytes, for tools.
@@ -274,7 +355,17 @@ impl Bus {
         id: ChannelId,
         priority: Priority,
     ) -> Result<PutPort<u8>, ChannelError> {
-        PutPort::open(self.open_any(id)?.raw(), priority)
+        PutPort::open(self.open_any(id)?.raw(), priority, Owner::Client)
+    }
+
+    /// Creates a port of the hub, which has a place for each priority.
+    #[cfg(feature = "zenoh")]
+    pub(crate) fn hub_put_port(
+        &self,
+        id: ChannelId,
+        priority: Priority,
+    ) -> Result<PutPort<u8>, ChannelError> {
+        PutPort::open(self.open_any(id)?.raw(), priority, Owner::Hub)
     }
 
     /// Returns the number of connected ports of every channel, in the order of the table.
@@ -311,65 +402,79 @@ impl Bus {
         Ok(pids)
     }
 
+    /// Returns the configuration of a channel of the table, or of one that a client has created.
+    ///
+    /// # Errors
+    /// No such channel.
+    pub fn config(&self, id: impl AsChannelId) -> Result<ChannelConfig, ChannelError> {
+        let id = id.channel_id()?;
+        let Inner {
+            table,
+            created,
+            folder,
+            ..
+        } = &*self.inner;
+        match table.channel(id.as_str()?) {
+            Ok(config) => Ok(config.clone()),
+            Err(error) => {
+                let created = created.lock().unwrap_or_else(PoisonError::into_inner);
+                let own = created.get(&id).map(|(config, _)| config.clone());
+                own.or_else(|| created_channels::read(folder, id))
+                    .ok_or(error)
+            }
+        }
+    }
+
     fn open_any(&self, id: ChannelId) -> Result<Opened, ChannelError> {
-        let config = self.inner.table.channel(id.as_str()?)?;
-        let (channel, wake_event) = match &self.inner.node {
+        let config = self.config(id)?;
+        let folder = &self.inner.folder;
+        MemoryFailure::forget();
+        let (channel, wake_event, kept, history) = match &self.inner.node {
             Either::Process(node) => (
-                Either::Process(create(node, id, config)?),
-                self.local_wake_event(id),
+                Either::Process(create(node, id, &config, folder)?),
+                of_channel(&self.inner.wake_events, id, WakeEvent::local),
+                of_channel(&self.inner.kept, id, KeptPackets::in_process),
+                of_channel(&self.inner.histories, id, History::in_process),
             ),
             Either::Host(node) => {
-                let channel = open(node, id, &self.inner.table.bus)?;
-                check_attributes(&channel, id, config)?;
-                let wake_event =
-                    Arc::new(WakeEvent::open(&wake_event_file(&self.inner.folder, id)?)?);
-                (Either::Host(channel), wake_event)
+                let opened = open(node, id, &self.inner.table.bus, folder);
+                let channel = opened.map_err(|error| match error {
+                    // The client that had created it has ended.
+                    ChannelError::NoHub { .. } => match self.inner.table.channel(&id.to_string()) {
+                        Err(unknown) => unknown,
+                        Ok(_) => error,
+                    },
+                    error => error,
+                })?;
+                check_attributes(&channel, id, &config)?;
+                (
+                    Either::Host(channel),
+                    Arc::new(WakeEvent::open(&wake_event_file(folder, id)?)?),
+                    Arc::new(KeptPackets::in_folder(folder.clone(), id)),
+                    Arc::new(History::in_folder(folder.clone(), id)),
+                )
             }
         };
         Ok(Opened {
             id,
-            config: config.clone(),
             unit: config.item_bytes,
+            config,
             channel,
             wake_event,
             crowd: self.inner.crowd.clone(),
-            files: matches!(self.inner.node, Either::Host(_)).then(|| {
-                let prefix = format!("{}_", self.inner.table.local_name());
-                (self.inner.folder.clone(), prefix)
-            }),
+            kept,
+            history,
+            folder: folder.clone(),
         })
     }
-
-    fn local_wake_event(&self, id: ChannelId) -> Arc<WakeEvent> {
-        let mut wake_events = self
-            .inner
-            .wake_events
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        wake_events
-            .entry(id)
-            .or_insert_with(|| Arc::new(WakeEvent::local()))
-            .clone()
-    }
 }
 
-/// A name of a channel: text, or a [`ChannelId`] that was received in a packet.
-pub trait AsChannelId {
-    /// Returns the id.
-    ///
-    /// # Errors
-    /// Text that is not a channel id.
-    fn channel_id(self) -> Result<ChannelId, ChannelError>;
-}
-
-impl AsChannelId for &str {
-    fn channel_id(self) -> Result<ChannelId, ChannelError> {
-        ChannelId::new(self)
-    }
-}
-
-impl AsChannelId for ChannelId {
-    fn channel_id(self) -> Result<ChannelId, ChannelError> {
-        Ok(self)
-    }
+/// Returns what belongs to a channel of the process domain, created at the first use.
+fn of_channel<V>(
+    all: &Mutex<BTreeMap<ChannelId, Arc<V>>>,
+    id: ChannelId,
+    create: impl FnOnce() -> V,
+) -> Arc<V> {
+    let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
+    all.entry(id).or_insert_with(|| Arc::new(create())).clone()
 }

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use iceoryx2::port::port_name::PortName;
 use iceoryx2::prelude::{CallbackProgression, NodeState, PortFactory};
 use iceoryx2::service::Service;
 
@@ -13,13 +14,30 @@ const CLEARING_UP_ONE: Duration = Duration::from_millis(100);
 /// Retry interval.
 const AGAIN: Duration = Duration::from_millis(10);
 
-/// Direction of a port.
+/// Places for ports of a channel.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Side {
-    /// Puts packets.
-    Put,
-    /// Gets packets.
+pub(crate) enum Places {
+    /// Put-ports of clients, at most this many.
+    Put(usize),
+    /// Get-ports.
     Get,
+    /// Put-ports of the hub, which have places of their own.
+    Hub,
+}
+
+/// Returns the name of the hub's put-ports.
+pub(crate) fn hub_name() -> PortName {
+    PortName::new("hub").unwrap_or_else(|error| panic!("a valid name: {error:?}"))
+}
+
+/// Returns the number of put-ports of clients.
+pub(crate) fn client_put_ports<S: Service>(channel: &Channel<S>) -> usize {
+    let mut ports = 0;
+    channel.dynamic_config().list_publishers(|port| {
+        ports += usize::from(port.publisher_name != hub_name());
+        CallbackProgression::Continue
+    });
+    ports
 }
 
 /// Creates a port. If all places are taken, waits while dead clients hold some of them.
@@ -28,7 +46,7 @@ pub(crate) enum Side {
 /// skips a port whose tag is gone and forgets its node).
 pub(crate) fn create_port<S: Service, P, E>(
     channel: &Channel<S>,
-    side: Side,
+    places: Places,
     is_full: impl Fn(&E) -> bool,
     mut create: impl FnMut() -> Result<P, E>,
 ) -> Result<P, E> {
@@ -46,7 +64,7 @@ pub(crate) fn create_port<S: Service, P, E>(
             }
             CallbackProgression::Continue
         });
-        let cleared = seen.elapsed() > CLEARING_UP_ONE && all_places_are_held(channel, side);
+        let cleared = seen.elapsed() > CLEARING_UP_ONE && all_places_are_held(channel, places);
         if cleared || begun.elapsed() > CLEARING_UP {
             return created;
         }
@@ -57,22 +75,26 @@ pub(crate) fn create_port<S: Service, P, E>(
 /// Returns true if running processes hold all places.
 ///
 /// While the hub cleans up after a dead client, the list shows its port, but not its node.
-fn all_places_are_held<S: Service>(channel: &Channel<S>, side: Side) -> bool {
+fn all_places_are_held<S: Service>(channel: &Channel<S>, places: Places) -> bool {
     let mut held = 0;
     let mut count = |pid: Option<i32>| {
         held += usize::from(pid.is_none_or(runs));
         CallbackProgression::Continue
     };
-    let (places, now) = (channel.static_config(), channel.dynamic_config());
-    match side {
-        Side::Put => {
-            now.list_publishers(|port| count(port.node_id.pid::<S>().ok().map(|pid| pid.value())));
-            held >= places.max_publishers()
+    let (all, now) = (channel.static_config(), channel.dynamic_config());
+    match places {
+        Places::Put(most) => {
+            now.list_publishers(|port| match port.publisher_name == hub_name() {
+                true => CallbackProgression::Continue,
+                false => count(port.node_id.pid::<S>().ok().map(|pid| pid.value())),
+            });
+            held >= most
         }
-        Side::Get => {
+        Places::Get => {
             now.list_subscribers(|port| count(port.node_id.pid::<S>().ok().map(|pid| pid.value())));
-            held >= places.max_subscribers()
+            held >= all.max_subscribers()
         }
+        Places::Hub => true,
     }
 }
 

@@ -53,6 +53,12 @@ pub enum ChannelError {
         /// Packet type of the port.
         found: String,
     },
+    /// New channel with the id of an existing one.
+    #[error("channel `{id}` exists already")]
+    ChannelExists {
+        /// The channel.
+        id: ChannelId,
+    },
     /// All places for ports are taken.
     #[error("channel `{id}`: all {most} {side}-ports are taken")]
     TooManyPorts {
@@ -95,14 +101,17 @@ pub enum ChannelError {
     },
     /// Not enough shared memory.
     #[error(
-        "channel `{id}`: a put-port needs {needed} bytes of shared memory, but only {free} are free"
+        "{what}: {needed} bytes of shared memory are needed in {folder}, but only {free} are free; \
+         free some there, or make it larger (a container's by `--shm-size`)"
     )]
     Memory {
-        /// The channel.
-        id: ChannelId,
-        /// Memory of one put-port, in bytes.
+        /// Channel or file.
+        what: String,
+        /// Folder of the bus's files.
+        folder: PathBuf,
+        /// Memory of the file that could not be created, in bytes.
         needed: u64,
-        /// Free memory where the bus has its files, in bytes.
+        /// Free memory in the folder, in bytes.
         free: u64,
     },
     /// Sync group without ports.
@@ -163,6 +172,7 @@ impl ChannelError {
             | Self::NoHub { .. }
             | Self::HubRuns { .. }
             | Self::Type { .. }
+            | Self::ChannelExists { .. }
             | Self::TooManyPorts { .. }
             | Self::TooLarge { .. }
             | Self::History { .. }

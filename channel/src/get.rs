@@ -3,18 +3,26 @@
 use std::cell::RefCell;
 use std::marker::PhantomData;
 use std::ops::Deref;
+use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::subscriber::SubscriberCreateError;
+use iceoryx2::prelude::{CallbackProgression, PortFactory};
 
 use crate::bus::Opened;
-use crate::create_port::{Side, create_port};
+use crate::create_port::{Places, create_port};
 use crate::failed_connections::FailedConnections;
+use crate::inbox::{self, Inbox};
+use crate::kept_packets::KeptPackets;
+use crate::lanes::{Lanes, forget_lanes, lanes_of};
+use crate::memory_failure::{MemoryFailure, transport_error};
+use crate::put::short;
 use crate::transport::{AnySample, AnySubscriber, Either, both};
 use crate::wake_event::WakeEvent;
-use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet};
+use crate::{ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority};
 
 /// First packet that a get-port receives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,7 +31,7 @@ pub enum Start {
     Now,
     /// Starts with the last packets of every put-port, at most this many.
     ///
-    /// They arrive with the put-port's next put or [`crate::PutPort::send_history`].
+    /// They are there at once, if the put-port is on this host.
     History(usize),
 }
 
@@ -91,7 +99,7 @@ impl Wait {
 #[derive(Debug)]
 pub struct GetPort<T> {
     inner: Arc<GetInner>,
-    senders: RefCell<Senders>,
+    inbox: RefCell<Inbox>,
     failed: FailedConnections,
     packet: PhantomData<fn() -> T>,
 }
@@ -99,9 +107,20 @@ pub struct GetPort<T> {
 /// Part of a port that its sync groups share.
 #[derive(Debug)]
 pub struct GetInner {
-    id: ChannelId,
-    config: ChannelConfig,
+    pub(crate) id: ChannelId,
+    pub(crate) config: ChannelConfig,
     subscriber: AnySubscriber,
+    /// Number of the port in the transport.
+    pub(crate) number: u128,
+    pub(crate) lanes: Arc<Lanes>,
+    pub(crate) kept: Arc<KeptPackets>,
+    /// Version of the kept packets that were read.
+    kept_read: AtomicU32,
+    /// True if packets of several put-ports must be merged.
+    pub(crate) merges: bool,
+    /// True if the inbox has packets.
+    has_taken: AtomicBool,
+    priority: AtomicU8,
     pub(crate) wake_event: Arc<WakeEvent>,
     /// Wake event of the bus for groups that are too large for one kernel call.
     pub(crate) crowd: Arc<WakeEvent>,
@@ -115,6 +134,9 @@ impl<T: Packet> GetPort<T> {
             channel,
             wake_event,
             crowd,
+            kept,
+            history: past,
+            folder,
             ..
         } = opened;
         const {
@@ -125,15 +147,17 @@ impl<T: Packet> GetPort<T> {
         };
         let history = start.history(id, &config)?;
         let failed = FailedConnections::default();
+        let kept_read = AtomicU32::new(wake_event.kept_version());
+        MemoryFailure::forget();
         macro_rules! subscriber {
             ($channel:expr) => {{
                 let is_full = |error: &SubscriberCreateError| {
                     *error == SubscriberCreateError::ExceedsMaxSupportedSubscribers
                 };
-                create_port($channel, Side::Get, is_full, || {
+                create_port($channel, Places::Get, is_full, || {
                     $channel
                         .subscriber_builder()
-                        .history_request(history)
+                        .history_request(0)
                         .set_degradation_handler(failed.counter())
                         .create()
                 })
@@ -145,24 +169,44 @@ impl<T: Packet> GetPort<T> {
                             most: config.get_ports,
                         }
                     }
-                    error => ChannelError::transport(id, error),
+                    error => transport_error(format!("channel `{id}`"), &folder, error),
                 })?
             }};
         }
-        let subscriber = match channel {
-            Either::Process(channel) => Either::Process(subscriber!(&channel)),
-            Either::Host(channel) => Either::Host(subscriber!(&channel)),
+        let subscriber = match &channel {
+            Either::Process(channel) => Either::Process(subscriber!(channel)),
+            Either::Host(channel) => Either::Host(subscriber!(channel)),
         };
-        let senders = RefCell::new(Senders::new(2 * config.total_put_ports()));
+        let number = both!(&subscriber, subscriber => subscriber.id().value());
+        let lanes = lanes_of(number);
+        let mut inbox = Inbox::new(config.total_put_ports());
+        if history > 0 {
+            let mut senders = Vec::new();
+            both!(&channel, channel => channel.dynamic_config().list_publishers(|port| {
+                senders.push(port.publisher_id.value());
+                CallbackProgression::Continue
+            }));
+            let packets = senders
+                .into_iter()
+                .flat_map(|sender| past.read(sender, history, &config, || lanes.first_put(sender)));
+            inbox.add_history(packets);
+        }
         Ok(Self {
             inner: Arc::new(GetInner {
                 id,
+                number,
+                lanes,
+                kept,
+                kept_read,
+                merges: config.merges(),
+                has_taken: AtomicBool::new(!inbox.is_empty()),
+                priority: AtomicU8::new(config.priority as u8),
                 config,
                 subscriber,
                 wake_event,
                 crowd,
             }),
-            senders,
+            inbox: RefCell::new(inbox),
             failed,
             packet: PhantomData,
         })
@@ -173,11 +217,38 @@ impl<T: Packet> GetPort<T> {
         self.inner.id
     }
 
-    /// Returns the number of lost packets, counted from the first packet that arrived from each sender.
+    /// Returns the number of lost packets since the port opened.
     ///
     /// Packets are lost if the ring is full or the network is too slow.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table};
+    /// # let config = ChannelConfig { depth: 2, ..ChannelConfig::of::<f32>(1) };
+    /// # let table = Table::new("lab").with("force", config);
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let get = bus.get_port::<f32>("force", Start::Now)?;
+    /// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+    /// for newtons in [1.0, 2.0, 3.0] {
+    ///     put.put_copy(&[newtons])?;
+    /// }
+    /// assert_eq!(get.lost(), 1); // the ring holds two
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
     pub fn lost(&self) -> u64 {
-        self.senders.borrow().lost
+        // Connects to new put-ports. If that fails, `failed_connections` counts it.
+        let _ = self.inner.has_packets();
+        self.inbox.borrow_mut().fetch_kept(&self.inner);
+        self.inner.lanes.lost()
+    }
+
+    /// Sets the priority of this port in its sync groups. At first it is the one of the table.
+    pub fn set_priority(&self, priority: Priority) {
+        self.inner.priority.store(priority as u8, Ordering::Relaxed);
+    }
+
+    /// Returns the random number of the port, for [`crate::PutPort::losses`].
+    pub fn number(&self) -> u64 {
+        short(self.inner.number)
     }
 
     /// Returns the number of put-ports that this port could not connect to, because file descriptors or shared memory
@@ -206,33 +277,28 @@ impl<T: Packet> GetPort<T> {
     /// ```
     pub fn try_get(&self) -> Result<Option<Received<T>>, ChannelError> {
         let inner = &*self.inner;
-        let failed = |error| match error {
-            ReceiveError::ExceedsMaxBorrows => ChannelError::Held {
-                id: inner.id,
-                state: "held",
-                most: inner.config.held,
-            },
-            error => ChannelError::transport(inner.id, error),
-        };
-        let sample = match &inner.subscriber {
-            Either::Process(port) => port.receive().map_err(failed)?.map(Either::Process),
-            Either::Host(port) => port.receive().map_err(failed)?.map(Either::Host),
-        };
-        let Some(sample) = sample else {
+        let mut inbox = self.inbox.borrow_mut();
+        let taken = inbox.next(inner);
+        inner.has_taken.store(!inbox.is_empty(), Ordering::Relaxed);
+        let Some(packet) = taken? else {
             return Ok(None);
         };
-        let (header, room) =
-            both!(&sample, sample => (*sample.user_header(), size_of_val(sample.payload())));
-        self.senders.borrow_mut().count(&header);
+        let header = packet.header();
+        let room = match &packet {
+            inbox::Packet::Sample(sample) => {
+                both!(sample, sample => size_of_val(sample.payload()))
+            }
+            inbox::Packet::Kept(packet) => size_of_val(&*packet.data),
+        };
         // Clamped: a faulty sender must not cause a read outside the packet.
         let bytes = (header.bytes as usize)
             .min(room)
             .min(inner.config.packet_bytes());
         Ok(Some(Received {
-            sample,
+            packet,
             header,
             items: bytes / size_of::<T>(),
-            packet: PhantomData,
+            items_of: PhantomData,
         }))
     }
 
@@ -274,9 +340,54 @@ impl<T: Packet> GetPort<T> {
 }
 
 impl GetInner {
+    /// Returns true if a packet waits, taken or not.
     pub(crate) fn has_packets(&self) -> Result<bool, ChannelError> {
-        both!(&self.subscriber, port => port.has_samples())
-            .map_err(|error| ChannelError::transport(self.id, error))
+        let waits = both!(&self.subscriber, port => port.has_samples())
+            .map_err(|error| transport_error(self.id, Path::new(""), error))?;
+        Ok(waits || self.has_taken.load(Ordering::Relaxed) || self.has_new_kept())
+    }
+
+    /// Takes a packet from the transport.
+    pub(crate) fn receive(&self) -> Result<Option<AnySample>, ChannelError> {
+        let failed = |error| match error {
+            ReceiveError::ExceedsMaxBorrows => self.too_many_held(),
+            error => transport_error(self.id, Path::new(""), error),
+        };
+        Ok(match &self.subscriber {
+            Either::Process(port) => port.receive().map_err(failed)?.map(Either::Process),
+            Either::Host(port) => port.receive().map_err(failed)?.map(Either::Host),
+        })
+    }
+
+    pub(crate) fn too_many_held(&self) -> ChannelError {
+        ChannelError::Held {
+            id: self.id,
+            state: "held",
+            most: self.config.held,
+        }
+    }
+
+    /// Returns true if packets of a closed put-port were kept since [`GetInner::note_kept_read`].
+    pub(crate) fn has_new_kept(&self) -> bool {
+        self.wake_event.kept_version() != self.kept_read.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn note_kept_read(&self) {
+        let version = self.wake_event.kept_version();
+        self.kept_read.store(version, Ordering::Relaxed);
+    }
+
+    pub(crate) fn priority(&self) -> Priority {
+        Priority::from_number(self.priority.load(Ordering::Relaxed))
+    }
+}
+
+impl Drop for GetInner {
+    fn drop(&mut self) {
+        forget_lanes(self.number);
+        if self.has_new_kept() {
+            self.kept.take(self.number);
+        }
     }
 }
 
@@ -300,15 +411,15 @@ pub(crate) mod sealed {
     }
 }
 
-/// A received packet: a slice of items in the sender's memory.
+/// A received packet: a slice of items in the sender's memory, or in a copy if the sender had closed its port before.
 ///
 /// Drop it soon: a port may hold only [`ChannelConfig::held`] packets.
 #[derive(Debug)]
 pub struct Received<T> {
-    sample: AnySample,
+    packet: inbox::Packet,
     header: Header,
     items: usize,
-    packet: PhantomData<T>,
+    items_of: PhantomData<T>,
 }
 
 impl<T: Packet> Received<T> {
@@ -334,43 +445,11 @@ impl<T: Packet> Received<T> {
 impl<T: Packet> Deref for Received<T> {
     type Target = [T];
     fn deref(&self) -> &[T] {
-        let first = both!(&self.sample, sample => sample.payload().as_ptr());
+        let first = match &self.packet {
+            inbox::Packet::Sample(sample) => both!(sample, sample => sample.payload().as_ptr()),
+            inbox::Packet::Kept(packet) => packet.data.as_ptr(),
+        };
         // SAFETY: the blocks hold at least `items` items, are aligned to 64 bytes, and every bit pattern is a `T`.
         unsafe { std::slice::from_raw_parts(first.cast::<T>(), self.items) }
-    }
-}
-
-/// Counter of lost packets, from gaps in the sequence of every sender.
-#[derive(Debug)]
-struct Senders {
-    /// Sender and its next sequence number; the longest silent sender comes first.
-    next: Vec<(u64, u64)>,
-    lost: u64,
-}
-
-impl Senders {
-    fn new(most: usize) -> Self {
-        Self {
-            next: Vec::with_capacity(most),
-            lost: 0,
-        }
-    }
-
-    fn count(&mut self, header: &Header) {
-        let after = header.sequence.wrapping_add(1);
-        let known = self
-            .next
-            .iter()
-            .position(|(sender, _)| *sender == header.sender);
-        if let Some(at) = known {
-            let (sender, expected) = self.next.remove(at);
-            self.lost += header.sequence.saturating_sub(expected);
-            self.next.push((sender, expected.max(after)));
-            return;
-        }
-        if self.next.len() == self.next.capacity() {
-            self.next.remove(0);
-        }
-        self.next.push((header.sender, after));
     }
 }

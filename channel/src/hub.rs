@@ -4,15 +4,21 @@
 //! Clients exchange packets directly, so they lose nothing when the hub dies, and a new hub takes over. Wake events
 //! stay when a hub ends: running clients must find the same ones under the next hub.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path as FilePath, PathBuf};
 use std::time::{Duration, Instant};
 
+use iceoryx2::node::NodeView;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
 
+use crate::child_process::{Work, in_child};
+use crate::history::History;
 use crate::hub_runs::HUB_LOCK;
+use crate::kept_packets::KeptPackets;
+use crate::memory_failure::{MemoryFailure, file_error};
 use crate::memory_folder::{bus_folder, own_folder};
 use crate::own_file::own_file;
 use crate::packet::{Block, Header};
@@ -28,6 +34,8 @@ const CLEAN_EVERY: Duration = Duration::from_secs(1);
 const UNFINISHED_AFTER: Duration = Duration::from_millis(100);
 /// Maximum time that a starting hub spends on cleaning up.
 const CLEARING_UP: Duration = Duration::from_secs(3);
+/// Maximum number of attempts to clean up after a client whose shared memory crashes the clean-up.
+const CRASHES: u32 = 2;
 /// Maximum time that a client needs to start.
 const STILLBORN_AFTER: Duration = Duration::from_secs(10);
 
@@ -56,6 +64,8 @@ pub struct Hub {
     node: Node<Ipc>,
     channels: Vec<(ChannelId, Channel)>,
     cleaned: Instant,
+    /// Number of times that the clean-up after a dead client has crashed, by client.
+    crashes: BTreeMap<String, u32>,
     #[cfg(feature = "zenoh")]
     bridge: crate::bridge::Bridge,
     /// Lock of the bus. The system releases it when the process ends. Last field, so that everything else is dropped
@@ -89,9 +99,10 @@ impl Hub {
         own_folder(&folder)?;
         let lock = lock(&folder, &table.bus)?;
         let config = iceoryx_config(&folder, &table.local_name())?;
+        MemoryFailure::forget();
         remove_unfinished(&folder, &config)?;
         remove_stillborn(&config)?;
-        let node: Node<Ipc> = node(&config)?;
+        let node: Node<Ipc> = node(&config, &folder)?;
         let begun = Instant::now();
         let prefix = format!("{}_", table.local_name());
         while !remove_unfinished_connections(&folder, &prefix)? {
@@ -106,11 +117,15 @@ impl Hub {
             }
             std::thread::sleep(UNFINISHED_AFTER);
         }
-        node.blocking_cleanup_dead_nodes(PATIENCE);
+        // What it leaves is tried again by `tick`.
+        let _ = in_child(CLEARING_UP, || {
+            node.blocking_cleanup_dead_nodes(PATIENCE);
+            true
+        });
         let mut channels = Vec::new();
         for (id, config) in &table.channels {
             let id = ChannelId::new(id)?;
-            let channel = create(&node, id, config)?;
+            let channel = create(&node, id, config, &folder)?;
             WakeEvent::create(&wake_event_file(&folder, id)?)?;
             channels.push((id, channel));
         }
@@ -124,6 +139,7 @@ impl Hub {
             node,
             channels,
             cleaned: Instant::now(),
+            crashes: BTreeMap::new(),
             _lock: lock,
         })
     }
@@ -146,6 +162,7 @@ impl Hub {
             return Ok(0);
         }
         self.cleaned = Instant::now();
+        self.remove_unread();
         let found = self.clear_up()?;
         if found == 0 {
             return Ok(0);
@@ -154,21 +171,57 @@ impl Hub {
         Ok(found.saturating_sub(stillborn))
     }
 
+    /// Removes kept packets of get-ports, and histories of put-ports, that have ended.
+    fn remove_unread(&self) {
+        for (id, channel) in &self.channels {
+            History::in_folder(self.folder.clone(), *id).remove_ended(|| {
+                let mut living = BTreeSet::new();
+                channel.dynamic_config().list_publishers(|port| {
+                    living.insert(port.publisher_id.value());
+                    CallbackProgression::Continue
+                });
+                living
+            });
+            let kept = KeptPackets::in_folder(self.folder.clone(), *id);
+            let unread = kept.getters();
+            if unread.is_empty() {
+                continue;
+            }
+            let mut living = BTreeSet::new();
+            channel.dynamic_config().list_subscribers(|port| {
+                living.insert(port.subscriber_id.value());
+                CallbackProgression::Continue
+            });
+            for getter in unread.difference(&living) {
+                drop(kept.take(*getter));
+            }
+        }
+    }
+
     /// Cleans up after dead clients. Clients with unfinished connections are left for the next call.
-    fn clear_up(&self) -> Result<usize, ChannelError> {
+    ///
+    /// A client that overwrote its shared memory can crash this, so a child process does it.
+    fn clear_up(&mut self) -> Result<usize, ChannelError> {
         let prefix = format!("{}_", self.local_name);
         let mut found = 0;
         let mut outcome = Ok(());
         let _ = Node::<Ipc>::list(self.node.config(), |state| {
-            if let NodeState::Dead(client) = state {
-                match remove_unfinished_connections(&self.folder, &prefix) {
-                    Ok(true) => {
-                        found +=
-                            usize::from(client.blocking_remove_stale_resources(PATIENCE).is_ok());
+            let NodeState::Dead(client) = state else {
+                return CallbackProgression::Continue;
+            };
+            let id = format!("{:?}", client.id());
+            let crashes = self.crashes.get(&id).copied().unwrap_or(0);
+            match remove_unfinished_connections(&self.folder, &prefix) {
+                Ok(true) if crashes < CRASHES => {
+                    let remove = || client.blocking_remove_stale_resources(PATIENCE).is_ok();
+                    match in_child(CLEARING_UP, remove) {
+                        Work::Done => found += 1,
+                        Work::Failed => {}
+                        Work::Crashed => drop(self.crashes.insert(id, crashes + 1)),
                     }
-                    Ok(false) => {}
-                    Err(error) => outcome = Err(error),
                 }
+                Ok(_) => {}
+                Err(error) => outcome = Err(error),
             }
             CallbackProgression::Continue
         });
@@ -194,11 +247,7 @@ impl Hub {
 
 fn lock(folder: &FilePath, bus: &str) -> Result<File, ChannelError> {
     let path = folder.join(HUB_LOCK);
-    let failed = |source| ChannelError::Io {
-        path: path.clone(),
-        action: "lock",
-        source,
-    };
+    let failed = |source| file_error(&path, "lock", 0, source);
     let file = own_file(&path).map_err(failed)?;
     let begun = Instant::now();
     let mut outcome = file.try_lock();

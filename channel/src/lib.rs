@@ -13,14 +13,23 @@
 #[cfg(feature = "zenoh")]
 mod bridge;
 mod bus;
+mod child_process;
+mod connection;
 mod create_port;
+mod created_channels;
 mod error;
 mod failed_connections;
 mod get;
+mod history;
 mod hub;
 mod hub_runs;
 mod hub_thread;
+mod inbox;
+mod kept_packets;
+mod lanes;
 mod listing;
+mod loan;
+mod memory_failure;
 mod memory_folder;
 #[cfg(feature = "zenoh")]
 mod network_settings;
@@ -33,6 +42,7 @@ mod rate_limit;
 mod received_summary;
 mod service;
 mod shared;
+mod storage;
 mod sync_group;
 mod table;
 mod temporary_bus;
@@ -40,19 +50,20 @@ mod ticker;
 mod transport;
 mod wake_event;
 
-pub use bus::{AsChannelId, Bus, Domain};
+pub use bus::{Bus, Domain};
 pub use error::{ChannelError, Remedy, is_wrong_path};
 pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
 pub use hub_runs::hub_runs;
 pub use hub_thread::HubThread;
 pub use listing::{ListedChannel, list_channels};
+pub use loan::Loan;
 pub use memory_folder::{
     MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
 };
-pub use packet::{ChannelId, Header, PacketType, Priority};
+pub use packet::{AsChannelId, ChannelId, Header, PacketType, Priority};
 pub use percentile::percentile;
-pub use put::{Loan, PutPort, now_ns};
+pub use put::{GetterLoss, PutPort, now_ns};
 pub use rate::{PacketRate, measure_rate};
 pub use rate_limit::RateLimit;
 pub use received_summary::ReceivedSummary;

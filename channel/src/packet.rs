@@ -4,6 +4,7 @@ use std::fmt;
 
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
+use serde::{Deserialize, Serialize};
 use tactnet_packet::Packet;
 
 use crate::ChannelError;
@@ -83,6 +84,27 @@ impl Packet for ChannelId {
     const VERSION: u32 = 1;
 }
 
+/// A name of a channel: text, or a [`ChannelId`] that was received in a packet.
+pub trait AsChannelId {
+    /// Returns the id.
+    ///
+    /// # Errors
+    /// Text that is not a channel id.
+    fn channel_id(self) -> Result<ChannelId, ChannelError>;
+}
+
+impl AsChannelId for &str {
+    fn channel_id(self) -> Result<ChannelId, ChannelError> {
+        ChannelId::new(self)
+    }
+}
+
+impl AsChannelId for ChannelId {
+    fn channel_id(self) -> Result<ChannelId, ChannelError> {
+        Ok(self)
+    }
+}
+
 /// Header that the channel layer adds to every packet.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable, ZeroCopySend)]
@@ -102,8 +124,12 @@ pub struct Header {
     pub(crate) reserved: [u8; 6],
 }
 
-/// Priority of a put-port's packets between hosts. On one host only thread priorities matter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+/// Priority of a port, on a host as between hosts.
+///
+/// A get-port delivers waiting packets of put-ports of high priority first. A sync group names get-ports of high
+/// priority first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[repr(u8)]
 pub enum Priority {
     /// For images and recordings.
@@ -115,6 +141,24 @@ pub enum Priority {
     High = 2,
     /// For control loops.
     RealTime = 3,
+}
+
+impl Priority {
+    /// Returns the priority with this number; the highest for numbers above 3.
+    ///
+    /// ```
+    /// use tactnet_channel::Priority;
+    ///
+    /// assert_eq!(Priority::from_number(Priority::High as u8), Priority::High);
+    /// ```
+    pub fn from_number(number: u8) -> Self {
+        match number {
+            0 => Self::Bulk,
+            1 => Self::Normal,
+            2 => Self::High,
+            _ => Self::RealTime,
+        }
+    }
 }
 
 /// Unit of shared memory: one cache line, so packets start at cache lines.

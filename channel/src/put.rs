@@ -1,25 +1,31 @@
 //! Port that puts packets into a channel.
 
+use std::collections::VecDeque;
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
-use std::ops::{Deref, DerefMut};
-use std::path::Path;
+use std::ptr::NonNull;
 use std::sync::Arc;
 
 use iceoryx2::port::LoanError;
+use iceoryx2::port::port_name::PortName;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
 use parking_lot::Mutex;
 
 use crate::bus::Opened;
-use crate::create_port::{Side, create_port};
+use crate::connection::set_put;
+use crate::create_port::{Places, client_put_ports, create_port, hub_name};
 use crate::failed_connections::FailedConnections;
-use crate::memory_folder::free_memory;
+use crate::history::{Board, History};
+use crate::kept_packets::{KeptPacket, KeptPackets, Parcel};
+use crate::lanes::{LinkState, links_of};
+use crate::memory_failure::{MemoryFailure, transport_error};
 use crate::packet::{Block, blocks};
-use crate::transport::{AnyLoan, AnyPublisher, Either, both};
-use crate::wake_event::{WakeEvent, reserve};
-use crate::{Bus, ChannelConfig, ChannelError, ChannelId, Header, Packet, Priority, Start};
+use crate::storage::last_segment;
+use crate::transport::{AnyPublisher, Either, both};
+use crate::wake_event::WakeEvent;
+use crate::{Bus, ChannelConfig, ChannelError, ChannelId, Header, Loan, Packet, Priority, Start};
 
 /// Puts packets of `T` into one channel. Its functions neither allocate nor start a thread.
 ///
@@ -43,26 +49,68 @@ pub struct PutPort<T> {
     publisher: AnyPublisher,
     wake_event: Arc<WakeEvent>,
     crowd: Arc<WakeEvent>,
+    kept: Arc<KeptPackets>,
+    history: Arc<History>,
+    /// List of the last packets, for channels with a history.
+    board: Option<Arc<Board>>,
+    /// Number of the port in the transport.
+    number: u128,
     sender: u64,
     priority: Priority,
     /// Number of this port's items in one item of the channel.
     unit: usize,
-    next: Mutex<u64>,
+    sent: Mutex<Sent>,
     /// Address and number of blocks of every slot that was zeroed; used in the process domain only.
     zeroed: Mutex<Vec<(usize, usize)>>,
     failed: FailedConnections,
     packet: PhantomData<fn(T)>,
 }
 
+/// Packets that a port has sent.
+#[derive(Debug)]
+struct Sent {
+    /// Sequence number of the next packet.
+    next: u64,
+    /// The last packets, as many as a ring holds. Their memory is valid while a get-port has not taken them.
+    last: VecDeque<(Header, NonNull<Block>)>,
+}
+
+// SAFETY: the packets are in memory of the port, which all threads can read.
+unsafe impl Send for Sent {}
+
+/// Packets of a put-port that one get-port has lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GetterLoss {
+    /// Number of the get-port, as [`crate::GetPort::number`] returns it.
+    pub getter: u64,
+    /// Packets that were overwritten in its ring.
+    pub packets: u64,
+}
+
+/// Owner of a put-port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Owner {
+    Client,
+    /// Only for packets of other hosts.
+    #[cfg_attr(not(feature = "zenoh"), allow(dead_code))]
+    Hub,
+}
+
 impl<T: Packet> PutPort<T> {
-    pub(crate) fn open(opened: Opened, priority: Priority) -> Result<Self, ChannelError> {
+    pub(crate) fn open(
+        opened: Opened,
+        priority: Priority,
+        owner: Owner,
+    ) -> Result<Self, ChannelError> {
         let Opened {
             id,
             config,
             channel,
             wake_event,
             crowd,
-            files,
+            kept,
+            history,
+            folder,
             unit,
         } = opened;
         const {
@@ -73,15 +121,28 @@ impl<T: Packet> PutPort<T> {
         };
         let slots = config.slots();
         let failed = FailedConnections::default();
-        let error = |error| {
-            let free = || files.as_ref().map_or(0, |(folder, _)| free_memory(folder));
-            creation_error(id, &config, error, free)
+        let error = |error| match error {
+            PublisherCreateError::ExceedsMaxSupportedPublishers => ChannelError::TooManyPorts {
+                id,
+                side: "put",
+                most: config.put_ports,
+            },
+            error => transport_error(format!("channel `{id}`"), &folder, error),
         };
+        let (places, name) = match owner {
+            Owner::Client => (Places::Put(config.put_ports), PortName::new_empty()),
+            Owner::Hub => (Places::Hub, hub_name()),
+        };
+        MemoryFailure::forget();
         macro_rules! publisher {
             ($channel:expr) => {{
-                create_port($channel, Side::Put, is_full, || {
+                create_port($channel, places, is_full, || {
+                    if owner == Owner::Client && client_put_ports($channel) >= config.put_ports {
+                        return Err(PublisherCreateError::ExceedsMaxSupportedPublishers);
+                    }
                     $channel
                         .publisher_builder()
+                        .name(&name)
                         .initial_max_slice_len(blocks(config.packet_bytes()))
                         .max_loaned_samples(config.loaned)
                         .set_degradation_handler(failed.counter())
@@ -97,18 +158,31 @@ impl<T: Packet> PutPort<T> {
             Either::Host(channel) => Either::Host(publisher!(&channel)),
         };
         let number = both!(&publisher, publisher => publisher.id().value());
-        if let Some((folder, prefix)) = &files {
-            reserve_segment(folder, prefix, number, id, &config)?;
-        }
+        let board = (config.history > 0)
+            .then(|| {
+                let base = match &publisher {
+                    Either::Process(_) => 0,
+                    Either::Host(_) => last_segment(),
+                };
+                history.create(number, base, &config)
+            })
+            .transpose()?;
         Ok(Self {
             id,
+            board,
+            history,
             publisher,
             wake_event,
             crowd,
-            sender: (number ^ (number >> 64)) as u64,
+            kept,
+            number,
+            sender: short(number),
             priority,
             unit: unit / size_of::<T>().min(unit),
-            next: Mutex::new(0),
+            sent: Mutex::new(Sent {
+                next: 0,
+                last: VecDeque::with_capacity(config.depth),
+            }),
             zeroed: Mutex::new(Vec::with_capacity(slots)),
             failed,
             config,
@@ -194,7 +268,7 @@ impl<T: Packet> PutPort<T> {
             sample,
             items,
             sender: self.sender,
-            packet: PhantomData,
+            items_of: PhantomData,
         })
     }
 
@@ -204,18 +278,51 @@ impl<T: Packet> PutPort<T> {
     /// The packet was loaned from another port; the transport has failed.
     pub fn put(&self, loan: Loan<T>) -> Result<usize, ChannelError> {
         // The lock keeps sequence numbers and packets in the same order for all threads.
-        let mut next = self.next.lock();
+        let mut sent = self.sent.lock();
         let header = Header {
             sender: self.sender,
-            sequence: *next,
+            sequence: sent.next,
             put_ns: now_ns(),
             bytes: (loan.items * size_of::<T>()) as u64,
             priority: self.priority as u8,
             ..Header::default()
         };
-        let getters = self.put_as(loan, header)?;
-        *next += 1;
+        let getters = self.send(loan, header, &mut sent)?;
+        sent.next += 1;
         Ok(getters)
+    }
+
+    /// Returns the get-ports that have lost packets of this port, because they took them too slowly.
+    ///
+    /// ```
+    /// # use tactnet_channel::{Bus, ChannelConfig, Domain, Priority, Start, Table};
+    /// # let config = ChannelConfig { depth: 2, ..ChannelConfig::of::<f32>(1) };
+    /// # let table = Table::new("lab").with("force", config);
+    /// # let bus = Bus::open(Domain::Process, &table)?;
+    /// let put = bus.put_port::<f32>("force", Priority::Normal)?;
+    /// let slow = bus.get_port::<f32>("force", Start::Now)?;
+    /// for newtons in [1.0, 2.0, 3.0] {
+    ///     put.put_copy(&[newtons])?;
+    /// }
+    /// let losses = put.losses();
+    /// assert_eq!((losses[0].getter, losses[0].packets), (slow.number(), 1));
+    /// # Ok::<_, tactnet_channel::ChannelError>(())
+    /// ```
+    pub fn losses(&self) -> Vec<GetterLoss> {
+        links_of(self.number)
+            .iter()
+            .filter(|link| link.lost > 0)
+            .map(|link| GetterLoss {
+                getter: short(link.getter),
+                packets: link.lost,
+            })
+            .collect()
+    }
+
+    /// Counts packets that were lost on their way to this port, at all its get-ports.
+    #[cfg(feature = "zenoh")]
+    pub(crate) fn add_missing(&self, packets: u64) {
+        crate::lanes::add_missing(self.number, packets);
     }
 
     /// Zeroes a slot of heap memory before its first use.
@@ -231,7 +338,17 @@ impl<T: Packet> PutPort<T> {
     }
 
     /// Sends a packet with the header of another sender; the hub does so with packets of other hosts.
-    pub(crate) fn put_as(&self, mut loan: Loan<T>, header: Header) -> Result<usize, ChannelError> {
+    #[cfg(feature = "zenoh")]
+    pub(crate) fn put_as(&self, loan: Loan<T>, header: Header) -> Result<usize, ChannelError> {
+        self.send(loan, header, &mut self.sent.lock())
+    }
+
+    fn send(
+        &self,
+        mut loan: Loan<T>,
+        header: Header,
+        sent: &mut Sent,
+    ) -> Result<usize, ChannelError> {
         if loan.sender != self.sender {
             return Err(ChannelError::transport(
                 self.id,
@@ -239,8 +356,19 @@ impl<T: Packet> PutPort<T> {
             ));
         }
         both!(&mut loan.sample, sample => *sample.user_header_mut() = header);
-        let getters = both!(loan.sample, sample => sample.send())
-            .map_err(|error| ChannelError::transport(self.id, error))?;
+        let first = both!(&mut loan.sample, sample => NonNull::from(sample.payload_mut()).cast());
+        if let Some(board) = &self.board {
+            set_put(board.begin_put());
+        }
+        let outcome = both!(loan.sample, sample => sample.send());
+        if let Some(board) = &self.board {
+            board.end_put(outcome.is_ok().then_some((&header, first)));
+        }
+        let getters = outcome.map_err(|error| ChannelError::transport(self.id, error))?;
+        if sent.last.len() == self.config.depth {
+            sent.last.pop_front();
+        }
+        sent.last.push_back((header, first));
         self.wake_event.notify();
         self.crowd.notify_sleepers();
         Ok(getters)
@@ -276,7 +404,7 @@ impl<T: Packet> PutPort<T> {
             .map_err(|error| ChannelError::transport(self.id, error))
     }
 
-    /// Sends the history to new get-ports now. Otherwise the next put does so.
+    /// Connects to new get-ports now, and wakes all. Otherwise the next put does so.
     ///
     /// # Errors
     /// The transport has failed.
@@ -288,29 +416,53 @@ impl<T: Packet> PutPort<T> {
     }
 }
 
-/// A packet that is being written: a slice of items in shared memory. If dropped, it is not sent.
-#[derive(Debug)]
-pub struct Loan<T> {
-    sample: AnyLoan,
-    items: usize,
-    sender: u64,
-    packet: PhantomData<T>,
-}
-
-impl<T: Packet> Deref for Loan<T> {
-    type Target = [T];
-    fn deref(&self) -> &[T] {
-        let first = both!(&self.sample, sample => sample.payload().as_ptr());
-        // SAFETY: the blocks hold at least `items` items, are aligned to 64 bytes, and every bit pattern is a `T`.
-        unsafe { std::slice::from_raw_parts(first.cast::<T>(), self.items) }
+impl<T> PutPort<T> {
+    /// Copies the packets that a get-port has not taken.
+    fn unread(&mut self, link: &LinkState) -> Parcel {
+        let last = &self.sent.get_mut().last;
+        let unread = usize::try_from(link.sent).map_or(last.len(), |sent| sent.min(last.len()));
+        let packets = last.iter().skip(last.len() - unread);
+        Parcel {
+            sender: self.number,
+            getter: link.getter,
+            lost: link.lost,
+            packets: packets
+                .map(|(header, first)| {
+                    let blocks = blocks(header.bytes as usize);
+                    // SAFETY: the get-port has not taken the packet, so its memory belongs to it and holds `bytes`
+                    // bytes in whole blocks.
+                    let data = unsafe { std::slice::from_raw_parts(first.as_ptr(), blocks) };
+                    KeptPacket {
+                        header: *header,
+                        data: data.into(),
+                    }
+                })
+                .collect(),
+        }
     }
 }
 
-impl<T: Packet> DerefMut for Loan<T> {
-    fn deref_mut(&mut self) -> &mut [T] {
-        let first = both!(&mut self.sample, sample => sample.payload_mut().as_mut_ptr());
-        // SAFETY: as above; the packet has a single owner until it is put.
-        unsafe { std::slice::from_raw_parts_mut(first.cast::<T>(), self.items) }
+impl<T> Drop for PutPort<T> {
+    fn drop(&mut self) {
+        if let Some(board) = &self.board {
+            self.history.remove(board);
+        }
+        let links = links_of(self.number);
+        let mut unseen = links
+            .iter()
+            .filter(|link| !link.is_seen && link.sent > 0)
+            .peekable();
+        if unseen.peek().is_none() {
+            return;
+        }
+        for link in unseen {
+            let parcel = self.unread(link);
+            // Without memory these packets are lost, as all those of a killed client.
+            let _ = self.kept.keep(parcel, self.config.total_put_ports());
+        }
+        self.wake_event.note_kept();
+        self.wake_event.notify();
+        self.crowd.notify_sleepers();
     }
 }
 
@@ -325,70 +477,11 @@ pub fn now_ns() -> u64 {
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
-/// Allocates all pages of a new put-port's files, so that a lack of memory is an error now and not a signal later.
-fn reserve_segment(
-    folder: &Path,
-    prefix: &str,
-    number: u128,
-    id: ChannelId,
-    config: &ChannelConfig,
-) -> Result<(), ChannelError> {
-    let failed = |source| ChannelError::Io {
-        path: folder.into(),
-        action: "reserve memory",
-        source,
-    };
-    let number = number.to_string();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let name = entry.map_err(failed)?.file_name();
-        let name = name.to_string_lossy();
-        if !name.starts_with(prefix) || !name.contains(&number) || !name.ends_with(".data") {
-            continue;
-        }
-        let file = std::fs::OpenOptions::new()
-            .read(true)
-            .write(true)
-            .open(folder.join(&*name))
-            .map_err(failed)?;
-        let length = file.metadata().map_err(failed)?.len();
-        return match reserve(&file, length) {
-            Err(error) if error.raw_os_error() == Some(libc::ENOSPC) => {
-                Err(memory_error(id, config, free_memory(folder)))
-            }
-            outcome => outcome.map_err(failed),
-        };
-    }
-    Err(ChannelError::transport(
-        id,
-        "no file with its memory in the folder of the bus",
-    ))
+/// Returns the number of a port in headers.
+pub(crate) fn short(number: u128) -> u64 {
+    (number ^ (number >> 64)) as u64
 }
 
 fn is_full(error: &PublisherCreateError) -> bool {
     *error == PublisherCreateError::ExceedsMaxSupportedPublishers
-}
-
-fn creation_error(
-    id: ChannelId,
-    config: &ChannelConfig,
-    error: PublisherCreateError,
-    free: impl Fn() -> u64,
-) -> ChannelError {
-    match error {
-        PublisherCreateError::ExceedsMaxSupportedPublishers => ChannelError::TooManyPorts {
-            id,
-            side: "put",
-            most: config.put_ports,
-        },
-        PublisherCreateError::UnableToCreateDataSegment => memory_error(id, config, free()),
-        error => ChannelError::transport(id, error),
-    }
-}
-
-fn memory_error(id: ChannelId, config: &ChannelConfig, free: u64) -> ChannelError {
-    ChannelError::Memory {
-        id,
-        needed: config.put_port_bytes(),
-        free,
-    }
 }

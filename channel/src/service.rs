@@ -8,6 +8,7 @@ use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeCreateError, PublishSubscribeOpenError,
 };
 
+use crate::memory_failure::transport_error;
 use crate::packet::{Block, Header};
 use crate::{ChannelConfig, ChannelError, ChannelId};
 
@@ -33,12 +34,18 @@ pub(crate) fn iceoryx_config(folder: &FilePath, prefix: &str) -> Result<Config, 
     Ok(config)
 }
 
-pub(crate) fn node<S: Service>(config: &Config) -> Result<Node<S>, ChannelError> {
+/// Creates a node.
+///
+/// - `folder`: folder of the bus's files; empty in the process domain
+pub(crate) fn node<S: Service>(
+    config: &Config,
+    folder: &FilePath,
+) -> Result<Node<S>, ChannelError> {
     NodeBuilder::new()
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .config(config)
         .create::<S>()
-        .map_err(|error| ChannelError::transport("node", format!("{error:?}")))
+        .map_err(|error| transport_error("bus", folder, error))
 }
 
 pub(crate) type Channel<S> =
@@ -54,6 +61,7 @@ pub(crate) fn open<S: Service>(
     node: &Node<S>,
     id: ChannelId,
     bus: &str,
+    folder: &FilePath,
 ) -> Result<Channel<S>, ChannelError> {
     let begun = Instant::now();
     loop {
@@ -76,10 +84,21 @@ pub(crate) fn open<S: Service>(
                     "more clients than its ports allow",
                 ));
             }
+            Err(
+                PublishSubscribeOpenError::VersionMismatch
+                | PublishSubscribeOpenError::HangsInCreation
+                | PublishSubscribeOpenError::ServiceInCorruptedState,
+            ) => {
+                let reason = format!(
+                    "its shared memory is damaged, or another version has written it; stop its clients and remove {}",
+                    folder.display()
+                );
+                return Err(ChannelError::transport(format!("channel `{id}`"), reason));
+            }
             Err(PublishSubscribeOpenError::DoesNotExist) => {
                 return Err(ChannelError::NoHub { bus: bus.into() });
             }
-            Err(error) => return Err(ChannelError::transport(id, format!("{error:?}"))),
+            Err(error) => return Err(transport_error(format!("channel `{id}`"), folder, error)),
         }
     }
 }
@@ -89,6 +108,22 @@ pub(crate) fn create<S: Service>(
     node: &Node<S>,
     id: ChannelId,
     config: &ChannelConfig,
+    folder: &FilePath,
+) -> Result<Channel<S>, ChannelError> {
+    let channel = match create_new(node, id, config, folder) {
+        Err(ChannelError::ChannelExists { .. }) => open(node, id, "", folder)?,
+        created => created?,
+    };
+    check_attributes(&channel, id, config)?;
+    Ok(channel)
+}
+
+/// Creates a channel that does not exist.
+pub(crate) fn create_new<S: Service>(
+    node: &Node<S>,
+    id: ChannelId,
+    config: &ChannelConfig,
+    folder: &FilePath,
 ) -> Result<Channel<S>, ChannelError> {
     let define = |attributes: AttributeSpecifier, (key, value): (&str, String)| {
         let key = key
@@ -114,20 +149,17 @@ pub(crate) fn create<S: Service>(
             .enable_safe_overflow(true)
             .history_size(config.history)
             .subscriber_max_buffer_size(config.depth)
-            .subscriber_max_borrowed_samples(config.held)
+            .subscriber_max_borrowed_samples(config.taken())
             .max_publishers(puts)
             .max_subscribers(gets)
             // Clients, the hub, and up to eight tools.
             .max_nodes(puts + gets + 8))
     };
-    let created = builder()?.create_with_attributes(&attributes);
-    let channel = match created {
-        Ok(channel) => channel,
-        Err(PublishSubscribeCreateError::AlreadyExists) => open(node, id, "")?,
-        Err(error) => return Err(ChannelError::transport(id, format!("{error:?}"))),
-    };
-    check_attributes(&channel, id, config)?;
-    Ok(channel)
+    match builder()?.create_with_attributes(&attributes) {
+        Ok(channel) => Ok(channel),
+        Err(PublishSubscribeCreateError::AlreadyExists) => Err(ChannelError::ChannelExists { id }),
+        Err(error) => Err(transport_error(format!("channel `{id}`"), folder, error)),
+    }
 }
 
 /// Returns the properties of a channel that a port compares when it opens.

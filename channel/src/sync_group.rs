@@ -40,7 +40,27 @@ impl SyncGroup {
         })
     }
 
+    /// Returns the port of the highest priority that has a packet; ports of equal priority take turns.
+    fn most_urgent(&self) -> Result<Option<usize>, ChannelError> {
+        let highest = self.ports.iter().map(|port| port.priority()).max();
+        let mut found: Option<usize> = None;
+        for step in 0..self.ports.len() {
+            let number = (self.first + step) % self.ports.len();
+            let priority = self.ports[number].priority();
+            let is_more_urgent = found.is_none_or(|found| self.ports[found].priority() < priority);
+            if is_more_urgent && self.ports[number].has_packets()? {
+                found = Some(number);
+                if Some(priority) == highest {
+                    break;
+                }
+            }
+        }
+        Ok(found)
+    }
+
     /// Waits until a port has a packet. Returns its index in the group, or `None` after the timeout.
+    ///
+    /// If several have one, names that of the highest priority; ports of equal priority take turns.
     ///
     /// # Errors
     /// The transport has failed.
@@ -63,12 +83,9 @@ impl SyncGroup {
             for (wait, port) in self.waits.iter_mut().zip(&self.ports) {
                 *wait = port.wake_event.wait();
             }
-            for step in 0..ports {
-                let number = (self.first + step) % ports;
-                if self.ports[number].has_packets()? {
-                    self.first = (number + 1) % ports;
-                    return Ok(Some(number));
-                }
+            if let Some(number) = self.most_urgent()? {
+                self.first = (number + 1) % ports;
+                return Ok(Some(number));
             }
             match deadline {
                 None => std::hint::spin_loop(),

@@ -10,17 +10,23 @@ use iceoryx2::service::internal::ServiceInternal;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Channel;
 use iceoryx2::unique_id_generator::unique_system_id::UniqueSystemId;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
+use iceoryx2_cal::shared_memory::common::details::{AllocatorDetails, Memory};
 use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
 use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
+use iceoryx2_cal::zero_copy_connection::common::details::{
+    Connection as ZeroCopy, SharedManagementData,
+};
 use iceoryx2_cal::{
     bag, dynamic_storage, event, hash, monitoring, reactor, resizable_shared_memory, serialize,
     shared_memory, static_storage, zero_copy_connection,
 };
 
+use crate::connection::Connection;
 use crate::packet::{Block, Header};
 use crate::shared::Shared;
+use crate::storage::Storage;
 
-/// Memory of this process: iceoryx2's `local_threadsafe` with [`Shared`] state.
+/// Memory of this process: iceoryx2's `local_threadsafe` with [`Shared`] state and counting connections.
 #[derive(Debug, Clone)]
 pub struct Local;
 
@@ -35,7 +41,7 @@ impl Service for Local {
     type ServiceNameHasher = hash::recommended::Recommended;
     type SharedMemory = shared_memory::recommended::Local<PoolAllocator>;
     type ResizableSharedMemory = resizable_shared_memory::recommended::Local<PoolAllocator>;
-    type Connection = zero_copy_connection::recommended::Local;
+    type Connection = Connection<zero_copy_connection::recommended::Local>;
     type Event = event::recommended::Local;
     type Monitoring = monitoring::recommended::Local;
     type Reactor = reactor::recommended::Local;
@@ -48,7 +54,8 @@ impl Service for Local {
 
 impl ServiceInternal<Local> for Local {}
 
-/// Memory of the host: iceoryx2's `ipc_threadsafe` with [`Shared`] state and with files in a private folder.
+/// Memory of the host: iceoryx2's `ipc_threadsafe` with [`Shared`] state, counting connections, and files in a private
+/// folder whose pages are allocated before they are written.
 ///
 /// `ipc_threadsafe` itself uses named shared memory that all users can see and partly write.
 #[derive(Debug, Clone)]
@@ -57,23 +64,20 @@ pub struct Ipc;
 impl Service for Ipc {
     type StaticStorage = static_storage::recommended::Ipc;
     type ConfigSerializer = serialize::recommended::Recommended;
-    type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> =
-        dynamic_storage::file::Storage<T>;
+    type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
     type Bag = bag::recommended::Recommended;
-    type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> =
-        dynamic_storage::file::Storage<T>;
+    type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
     type ServiceNameHasher = hash::recommended::Recommended;
-    type SharedMemory = shared_memory::file::Memory<PoolAllocator>;
+    type SharedMemory = Memory<PoolAllocator, Storage<AllocatorDetails<PoolAllocator>>>;
     type ResizableSharedMemory =
         resizable_shared_memory::dynamic::DynamicMemory<PoolAllocator, Self::SharedMemory>;
-    type Connection = zero_copy_connection::file::Connection;
+    type Connection = Connection<ZeroCopy<Storage<SharedManagementData>>>;
     type Event = event::recommended::Ipc;
     type Monitoring = monitoring::recommended::Ipc;
     type Reactor = reactor::recommended::Ipc;
     type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> = Shared<T>;
-    type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> =
-        dynamic_storage::file::Storage<T>;
-    type BlackboardPayload = shared_memory::file::Memory<BumpAllocator>;
+    type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> = Storage<T>;
+    type BlackboardPayload = Memory<BumpAllocator, Storage<AllocatorDetails<BumpAllocator>>>;
     type UniqueId = UniqueSystemId;
 }
 

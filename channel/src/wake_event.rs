@@ -9,12 +9,13 @@
 use std::fs::{File, OpenOptions};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::ChannelError;
+use crate::memory_failure::{file_error, reserve};
 use crate::own_file::own_file;
 
 /// Maximum number of counters that one system call can wait for (`FUTEX_WAITV_MAX`).
@@ -30,6 +31,10 @@ struct Memory {
     /// Number of sleeping threads. Too high after one was killed, which only costs putters a system call for each
     /// packet.
     sleepers: AtomicU32,
+    /// Separates what every put writes from what getters always read.
+    reserved: [u32; 14],
+    /// Number of times that packets of a closed put-port were kept.
+    kept: AtomicU32,
 }
 
 /// Wake event of one channel.
@@ -56,6 +61,8 @@ impl WakeEvent {
         let memory = Box::new(Memory {
             notifications: AtomicU32::new(0),
             sleepers: AtomicU32::new(0),
+            reserved: [0; 14],
+            kept: AtomicU32::new(0),
         });
         Self {
             memory: NonNull::from(Box::leak(memory)),
@@ -125,6 +132,16 @@ impl WakeEvent {
     /// Returns the number of notifications so far.
     pub(crate) fn notifications(&self) -> u32 {
         self.memory().notifications.load(Ordering::SeqCst)
+    }
+
+    /// Returns a number that changes when packets of a closed put-port are kept.
+    pub(crate) fn kept_version(&self) -> u32 {
+        self.memory().kept.load(Ordering::Acquire)
+    }
+
+    /// Announces that packets of a closed put-port are kept.
+    pub(crate) fn note_kept(&self) {
+        self.memory().kept.fetch_add(1, Ordering::Release);
     }
 
     /// Wakes all sleeping threads.
@@ -262,22 +279,8 @@ fn timespec(time: Duration) -> libc::timespec {
     }
 }
 
-/// Allocates the pages of a shared-memory file now, so that a lack of memory is an error here and not a signal later.
-pub(crate) fn reserve(file: &File, bytes: u64) -> std::io::Result<()> {
-    // SAFETY: a plain call with a valid descriptor.
-    match unsafe { libc::posix_fallocate(file.as_raw_fd(), 0, bytes as i64) } {
-        0 => Ok(()),
-        libc::EINTR => reserve(file, bytes),
-        error => Err(std::io::Error::from_raw_os_error(error)),
-    }
-}
-
 fn io_error(path: &Path, action: &'static str, source: std::io::Error) -> ChannelError {
-    ChannelError::Io {
-        path: PathBuf::from(path),
-        action,
-        source,
-    }
+    file_error(path, action, FILE_BYTES as u64, source)
 }
 
 #[cfg(test)]

@@ -163,7 +163,37 @@ pub unsafe extern "C" fn tactnet_received_release(received: *mut ReceivedPacket)
     }
 }
 
-/// Returns the number of packets that were put but did not arrive because the ring was full or the network too slow.
+/// Sets the priority of a port in its sync groups, which name ports of high priority first.
+///
+/// - `priority`: a `tactnet_priority`
+///
+/// # Safety
+/// `port` is open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tactnet_get_port_set_priority(
+    port: *const GetPort,
+    priority: u32,
+) -> Outcome {
+    outcome(|| {
+        // SAFETY: by the caller.
+        let port = unsafe { reference("port", port) }?;
+        port.port.set_priority(crate::put::priority(priority)?);
+        Ok(Outcome::Ok)
+    })
+}
+
+/// Returns the random number of a port, for `tactnet_put_port_losses`; 0 for null.
+///
+/// # Safety
+/// `port` is null or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tactnet_get_port_number(port: *const GetPort) -> u64 {
+    // SAFETY: by the caller.
+    unsafe { port.as_ref() }.map_or(0, |port| port.port.number())
+}
+
+/// Returns the number of packets since the opening that were put but did not arrive, because the ring was full or the
+/// network too slow.
 ///
 /// # Safety
 /// `port` is null or open, and used by this thread alone.

@@ -18,7 +18,7 @@ pub enum Outcome {
     Argument = 2,
     /// The table cannot be read or is wrong.
     Table = 3,
-    /// The table has no such channel.
+    /// The table has no such channel, or a new one exists already.
     Channel = 4,
     /// No hub of this bus runs on this host.
     NoHub = 5,
@@ -54,7 +54,9 @@ impl Failure {
 impl From<ChannelError> for Failure {
     fn from(error: ChannelError) -> Self {
         let outcome = match &error {
-            ChannelError::Id { .. } | ChannelError::NoSuchChannel { .. } => Outcome::Channel,
+            ChannelError::Id { .. }
+            | ChannelError::NoSuchChannel { .. }
+            | ChannelError::ChannelExists { .. } => Outcome::Channel,
             ChannelError::Table { .. } => Outcome::Table,
             ChannelError::NoHub { .. } => Outcome::NoHub,
             ChannelError::Type { .. } => Outcome::Type,

@@ -8,7 +8,7 @@ use crate::LOAN_WORDS;
 use crate::bus::{Bus, Packet};
 use crate::outcome::{Failure, Outcome, close, exclusive, outcome, reference, text};
 
-/// Priority of packets between hosts.
+/// Priority of a port, on a host as between hosts: urgent packets are delivered before waiting bulk.
 #[repr(C)]
 #[allow(dead_code, reason = "for the header: C may pass any number")]
 pub enum PacketPriority {
@@ -20,6 +20,25 @@ pub enum PacketPriority {
     High = 2,
     /// For control loops.
     RealTime = 3,
+}
+
+/// Returns a priority by its number.
+pub(crate) fn priority(number: u32) -> Result<Priority, Failure> {
+    match number {
+        0..=3 => Ok(Priority::from_number(number as u8)),
+        other => Err(Failure::argument(format!(
+            "priority: expected 0 to 3, found {other}"
+        ))),
+    }
+}
+
+/// Packets of a put-port that one get-port has lost.
+#[repr(C)]
+pub struct GetterLoss {
+    /// Number of the get-port, as `tactnet_get_port_number` returns it.
+    getter: u64,
+    /// Packets that were overwritten in its ring.
+    packets: u64,
 }
 
 /// Puts packets into one channel, for any number of threads.
@@ -85,17 +104,7 @@ pub unsafe extern "C" fn tactnet_put_port_open(
             )
         };
         *port = std::ptr::null_mut();
-        let priority = match priority {
-            0 => Priority::Bulk,
-            1 => Priority::Normal,
-            2 => Priority::High,
-            3 => Priority::RealTime,
-            other => {
-                return Err(Failure::argument(format!(
-                    "priority: expected 0 to 3, found {other}"
-                )));
-            }
-        };
+        let priority = self::priority(priority)?;
         *port = Box::into_raw(Box::new(PutPort {
             port: bus.bus.put_port_of(channel, packet, priority)?,
             item_bytes: packet.item_bytes,
@@ -104,8 +113,7 @@ pub unsafe extern "C" fn tactnet_put_port_open(
     })
 }
 
-/// Closes a port; put or release its loans before. Packets that a getter has not read yet may be lost. Null is
-/// ignored.
+/// Closes a port; put or release its loans before. Get-ports still get its last packets. Null is ignored.
 ///
 /// # Safety
 /// `port` is null or was opened, and is not used afterwards.
@@ -214,6 +222,36 @@ pub unsafe extern "C" fn tactnet_loan_release(loan: *mut LoanedPacket) {
         // SAFETY: by the caller.
         drop(unsafe { loan.take() });
     }
+}
+
+/// Returns the number of get-ports that have lost packets of this port, because they took them too slowly.
+///
+/// - `losses`: filled with the first `most` of them
+///
+/// # Safety
+/// `port` is null or open; `losses` points to `most` elements.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tactnet_put_port_losses(
+    port: *const PutPort,
+    losses: *mut GetterLoss,
+    most: usize,
+) -> usize {
+    // SAFETY: by the caller.
+    let Some(port) = (unsafe { port.as_ref() }) else {
+        return 0;
+    };
+    let found = port.port.losses();
+    if !losses.is_null() {
+        for (at, loss) in found.iter().enumerate().take(most) {
+            let loss = GetterLoss {
+                getter: loss.getter,
+                packets: loss.packets,
+            };
+            // SAFETY: by the caller.
+            unsafe { losses.add(at).write(loss) };
+        }
+    }
+    found.len()
 }
 
 /// Connects to new get-ports now. Otherwise the next put does so, and allocates.

@@ -6,7 +6,8 @@ use std::sync::Mutex;
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use tactnet_channel::{
-    Domain, GetPort, HubThread, PacketType, Priority, PutPort, Start, Table, now_ns, remove_bus,
+    ChannelConfig, Domain, GetPort, HubThread, PacketType, Priority, PutPort, Start, Table, now_ns,
+    remove_bus,
 };
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{
@@ -141,17 +142,24 @@ impl Bus {
     }
 
     /// Returns a port that puts packets of a type into any channel.
+    ///
+    /// - `priority`: `bulk`, `normal`, `high` or `real-time`; None: the table's for this channel
+    #[pyo3(signature = (channel, name, version, item_bytes, priority=None))]
     fn put_port(
         &self,
         channel: &str,
         name: &str,
         version: u32,
         item_bytes: usize,
+        priority: Option<&str>,
     ) -> PyResult<RawPutPort> {
         let packet = packet_type(name, version, item_bytes)?;
-        let port = locked(self.bus.here()?)
-            .put_port_of(channel, packet, Priority::Normal)
-            .map_err(raised)?;
+        let bus = locked(self.bus.here()?);
+        let priority = match priority {
+            Some(text) => parse_priority(text)?,
+            None => bus.config(channel).map_err(raised)?.priority,
+        };
+        let port = bus.put_port_of(channel, packet, priority).map_err(raised)?;
         Ok(RawPutPort {
             port: OfProcess::new(port),
             item_bytes,
@@ -182,6 +190,37 @@ impl Bus {
         })
     }
 
+    /// Creates a channel that is not in the table, for as long as the bus exists.
+    #[pyo3(signature = (channel, name, version, item_bytes, *, items=1, depth=16, put_ports=1, get_ports=8, history=0))]
+    #[allow(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+    fn create_channel(
+        &self,
+        channel: &str,
+        name: &str,
+        version: u32,
+        item_bytes: usize,
+        items: usize,
+        depth: usize,
+        put_ports: usize,
+        get_ports: usize,
+        history: usize,
+    ) -> PyResult<()> {
+        let packet = packet_type(name, version, item_bytes)?;
+        let config = ChannelConfig {
+            packet: packet.name.into(),
+            version,
+            item_bytes,
+            items,
+            depth,
+            put_ports,
+            get_ports,
+            history,
+            ..ChannelConfig::of::<u8>(1)
+        };
+        let created = locked(self.bus.here()?).create_channel(channel, config);
+        created.map(drop).map_err(raised)
+    }
+
     /// Returns a port that gets beliefs.
     fn beliefs(&self) -> PyResult<BeliefPort> {
         let bus = locked(self.bus.here()?);
@@ -199,6 +238,18 @@ impl Bus {
                 names: None,
             }),
         })
+    }
+}
+
+fn parse_priority(text: &str) -> PyResult<Priority> {
+    match text {
+        "bulk" => Ok(Priority::Bulk),
+        "normal" => Ok(Priority::Normal),
+        "high" => Ok(Priority::High),
+        "real-time" => Ok(Priority::RealTime),
+        other => Err(TactnetError::new_err(format!(
+            "priority: expected `bulk`, `normal`, `high` or `real-time`, found `{other}`"
+        ))),
     }
 }
 

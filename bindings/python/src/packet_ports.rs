@@ -1,5 +1,6 @@
 //! Ports for packets of any type, as bytes.
 
+use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -40,6 +41,13 @@ impl RawPutPort {
         loan.copy_from_slice(items);
         port.put(loan).map_err(raised)
     }
+
+    /// Packets that each get-port has lost because it took them too slowly, as a dict from its number.
+    fn losses(&self) -> PyResult<BTreeMap<u64, u64>> {
+        let losses = locked(self.port.here()?).losses();
+        let losses = losses.iter().map(|loss| (loss.getter, loss.packets));
+        Ok(losses.collect())
+    }
 }
 
 /// Gets packets as bytes.
@@ -70,7 +78,13 @@ impl RawGetPort {
         }))
     }
 
-    /// Number of lost packets.
+    /// Number of this port in the `losses` of put-ports.
+    #[getter]
+    fn number(&self) -> PyResult<u64> {
+        Ok(locked(self.port.here()?).number())
+    }
+
+    /// Number of lost packets since the port was opened.
     #[getter]
     fn lost(&self) -> PyResult<u64> {
         Ok(locked(self.port.here()?).lost())

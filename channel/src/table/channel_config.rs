@@ -2,11 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Packet;
 use crate::packet::{Header, blocks};
+use crate::{Packet, Priority};
 
 fn ten_thousand() -> u32 {
     10_000
+}
+
+fn is_normal(priority: &Priority) -> bool {
+    *priority == Priority::Normal
 }
 
 fn is_ten_thousand(value: &u32) -> bool {
@@ -67,6 +71,9 @@ pub struct ChannelConfig {
     /// Hosts that may receive its packets, by the common names of their certificates. Empty: all hosts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub get_from: Vec<String>,
+    /// Priority of ports that name none.
+    #[serde(default, skip_serializing_if = "is_normal")]
+    pub priority: Priority,
     /// Maximum rate of packets from all other hosts together, per second. Further packets are dropped.
     #[serde(default = "ten_thousand", skip_serializing_if = "is_ten_thousand")]
     pub remote_rate: u32,
@@ -117,6 +124,7 @@ impl ChannelConfig {
             congestion: Congestion::default(),
             put_from: Vec::new(),
             get_from: Vec::new(),
+            priority: Priority::Normal,
             remote_rate: ten_thousand(),
         }
     }
@@ -126,14 +134,14 @@ impl ChannelConfig {
         self.item_bytes * self.items
     }
 
-    /// Returns the number of packets in the memory of one put-port: waiting and held ones of every get-port, history
+    /// Returns the number of packets in the memory of one put-port: waiting and taken ones of every get-port, history
     /// and loans.
     pub fn slots(&self) -> usize {
-        self.total_get_ports() * (self.depth + self.held) + self.history + self.loaned
+        self.total_get_ports() * (self.depth + self.taken()) + self.history + self.loaned
     }
 
     fn slots_checked(&self) -> Option<usize> {
-        let waiting = self.depth.checked_add(self.held)?;
+        let waiting = self.depth.checked_add(self.held)?.checked_add(1)?;
         self.get_ports
             .checked_add(1)?
             .checked_mul(waiting)?
@@ -152,13 +160,24 @@ impl ChannelConfig {
         self.get_ports + usize::from(self.distributed)
     }
 
-    /// Returns the number of put-ports, including the hub's for delivery.
+    /// Returns the number of put-ports, including the hub's for delivery, one for each priority.
     pub(crate) fn total_put_ports(&self) -> usize {
-        self.put_ports + usize::from(self.distributed)
+        self.put_ports + if self.distributed { 4 } else { 0 }
+    }
+
+    /// Returns true if a get-port may have to merge the packets of several put-ports.
+    pub(crate) fn merges(&self) -> bool {
+        self.total_put_ports() > 1
+    }
+
+    /// Returns the number of packets of one put-port that a get-port takes at most: those that it may hold, and the
+    /// next one if it merges several put-ports.
+    pub(crate) fn taken(&self) -> usize {
+        self.held + usize::from(self.merges())
     }
 
     /// Checks that every value is in range.
-    pub(super) fn check(&self, id: &str) -> Result<(), String> {
+    pub(crate) fn check(&self, id: &str) -> Result<(), String> {
         for (name, value) in [
             ("item_bytes", self.item_bytes),
             ("items", self.items),

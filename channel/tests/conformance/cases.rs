@@ -1,6 +1,7 @@
 //! Requirements on every domain.
 
 mod limits;
+mod promises;
 mod waiting;
 
 use bytemuck::{Pod, Zeroable};
@@ -15,6 +16,16 @@ pub use limits::{
     a_packet_outlives_its_ports, more_packets_than_allowed_cannot_be_held_or_loaned,
     packets_that_are_too_large_are_refused,
     ports_beyond_the_table_are_refused_until_one_is_dropped, ports_of_another_type_are_refused,
+};
+pub use promises::{
+    a_bulk_sender_that_connected_first_starves_nobody, a_channel_can_be_created_at_run_time,
+    a_history_read_during_puts_has_no_gap,
+    a_late_getter_gets_the_history_of_all_put_ports_in_order,
+    a_sync_group_names_the_urgent_port_first, bulk_displaces_no_urgent_packet,
+    losses_count_from_the_opening_and_the_putter_knows_them,
+    order_holds_between_put_ports_of_two_threads, packets_of_a_closed_put_port_arrive,
+    packets_of_all_put_ports_arrive_in_the_order_of_their_puts,
+    urgent_packets_overtake_waiting_bulk, what_a_closed_port_had_lost_is_counted,
 };
 pub use waiting::{
     a_busy_port_does_not_starve_the_group, a_large_group_is_woken_too,

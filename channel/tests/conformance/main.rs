@@ -6,6 +6,8 @@ mod allocations;
 mod cases;
 #[cfg(feature = "zenoh")]
 mod namespaces;
+mod small_memory;
+mod wild_client;
 mod world;
 
 use world::World;
@@ -39,6 +41,18 @@ suite! {
     a_sync_group_finds_the_port_that_has_a_packet
     a_large_group_is_woken_too
     a_busy_port_does_not_starve_the_group
+    packets_of_all_put_ports_arrive_in_the_order_of_their_puts
+    a_late_getter_gets_the_history_of_all_put_ports_in_order
+    a_history_read_during_puts_has_no_gap
+    order_holds_between_put_ports_of_two_threads
+    a_bulk_sender_that_connected_first_starves_nobody
+    losses_count_from_the_opening_and_the_putter_knows_them
+    packets_of_a_closed_put_port_arrive
+    what_a_closed_port_had_lost_is_counted
+    urgent_packets_overtake_waiting_bulk
+    bulk_displaces_no_urgent_packet
+    a_sync_group_names_the_urgent_port_first
+    a_channel_can_be_created_at_run_time
     blocking_gets_wake_up_and_time_out
     no_wake_up_is_lost
 }

@@ -47,6 +47,11 @@ impl Drop for Ends {
 }
 
 impl Ends {
+    /// Returns true if the ends are different hosts.
+    pub fn is_distributed(&self) -> bool {
+        self.travel > Duration::ZERO
+    }
+
     /// Waits until both ends know each other's ports.
     pub fn settle(&self) {
         std::thread::sleep(self.travel);

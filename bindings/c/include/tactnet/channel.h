@@ -51,7 +51,7 @@ typedef enum {
    */
   TACTNET_OUTCOME_TABLE = 3,
   /**
-   * The table has no such channel.
+   * The table has no such channel, or a new one exists already.
    */
   TACTNET_OUTCOME_CHANNEL = 4,
   /**
@@ -89,7 +89,7 @@ typedef enum {
 } tactnet_outcome;
 
 /**
- * Priority of packets between hosts.
+ * Priority of a port, on a host as between hosts: urgent packets are delivered before waiting bulk.
  */
 typedef enum {
   /**
@@ -149,6 +149,32 @@ typedef struct {
 } tactnet_packet;
 
 /**
+ * Resources of a channel that is created at run time; a zero stands for the default.
+ */
+typedef struct {
+  /**
+   * Maximum number of items in a packet; 1 by default.
+   */
+  size_t items;
+  /**
+   * Length of a get-port's ring for one put-port, in packets; 16 by default.
+   */
+  size_t depth;
+  /**
+   * Maximum number of put-ports; 1 by default.
+   */
+  size_t put_ports;
+  /**
+   * Maximum number of get-ports; 8 by default.
+   */
+  size_t get_ports;
+  /**
+   * Number of last packets of every put-port that a new get-port can request; 0 by default.
+   */
+  size_t history;
+} tactnet_channel_resources;
+
+/**
  * A received packet in its sender's memory. Release it soon with `tactnet_received_release`: a port holds only a few.
  */
 typedef struct {
@@ -204,6 +230,20 @@ typedef struct {
   uint64_t opaque[TACTNET_LOAN_WORDS];
 } tactnet_loaned;
 
+/**
+ * Packets of a put-port that one get-port has lost.
+ */
+typedef struct {
+  /**
+   * Number of the get-port, as `tactnet_get_port_number` returns it.
+   */
+  uint64_t getter;
+  /**
+   * Packets that were overwritten in its ring.
+   */
+  uint64_t packets;
+} tactnet_getter_loss;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -231,6 +271,20 @@ tactnet_outcome tactnet_bus_open(const char *table, tactnet_bus **bus);
  * `bus` is null or was opened, and is not used afterwards.
  */
 void tactnet_bus_close(tactnet_bus *bus);
+
+/**
+ * Creates a channel that is not in the table, for as long as the bus is open.
+ *
+ * - `channel`: id of the new channel, which other clients open by it
+ * - `packet`: packet type of the channel
+ *
+ * # Safety
+ * The pointers are valid.
+ */
+tactnet_outcome tactnet_channel_create(const tactnet_bus *bus,
+                                       const char *channel,
+                                       const tactnet_packet *packet,
+                                       const tactnet_channel_resources *resources);
 
 /**
  * Opens a port that gets packets of a channel.
@@ -276,7 +330,26 @@ tactnet_outcome tactnet_get(tactnet_get_port *port, int64_t timeout_ns, tactnet_
 void tactnet_received_release(tactnet_received *received);
 
 /**
- * Returns the number of packets that were put but did not arrive because the ring was full or the network too slow.
+ * Sets the priority of a port in its sync groups, which name ports of high priority first.
+ *
+ * - `priority`: a `tactnet_priority`
+ *
+ * # Safety
+ * `port` is open.
+ */
+tactnet_outcome tactnet_get_port_set_priority(const tactnet_get_port *port, uint32_t priority);
+
+/**
+ * Returns the random number of a port, for `tactnet_put_port_losses`; 0 for null.
+ *
+ * # Safety
+ * `port` is null or open.
+ */
+uint64_t tactnet_get_port_number(const tactnet_get_port *port);
+
+/**
+ * Returns the number of packets since the opening that were put but did not arrive, because the ring was full or the
+ * network too slow.
  *
  * # Safety
  * `port` is null or open, and used by this thread alone.
@@ -307,8 +380,7 @@ tactnet_outcome tactnet_put_port_open(const tactnet_bus *bus,
                                       tactnet_put_port **port);
 
 /**
- * Closes a port; put or release its loans before. Packets that a getter has not read yet may be lost. Null is
- * ignored.
+ * Closes a port; put or release its loans before. Get-ports still get its last packets. Null is ignored.
  *
  * # Safety
  * `port` is null or was opened, and is not used afterwards.
@@ -349,6 +421,16 @@ tactnet_outcome tactnet_put_loan(const tactnet_put_port *port, tactnet_loaned *l
  * `loan` is null, all zero, or was filled in by `tactnet_loan`.
  */
 void tactnet_loan_release(tactnet_loaned *loan);
+
+/**
+ * Returns the number of get-ports that have lost packets of this port, because they took them too slowly.
+ *
+ * - `losses`: filled with the first `most` of them
+ *
+ * # Safety
+ * `port` is null or open; `losses` points to `most` elements.
+ */
+size_t tactnet_put_port_losses(const tactnet_put_port *port, tactnet_getter_loss *losses, size_t most);
 
 /**
  * Connects to new get-ports now. Otherwise the next put does so, and allocates.
