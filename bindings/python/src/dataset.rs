@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use numpy::ndarray::IntoDimension;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray4};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
@@ -524,10 +525,10 @@ impl Dataset {
 }
 
 /// Returns a copy of `values` as an array of this shape.
-fn array<'py, T: numpy::Element + Copy, const D: usize>(
+fn array<'py, T: numpy::Element + Copy>(
     py: Python<'py>,
     values: &[T],
-    extents: [usize; D],
+    extents: impl IntoDimension,
 ) -> PyResult<Bound<'py, PyAny>> {
     let shaped = PyArray1::from_slice(py, values).reshape(extents)?;
     Ok(shaped.into_any())

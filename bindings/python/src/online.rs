@@ -60,19 +60,20 @@ impl Online {
     /// Returns `[materials]`, the probabilities given the sweep so far.
     #[pyo3(signature = (dropout=false))]
     fn classify<'py>(&self, py: Python<'py>, dropout: bool) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let belief = detached_with(py, &self.inner, |online| {
+        let probabilities = detached_with(py, &self.inner, |online| {
             if online.frames() == 0 {
                 return Err("no frame of this sweep yet");
             }
-            match dropout {
-                false => Ok(online.classify()),
-                true if online.mc_samples() > 0 => Ok(online.classify_by_dropout()),
-                true => Err("the network's recipe predicts without dropout masks"),
-            }
+            let belief = match dropout {
+                false => online.classify(),
+                true if online.mc_samples() > 0 => online.classify_by_dropout(),
+                true => return Err("the network's recipe predicts without dropout masks"),
+            };
+            let log_p = belief.log_probability.iter();
+            Ok(log_p.map(|log_p| log_p.exp()).collect::<Vec<f64>>())
         })?
         .map_err(TactnetError::new_err)?;
-        let probabilities = belief.log_probability.iter().map(|log_p| log_p.exp());
-        Ok(PyArray1::from_iter(py, probabilities))
+        Ok(PyArray1::from_vec(py, probabilities))
     }
 
     /// Fuses the newest belief with those of earlier sweeps of the same object.

@@ -9,6 +9,9 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::TactnetError;
 
+/// Stack of a thread, as large as that of a main thread, in bytes.
+const STACK_BYTES: usize = 8 << 20;
+
 /// Pool of the newest process; null before the first use.
 static POOL: AtomicPtr<Pool> = AtomicPtr::new(ptr::null_mut());
 
@@ -65,6 +68,7 @@ impl Pool {
             }
         }
         let threads = ThreadPoolBuilder::new()
+            .stack_size(STACK_BYTES)
             .build()
             .map_err(|error| TactnetError::new_err(error.to_string()))?;
         let new = Box::into_raw(Box::new(Self {
