@@ -338,7 +338,9 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
         if isinstance(packed, bytes):
             with tempfile.TemporaryDirectory() as work:
                 with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
-                    archive.extractall(work, filter="data")
+                    # Debian 12 has Python 3.11.2, which lacks the filters of 3.11.4.
+                    safe = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
+                    archive.extractall(work, **safe)
                 state["classifier_"] = _tactnet.Classifier.load(work)
         super().__setstate__(state)
 
