@@ -24,7 +24,7 @@ use crate::packet::{Block, blocks};
 use crate::{ChannelConfig, ChannelError, ChannelId, Header};
 
 /// Maximum time that a reader waits for a put in progress, whose client may have died.
-const PATIENCE: Duration = Duration::from_millis(100);
+const PATIENCE: Duration = Duration::from_secs(2);
 /// Interval at which it looks again.
 const LOOK: Duration = Duration::from_micros(20);
 
