@@ -96,10 +96,16 @@ impl Bridge {
     }
 
     /// Subscribes to channels that have get-ports on this host, and unsubscribes from the others.
-    pub(crate) fn follow(&mut self, states: &[ChannelState]) -> Result<(), ChannelError> {
+    ///
+    /// - `states`: returns the states of all channels; not called without a network
+    pub(crate) fn follow(
+        &mut self,
+        states: impl FnOnce() -> Vec<ChannelState>,
+    ) -> Result<(), ChannelError> {
         let Some(network) = &mut self.network else {
             return Ok(());
         };
+        let states = states();
         network.forward()?;
         for mirror in &mut network.mirrors {
             let Some(state) = states.iter().find(|state| state.id == mirror.id) else {

@@ -166,7 +166,7 @@ impl Hub {
     /// The network refuses a channel.
     pub fn tick(&mut self) -> Result<usize, ChannelError> {
         #[cfg(feature = "zenoh")]
-        self.bridge.follow(&Self::states_of(&self.channels))?;
+        self.bridge.follow(|| Self::states_of(&self.channels))?;
         if self.cleaned.elapsed() < CLEAN_EVERY {
             return Ok(0);
         }
