@@ -313,12 +313,9 @@ fn the_head_looks_at_the_hand_after_a_catch_only_for_the_slip_watch() {
             gazes += usize::from(bench.outputs.gaze.is_some());
             assert!(bench.tick < 3000);
         }
-        let pictures = 20;
-        // Every 10 ms from 20 ms after the catch on, for a second.
-        assert!(if looks {
-            gazes > pictures + 90
-        } else {
-            gazes <= pictures
-        });
+        // One for each of 20 pictures and in the window of the last correction, and every 10 ms from 20 ms after the
+        // catch on, for a second.
+        assert_eq!(gazes > 110, looks, "{gazes}");
+        assert!(looks || gazes <= 24, "{gazes}");
     }
 }
