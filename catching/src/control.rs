@@ -15,4 +15,3 @@ mod throwing;
 mod trail;
 
 pub use controller::{Controller, PathError};
-pub use trail::Trail;

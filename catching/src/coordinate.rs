@@ -1,5 +1,5 @@
-//! From predictions to motion: assignment of balls to arms, requests to the planner, and joint commands (thesis,
-//! section 3.5.1).
+//! From predictions to paths: phases, assignment of balls to arms, requests to the planner, closing times (thesis,
+//! section 3.5.1). The [`Coordinator`] is one step function from packets to packets; [`answer`] is that of a planner.
 //!
 //! ```text
 //! Armed ── valid ball ──> Tracking ── plan accepted ──> Reaching ── last closing time sent ──> Closed
@@ -9,16 +9,19 @@
 //! the arm at that time on its current path. Position and velocity are therefore continuous. Without a better plan the
 //! current one stays active. The closing time follows each prediction until the hand closes.
 
+mod answer;
 mod assign;
+mod attempt;
 mod body;
 mod config;
 mod coordinator;
 mod neck;
 mod room;
 
+pub use answer::{Answering, answer};
 pub use assign::{Assignment, assign};
 pub use body::BodyMotion;
-pub use config::CoordinatorConfig;
-pub use coordinator::{CatchState, Coordinator, PlanRequest, Planned};
+pub use config::{CoordinatorConfig, PhaseConfig};
+pub use coordinator::{Coordinator, CoordinatorInputs, CoordinatorOutputs};
 pub use neck::{GazeTargets, Neck};
 pub use room::Room;

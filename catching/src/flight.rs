@@ -1,7 +1,7 @@
 //! Flight of a ball with gravity, buoyancy, added mass, drag and lift of its spin: `dv/dt = g - k |v| v + lift x v`.
 
 use nalgebra::{Isometry3, Point3, Vector3};
-use tactnet_catching_packets::packets::BallPrediction;
+use tactnet_catching_packets::packets::{BallPrediction, FlightPacket};
 
 /// Effective gravity with buoyancy and added mass of the ball (8.5 cm, 50 g), in m/s^2: 9.81 x (1 - 0.0077) / (1 +
 /// 0.0039).
@@ -45,6 +45,27 @@ impl Flight {
             v: ball.v.into(),
             k: ball.k,
             lift: ball.lift.into(),
+        }
+    }
+
+    /// Returns the flight of a packet at its time.
+    pub fn of_packet(packet: &FlightPacket) -> Self {
+        Self {
+            p: packet.p.into(),
+            v: packet.v.into(),
+            k: packet.k,
+            lift: packet.lift.into(),
+        }
+    }
+
+    /// Returns the flight as a packet for time `t_ns`.
+    pub fn packet(&self, t_ns: u64) -> FlightPacket {
+        FlightPacket {
+            t_ns,
+            p: self.p.into(),
+            v: self.v.into(),
+            k: self.k,
+            lift: self.lift.into(),
         }
     }
 

@@ -1,7 +1,15 @@
 //! The catching stack (thesis, chapter 3): head pose, ball tracking, and catching with two arms.
 //!
-//! The crate contains logic only: no clocks, threads or channels. Time is an argument, so the same code runs live and
-//! in simulation.
+//! The crate contains logic only: no clocks, threads or channels. Time is an argument. These parts are step functions
+//! that live processes, stepped trials and replay share:
+//!
+//! - [`pose::HeadEstimator`]: inertial samples to head poses
+//! - [`track::PairTracker`]: circles and head poses to predictions
+//! - [`coordinate::Coordinator`]: predictions, plans and states to requests, paths, closing times and phases
+//! - [`coordinate::answer`]: plan request to plan
+//! - [`control::Controller`]: paths to joint commands
+//!
+//! Throws, touch, the safety monitor's stop and the hands have a shell of their own in each.
 //!
 //! ```text
 //! imu ─> pose ─> track <─ circles <─ pictures        track ─> coordinate ─> plan ─> arm paths, hand commands

@@ -16,10 +16,22 @@
 mod config;
 mod error_state;
 mod estimator;
+mod head_estimator;
 mod ring;
 #[cfg(test)]
 pub(crate) mod shaking;
 
 pub use config::{PoseConfig, PoseError};
 pub use estimator::PoseEstimator;
-pub use ring::PoseRing;
+pub use head_estimator::{HeadEstimator, HeadInputs};
+pub use ring::{POSES, PoseRing};
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use tactnet_catching_packets::packets::HeadPose;
+
+/// Returns the transformation from the head frame to the inertial frame.
+pub fn isometry(pose: &HeadPose) -> Isometry3<f64> {
+    let [x, y, z, w] = pose.quaternion;
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    Isometry3::from_parts(Translation3::from(pose.position), rotation)
+}

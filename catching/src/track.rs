@@ -19,6 +19,7 @@ mod config;
 mod head;
 mod mht;
 pub mod murty;
+mod pair_tracker;
 #[cfg(test)]
 mod throws;
 mod tracker;
@@ -28,5 +29,6 @@ mod ukf;
 pub use camera::{CAMERAS, Camera, View};
 pub use config::{CLUTTER_OF_PICTURES, ThrowPrior, TrackConfig, TrackError};
 pub use head::Head;
+pub use pair_tracker::PairTracker;
 pub use tracker::BallTracker;
 pub use ukf::{BallState, STATES, Sight};

@@ -143,7 +143,7 @@ fn a_live_run_catches_and_ends_all_its_processes() {
     a_recording_tells_the_same(&file, &report);
 }
 
-/// The replayed times equal those of the run, and tracker and planners reproduce their results.
+/// The replayed times equal those of the run, and tracker, coordinator and planners reproduce their results.
 pub(crate) fn a_recording_tells_the_same(file: &Path, report: &serde_json::Value) {
     let picture = file.with_extension("svg");
     let mut timing = tactnet(["catch", "timing", "--json", "--picture"]);
@@ -171,7 +171,7 @@ pub(crate) fn a_recording_tells_the_same(file: &Path, report: &serde_json::Value
     let mut replay = tactnet(["catch", "replay", "--json"]);
     replay.arg(file);
     let replayed = json(replay);
-    for part in ["plans", "predictions"] {
+    for part in ["plans", "predictions", "decisions"] {
         assert!(
             replayed[part]["answers"].as_u64().unwrap() > 5,
             "{replayed}"

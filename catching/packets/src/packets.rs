@@ -18,6 +18,7 @@
 //! | [`ControllerState`] | controller | on change and at 50 Hz |
 //! | [`SafetyState`] | self-collision monitor | 1 kHz, one per command |
 //! | [`CatchStatus`] | coordinator | on change and at 10 Hz |
+//! | [`CoordinatorStep`] | coordinator | at least 500 Hz |
 //! | [`CatchOutcome`] | judge | after a throw and after the material was measured |
 //! | [`HandState`] | hands | 50 Hz |
 //! | [`FeltMaterial`] | sweep control of the free hand | when the posterior is high enough, or after three sweeps |
@@ -38,7 +39,7 @@ use tactnet_packet::{Described, Description, packets};
 pub use calibration::{CalibrationHold, CalibrationState, MarkerFeature, MarkerFeatures};
 pub use control::{
     CatchPhase, CatchStatus, ControllerCommand, ControllerMode, ControllerOrder, ControllerState,
-    SafetyState,
+    CoordinatorStep, SafetyState,
 };
 pub use motions::{
     ArmPath, BodyPath, FlightPacket, PlanFailure, PlanObjective, PlanRequest, PlanResult,
@@ -397,6 +398,7 @@ pub const DESCRIPTION: Description = Description {
         ControllerState::LAYOUT,
         SafetyState::LAYOUT,
         CatchStatus::LAYOUT,
+        CoordinatorStep::LAYOUT,
         CatchOutcome::LAYOUT,
         HandState::LAYOUT,
         FeltMaterial::LAYOUT,

@@ -2,9 +2,9 @@
 
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CalibrationState, CatchOutcome, CatchStatus, Circles,
-    ControllerCommand, ControllerState, FeltMaterial, Gaze, HandCommand, HandOpening, HandState,
-    HeadPose, ImuSample, JointCommand, JointState, MarkerFeatures, PlanRequest, PlanResult,
-    SafetyState, ThrowPath, ThrowStatus, ThrownBack,
+    ControllerCommand, ControllerState, CoordinatorStep, FeltMaterial, Gaze, HandCommand,
+    HandOpening, HandState, HeadPose, ImuSample, JointCommand, JointState, MarkerFeatures,
+    PlanRequest, PlanResult, SafetyState, ThrowPath, ThrowStatus, ThrownBack,
 };
 use tactnet_channel::{ChannelConfig, Packet, Table};
 
@@ -36,6 +36,7 @@ pub(crate) const CONTROLLER_STATE: &str = "controller/state";
 pub(crate) const SAFETY_STATE: &str = "safety/state";
 pub(crate) const HAND_STATE: &str = "hand/state";
 pub(crate) const CATCH_FELT: &str = "catch/felt";
+pub(crate) const COORDINATOR_STEP: &str = "coordinator/step";
 pub(crate) const CATCH_STATE: &str = "catch/state";
 pub(crate) const CATCH_OUTCOME: &str = "catch/outcome";
 pub(crate) const MARKER_FEATURES: &str = "marker/features";
@@ -70,6 +71,7 @@ pub fn catching_channels(table: Table, pixels: Option<usize>) -> Table {
         .with(CATCH_FELT, seldom::<FeltMaterial>(8))
         .with(CONTROLLER_COMMAND, seldom::<ControllerCommand>(8))
         .with(CONTROLLER_STATE, seldom::<ControllerState>(16))
+        .with(COORDINATOR_STEP, fast::<CoordinatorStep>())
         .with(CATCH_STATE, seldom::<CatchStatus>(16))
         .with(CATCH_OUTCOME, seldom::<CatchOutcome>(16))
         .with(MARKER_FEATURES, seldom::<MarkerFeatures>(8))

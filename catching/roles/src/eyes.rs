@@ -5,13 +5,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bytemuck::Zeroable;
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::circles::{CircleConfig, CircleDetector, Gate, gates};
-use tactnet_catching_packets::packets::{BallPredictions, Circles, MAX_BALLS};
+use tactnet_catching::pose::{POSES, PoseRing};
+use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose, MAX_BALLS};
 use tactnet_channel::{Bus, Priority, Start, now_ns};
 
-use crate::channels::{CAMERA_LEFT, CAMERA_RIGHT, CIRCLES, PREDICTION};
-use crate::latest_value::{LatestValue, PATIENCE};
+use crate::channels::{CAMERA_LEFT, CAMERA_RIGHT, CIRCLES, HEAD_POSE, PREDICTION};
+use crate::latest_value::{LatestValue, PATIENCE, drain};
 use crate::times::Times;
-use crate::tracker::Poses;
 use crate::{PictureHead, RoleError, RoleReport, RoleSettings};
 
 pub(crate) fn run(
@@ -62,7 +62,8 @@ fn look(
     let cameras = &corrections.robot().description().cameras;
     let pictures = bus.get_port::<u8>(id, Start::Now)?;
     let mut expected = LatestValue::<BallPredictions>::open(bus, PREDICTION)?;
-    let mut poses = Poses::open(bus)?;
+    let poses = bus.get_port::<HeadPose>(HEAD_POSE, Start::Now)?;
+    let mut heads = PoseRing::new(POSES);
     let found = bus.put_port::<Circles>(CIRCLES, Priority::High)?;
     let mut detector = CircleDetector::new(cameras, CircleConfig::default());
     let mut times = Times::at(25);
@@ -70,7 +71,7 @@ fn look(
     while !stopped() {
         let got = pictures.get(PATIENCE)?;
         expected.look()?;
-        poses.look()?;
+        drain(&poses, |pose| heads.put(*pose))?;
         let Some(packet) = got else {
             continue;
         };
@@ -83,7 +84,7 @@ fn look(
         let begun = now_ns();
         expectations.clear();
         let exposure_ns = corrections.exposure(head.exposure_ns);
-        let pose = poses.at(exposure_ns).or(poses.last().copied());
+        let pose = heads.at(exposure_ns).ok().or(heads.last().copied());
         if let (Some(balls), Some(pose)) = (expected.get(), pose) {
             let near = balls.exposure_ns.abs_diff(exposure_ns) < 500_000_000;
             let gates = gates(cameras, head.camera as usize, balls, &pose);

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{Corrections, KeptCalibration, SlipConfig};
-use tactnet_catching::coordinate::CoordinatorConfig;
+use tactnet_catching::coordinate::{Coordinator, CoordinatorConfig, PhaseConfig};
 use tactnet_catching::plan::PlanConfig;
+use tactnet_catching::track::TrackConfig;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_channel::Table;
 
@@ -88,6 +89,36 @@ impl RoleSettings {
             table.components.insert(SECTION.into(), section);
         }
         table
+    }
+
+    /// Returns the settings of the tracker.
+    pub fn track(&self) -> TrackConfig {
+        TrackConfig {
+            clutter: self.clutter,
+            ..TrackConfig::default()
+        }
+    }
+
+    /// Returns the settings of the coordinator's phases.
+    pub fn phases(&self) -> PhaseConfig {
+        PhaseConfig {
+            drives: self.drives,
+            after_catch: self.after_catch,
+            looks_at_hand: self.calibration.is_some(),
+        }
+    }
+
+    /// Returns a coordinator with these settings.
+    ///
+    /// # Errors
+    /// Same as [`RoleSettings::kept`].
+    pub fn new_coordinator(&self) -> Result<Coordinator, RoleError> {
+        let corrections = self.corrections()?;
+        Ok(Coordinator::new(
+            corrections,
+            self.coordinator,
+            self.phases(),
+        ))
     }
 
     /// Returns the robot from its description.

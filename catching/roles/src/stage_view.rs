@@ -169,12 +169,7 @@ fn limbs(robot: &Robot, q: &[f64; JOINTS]) -> (Vec<Side>, Vec<[Side; 4]>) {
 /// Returns the current position of a ball, or `None` if it is no longer in the air.
 fn place(ball: &BallPrediction, now_ns: u64) -> Option<Side> {
     let since = now_ns.checked_sub(ball.t_ns)?;
-    let flight = Flight {
-        p: ball.p.into(),
-        v: ball.v.into(),
-        k: ball.k,
-        lift: ball.lift.into(),
-    };
+    let flight = Flight::of(ball);
     let now = (since < IN_THE_AIR_NS).then(|| flight.after(since as f64 * 1e-9))?;
     (now.p.z > 0.0).then(|| side(&now.p))
 }

@@ -241,11 +241,7 @@ impl Controller {
 
     /// Accepts a motion of platform and torso if it starts at rest and keeps the limits. Returns false otherwise.
     pub fn body_path(&mut self, path: &BodyPath) -> bool {
-        let motion = BodyMotion {
-            start_ns: path.start_ns,
-            platform: Ramp::of(&path.platform),
-            turn: Ramp::of(&path.turn),
-        };
+        let motion = BodyMotion::of(path);
         let follows = matches!(self.mode, ControllerMode::Ready | ControllerMode::Following);
         let goes_on = [
             (motion.platform, joint::PLATFORM),
@@ -296,15 +292,8 @@ impl Controller {
                 .all(|n| n.is_finite());
             // Limits the integration, which takes steps of 10 ms.
             let near = flight.t_ns.abs_diff(now_ns) < 3_000_000_000;
-            (finite && flight.k.is_finite() && near).then(|| {
-                let packet = Flight {
-                    p: flight.p.into(),
-                    v: flight.v.into(),
-                    k: flight.k,
-                    lift: flight.lift.into(),
-                };
-                (flight.t_ns, packet)
-            })
+            (finite && flight.k.is_finite() && near)
+                .then(|| (flight.t_ns, Flight::of_packet(flight)))
         });
         self.neck.look_at(now_ns, looked);
         if looked.iter().any(Option::is_some) {

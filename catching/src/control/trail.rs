@@ -23,7 +23,7 @@ const CHECK_STEP: f64 = 0.02;
 
 /// Sequence of joint positions, one per tick, without ticks at rest.
 #[derive(Debug, Clone)]
-pub struct Trail {
+pub(super) struct Trail {
     points: Vec<[f64; JOINTS]>,
     /// Current position on the trail during the return, in ticks from its start.
     place: f64,
@@ -36,7 +36,7 @@ pub struct Trail {
 
 impl Trail {
     /// Creates a trail that starts in the waiting pose.
-    pub fn new(ready: &[f64; JOINTS]) -> Self {
+    pub(super) fn new(ready: &[f64; JOINTS]) -> Self {
         let mut points = Vec::with_capacity(MAX_POINTS);
         points.push(*ready);
         Self {
@@ -49,7 +49,7 @@ impl Trail {
     }
 
     /// Appends the current position. Returns false if the trail is full.
-    pub fn push(&mut self, q: &[f64; JOINTS]) -> bool {
+    pub(super) fn push(&mut self, q: &[f64; JOINTS]) -> bool {
         let stands = self.stopped || self.points.last() == Some(q);
         if stands {
             return true;
@@ -62,7 +62,7 @@ impl Trail {
     }
 
     /// Starts or resumes the return.
-    pub fn turn_round(&mut self) {
+    pub(super) fn turn_round(&mut self) {
         if !self.stopped {
             self.place = (self.points.len() - 1) as f64;
         }
@@ -71,12 +71,12 @@ impl Trail {
     }
 
     /// Halves the speed of the next attempt.
-    pub fn slower(&mut self) {
+    pub(super) fn slower(&mut self) {
         self.share *= 0.5;
     }
 
     /// Moves back by one tick. Returns positions, velocities, and true on arrival.
-    pub fn back(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
+    pub(super) fn back(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
         self.share = (self.share * SPEED_REGAIN).min(1.0);
         let (fastest, change) = (RETURN_SPEED * self.share, ACCELERATION * self.share);
         // Decelerate such that the motion ends at the start of the trail.
@@ -95,7 +95,7 @@ impl Trail {
     }
 
     /// Brakes on the trail. Returns positions, velocities, and true at rest.
-    pub fn stop(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
+    pub(super) fn stop(&mut self) -> ([f64; JOINTS], [f64; JOINTS], bool) {
         self.rate = (self.rate - DECELERATION).max(0.0).min(self.place);
         self.place -= self.rate;
         let (q, dq) = self.here();
@@ -120,7 +120,7 @@ impl Trail {
 
     /// Replaces the trail by a straight way from the waiting pose to `q` if it is collision-free. Returns false
     /// otherwise.
-    pub fn straight(
+    pub(super) fn straight(
         &mut self,
         q: &[f64; JOINTS],
         joints: &[Joint; JOINTS],

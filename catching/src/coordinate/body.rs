@@ -6,6 +6,7 @@
 //! come to rest in time. The torso turns by the rest.
 
 use nalgebra::{Isometry3, Vector3};
+use tactnet_catching_packets::packets::BodyPath;
 use tactnet_catching_packets::{JOINTS, joint};
 
 use crate::flight::FlightPath;
@@ -40,6 +41,24 @@ impl BodyMotion {
             start_ns: 0,
             platform: Ramp::standing(q[joint::PLATFORM]),
             turn: Ramp::standing(q[joint::TORSO.start]),
+        }
+    }
+
+    /// Returns the motion of a packet.
+    pub fn of(path: &BodyPath) -> Self {
+        Self {
+            start_ns: path.start_ns,
+            platform: Ramp::of(&path.platform),
+            turn: Ramp::of(&path.turn),
+        }
+    }
+
+    /// Returns the motion as a packet.
+    pub fn packet(&self) -> BodyPath {
+        BodyPath {
+            start_ns: self.start_ns,
+            platform: self.platform.packet(),
+            turn: self.turn.packet(),
         }
     }
 

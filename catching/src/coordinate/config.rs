@@ -37,3 +37,25 @@ impl Default for CoordinatorConfig {
         }
     }
 }
+
+/// Margin of a path's way to the controller, in s: a cycle of the coordinator and one of the controller.
+const PATH_MARGIN: f64 = 0.002;
+
+/// Settings of the phases of the coordinator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhaseConfig {
+    /// Delay of the drives, from a cycle of the controller to the time that its command applies to, in s.
+    pub drives: f64,
+    /// Time after a catch at which the robot returns to its waiting pose, in s.
+    pub after_catch: f64,
+    /// True if the head looks at the hand after a catch, for the slip watch.
+    pub looks_at_hand: bool,
+}
+
+impl PhaseConfig {
+    /// Returns the time before its start at which a path is sent, in ns. Within it the path reaches the controller,
+    /// whose commands run ahead by the delay of the drives.
+    pub fn path_lead_ns(&self) -> u64 {
+        ((self.drives + PATH_MARGIN) * 1e9).round() as u64
+    }
+}

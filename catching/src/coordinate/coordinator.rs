@@ -1,474 +1,325 @@
-//! The coordinator: state machine, requests to the planner, commands to joints and hands.
+//! The coordinator: phases of catching, and every decision between predictions and paths, as a step function.
 
-use nalgebra::{Isometry3, Vector3};
-use serde::{Deserialize, Serialize};
-use tactnet_catching_packets::packets::{BallPrediction, BallPredictions, HandCommand, MAX_BALLS};
-use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+mod gaze;
+mod packets;
+mod plan_requests;
 
-use super::assign::assign;
-use super::body::BodyMotion;
-use super::config::CoordinatorConfig;
-use super::neck::{GazeTargets, Neck};
+use bytemuck::Zeroable;
+use nalgebra::Isometry3;
+use tactnet_catching_packets::packets::{
+    BallPredictions, CatchPhase, CatchStatus, ControllerCommand, ControllerMode, ControllerOrder,
+    ControllerState, HandCommand, HeadPose, JointState, PlanResult, Text,
+};
+use tactnet_catching_packets::{ARMS, JOINTS};
+
+use super::attempt::{CatchAttempt, CatchState, MAX_REQUESTS};
+use super::config::{CoordinatorConfig, PhaseConfig};
 use super::room::Room;
-use crate::flight::{Flight, FlightPath};
-use crate::plan::{CatchPlan, CatchPoint, CatchRequest, ChestWay, NoPlan, OtherArm};
+use crate::calibrate::Corrections;
+use crate::plan::ChestWay;
+use crate::pose::isometry;
 use crate::ramp::Ramp;
-use crate::robot::Robot;
+pub use packets::{CoordinatorInputs, CoordinatorOutputs};
+use plan_requests::PendingPlans;
 
-/// State of the coordinator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum CatchState {
-    /// Waits for a ball.
-    Armed,
-    /// A ball is valid, but no catch is planned.
-    Tracking,
-    /// At least one arm executes a catch motion.
-    Reaching,
-    /// All hands have received their last closing time.
-    Closed,
+/// Time after sending a path until the controller's state takes it into account, in ns.
+const TAKEN_NS: u64 = 5_000_000;
+/// Timeout after which a silent controller or estimator counts as lost, in ns.
+const SILENT_NS: u64 = 200_000_000;
+/// Time without detections after which a ball counts as gone, in ns.
+const GONE_NS: u64 = 500_000_000;
+/// Period at which the order to return to the waiting pose is repeated, in ns.
+const AGAIN_NS: u64 = 100_000_000;
+/// Time for which the head looks at the hand, in s.
+const LOOKING: f64 = 0.6;
+/// Period at which an unchanged phase is published, in ns.
+const TELL_NS: u64 = 100_000_000;
+
+/// Measured pose of the robot.
+#[derive(Clone, Copy)]
+struct MeasuredPose<'a> {
+    joints: &'a JointState,
+    head: &'a HeadPose,
 }
 
-/// Request to the planner.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlanRequest {
-    /// Ball number.
-    pub ball: u64,
-    /// Arm: 0 left, 1 right.
-    pub arm: usize,
-    /// Start of the planned motion, in ns.
-    pub start_ns: u64,
-    /// Current plan: joint angles at the catch and its time in s after `start_ns`.
-    pub last: Option<CatchPoint>,
-    /// Catch request, in the chest frame at the catch time.
-    pub catch: CatchRequest,
+impl<'a> MeasuredPose<'a> {
+    fn of(inputs: &CoordinatorInputs<'a>) -> Option<Self> {
+        Some(Self {
+            joints: inputs.joints?,
+            head: inputs.head?,
+        })
+    }
+
+    fn is_fresh(&self, now_ns: u64) -> bool {
+        now_ns.saturating_sub(self.head.t_ns) < SILENT_NS
+            && now_ns.saturating_sub(self.joints.sensor_ns) < SILENT_NS
+    }
+
+    /// Returns the pose of the chest in the inertial frame.
+    fn chest(&self, corrections: &Corrections) -> Isometry3<f64> {
+        let links = corrections.joints(self.joints).q;
+        isometry(self.head) * corrections.robot().head(&links).inverse()
+    }
 }
 
-/// Request with its result.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Planned {
-    /// Request.
-    pub request: PlanRequest,
-    /// Result.
-    pub plan: Result<CatchPlan, NoPlan>,
+/// State while the robot may catch.
+#[derive(Debug, Clone)]
+struct Armed {
+    attempt: CatchAttempt,
+    pending: Option<PendingPlans>,
+    /// Results of the pending requests.
+    answers: Vec<PlanResult>,
+    /// Latest predictions of the current throw.
+    predictions: Option<BallPredictions>,
+    /// Starts of the last paths sent.
+    sent: [u64; ARMS],
+    /// Last commands to the hands.
+    hands: [Option<HandCommand>; ARMS],
+    /// Time of the last valid prediction, in ns.
+    seen_ns: u64,
 }
 
-/// Maximum number of simultaneous requests.
-const MAX_REQUESTS: usize = ARMS * MAX_BALLS;
-/// Minimum time between a change of the closing time and the closing, in ns.
-const LAST_CLOSING_NS: u64 = 10_000_000;
-/// Minimum time of an answer, in ns. A path that starts within this time has started when the next one arrives.
-const ANSWER_NS: u64 = 1_000_000;
-
-#[derive(Debug, Clone, Copy)]
-struct Reaching {
-    ball: u64,
-    catch_ns: u64,
-    q: [f64; ARM_JOINTS],
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct ArmMotion {
-    start_ns: u64,
-    ramps: [Ramp; ARM_JOINTS],
-}
-
-/// Motion of an arm and its purpose.
-#[derive(Debug, Clone, Copy)]
-struct Task {
-    motion: ArmMotion,
-    reaching: Option<Reaching>,
-    hand: Option<HandCommand>,
-}
-
-/// Coordinator, which decides the arm and time of each catch.
+/// Coordinator of one robot. Its only inputs are packets and the time, so it runs the same live, simulated and
+/// replayed.
 #[derive(Debug, Clone)]
 pub struct Coordinator {
-    robot: Robot,
+    corrections: Corrections,
     config: CoordinatorConfig,
-    ready: [f64; JOINTS],
-    body: BodyMotion,
-    arms: [ArmMotion; ARMS],
-    reaching: [Option<Reaching>; ARMS],
-    hands: [Option<HandCommand>; ARMS],
-    /// Last task of each arm that the controller confirmed.
-    taken: [Option<Task>; ARMS],
-    neck: Neck,
-    state: CatchState,
-    pending: bool,
-    no_plans: u64,
-    /// Free space for platform and torso, if there is a map.
+    phases: PhaseConfig,
+    waiting: [f64; JOINTS],
     room: Option<Room>,
-    /// Transform from the chest pose by joint angles to the last measured one.
-    deviation: Isometry3<f64>,
+    armed: Option<Armed>,
+    /// Number of the last call of the planner; 0 before the first step.
+    calls: u64,
+    sent_ns: u64,
+    status: CatchStatus,
+    told_ns: u64,
+    looked_ns: u64,
+    ordered_ns: u64,
+    no_plans: u64,
 }
 
 impl Coordinator {
-    /// Creates an armed coordinator with joints at rest in `ready`.
-    pub fn new(robot: Robot, config: CoordinatorConfig, ready: [f64; JOINTS]) -> Self {
-        let standing = |arm: usize| ArmMotion {
-            start_ns: 0,
-            ramps: std::array::from_fn(|i| Ramp::standing(ready[joint::ARM[arm].start + i])),
-        };
+    /// Creates a coordinator in phase [`CatchPhase::Starting`].
+    pub fn new(corrections: Corrections, config: CoordinatorConfig, phases: PhaseConfig) -> Self {
         Self {
-            body: BodyMotion::standing(&ready),
-            arms: [standing(0), standing(1)],
-            reaching: [None; ARMS],
-            hands: [None; ARMS],
-            taken: [None; ARMS],
-            neck: Neck::standing(&ready),
-            state: CatchState::Armed,
-            pending: false,
-            no_plans: 0,
-            room: None,
-            deviation: Isometry3::identity(),
-            robot,
+            waiting: *corrections.waiting(),
+            corrections,
             config,
-            ready,
+            phases,
+            room: None,
+            armed: None,
+            calls: 0,
+            sent_ns: 0,
+            status: CatchStatus {
+                phase: CatchPhase::Starting as u64,
+                reason: Text::new("has just begun"),
+                ..CatchStatus::zeroed()
+            },
+            told_ns: 0,
+            looked_ns: 0,
+            ordered_ns: 0,
+            no_plans: 0,
         }
     }
 
-    /// Keeps platform and torso away from the obstacles of `room` from now on. The arms' planner must avoid them
-    /// itself.
-    pub fn stay_in(&mut self, room: Room) {
-        self.room = Some(room);
+    /// Changes the waiting pose and the free space of platform and torso.
+    pub fn wait_in(&mut self, waiting: [f64; JOINTS], room: Option<Room>) {
+        self.waiting = waiting;
+        self.room = room;
     }
 
-    /// Returns the planned motion of the chest from `start_ns` on, in the frame of its measurement.
-    pub fn chest_way(&self, start_ns: u64) -> ChestWay {
-        self.body
-            .chest_way(&self.robot, &self.ready, &self.deviation, start_ns)
-    }
-
-    /// Returns the state.
-    pub fn state(&self) -> CatchState {
-        self.state
+    /// Returns the phase.
+    pub fn phase(&self) -> CatchPhase {
+        self.status.phase().unwrap_or(CatchPhase::Starting)
     }
 
     /// Returns the number of failed plans for valid balls.
     pub fn no_plans(&self) -> u64 {
-        self.no_plans
+        let current = self.armed.as_ref().map(|armed| armed.attempt.no_plans());
+        self.no_plans + current.unwrap_or(0)
     }
 
-    /// Returns the closing commands of the hands.
-    pub fn hands(&self) -> &[Option<HandCommand>; ARMS] {
-        &self.hands
+    /// Returns the planned motion of the chest from `start_ns` on, in the frame of its measurement. `None` unless the
+    /// robot may catch.
+    pub fn chest_way(&self, start_ns: u64) -> Option<ChestWay> {
+        let armed = self.armed.as_ref()?;
+        Some(armed.attempt.chest_way(start_ns))
     }
 
-    /// Returns number and catch time of the ball that an arm is reaching for.
-    pub fn target(&self, arm: usize) -> Option<(u64, u64)> {
-        self.reaching[arm].map(|reaching| (reaching.ball, reaching.catch_ns))
+    /// Takes the packets since the last step and returns those to send. Must be called at least every 2 ms, which
+    /// bounds the reaction time to closing times and phase changes.
+    pub fn step(&mut self, now_ns: u64, inputs: &CoordinatorInputs<'_>) -> CoordinatorOutputs {
+        let mut outputs = CoordinatorOutputs::default();
+        if self.calls == 0 {
+            // Calls from before a restart have lower numbers.
+            self.calls = now_ns.max(1);
+            self.status.since_ns = now_ns;
+        }
+        self.follow_controller(now_ns, inputs.controller, &mut outputs);
+        let pose = MeasuredPose::of(inputs);
+        if let (Some(balls), Some(pose)) = (inputs.predictions, pose) {
+            self.request_plans([true; ARMS], now_ns, balls, pose, &mut outputs);
+        }
+        inputs.results.iter().for_each(|result| self.take(result));
+        self.answer(now_ns, &mut outputs);
+        if let Some(pose) = pose {
+            self.correct_last(now_ns, pose, &mut outputs);
+            self.look_at_hand(now_ns, pose, &mut outputs);
+        }
+        self.end_attempt(now_ns, &mut outputs);
+        if now_ns.saturating_sub(self.told_ns) > TELL_NS {
+            self.tell(now_ns, &mut outputs);
+        }
+        outputs
     }
 
-    /// Returns the motion of platform and torso.
-    pub fn body(&self) -> &BodyMotion {
-        &self.body
-    }
-
-    /// Returns the gaze target of the head.
-    pub fn looked_at(&self) -> &GazeTargets {
-        self.neck.looked_at()
-    }
-
-    /// Returns the motion of an arm: its start in ns and the ramps of its joints.
-    pub fn arm(&self, arm: usize) -> (u64, &[Ramp; ARM_JOINTS]) {
-        (self.arms[arm].start_ns, &self.arms[arm].ramps)
-    }
-
-    /// Processes the motion that the controller executes. If it differs from the planned one, the plan was rejected and
-    /// the arm resumes its previous task or none.
-    pub fn carried_out(&mut self, arm: usize, start_ns: u64, ramps: [Ramp; ARM_JOINTS]) {
-        let motion = ArmMotion { start_ns, ramps };
-        if self.arms[arm] == motion {
-            self.taken[arm] = Some(Task {
-                motion,
-                reaching: self.reaching[arm],
-                hand: self.hands[arm],
-            });
+    fn enter(
+        &mut self,
+        now_ns: u64,
+        phase: CatchPhase,
+        why: &str,
+        outputs: &mut CoordinatorOutputs,
+    ) {
+        if self.phase() == phase {
             return;
         }
-        let task = self.taken[arm].filter(|task| task.motion == motion);
-        self.arms[arm] = motion;
-        self.reaching[arm] = task.and_then(|task| task.reaching);
-        self.hands[arm] = task.and_then(|task| task.hand);
-        if self.state == CatchState::Reaching && self.reaching.iter().all(Option::is_none) {
-            self.state = CatchState::Tracking;
-        }
+        self.status.phase = phase as u64;
+        self.status.since_ns = now_ns;
+        self.status.reason = Text::new(why);
+        self.tell(now_ns, outputs);
     }
 
-    /// Processes predictions and returns requests to the planner. Their answers are due after
-    /// [`CoordinatorConfig::plan_delay`] ([`Coordinator::planned`]). `chest` is the measured pose of the chest in the
-    /// inertial frame. Its deviation from the pose by joint angles is assumed constant until the catch.
-    pub fn predictions(
+    fn tell(&mut self, now_ns: u64, outputs: &mut CoordinatorOutputs) {
+        self.told_ns = now_ns;
+        outputs.status = Some(CatchStatus {
+            t_ns: now_ns,
+            no_plans: self.no_plans(),
+            ..self.status
+        });
+    }
+
+    fn arm(&mut self, now_ns: u64) {
+        let robot = self.corrections.robot().clone();
+        let room = self.room.clone();
+        self.armed = Some(Armed {
+            attempt: CatchAttempt::new(robot, self.config, self.waiting, room),
+            pending: None,
+            answers: Vec::with_capacity(MAX_REQUESTS),
+            predictions: None,
+            sent: [0; ARMS],
+            hands: [None; ARMS],
+            seen_ns: now_ns,
+        });
+    }
+
+    /// Ends the current attempt.
+    fn disarm(&mut self) {
+        self.no_plans = self.no_plans();
+        self.armed = None;
+    }
+
+    fn order_back(&mut self, now_ns: u64, why: &str, outputs: &mut CoordinatorOutputs) {
+        self.disarm();
+        self.enter(now_ns, CatchPhase::GoingBack, why, outputs);
+        if now_ns.saturating_sub(self.ordered_ns) < AGAIN_NS {
+            return;
+        }
+        self.ordered_ns = now_ns;
+        outputs.order = Some(ControllerCommand {
+            command_ns: now_ns,
+            command: ControllerOrder::GoBack as u64,
+            reason: Text::new(why),
+        });
+    }
+
+    /// Reacts to the state of the controller.
+    fn follow_controller(
         &mut self,
         now_ns: u64,
-        predictions: &BallPredictions,
-        chest: &Isometry3<f64>,
-    ) -> [Option<PlanRequest>; MAX_REQUESTS] {
-        self.predictions_for([true; ARMS], now_ns, predictions, chest)
-    }
-
-    /// Does the same as [`Coordinator::predictions`], with requests for the selected arms only.
-    pub fn predictions_for(
-        &mut self,
-        arms: [bool; ARMS],
-        now_ns: u64,
-        predictions: &BallPredictions,
-        chest: &Isometry3<f64>,
-    ) -> [Option<PlanRequest>; MAX_REQUESTS] {
-        let mut requests = [None; MAX_REQUESTS];
-        let (q_now, _) = self.command(now_ns);
-        let deviation = self.robot.chest(&q_now).inverse() * chest;
-        self.deviation = deviation;
-        let CoordinatorConfig {
-            existence, frames, ..
-        } = self.config;
-        let valid = |ball: &&BallPrediction| ball.existence >= existence && ball.frames >= frames;
-        let Some(first) = predictions.valid().iter().find(valid) else {
-            return requests;
-        };
-        let start_ns = now_ns + (self.config.plan_delay * 1e9) as u64;
-        let mut looked = [None; MAX_BALLS];
-        for (place, ball) in looked.iter_mut().zip(predictions.valid()) {
-            *place = Some((ball.t_ns, Flight::of(ball)));
-        }
-        self.neck.look_at(now_ns, looked);
-        if self.state == CatchState::Armed {
-            self.state = CatchState::Tracking;
-            // With two balls only the arms move.
-            if self.config.lower_body && predictions.count == 1 {
-                self.body = self.body_towards(now_ns, first, chest);
-            }
-        }
-        // Chest pose at the end of the body's motion.
-        let end_ns = self.body.end_ns().max(start_ns);
-        let (q_then, _) = self.joints_of_body(end_ns);
-        let to_chest = (self.robot.chest(&q_then) * deviation).inverse();
-        self.follow_closing_times(now_ns, predictions, &to_chest);
-        if self.pending || self.state == CatchState::Closed {
-            return requests;
-        }
-        let mut count = 0;
-        for ball in predictions.valid().iter().filter(valid) {
-            for arm in (0..ARMS).filter(|&arm| arms[arm]) {
-                if !self.may_request(ball.ball, arm, now_ns) {
-                    continue;
-                }
-                requests[count] = self.request(ball, arm, start_ns, &to_chest);
-                count += usize::from(requests[count].is_some());
-            }
-        }
-        self.pending = count > 0;
-        requests
-    }
-
-    /// Returns the motion of platform and torso towards a ball, as far as the free space allows.
-    fn body_towards(
-        &self,
-        now_ns: u64,
-        ball: &BallPrediction,
-        chest: &Isometry3<f64>,
-    ) -> BodyMotion {
-        let (q_now, _) = self.command(now_ns);
-        let seen = flight_at(ball, now_ns).in_frame(&chest.inverse());
-        let wanted = BodyMotion::towards(&self.robot, &q_now, &FlightPath::new(seen), now_ns);
-        match &self.room {
-            None => wanted,
-            Some(room) => room.within(&self.robot, &self.ready, &self.deviation, &wanted),
-        }
-    }
-
-    /// Returns the request of a plan that starts at `start_ns`, or `None` too close to the catch.
-    fn request(
-        &self,
-        ball: &BallPrediction,
-        arm: usize,
-        start_ns: u64,
-        to_chest: &Isometry3<f64>,
-    ) -> Option<PlanRequest> {
-        let left = self.reaching[arm].map(|r| (r.catch_ns as f64 - start_ns as f64) * 1e-9);
-        if left.is_some_and(|left| left < self.config.last_correction) {
-            return None;
-        }
-        let end_ns = self.body.end_ns().max(start_ns);
-        let motion = &self.arms[arm];
-        let elapsed = (start_ns as f64 - motion.start_ns as f64) * 1e-9;
-        let state: [(f64, f64); ARM_JOINTS] = std::array::from_fn(|i| motion.ramps[i].at(elapsed));
-        Some(PlanRequest {
-            ball: ball.ball,
-            arm,
-            start_ns,
-            last: self.reaching[arm]
-                .zip(left)
-                .map(|(reaching, left)| CatchPoint {
-                    q: reaching.q,
-                    t: left,
-                }),
-            catch: CatchRequest {
-                ball: flight_at(ball, start_ns).in_frame(to_chest),
-                q0: state.map(|(q, _)| q),
-                w0: state.map(|(_, w)| w),
-                earliest: (end_ns - start_ns) as f64 * 1e-9,
-                latest: 1.8,
-                objective: self.config.objective,
-                other: Some(self.meanwhile(arm, start_ns)),
-            },
-        })
-    }
-
-    /// Returns true if a new plan of an arm for a ball is permitted now.
-    fn may_request(&self, ball: u64, arm: usize, now_ns: u64) -> bool {
-        let holder = self
-            .reaching
-            .iter()
-            .position(|r| r.is_some_and(|r| r.ball == ball));
-        if holder.is_some() && !self.config.replan {
-            return false;
-        }
-        // The controller rejects a path behind one that has not started yet.
-        if self.arms[arm].start_ns > now_ns + ANSWER_NS {
-            return false;
-        }
-        // Each ball and each arm keeps its assignment.
-        holder == Some(arm) || (holder.is_none() && self.reaching[arm].is_none())
-    }
-
-    /// Returns the planned motion of the other arm from `start_ns` on.
-    fn meanwhile(&self, arm: usize, start_ns: u64) -> OtherArm {
-        let other = &self.arms[(arm + 1) % ARMS];
-        OtherArm {
-            ramps: other.ramps,
-            since: (start_ns as f64 - other.start_ns as f64) * 1e-9,
-        }
-    }
-
-    /// Processes the planner's answers to one call of [`Coordinator::predictions`] at their due time.
-    pub fn planned(&mut self, answers: &[Planned]) {
-        self.pending = false;
-        self.no_plans += answers.iter().filter(|answer| answer.plan.is_err()).count() as u64;
-        // Balls in the order of their answers.
-        let mut balls = [None; MAX_BALLS];
-        let mut costs = [[None; ARMS]; MAX_BALLS];
-        for answer in answers {
-            let number = answer.request.ball;
-            let Some(place) = balls
-                .iter()
-                .position(|ball| ball.is_none_or(|ball| ball == number))
-            else {
-                continue;
-            };
-            balls[place] = Some(number);
-            costs[place][answer.request.arm] = answer.plan.ok().map(|plan| plan.cost);
-        }
-        for (arm, ball) in assign(&costs).iter().enumerate() {
-            let Some(number) = ball.and_then(|place| balls[place]) else {
-                continue;
-            };
-            let answer = answers
-                .iter()
-                .find(|answer| answer.request.arm == arm && answer.request.ball == number);
-            let Some((request, plan)) =
-                answer.and_then(|answer| Some((answer.request, answer.plan.ok()?)))
-            else {
-                continue;
-            };
-            let catch_ns = request.start_ns + (plan.t * 1e9) as u64;
-            self.arms[arm] = ArmMotion {
-                start_ns: request.start_ns,
-                ramps: plan.ramps,
-            };
-            self.reaching[arm] = Some(Reaching {
-                ball: number,
-                catch_ns,
-                q: plan.q,
-            });
-            self.hands[arm] = Some(HandCommand {
-                arm: arm as u64,
-                catch_ns,
-            });
-            self.state = CatchState::Reaching;
-        }
-    }
-
-    /// Returns the commanded positions and velocities of all joints.
-    pub fn command(&self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
-        let (mut q, mut dq) = self.joints_of_body(now_ns);
-        self.neck.write(&mut q, &mut dq);
-        (q, dq)
-    }
-
-    /// Turns the head towards the mean direction of the predicted balls and returns [`Coordinator::command`]. Must be
-    /// called at each tick of the controller.
-    pub fn tick(&mut self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
-        let (q, _) = self.joints_of_body(now_ns);
-        self.neck.turn(now_ns, &self.robot, &q);
-        let last = self.hands.iter().flatten().map(|hand| hand.catch_ns).max();
-        if self.state == CatchState::Reaching
-            && last.is_some_and(|last| now_ns + LAST_CLOSING_NS >= last)
-        {
-            self.state = CatchState::Closed;
-        }
-        self.command(now_ns)
-    }
-
-    fn joints_of_body(&self, now_ns: u64) -> ([f64; JOINTS], [f64; JOINTS]) {
-        let (mut q, mut dq) = (self.ready, [0.0; JOINTS]);
-        self.body.write(now_ns, &mut q, &mut dq);
-        for (arm, motion) in self.arms.iter().enumerate() {
-            let t = (now_ns as f64 - motion.start_ns as f64) * 1e-9;
-            for (i, ramp) in motion.ramps.iter().enumerate() {
-                let index = joint::ARM[arm].start + i;
-                (q[index], dq[index]) = ramp.at(t);
-            }
-        }
-        (q, dq)
-    }
-
-    /// Adjusts the closing times to the time at which the ball crosses the plane of the catch frame, even without a
-    /// path correction.
-    fn follow_closing_times(
-        &mut self,
-        now_ns: u64,
-        predictions: &BallPredictions,
-        to_chest: &Isometry3<f64>,
+        state: Option<&ControllerState>,
+        outputs: &mut CoordinatorOutputs,
     ) {
-        for (arm, (reaching, hand)) in self.reaching.iter().zip(&mut self.hands).enumerate() {
-            let (Some(reaching), Some(hand)) = (reaching, hand) else {
-                continue;
-            };
-            let Some(ball) = predictions
-                .valid()
-                .iter()
-                .find(|ball| ball.ball == reaching.ball)
-            else {
-                continue;
-            };
-            if hand.catch_ns <= now_ns + LAST_CLOSING_NS {
-                continue;
-            }
-            let pose = self.robot.arm(arm).forward(&reaching.q);
-            let axis: Vector3<f64> = pose.rotation.column(2).into_owned();
-            let planned = flight_at(ball, hand.catch_ns).in_frame(to_chest);
-            // Newton's method; the ball's speed is almost constant over some milliseconds.
-            let mut shift = 0.0;
-            for _ in 0..3 {
-                let there = planned.after(shift);
-                let speed = there.v.dot(&axis);
-                if speed.abs() < 0.5 {
-                    break;
+        let fresh = |state: &&ControllerState| now_ns.saturating_sub(state.t_ns) < SILENT_NS;
+        let Some(state) = state.filter(fresh) else {
+            self.disarm();
+            let why = "the controller is silent";
+            return self.enter(now_ns, CatchPhase::Starting, why, outputs);
+        };
+        let armed = self.armed.is_some();
+        let phase = match state.mode() {
+            Some(ControllerMode::Ready) if !armed => {
+                // States from before the order to return are outdated.
+                if state.t_ns > self.ordered_ns + TAKEN_NS {
+                    self.arm(now_ns);
+                    let why = "stands where it waits";
+                    self.enter(now_ns, CatchPhase::Armed, why, outputs);
                 }
-                shift -= (there.p - pose.position).dot(&axis) / speed;
+                return;
             }
-            if shift.abs() < 0.1 {
-                let shifted = hand.catch_ns as f64 + shift * 1e9;
-                hand.catch_ns = shifted.max((now_ns + LAST_CLOSING_NS) as f64) as u64;
+            Some(ControllerMode::Following) if !armed => {
+                return self.order_back(now_ns, "has begun while the robot moved", outputs);
+            }
+            Some(ControllerMode::Ready | ControllerMode::Following) => {
+                return self.compare_paths(state);
+            }
+            Some(ControllerMode::Standing) => {
+                return self.order_back(now_ns, state.reason.as_str(), outputs);
+            }
+            Some(ControllerMode::Braking) => CatchPhase::Braking,
+            Some(ControllerMode::Throwing) => CatchPhase::Throwing,
+            Some(ControllerMode::GoingBack) => CatchPhase::GoingBack,
+            Some(ControllerMode::Stuck) | None => CatchPhase::Stuck,
+        };
+        self.disarm();
+        self.enter(now_ns, phase, state.reason.as_str(), outputs);
+    }
+
+    /// Takes refused paths back.
+    fn compare_paths(&mut self, state: &ControllerState) {
+        let counts = state.t_ns > self.sent_ns + TAKEN_NS;
+        if let Some(armed) = self.armed.as_mut().filter(|_| counts) {
+            for (arm, path) in state.paths.iter().enumerate() {
+                let ramps = path.ramps.each_ref().map(Ramp::of);
+                armed.attempt.carried_out(arm, path.start_ns, ramps);
+                armed.sent[arm] = path.start_ns;
             }
         }
     }
-}
 
-fn flight_at(ball: &BallPrediction, t_ns: u64) -> Flight {
-    Flight::of(ball).after((t_ns as f64 - ball.t_ns as f64) * 1e-9)
+    /// Publishes the progress of the attempt, and orders the robot back after it.
+    fn end_attempt(&mut self, now_ns: u64, outputs: &mut CoordinatorOutputs) {
+        let Some(armed) = &mut self.armed else {
+            return;
+        };
+        armed.attempt.tick(now_ns);
+        let state = armed.attempt.state();
+        let (phase, why) = match state {
+            CatchState::Armed => (CatchPhase::Armed, "stands where it waits"),
+            CatchState::Tracking => (CatchPhase::Tracking, "a ball is valid"),
+            CatchState::Reaching => (CatchPhase::Reaching, "a plan is carried out"),
+            CatchState::Closed => (CatchPhase::Closed, "the hands have been told"),
+        };
+        let targets = (0..ARMS).filter_map(|arm| armed.attempt.target(arm));
+        let catch_ns = targets.map(|(_, at)| at).max();
+        let looking = if self.phases.looks_at_hand {
+            LOOKING
+        } else {
+            0.0
+        };
+        let after_ns = ((self.phases.after_catch + looking) * 1e9) as u64;
+        let over = catch_ns.is_some_and(|at| now_ns > at + after_ns);
+        let gone = catch_ns.is_none() && now_ns > armed.seen_ns + GONE_NS;
+        self.enter(now_ns, phase, why, outputs);
+        if state == CatchState::Armed {
+            return;
+        }
+        if over {
+            self.order_back(now_ns, "the catch is over", outputs);
+        } else if gone {
+            self.order_back(now_ns, "the ball is gone", outputs);
+        }
+    }
 }
 
 #[cfg(test)]

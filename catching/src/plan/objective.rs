@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
+use tactnet_catching_packets::packets::PlanObjective;
 
 use super::catch_motion::{CatchMotion, Point, UNKNOWNS};
 use crate::ramp::{Acceleration, LeastTime};
@@ -17,6 +18,26 @@ pub enum Objective {
     Latest,
     /// Early arrival: fourth-power mean of the joints' least times. The arm waits for the ball.
     Cool,
+}
+
+impl From<Objective> for PlanObjective {
+    fn from(objective: Objective) -> Self {
+        match objective {
+            Objective::Soft => Self::Soft,
+            Objective::Latest => Self::Latest,
+            Objective::Cool => Self::Cool,
+        }
+    }
+}
+
+impl From<PlanObjective> for Objective {
+    fn from(objective: PlanObjective) -> Self {
+        match objective {
+            PlanObjective::Soft => Self::Soft,
+            PlanObjective::Latest => Self::Latest,
+            PlanObjective::Cool => Self::Cool,
+        }
+    }
 }
 
 /// Relative acceleration below which [`Objective::Soft`] is smoothed. Its root has a kink at rest.

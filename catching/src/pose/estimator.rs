@@ -47,6 +47,13 @@ impl PoseEstimator {
         })
     }
 
+    /// Forgets pose and biases.
+    pub fn restart(&mut self) {
+        self.state = ErrorState::new(&self.config);
+        self.last = None;
+        self.ring.clear();
+    }
+
     /// Processes a sample and returns the pose at its time. `at_rest` is the kinematic head pose in the inertial frame
     /// while the robot rests, and `None` while it moves. Does not allocate.
     ///

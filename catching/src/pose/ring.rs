@@ -5,6 +5,9 @@ use tactnet_catching_packets::packets::HeadPose;
 
 use super::PoseError;
 
+/// Number of poses that covers the delay of pictures: 0.6 s.
+pub const POSES: usize = 307;
+
 /// Poses by time. New poses overwrite the oldest.
 #[derive(Debug, Clone)]
 pub struct PoseRing {
@@ -28,8 +31,18 @@ impl PoseRing {
         self.oldest = 0;
     }
 
-    /// Stores a pose, which must be later than all stored ones.
+    /// Returns the latest pose.
+    pub fn last(&self) -> Option<&HeadPose> {
+        let count = self.poses.len();
+        (count > 0).then(|| self.get(count - 1))
+    }
+
+    /// Stores a pose. A pose that is not later than the last one comes from a restarted estimator and replaces all
+    /// stored ones.
     pub fn put(&mut self, pose: HeadPose) {
+        if self.last().is_some_and(|last| pose.t_ns <= last.t_ns) {
+            self.clear();
+        }
         if self.poses.len() < self.poses.capacity() {
             self.poses.push(pose);
         } else {

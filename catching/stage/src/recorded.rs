@@ -2,10 +2,11 @@
 //!
 //! ```text
 //! recording ─┬─> timing  from every exposure to its path, step by step, from the timestamps in the packets
-//! └─> replay  circles and poses through the tracker, requests through the planners; compares the results
+//!             └─> replay  packets through tracker, coordinator and planners; compares the results
 //! ```
 
 mod chain;
+mod decisions;
 mod packets_of;
 mod picture;
 mod replay;

@@ -57,6 +57,7 @@ pub use quantiles::Quantiles;
 pub use rally::{Rally, RallyConfig, RallyFlight, RallyReport, rally_page};
 pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
 pub use series::{ObstaclesReport, Series, SeriesReport, WithoutMap, obstacles_page, series_page};
+pub use stepped_stack::StepObserver;
 pub use throw_aim::{AimRound, ThrowAim, ThrowAimReport};
 pub use throw_bench::{Goal, SpeedRow, ThrowBench, ThrowBenchConfig, ThrowReport};
 pub use throw_config::{Mapping, ThrowConfig};

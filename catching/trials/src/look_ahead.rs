@@ -41,13 +41,7 @@ pub(crate) struct TimedPrediction {
 impl TimedPrediction {
     fn as_said(&self, t_ns: u64) -> Flight {
         let ball = &self.prediction;
-        let flight = Flight {
-            p: ball.p.into(),
-            v: ball.v.into(),
-            k: ball.k,
-            lift: ball.lift.into(),
-        };
-        flight.after((t_ns as f64 - ball.t_ns as f64) * 1e-9)
+        Flight::of(ball).after((t_ns as f64 - ball.t_ns as f64) * 1e-9)
     }
 
     /// Returns the predicted ball at a time, corrected for the error of the head pose.

@@ -3,14 +3,14 @@
 use std::collections::VecDeque;
 
 use bytemuck::Zeroable;
-use nalgebra::{Isometry3, Quaternion, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion};
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::flight::DRAG;
-use tactnet_catching::pose::{PoseConfig, PoseError, PoseEstimator};
-use tactnet_catching::track::{BallTracker, CLUTTER_OF_PICTURES, TrackConfig};
+use tactnet_catching::pose::{self, HeadEstimator, HeadInputs};
+use tactnet_catching::track::{CLUTTER_OF_PICTURES, PairTracker, TrackConfig};
 use tactnet_catching_packets::packets::{
-    BallPrediction, BallPredictions, Circles, HeadPose, JointState, MAX_BALLS,
+    BallPrediction, BallPredictions, CatchPhase, Circles, HeadPose, JointState, MAX_BALLS,
 };
 use tactnet_catching_world::{FrameMotion, Sensed, Truth};
 
@@ -21,6 +21,8 @@ use crate::look_ahead::{TimedPrediction, between};
 use crate::stepped_time::nanoseconds;
 use crate::throw_config::ThrowConfig;
 
+/// Time at rest after which the torso is still, in s: the simulation begins at rest.
+const STILL: f64 = 0.0;
 /// Variance of the kinematic head pose without the inertial unit, in m^2: a tenth of a millimetre.
 const KINEMATIC_VARIANCE: f64 = 1e-8;
 
@@ -32,15 +34,17 @@ pub(crate) struct Perception {
     source: Source,
     to_prediction_ns: u64,
     drag: bool,
-    pose: PoseEstimator,
-    tracker: BallTracker,
+    estimator: HeadEstimator,
+    tracker: PairTracker,
     /// Renderer and detector, if circles come from pictures.
     eyes: Option<Eyes>,
     /// Latest predictions.
     last: BallPredictions,
     exposures: VecDeque<Exposure>,
-    joints: JointState,
-    chest: Isometry3<f64>,
+    /// Latest joint state, as measured.
+    joints: Option<JointState>,
+    /// Latest head pose.
+    head: Option<HeadPose>,
     pictures: u32,
     /// True head poses since the last inertial sample.
     heads: VecDeque<(u64, Isometry3<f64>)>,
@@ -62,17 +66,15 @@ struct Exposure {
     due_ns: u64,
     /// Corrected timestamp of the cameras' clock; rendered pictures have exact timestamps.
     stamp_ns: u64,
+    /// Circles as detected, in camera coordinates.
     circles: [Circles; 2],
     truth: Truth,
-    kinematic: HeadPose,
     pictures: u32,
 }
 
 /// Result of a pair of pictures.
 pub(crate) struct Seen {
     pub predictions: BallPredictions,
-    /// Current pose of the chest.
-    pub chest: Isometry3<f64>,
     exposure_ns: u64,
     aligned: Isometry3<f64>,
 }
@@ -107,7 +109,6 @@ impl Perception {
         }
         let corrections = config.corrections();
         let robot = corrections.robot().clone();
-        let description = robot.description();
         Ok(Self {
             source: match (config.perfect_perception, config.is_without(Ablation::Imu)) {
                 (true, _) => Source::Truth,
@@ -116,8 +117,8 @@ impl Perception {
             },
             to_prediction_ns: nanoseconds(config.timing.to_prediction()),
             drag,
-            pose: PoseEstimator::new(description, PoseConfig::default())?,
-            tracker: BallTracker::new(description, track)?,
+            estimator: HeadEstimator::new(corrections.clone(), STILL)?,
+            tracker: PairTracker::new(corrections.clone(), track)?,
             eyes: match config.pixels {
                 true => Some(Eyes::new(&config.robot, &config.world, seed)?),
                 false => None,
@@ -126,44 +127,47 @@ impl Perception {
             robot,
             corrections,
             exposures: VecDeque::new(),
-            joints: JointState::zeroed(),
-            chest: Isometry3::identity(),
+            joints: None,
+            head: None,
             pictures: 0,
             heads: VecDeque::new(),
             alignments: Vec::new(),
         })
     }
 
-    /// Takes the sensor values of a tick. `at_rest` is true while the robot waits.
-    pub fn sense(
-        &mut self,
-        sensed: &Sensed,
-        truth: &Truth,
-        at_rest: bool,
-    ) -> Result<(), TrialError> {
-        self.joints = self.corrections.joints(&sensed.joints);
-        if self.source == Source::Sensors {
-            self.heads.push_back((truth.time_ns, isometry(&truth.head)));
-        }
-        let q = self.joints.q;
+    /// Takes the sensor values of a tick.
+    ///
+    /// - `phase`: phase of the coordinator
+    pub fn sense(&mut self, sensed: &Sensed, truth: &Truth, phase: CatchPhase) {
+        self.joints = Some(sensed.joints);
+        let q = self.corrections.joints(&sensed.joints).q;
         let neck = self.robot.head(&q);
         let kinematic = self.robot.chest(&q) * neck;
         if let Some(sample) = &sensed.imu {
-            let sample = &self.corrections.sample(sample);
-            let head = self.pose.push(sample, at_rest.then_some(kinematic))?;
-            if self.source == Source::Sensors {
-                self.chest = as_isometry(&head) * neck.inverse();
-                self.align(sample.sensor_ns)?;
+            let inputs = HeadInputs {
+                sample,
+                joints: Some(&sensed.joints),
+                phase: Some(phase),
+            };
+            let head = self.estimator.step(truth.time_ns, &inputs);
+            if let Some(head) = head.filter(|_| self.source == Source::Sensors) {
+                self.take_pose(head);
             }
         }
         match self.source {
-            Source::Sensors => {}
+            Source::Sensors => {
+                self.heads.push_back((truth.time_ns, isometry(&truth.head)));
+                self.align();
+            }
             Source::Kinematics => {
-                self.chest = self.robot.chest(&q);
+                self.take_pose(as_pose(&kinematic, sensed.joints.sensor_ns));
                 let aligned = between(&kinematic, &isometry(&truth.head));
                 self.alignments.push((truth.time_ns, aligned));
             }
-            Source::Truth => self.chest = isometry(&truth.chest),
+            Source::Truth => {
+                // With the measured neck angles, the coordinator finds the true pose of the chest.
+                self.take_pose(as_pose(&(isometry(&truth.chest) * neck), truth.time_ns));
+            }
         }
         if let Some(circles) = &sensed.circles {
             self.pictures = if truth.balls.iter().any(Option::is_some) {
@@ -171,37 +175,45 @@ impl Perception {
             } else {
                 0
             };
-            let circles = circles
-                .each_ref()
-                .map(|seen| self.corrections.circles(seen));
             let stamp_ns = match self.eyes {
                 Some(_) => truth.time_ns,
-                None => circles[0].exposure_ns,
+                None => self.corrections.exposure(circles[0].exposure_ns),
             };
             self.exposures.push_back(Exposure {
                 due_ns: truth.time_ns + self.to_prediction_ns,
-                circles,
+                circles: *circles,
                 stamp_ns,
                 truth: *truth,
-                kinematic: as_pose(&kinematic, stamp_ns),
                 pictures: self.pictures,
             });
         }
-        Ok(())
     }
 
-    /// Compares estimated and true head poses up to a sample.
-    fn align(&mut self, sampled_ns: u64) -> Result<(), TrialError> {
+    /// Returns the latest joint state, as measured.
+    pub fn joints(&self) -> Option<&JointState> {
+        self.joints.as_ref()
+    }
+
+    /// Returns the latest head pose.
+    pub fn head(&self) -> Option<&HeadPose> {
+        self.head.as_ref()
+    }
+
+    fn take_pose(&mut self, head: HeadPose) {
+        self.tracker.pose(&head);
+        self.head = Some(head);
+    }
+
+    /// Compares estimated and true head poses up to the latest estimate.
+    fn align(&mut self) {
+        let sampled_ns = self.head.map_or(0, |head| head.t_ns);
         while let Some((t_ns, head)) = self.heads.pop_front_if(|(t_ns, _)| *t_ns <= sampled_ns) {
-            match self.pose.at(t_ns) {
-                // From before the first sample.
-                Err(PoseError::NotKept { .. }) => {}
-                thought => self
-                    .alignments
-                    .push((t_ns, between(&as_isometry(&thought?), &head))),
+            // Unknown before the first sample.
+            if let Some(thought) = self.tracker.head(t_ns) {
+                let aligned = between(&pose::isometry(&thought), &head);
+                self.alignments.push((t_ns, aligned));
             }
         }
-        Ok(())
     }
 
     /// Returns the transformation from the estimated to the true head pose at a time.
@@ -213,36 +225,32 @@ impl Perception {
     }
 
     /// Returns the result of the next pair of pictures if it is due.
-    pub fn predictions(&mut self, now_ns: u64) -> Result<Option<Seen>, TrialError> {
-        let Some(exposure) = self
+    pub fn predictions(&mut self, now_ns: u64) -> Option<Seen> {
+        let exposure = self
             .exposures
-            .pop_front_if(|exposure| exposure.due_ns <= now_ns)
-        else {
-            return Ok(None);
-        };
-        let exposure_ns = exposure.truth.time_ns;
-        let stamp_ns = exposure.stamp_ns;
-        let head = match self.source {
-            Source::Sensors => match self.pose.at(stamp_ns) {
-                // Pictures from before the first inertial sample are unusable.
-                Err(PoseError::NotKept { first_ns, .. }) if stamp_ns < first_ns => {
-                    return Ok(None);
-                }
-                pose => pose?,
-            },
-            Source::Kinematics => exposure.kinematic,
-            Source::Truth => as_pose(&isometry(&exposure.truth.head), exposure_ns),
-        };
-        let mut predictions = match self.source {
-            Source::Truth => true_predictions(&exposure.truth, exposure.pictures),
+            .pop_front_if(|exposure| exposure.due_ns <= now_ns)?;
+        let truth = &exposure.truth;
+        // Pictures from before the first inertial sample are unusable.
+        let known = self.tracker.head(exposure.stamp_ns)?;
+        let (head, predictions) = match self.source {
+            Source::Truth => {
+                let predictions = true_predictions(truth, exposure.pictures);
+                (isometry(&truth.head), Some(predictions))
+            }
             Source::Sensors | Source::Kinematics => {
-                let [left, right] = match &mut self.eyes {
-                    Some(eyes) => eyes.see(&exposure.truth, &head, &self.last),
-                    None => exposure.circles,
+                let pair = match &mut self.eyes {
+                    Some(eyes) => Some(eyes.see(truth, &known, &self.last)),
+                    None => {
+                        let [left, right] = &exposure.circles;
+                        self.tracker.pair(left);
+                        self.tracker.pair(right)
+                    }
                 };
-                self.tracker.push([&left, &right], &head)?
+                let predictions = pair.and_then(|pair| self.tracker.predict(&pair));
+                (pose::isometry(&known), predictions)
             }
         };
+        let mut predictions = predictions?;
         self.last = predictions;
         if !self.drag {
             predictions
@@ -250,12 +258,11 @@ impl Perception {
                 .iter_mut()
                 .for_each(|ball| (ball.k, ball.lift) = (0.0, [0.0; 3]));
         }
-        Ok(Some(Seen {
+        Some(Seen {
             predictions,
-            chest: self.chest,
-            exposure_ns,
-            aligned: between(&as_isometry(&head), &isometry(&exposure.truth.head)),
-        }))
+            exposure_ns: truth.time_ns,
+            aligned: between(&head, &isometry(&truth.head)),
+        })
     }
 }
 
@@ -264,15 +271,6 @@ pub(crate) fn isometry(frame: &FrameMotion) -> Isometry3<f64> {
     let rotation =
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(frame.rotation));
     Isometry3::from_parts(Translation3::from(frame.position), rotation)
-}
-
-fn as_isometry(pose: &HeadPose) -> Isometry3<f64> {
-    let [x, y, z, w] = pose.quaternion;
-    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(
-        Translation3::new(pose.position[0], pose.position[1], pose.position[2]),
-        rotation,
-    )
 }
 
 /// Returns an exactly known pose of a head at rest, without covariance.

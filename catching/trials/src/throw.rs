@@ -2,9 +2,7 @@
 
 use tactnet_catching::CatchSpace;
 use tactnet_catching::calibrate::Corrections;
-use tactnet_catching::coordinate::{Coordinator, Planned, Room};
-use tactnet_catching::plan::{ObstacleConfig, Planner};
-use tactnet_catching_packets::packets::{HandCommand, JointCommand};
+use tactnet_catching_packets::packets::{HandCommand, PlanResult};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{FlightSample, TICK_NS, World};
 
@@ -12,7 +10,7 @@ use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
 use crate::look::{Looked, begin};
 use crate::look_ahead::{AHEAD, LookAhead, SAME_BALL, TimedPrediction, as_flight, true_at};
-use crate::stepped_stack::SteppedStack;
+use crate::stepped_stack::{StepObserver, SteppedStack};
 use crate::stepped_time::{nanoseconds, ticks, world_seed};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
@@ -35,9 +33,15 @@ struct SimulatedThrow<'a> {
     looked: Looked,
     /// Joint positions before the throw.
     ready: [f64; JOINTS],
-    planners: [Planner; ARMS],
     stack: SteppedStack,
+    watching: Watching<'a>,
+}
+
+/// Observers of a throw.
+#[derive(Default)]
+struct Watching<'a> {
     trace: Option<&'a mut Trace>,
+    steps: Option<&'a mut StepObserver<'a>>,
 }
 
 impl ThrowConfig {
@@ -52,7 +56,7 @@ impl ThrowConfig {
         ready: &[f64; JOINTS],
         oracle: &CatchSpace,
     ) -> Result<ThrowOutcome, TrialError> {
-        self.simulate(seed, number, ready, oracle, None)
+        self.simulate(seed, number, ready, oracle, Watching::default())
     }
 
     /// Simulates a throw and returns the trace of its ticks.
@@ -67,26 +71,49 @@ impl ThrowConfig {
         oracle: &CatchSpace,
     ) -> Result<(ThrowOutcome, Trace), TrialError> {
         let mut trace = Trace::default();
-        let outcome = self.simulate(seed, number, ready, oracle, Some(&mut trace))?;
+        let watching = Watching {
+            trace: Some(&mut trace),
+            steps: None,
+        };
+        let outcome = self.simulate(seed, number, ready, oracle, watching)?;
         Ok((outcome, trace))
     }
 
-    fn simulate(
+    /// Simulates a throw and calls `steps` after each step of the coordinator.
+    ///
+    /// # Errors
+    /// Same as [`ThrowConfig::run`].
+    pub fn observe(
         &self,
         seed: u64,
         number: u64,
         ready: &[f64; JOINTS],
         oracle: &CatchSpace,
-        trace: Option<&mut Trace>,
+        steps: &mut StepObserver<'_>,
     ) -> Result<ThrowOutcome, TrialError> {
-        let mut throw = SimulatedThrow::new(self, world_seed(seed, number), ready, trace)?;
-        let braked = throw.run()?;
+        let watching = Watching {
+            trace: None,
+            steps: Some(steps),
+        };
+        self.simulate(seed, number, ready, oracle, watching)
+    }
+
+    fn simulate<'a>(
+        &'a self,
+        seed: u64,
+        number: u64,
+        ready: &[f64; JOINTS],
+        oracle: &CatchSpace,
+        watching: Watching<'a>,
+    ) -> Result<ThrowOutcome, TrialError> {
+        let mut throw = SimulatedThrow::new(self, world_seed(seed, number), ready, watching)?;
+        let braked = throw.run();
         Ok(ThrowOutcome {
             number,
             balls: (0..self.balls as u64)
                 .map(|ball| throw.outcome(ball, oracle))
                 .collect(),
-            no_plans: throw.stack.coordinator.no_plans(),
+            no_plans: throw.stack.no_plans(),
             obstacles: (self.mapping != Mapping::Off).then(|| throw.among_obstacles()),
             braked,
         })
@@ -99,38 +126,31 @@ impl<'a> SimulatedThrow<'a> {
         config: &'a ThrowConfig,
         seed: u64,
         ready: &[f64; JOINTS],
-        mut trace: Option<&'a mut Trace>,
+        mut watching: Watching<'a>,
     ) -> Result<Self, TrialError> {
         let corrections = config.corrections();
-        let known = corrections.robot();
         let (world, looked) = begin(config, seed, &corrections.sensors(ready))?;
         let ready = match config.mapping {
             Mapping::Off => *ready,
             Mapping::Blind | Mapping::Depth => looked.joints,
         };
-        let mut coordinator = Coordinator::new(known.clone(), config.coordination(), ready);
-        if let Some(field) = &looked.field {
-            let apart = ObstacleConfig::default().hard;
-            coordinator.stay_in(Room::new(known, field.clone(), apart));
-        }
-        if let Some(trace) = &mut trace {
+        if let Some(trace) = &mut watching.trace {
             trace.field.clone_from(&looked.field);
             trace.boxes = world.boxes().to_vec();
         }
         Ok(Self {
             config,
-            planners: config.planners(known),
-            stack: SteppedStack::new(config, coordinator, seed)?,
+            stack: SteppedStack::new(config, ready, looked.field.clone(), seed)?,
             corrections,
             world,
             looked,
             ready,
-            trace,
+            watching,
         })
     }
 
     /// Runs until all balls are judged. Returns the first command at which the monitor would have braked.
-    fn run(&mut self) -> Result<Option<Braked>, TrialError> {
+    fn run(&mut self) -> Option<Braked> {
         let config = self.config;
         let rest = match config.mapping {
             Mapping::Off => REST,
@@ -138,60 +158,39 @@ impl<'a> SimulatedThrow<'a> {
         };
         let first_tick = self.world.time_ns() / TICK_NS;
         let (rest_ticks, ticks) = (first_tick + ticks(rest), first_tick + ticks(rest + LONGEST));
-        let ahead_ns = nanoseconds(config.timing.drives);
         let mut watch = config.watch.then(|| Watch::new(&config.robot, &self.ready));
         for tick in first_tick..ticks {
             if tick == rest_ticks {
                 self.world.throw(config.balls);
             }
             let since = (tick - first_tick) as f64 * 1e-3 - rest;
-            let command = self.decide(tick, since)?;
+            let steps = self.watching.steps.as_deref_mut();
+            let command = self.stack.step(tick * TICK_NS, steps);
             if let Some(watch) = &mut watch {
                 watch.look(&command, since);
             }
             let hands = self.closing_hands();
             let sensed = *self.world.step(&self.corrections.command(&command), &hands);
             let truth = self.world.truth();
-            if let Some(trace) = self.trace.as_mut().filter(|_| tick >= rest_ticks) {
+            let trace = self.watching.trace.as_mut();
+            if let Some(trace) = trace.filter(|_| tick >= rest_ticks) {
                 trace.tick(since, &config.robot, &truth, &command, &sensed);
             }
-            self.stack.sense(&sensed, &truth)?;
+            self.stack.sense(&sensed, &truth);
             if tick > rest_ticks && self.world.verdicts().len() == config.balls {
                 break;
             }
         }
-        let end_ns = self.world.time_ns() + ahead_ns;
-        Ok(watch.and_then(|watch| watch.end(&mut self.stack.coordinator, end_ns)))
-    }
-
-    /// Returns the joint command of a tick.
-    fn decide(&mut self, tick: u64, since: f64) -> Result<JointCommand, TrialError> {
-        let now_ns = tick * TICK_NS;
-        let trace = &mut self.trace;
-        self.stack.take_plans(now_ns, |answers, coordinator| {
-            if let Some(trace) = trace {
-                let carried_out = answers
-                    .iter()
-                    .filter_map(|answer| carried_out(answer, coordinator, since));
-                trace.plans.extend(carried_out);
-            }
-        });
-        let field = self.looked.field.as_deref();
-        self.stack.plan(now_ns, &self.planners, field)?;
-        // For the time at which the command takes effect.
-        let effect_ns = now_ns + nanoseconds(self.config.timing.drives);
-        let (q, dq) = self.stack.coordinator.tick(effect_ns);
-        Ok(JointCommand {
-            number: tick,
-            command_ns: now_ns,
-            q,
-            dq,
-        })
+        if let Some(trace) = &mut self.watching.trace {
+            trace.plans = traced(&self.stack.chosen, rest_ticks * TICK_NS);
+        }
+        let end_ns = self.world.time_ns() + nanoseconds(config.timing.drives);
+        watch.and_then(|watch| watch.end(&mut self.stack.controller, end_ns))
     }
 
     /// Returns the closing commands of the hands with their configured error.
     fn closing_hands(&self) -> [Option<HandCommand>; ARMS] {
-        let mut hands = *self.stack.coordinator.hands();
+        let mut hands = *self.stack.hands();
         for hand in hands.iter_mut().flatten() {
             hand.catch_ns = hand
                 .catch_ns
@@ -218,10 +217,7 @@ impl<'a> SimulatedThrow<'a> {
     fn outcome(&self, ball: u64, oracle: &CatchSpace) -> BallOutcome {
         let (config, world) = (self.config, &self.world);
         let SteppedStack {
-            perception,
-            coordinator,
-            said,
-            ..
+            perception, said, ..
         } = &self.stack;
         let flight = world.true_flight(ball).unwrap_or_default();
         let reaction = config
@@ -246,7 +242,6 @@ impl<'a> SimulatedThrow<'a> {
                 .map(|said| said.judge(&aligned, at_ns, &there.p, &there.v))
                 .collect()
         });
-        let target = |arm: usize| coordinator.target(arm).map(|(number, _)| number);
         let ahead = predictions
             .iter()
             .rfind(|prediction| prediction.left >= AHEAD)
@@ -259,7 +254,7 @@ impl<'a> SimulatedThrow<'a> {
             tracked: !own.is_empty(),
             planned: own
                 .iter()
-                .any(|said| (0..ARMS).any(|arm| target(arm) == Some(said.prediction.ball))),
+                .any(|said| self.stack.reached_for(said.prediction.ball)),
             ahead,
             bound,
             predictions,
@@ -291,13 +286,16 @@ fn is_of(said: &TimedPrediction, ball: u64, flight: &[FlightSample], world: &Wor
             .all(|(_, flight)| said.distance(&flight).is_none_or(|distance| distance > own))
 }
 
-fn carried_out(answer: &Planned, coordinator: &Coordinator, since: f64) -> Option<TracePlan> {
-    let plan = answer.plan.ok()?;
-    let (ball, _) = coordinator.target(answer.request.arm)?;
-    (ball == answer.request.ball).then_some(TracePlan {
-        t: since,
-        arm: answer.request.arm,
-        cost: plan.cost,
-        catch: since + plan.t,
-    })
+/// Returns chosen plans for a trace, with times since the throw.
+fn traced(chosen: &[(u64, PlanResult)], thrown_ns: u64) -> Vec<TracePlan> {
+    let since = |t_ns: u64| (t_ns as f64 - thrown_ns as f64) * 1e-9;
+    chosen
+        .iter()
+        .map(|(now_ns, plan)| TracePlan {
+            t: since(*now_ns),
+            arm: plan.request.arm as usize,
+            cost: plan.cost,
+            catch: since(plan.request.start_ns) + plan.t,
+        })
+        .collect()
 }

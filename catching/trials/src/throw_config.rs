@@ -101,7 +101,8 @@ impl ThrowConfig {
         std::array::from_fn(|arm| Planner::new(robot, arm, config))
     }
 
-    pub(crate) fn coordination(&self) -> CoordinatorConfig {
+    /// Returns the settings of the coordinator.
+    pub fn coordination(&self) -> CoordinatorConfig {
         CoordinatorConfig {
             plan_delay: self.timing.to_path(),
             replan: !self.is_without(Ablation::Replan),

@@ -2,15 +2,16 @@
 
 use serde::Serialize;
 use tactnet_catching::Robot;
-use tactnet_catching::control::Trail;
-use tactnet_catching::coordinate::Coordinator;
+use tactnet_catching::control::Controller;
 use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig, PAIRS, distance};
 use tactnet_catching_packets::JOINTS;
-use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_packets::packets::{ControllerMode, JointCommand};
 use tactnet_catching_world::TICK_NS;
 
 /// Maximum number of ticks after a throw until the arms stand still.
 const MOST_AFTER: u64 = 1000;
+/// Maximum number of ticks on the way back, which takes at most twice as long as the way out.
+const MOST_BACK: u64 = 20_000;
 
 /// Phase of a throw's motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -42,7 +43,6 @@ pub struct Braked {
 /// A monitor and its findings.
 pub(crate) struct Watch {
     monitor: Monitor,
-    trail: Trail,
     braked: Option<Braked>,
 }
 
@@ -59,36 +59,43 @@ impl Watch {
         let bodies = Bodies::new(robot.description());
         Self {
             monitor: Monitor::new(bodies, *robot.joints(), MonitorConfig::default(), ready),
-            trail: Trail::new(ready),
             braked: None,
         }
     }
 
     /// Checks a command on the way out, `since` seconds after the throw.
     pub fn look(&mut self, command: &JointCommand, since: f64) {
-        self.trail.push(&command.q);
         self.judge(command, since, Motion::Out);
     }
 
     /// Continues until the arms stand still, then back on the same path. Returns the first command at which the
     /// monitor would have braked.
-    pub fn end(mut self, coordinator: &mut Coordinator, from_ns: u64) -> Option<Braked> {
-        for tick in 0..MOST_AFTER {
-            let (q, dq) = coordinator.tick(from_ns + tick * TICK_NS);
-            self.look(&command(q, dq), f64::NAN);
-            if dq.iter().all(|dq| *dq == 0.0) {
+    ///
+    /// - `from_ns`: time of the next command
+    pub fn end(mut self, controller: &mut Controller, from_ns: u64) -> Option<Braked> {
+        let mut tick = 0;
+        let mut next = |controller: &mut Controller| {
+            let (q, dq) = controller.tick(from_ns + tick * TICK_NS);
+            tick += 1;
+            command(*q, *dq)
+        };
+        for _ in 0..MOST_AFTER {
+            let command = next(controller);
+            self.look(&command, f64::NAN);
+            if command.dq.iter().all(|dq| *dq == 0.0) {
                 break;
             }
         }
-        if self.braked.is_none() {
-            self.trail.turn_round();
-            for tick in 0_u32.. {
-                let (q, dq, there) = self.trail.back();
-                self.judge(&command(q, dq), f64::from(tick) * 1e-3, Motion::Back);
-                if there {
-                    break;
-                }
+        for tick in 0..MOST_BACK {
+            if self
+                .braked
+                .is_some_and(|braked| braked.motion == Motion::Out)
+                || controller.mode() == ControllerMode::Ready
+            {
+                break;
             }
+            controller.go_back();
+            self.judge(&next(controller), tick as f64 * 1e-3, Motion::Back);
         }
         self.braked
     }

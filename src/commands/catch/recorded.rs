@@ -99,7 +99,7 @@ fn print(timing: &Timing) -> anyhow::Result<()> {
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  \
-    tactnet catch replay run.mcap          do tracker and planners answer the same again, bit by bit?\n\n\
+    tactnet catch replay run.mcap          do tracker, coordinator and planners answer the same again, bit by bit?\n\n\
     Ends with 1 where they do not. Plans that ran out of time are not compared: how far they come depends on the machine.")]
 pub struct ReplayArgs {
     /// Recording
@@ -133,9 +133,10 @@ pub fn run_replay(arguments: &ReplayArgs) -> anyhow::Result<ExitCode> {
         };
         output::print(line("plans", replayed.plans))?;
         output::print(line("predictions", replayed.predictions))?;
+        output::print(line("decisions", replayed.decisions))?;
     }
-    let differ = |compared: Compared| compared.same < compared.answers;
-    Ok(if differ(replayed.plans) || differ(replayed.predictions) {
+    let compared = [replayed.plans, replayed.predictions, replayed.decisions];
+    Ok(if compared.iter().any(|of| of.same < of.answers) {
         ExitCode::FAILURE
     } else {
         ExitCode::SUCCESS

@@ -91,6 +91,31 @@ packets! {
         #[recorded(5)]
         pub reason: Text<64>,
     }
+
+    /// Inputs of one step of the coordinator by their stamps, which are 0 for missing inputs. With it, a recording of
+    /// the coordinator can be replayed.
+    #[derive(PartialEq)]
+    #[version(1)]
+    pub struct CoordinatorStep {
+        /// Time of the step, in ns.
+        #[recorded(1)]
+        pub now_ns: u64,
+        /// Time of the latest joint state, in ns.
+        #[recorded(2)]
+        pub joints_ns: u64,
+        /// Time of the latest head pose, in ns.
+        #[recorded(3)]
+        pub head_ns: u64,
+        /// Time of the latest state of the controller, in ns.
+        #[recorded(4)]
+        pub controller_ns: u64,
+        /// Exposure time of the predictions since the last step, in ns.
+        #[recorded(5)]
+        pub exposure_ns: u64,
+        /// Number of results of each planner since the last step: left, right.
+        #[recorded(6)]
+        pub results: [u64; 2],
+    }
 }
 
 choices! {

@@ -1,121 +1,321 @@
-use bytemuck::Zeroable;
+use nalgebra::Vector3;
 use tactnet_catching_packets::RobotDescription;
+use tactnet_catching_packets::packets::BallPrediction;
 
 use super::*;
-use crate::plan::{Effort, Objective, Violation};
+use crate::control::Controller;
+use crate::coordinate::{Answering, answer};
+use crate::flight::Flight;
+use crate::plan::{PlanConfig, Planner};
+use crate::robot::Robot;
 
-/// Returns a plan that reaches `q` at all joints after one second.
-fn planned(coordinator: &Coordinator, start_ns: u64, q: f64) -> Planned {
-    let (_, ramps) = coordinator.arm(0);
-    let ball = Flight {
-        p: Vector3::zeros(),
-        v: Vector3::x(),
-        k: 0.0,
+const TICK_NS: u64 = 1_000_000;
+/// Time at which the ball is 0.6 m in front of the robot, in ns.
+const ARRIVAL_NS: u64 = 850_000_000;
+
+/// A coordinator with planners, a controller, and exact measurements, in ticks of 1 ms.
+struct Bench {
+    coordinator: Coordinator,
+    controller: Controller,
+    planners: [Planner; ARMS],
+    /// True while planners answer.
+    plans: bool,
+    /// Period in which the ball is predicted, in ms.
+    seen_ms: std::ops::Range<u64>,
+    tick: u64,
+    q: [f64; JOINTS],
+    state: ControllerState,
+    results: Vec<(u64, PlanResult)>,
+    outputs: CoordinatorOutputs,
+    told: Vec<(u64, CatchPhase)>,
+    requests: Vec<u64>,
+    orders: Vec<u64>,
+}
+
+impl Bench {
+    fn new(looks_at_hand: bool) -> Self {
+        let robot = Robot::new(RobotDescription::nominal());
+        let phases = PhaseConfig {
+            drives: 0.003,
+            after_catch: 0.4,
+            looks_at_hand,
+        };
+        let waiting = robot.waiting();
+        let controller = Controller::new(robot.clone(), waiting, &waiting);
+        Self {
+            coordinator: Coordinator::new(
+                Corrections::new(&robot, None),
+                CoordinatorConfig::default(),
+                phases,
+            ),
+            planners: [0, 1].map(|arm| Planner::new(&robot, arm, PlanConfig::default())),
+            plans: true,
+            seen_ms: 40..840,
+            tick: 0,
+            q: waiting,
+            state: controller.state(0),
+            controller,
+            results: Vec::new(),
+            outputs: CoordinatorOutputs::default(),
+            told: Vec::new(),
+            requests: Vec::new(),
+            orders: Vec::new(),
+        }
+    }
+
+    /// Runs until a time, in ms, with a real controller.
+    fn run(&mut self, until_ms: u64) {
+        while self.tick < until_ms {
+            let now_ns = self.tick * TICK_NS;
+            let effect_ns = now_ns + 3 * TICK_NS;
+            for path in self.outputs.paths.iter().flatten() {
+                self.controller.arm_path(effect_ns, path).unwrap();
+            }
+            if let Some(path) = &self.outputs.body {
+                assert!(self.controller.body_path(path));
+            }
+            if self.outputs.order.is_some() {
+                self.controller.go_back();
+            }
+            self.q = *self.controller.tick(effect_ns).0;
+            self.state = self.controller.state(now_ns);
+            self.step();
+        }
+    }
+
+    /// Performs a step with the current state of the controller.
+    fn step(&mut self) {
+        let now_ns = self.tick * TICK_NS;
+        let robot = self.coordinator.corrections.robot();
+        let joints = JointState {
+            sensor_ns: now_ns,
+            q: self.q,
+            ..JointState::zeroed()
+        };
+        let head = robot.chest(&self.q) * robot.head(&self.q);
+        let head = HeadPose {
+            t_ns: now_ns,
+            position: head.translation.vector.into(),
+            quaternion: head.rotation.coords.into(),
+            ..HeadPose::zeroed()
+        };
+        let seen = self.seen_ms.contains(&self.tick) && self.tick.is_multiple_of(40);
+        let predictions = seen.then(|| prediction(now_ns));
+        let due = |(due_ns, _): &mut (u64, PlanResult)| *due_ns <= now_ns;
+        let results: Vec<PlanResult> = self.results.extract_if(.., due).map(|it| it.1).collect();
+        self.outputs = self.coordinator.step(
+            now_ns,
+            &CoordinatorInputs {
+                joints: Some(&joints),
+                head: Some(&head),
+                controller: Some(&self.state),
+                predictions: predictions.as_ref(),
+                results: &results,
+            },
+        );
+        for request in self.outputs.requests.iter().flatten() {
+            self.requests.push(now_ns);
+            let planner = &self.planners[request.arm as usize];
+            let plan = answer(planner, request, &Answering::default(), || false).unwrap();
+            if self.plans {
+                self.results.push((now_ns + 8 * TICK_NS, plan));
+            }
+        }
+        let phase = self.outputs.status.and_then(|status| status.phase());
+        if let Some(phase) = phase.filter(|phase| self.told.last().map(|it| it.1) != Some(*phase)) {
+            self.told.push((self.tick, phase));
+        }
+        self.orders.extend(self.outputs.order.map(|_| self.tick));
+        self.tick += 1;
+    }
+
+    fn phases(&self) -> Vec<CatchPhase> {
+        self.told.iter().map(|it| it.1).collect()
+    }
+}
+
+/// Returns exact predictions of a ball that comes within reach of the left arm.
+fn prediction(now_ns: u64) -> BallPredictions {
+    let there = Flight {
+        p: Vector3::new(0.6, 0.35, 1.1),
+        v: Vector3::new(-5.5, 0.0, -2.5),
+        k: 0.03,
         lift: Vector3::zeros(),
     };
-    let catch = CatchRequest {
-        ball,
-        q0: ramps.map(|ramp| ramp.q0),
-        w0: [0.0; ARM_JOINTS],
-        earliest: 0.0,
-        latest: 1.8,
-        objective: Objective::Soft,
-        other: None,
-    };
-    Planned {
-        request: PlanRequest {
-            ball: 7,
-            arm: 0,
-            start_ns,
-            last: None,
-            catch,
-        },
-        plan: Ok(CatchPlan {
-            q: [q; ARM_JOINTS],
-            t: 1.0,
-            ramps: [Ramp::standing(q); ARM_JOINTS],
-            cost: 1.0,
-            violation: Violation::default(),
-            effort: Effort::default(),
-        }),
-    }
-}
-
-#[test]
-fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
-    let robot = Robot::new(RobotDescription::nominal());
-    let mut coordinator = Coordinator::new(robot, CoordinatorConfig::default(), [0.0; JOINTS]);
-    let carried = |coordinator: &Coordinator| {
-        let (start_ns, ramps) = coordinator.arm(0);
-        (start_ns, *ramps)
-    };
-    let standing = carried(&coordinator);
-
-    // A rejected first path leaves no target.
-    coordinator.planned(&[planned(&coordinator, 1_000, 0.1)]);
-    coordinator.carried_out(0, standing.0, standing.1);
-    assert_eq!(coordinator.target(0), None);
-    assert_eq!(coordinator.state(), CatchState::Tracking);
-
-    coordinator.planned(&[planned(&coordinator, 2_000, 0.2)]);
-    let first = carried(&coordinator);
-    coordinator.carried_out(0, first.0, first.1);
-    // Two rejected corrections.
-    for start_ns in [3_000, 4_000] {
-        coordinator.planned(&[planned(&coordinator, start_ns, 0.3)]);
-        assert_eq!(coordinator.target(0), Some((7, 1_000_000_000 + start_ns)));
-    }
-    coordinator.carried_out(0, first.0, first.1);
-    assert_eq!(coordinator.target(0), Some((7, 1_000_002_000)));
-    assert_eq!(coordinator.state(), CatchState::Reaching);
-    let hand = coordinator.hands()[0].map(|hand| hand.catch_ns);
-    assert_eq!(hand, Some(1_000_002_000));
-    assert_eq!(carried(&coordinator), first);
-}
-#[test]
-fn an_arm_is_asked_for_once_its_path_has_begun_and_alone_where_that_is_wanted() {
-    let robot = Robot::new(RobotDescription::nominal());
-    let mut coordinator = Coordinator::new(robot, CoordinatorConfig::default(), [0.0; JOINTS]);
+    let now = there.after((now_ns as f64 - ARRIVAL_NS as f64) * 1e-9);
     let mut predictions = BallPredictions {
         count: 1,
+        exposure_ns: now_ns,
         ..BallPredictions::zeroed()
     };
     predictions.balls[0] = BallPrediction {
         ball: 7,
-        p: [4.0, 0.0, 1.5],
-        v: [-6.0, 0.0, 2.0],
+        t_ns: now_ns,
+        p: now.p.into(),
+        v: now.v.into(),
+        k: now.k,
         existence: 1.0,
         frames: 9,
         ..BallPrediction::zeroed()
     };
-    let chest = coordinator.robot.chest(&[0.0; JOINTS]);
-    let mut asked = |arms: [bool; ARMS], now_ns: u64, plan: bool| {
-        let requests = coordinator.predictions_for(arms, now_ns, &predictions, &chest);
-        let first = requests.iter().flatten().find(|request| request.arm == 0);
-        let answers: Vec<Planned> = first
-            .filter(|_| plan)
-            .map(|request| Planned {
-                request: *request,
-                ..planned(&coordinator, request.start_ns, 0.1)
-            })
-            .into_iter()
-            .collect();
-        coordinator.planned(&answers);
-        requests
-            .iter()
-            .flatten()
-            .map(|request| request.arm)
-            .collect::<Vec<_>>()
-    };
-    assert_eq!(asked([true; ARMS], 0, false), [0, 1]);
-    assert_eq!(asked([false, true], 0, false), [1]);
-    assert_eq!(asked([true; ARMS], 0, true), [0, 1]);
-    // Its path starts at 15 ms; the ball is assigned to it from then on.
-    for (now_ms, arms) in [(2, &[][..]), (13, &[]), (14, &[0]), (40, &[0])] {
-        assert_eq!(
-            asked([true; ARMS], now_ms * 1_000_000, false),
-            arms,
-            "{now_ms}"
-        );
+    predictions
+}
+
+fn stands(mode: ControllerMode, t_ns: u64) -> ControllerState {
+    ControllerState {
+        t_ns,
+        mode: mode as u64,
+        ..ControllerState::zeroed()
+    }
+}
+
+#[test]
+fn a_catch_passes_all_phases_and_ends_in_the_waiting_pose() {
+    let mut bench = Bench::new(false);
+    bench.run(4000);
+    assert_eq!(
+        bench.phases(),
+        [
+            CatchPhase::Armed,
+            CatchPhase::Tracking,
+            CatchPhase::Reaching,
+            CatchPhase::Closed,
+            CatchPhase::GoingBack,
+            CatchPhase::Armed
+        ]
+    );
+    // Armed after the outdated states of the first 5 ms, tracking with the first prediction, closed 10 ms before the
+    // catch, going back 400 ms after it.
+    let at = |i: usize| bench.told[i].0;
+    assert_eq!((at(0), at(1)), (6, 40));
+    assert!(at(2) > 40 && at(2) <= 40 + 11, "{}", at(2));
+    assert!(
+        at(4) > at(3) + 400 && at(4) <= at(3) + 415,
+        "{:?}",
+        bench.told
+    );
+}
+
+#[test]
+fn the_last_correction_uses_a_head_pose_that_is_newer_than_the_pictures() {
+    let mut bench = Bench::new(false);
+    // Without further pictures, only the last correction asks.
+    bench.seen_ms = 40..300;
+    bench.run(300);
+    let asked = bench.requests.len();
+    let (_, catch_ns) = bench
+        .coordinator
+        .armed
+        .as_ref()
+        .unwrap()
+        .attempt
+        .target(0)
+        .unwrap();
+    bench.run(1000);
+    assert_eq!(bench.requests.len(), asked + 1);
+    // 15 ms for the plan and 30 ms of motion before the catch, in a window of 4 ms.
+    let ahead_ms = (catch_ns - bench.requests[asked]) / TICK_NS;
+    assert!((45..=49).contains(&ahead_ms), "{ahead_ms}");
+}
+
+#[test]
+fn late_plans_are_discarded_and_a_lost_ball_sends_the_robot_back() {
+    let mut bench = Bench::new(false);
+    bench.plans = false;
+    bench.seen_ms = 40..300;
+    bench.run(1200);
+    assert!(bench.requests.len() > 6, "asks again with each prediction");
+    assert_eq!(bench.controller.state(0).refused, 0);
+    let order = [CatchPhase::Tracking, CatchPhase::GoingBack];
+    assert_eq!(bench.phases()[1..3], order);
+    // The last prediction came at 280 ms.
+    assert_eq!(bench.told[2].0, 280 + 501);
+}
+
+#[test]
+fn a_silent_controller_ends_an_attempt() {
+    let mut bench = Bench::new(false);
+    bench.run(100);
+    assert_eq!(bench.coordinator.phase(), CatchPhase::Reaching);
+    (0..250).for_each(|_| bench.step());
+    assert_eq!(bench.coordinator.phase(), CatchPhase::Starting);
+    assert!(bench.coordinator.armed.is_none());
+}
+
+#[test]
+fn a_robot_that_stands_elsewhere_is_ordered_back_ten_times_per_second() {
+    for mode in [ControllerMode::Standing, ControllerMode::Following] {
+        let mut bench = Bench::new(false);
+        bench.seen_ms = 0..0;
+        bench.tick = 1000;
+        for _ in 0..250 {
+            bench.state = stands(mode, bench.tick * TICK_NS);
+            bench.step();
+        }
+        assert_eq!(bench.orders, [1000, 1100, 1200]);
+        assert_eq!(bench.phases(), [CatchPhase::GoingBack]);
+        // States from before the order do not arm.
+        bench.state = stands(ControllerMode::Ready, 1_204_000_000);
+        bench.step();
+        assert_eq!(bench.coordinator.phase(), CatchPhase::GoingBack);
+        bench.state = stands(ControllerMode::Ready, 1_206_000_000);
+        bench.step();
+        assert_eq!(bench.coordinator.phase(), CatchPhase::Armed);
+    }
+}
+
+#[test]
+fn modes_that_accept_no_paths_end_an_attempt() {
+    for (mode, phase) in [
+        (Some(ControllerMode::Braking), CatchPhase::Braking),
+        (Some(ControllerMode::Throwing), CatchPhase::Throwing),
+        (Some(ControllerMode::GoingBack), CatchPhase::GoingBack),
+        (Some(ControllerMode::Stuck), CatchPhase::Stuck),
+        (None, CatchPhase::Stuck),
+    ] {
+        let mut bench = Bench::new(false);
+        bench.run(100);
+        bench.state.mode = mode.map_or(99, |mode| mode as u64);
+        bench.step();
+        assert_eq!(bench.coordinator.phase(), phase);
+        assert!(bench.coordinator.armed.is_none());
+        assert!(bench.orders.is_empty());
+    }
+}
+
+#[test]
+fn a_refused_path_is_taken_back_and_not_sent_again() {
+    let mut bench = Bench::new(false);
+    bench.run(40);
+    let before = bench.state;
+    let mut sent = 0;
+    while bench.tick < 200 {
+        // The controller takes no path.
+        bench.state = ControllerState {
+            t_ns: bench.tick * TICK_NS,
+            ..before
+        };
+        bench.step();
+        sent += bench.outputs.paths.iter().flatten().count();
+    }
+    // One path for each of the predictions at 40, 80, 120 and 160 ms.
+    assert_eq!(sent, 4);
+    assert_eq!(bench.coordinator.phase(), CatchPhase::Tracking);
+}
+
+#[test]
+fn the_head_looks_at_the_hand_after_a_catch_only_for_the_slip_watch() {
+    for looks in [false, true] {
+        let mut bench = Bench::new(looks);
+        let mut gazes = 0;
+        while bench.coordinator.phase() != CatchPhase::GoingBack {
+            bench.run(bench.tick + 1);
+            gazes += usize::from(bench.outputs.gaze.is_some());
+            assert!(bench.tick < 3000);
+        }
+        // One for each of 20 pictures and in the window of the last correction, and every 10 ms from 20 ms after the
+        // catch on, for a second.
+        assert_eq!(gazes > 110, looks, "{gazes}");
+        assert!(looks || gazes <= 24, "{gazes}");
     }
 }

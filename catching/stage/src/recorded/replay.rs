@@ -3,15 +3,18 @@
 use std::collections::VecDeque;
 
 use serde::Serialize;
+use tactnet_catching::coordinate::{Answering, PhaseConfig, answer};
 use tactnet_catching::plan::Planner;
+use tactnet_catching::track::PairTracker;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
     BallPredictions, Circles, HeadPose, PlanFailure, PlanRequest, PlanResult,
 };
-use tactnet_catching_roles::{RoleSettings, Sight, answer, planning_ends_ns};
+use tactnet_catching_roles::{RoleError, RoleSettings, planning_ends_ns};
 use tactnet_recording::{RecordedPacket, Recording};
 
 use super::RecordedError;
+use super::decisions::Decisions;
 
 /// Number of requests that the comparison of the recorder's and the robot's clock uses.
 const QUESTIONS: usize = 64;
@@ -37,12 +40,14 @@ pub struct Replayed {
     pub plans: Compared,
     /// Comparison of the tracker, which takes circles and poses in the order of publication.
     pub predictions: Compared,
+    /// Comparison of the coordinator: steps that sent packets. `alone` counts steps with a missing input.
+    pub decisions: Compared,
 }
 
-/// Recomputes the results of tracker and planners in a recording.
+/// Recomputes the results of tracker, coordinator and planners in a recording.
 ///
-/// The tracker's results are equal only if the recording began before the tracker; they differ after a restart of the
-/// tracker.
+/// The results of tracker and coordinator are equal only if the recording began before them; they differ after a
+/// restart.
 ///
 /// # Errors
 /// No packets of a catching stack, or invalid settings in the table of the recording.
@@ -52,32 +57,38 @@ pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
     let robot = corrections.robot();
     let planners: [Planner; ARMS] =
         std::array::from_fn(|arm| Planner::new(robot, arm, settings.planner));
-    let mut sight = Sight::new(&settings)?;
+    let mut tracker =
+        PairTracker::new(corrections.clone(), settings.track()).map_err(RoleError::from)?;
+    let mut decisions = Decisions::new(settings.new_coordinator()?);
     let mut replayed = Replayed::default();
     let mut expected: Vec<BallPredictions> = Vec::new();
     let mut clocks = Clocks {
         ahead_ns: (settings.coordinator.plan_delay * 1e9) as u64,
+        phases: settings.phases(),
         differ_ns: VecDeque::new(),
     };
     for entry in &recording.entries {
         let RecordedPacket::Plain(packet) = &entry.packet else {
             continue;
         };
+        decisions.take(&entry.channel, packet);
         if let Some(recorded) = packet.get::<PlanResult>() {
             let late = clocks.was_late(&recorded.request, entry.time_ns);
             replayed.plans.plan(&planners, &recorded, late);
         } else if let Some(question) = packet.get::<PlanRequest>() {
             clocks.ask(&question, entry.time_ns);
         } else if let Some(pose) = packet.get::<HeadPose>() {
-            sight.pose(&pose);
+            tracker.pose(&pose);
         } else if let Some(circles) = packet.get::<Circles>() {
-            let seen = sight.pair(&circles).and_then(|pair| sight.predict(&pair));
+            let pair = tracker.pair(&circles);
+            let seen = pair.and_then(|pair| tracker.predict(&pair));
             expected.extend(seen);
         } else if let Some(recorded) = packet.get::<BallPredictions>() {
             replayed.predictions.prediction(&mut expected, &recorded);
         }
     }
     replayed.predictions.alone += expected.len();
+    replayed.decisions = decisions.end();
     if replayed == Replayed::default() {
         return Err(RecordedError::NotCatching);
     }
@@ -88,6 +99,7 @@ pub fn replay(recording: &Recording) -> Result<Replayed, RecordedError> {
 struct Clocks {
     /// Time from a request to the start of its motion, in ns.
     ahead_ns: u64,
+    phases: PhaseConfig,
     /// Offsets according to the latest requests, each including the delay until publication, in ns.
     differ_ns: VecDeque<i128>,
 }
@@ -103,7 +115,7 @@ impl Clocks {
 
     /// Returns true if a result that was published at `put_ns` arrived at the time limit.
     fn was_late(&self, question: &PlanRequest, put_ns: u64) -> bool {
-        let ends_ns = i128::from(planning_ends_ns(question));
+        let ends_ns = i128::from(planning_ends_ns(question, &self.phases));
         let least = self.differ_ns.iter().min();
         least.is_some_and(|differ_ns| i128::from(put_ns) >= ends_ns + differ_ns)
     }
@@ -120,7 +132,8 @@ impl Compared {
         }
         let question = &recorded.request;
         let planner = planners.get(question.arm as usize);
-        let again = planner.and_then(|planner| answer(planner, question, || false));
+        let again =
+            planner.and_then(|planner| answer(planner, question, &Answering::default(), || false));
         let Some(again) = again else {
             self.alone += 1;
             return;

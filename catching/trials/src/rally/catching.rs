@@ -1,9 +1,8 @@
 //! Catching of the other robot's throws, with the same parts as in series of throws.
 
 use nalgebra::Vector2;
-use tactnet_catching::coordinate::Coordinator;
 use tactnet_catching::throw::Landing;
-use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::packets::ControllerMode;
 use tactnet_catching_world::{Released, TICK_NS, Verdict};
 
 use super::player::Player;
@@ -11,7 +10,7 @@ use crate::error::TrialError;
 use crate::look_ahead::as_flight;
 use crate::series::cause;
 use crate::stepped_stack::SteppedStack;
-use crate::stepped_time::{nanoseconds, ticks};
+use crate::stepped_time::ticks;
 use tactnet_catching::CatchSpace;
 
 /// Standstill before the throw in s, in which the pose estimator determines the bias of the inertial unit.
@@ -47,16 +46,17 @@ impl Player {
         target: &[f64; 3],
         oracle: &CatchSpace,
     ) -> Result<Catch, TrialError> {
-        let ready = self.config.ready();
-        let robot = self.config.robot.clone();
-        let coordinator = Coordinator::new(robot, self.config.coordination(), ready);
-        let mut stack = SteppedStack::new(&self.config, coordinator, 0)?;
-        let ahead_ns = nanoseconds(self.config.timing.drives);
+        let mut stack = SteppedStack::new(&self.config, self.config.ready(), None, 0)?;
         let before = self.world.verdicts().len();
         let mut left = ticks(LONGEST);
         let mut tick = 0;
-        while left > 0 {
-            left -= 1;
+        // A robot that misses is on its way back, and must come to rest.
+        let moves = |stack: &SteppedStack| {
+            let mode = stack.controller.mode();
+            matches!(mode, ControllerMode::GoingBack | ControllerMode::Braking)
+        };
+        while left > 0 || moves(&stack) {
+            left = left.saturating_sub(1);
             let now_ns = self.world.time_ns();
             if tick == ticks(REST) {
                 // The ticks of both worlds may have an offset.
@@ -65,17 +65,14 @@ impl Player {
             } else if tick < ticks(REST) {
                 left = ticks(LONGEST);
             }
-            stack.take_plans(now_ns, |_, _| ());
-            stack.plan(now_ns, &self.planners, None)?;
-            let command = stack.coordinator.tick(now_ns + ahead_ns);
-            let sensed = self.step(command, stack.coordinator.hands());
-            stack.sense(&sensed, &self.world.truth())?;
+            let command = stack.step(now_ns, None);
+            let sensed = self.step((command.q, command.dq), stack.hands());
+            stack.sense(&sensed, &self.world.truth());
             if self.world.verdicts().len() > before {
                 left = left.min(ticks(STANDS));
             }
             tick += 1;
         }
-        // The last commands continue until the joints stand still.
         let verdict = self.world.verdicts().get(before).copied();
         Ok(self.judge(verdict, &stack, released, target, oracle))
     }
@@ -92,7 +89,7 @@ impl Player {
         let cameras = &self.config.robot.description().cameras;
         let reaction = self.config.timing.reaction(cameras.rate);
         let said = &stack.said;
-        let planned = (0..ARMS).any(|arm| stack.coordinator.target(arm).is_some());
+        let planned = !stack.chosen.is_empty();
         // The last predictions are of a ball that is already below that height.
         let beside = said.iter().rev().find_map(|said| {
             let ball = Some(&said.prediction).filter(|ball| ball.frames >= SEEN)?;

@@ -5,7 +5,6 @@ use std::time::Instant;
 use nalgebra::{Vector2, Vector3};
 use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
-use tactnet_catching::plan::Planner;
 use tactnet_catching::safety::Bodies;
 use tactnet_catching::throw::{
     Aim, NoThrow, THROW_JOINTS, THROW_UNKNOWNS, ThrowJoints, ThrowMotion, ThrowPlan,
@@ -33,7 +32,6 @@ pub(crate) struct Player {
     /// Settings of the stack, with the robot's limits for catching.
     pub config: ThrowConfig,
     pub world: World,
-    pub planners: [Planner; ARMS],
     thrower: Thrower,
     throwing: Robot,
     bodies: Bodies,
@@ -79,7 +77,6 @@ impl Player {
         let q = config.ready();
         Ok(Self {
             world: World::new(description, &config.world, seed, &q)?,
-            planners: config.planners(&config.robot),
             thrower: Thrower::new(&throwing, throws),
             bodies: Bodies::new(description),
             throwing,

@@ -2,14 +2,12 @@
 
 use bytemuck::Zeroable;
 use nalgebra::{Point3, Vector3};
-use tactnet_catching::coordinate::CatchState;
-use tactnet_catching::flight::Flight;
 use tactnet_catching_packets::packets::Gaze;
 use tactnet_catching_packets::{ARMS, joint};
 
-use super::{CoordinatorTask, MeasuredPose};
-use crate::RoleError;
-use crate::translate::flight_packet;
+use super::{Coordinator, CoordinatorOutputs, MeasuredPose};
+use crate::coordinate::attempt::CatchState;
+use crate::flight::Flight;
 
 /// Delay between a catch and the head's turn towards the hand, in ns.
 const CAUGHT_NS: u64 = 20_000_000;
@@ -19,31 +17,29 @@ const LOOK_AGAIN_NS: u64 = 10_000_000;
 /// Minimum distance of the gaze target ahead of the chest, in m.
 const AHEAD: f64 = 0.5;
 
-impl CoordinatorTask {
+impl Coordinator {
     /// Sends the gaze target at the predicted balls, unless the head looks at a hand.
-    pub(super) fn look_at_balls(&mut self, now_ns: u64) -> Result<(), RoleError> {
-        let Some(coordinator) = &self.coordinator else {
-            return Ok(());
+    pub(super) fn look_at_balls(&self, now_ns: u64, outputs: &mut CoordinatorOutputs) {
+        let Some(armed) = &self.armed else {
+            return;
         };
         if self.hand_to_look_at(now_ns).is_some() {
-            return Ok(());
+            return;
         }
         let mut gaze = Gaze::zeroed();
-        for (t_ns, flight) in coordinator.looked_at().iter().flatten() {
-            gaze.flights[gaze.count as usize] = flight_packet(*t_ns, flight);
+        for (t_ns, flight) in armed.attempt.looked_at().iter().flatten() {
+            gaze.flights[gaze.count as usize] = flight.packet(*t_ns);
             gaze.count += 1;
         }
-        self.puts.gaze.put_copy(&[gaze])?;
-        Ok(())
+        outputs.gaze = Some(gaze);
     }
 
     /// Returns the arm that has just caught a ball if the head should look at it.
-    pub(super) fn hand_to_look_at(&self, now_ns: u64) -> Option<usize> {
-        let coordinator = self.coordinator.as_ref()?;
-        let closed = coordinator.state() == CatchState::Closed;
-        let looks = closed && self.settings.calibration.is_some();
+    fn hand_to_look_at(&self, now_ns: u64) -> Option<usize> {
+        let attempt = &self.armed.as_ref()?.attempt;
+        let looks = self.phases.looks_at_hand && attempt.state() == CatchState::Closed;
         let over = |arm: &usize| {
-            let target = coordinator.target(*arm);
+            let target = attempt.target(*arm);
             target.is_some_and(|(_, catch_ns)| now_ns > catch_ns + CAUGHT_NS)
         };
         (0..ARMS).find(|arm| looks && over(arm))
@@ -54,13 +50,14 @@ impl CoordinatorTask {
     pub(super) fn look_at_hand(
         &mut self,
         now_ns: u64,
-        pose: MeasuredPose,
-    ) -> Result<(), RoleError> {
+        pose: MeasuredPose<'_>,
+        outputs: &mut CoordinatorOutputs,
+    ) {
         let Some(arm) = self.hand_to_look_at(now_ns) else {
-            return Ok(());
+            return;
         };
         if now_ns < self.looked_ns + LOOK_AGAIN_NS {
-            return Ok(());
+            return;
         }
         self.looked_ns = now_ns;
         let links = self.corrections.joints(pose.joints).q;
@@ -81,8 +78,7 @@ impl CoordinatorTask {
             lift: Vector3::zeros(),
         };
         let mut gaze = Gaze::zeroed();
-        (gaze.count, gaze.flights[0]) = (1, flight_packet(now_ns, &stands));
-        self.puts.gaze.put_copy(&[gaze])?;
-        Ok(())
+        (gaze.count, gaze.flights[0]) = (1, stands.packet(now_ns));
+        outputs.gaze = Some(gaze);
     }
 }

@@ -1,0 +1,188 @@
+//! Planner of one arm as a function from packet to packet.
+
+use bytemuck::Zeroable;
+use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::packets::{PlanFailure, PlanRequest, PlanResult};
+
+use crate::flight::Flight;
+use crate::plan::{
+    CatchPlan, CatchPoint, CatchRequest, NoPlan, OtherArm, PlanConditions, Planner, Surroundings,
+};
+use crate::ramp::Ramp;
+
+/// Conditions of an answer that are not in its request.
+#[derive(Debug, Clone, Copy)]
+pub struct Answering<'a> {
+    /// Obstacles, if there is a map.
+    pub surroundings: Option<Surroundings<'a>>,
+    /// If true, the nearest miss replaces a plan that does not exist.
+    pub near_misses: bool,
+}
+
+impl Default for Answering<'_> {
+    fn default() -> Self {
+        Self {
+            surroundings: None,
+            near_misses: true,
+        }
+    }
+}
+
+/// Returns the plan for a request, or the closest result if none is feasible. Returns `None` if the arm or the
+/// objective is unknown.
+///
+/// - `planner`: planner of the requested arm
+/// - `out_of_time`: returns true to end the search; a search that is never ended has a reproducible result, bit by
+///   bit
+pub fn answer(
+    planner: &Planner,
+    question: &PlanRequest,
+    answering: &Answering<'_>,
+    out_of_time: impl Fn() -> bool + Copy,
+) -> Option<PlanResult> {
+    let asked = asked(question)?;
+    let conditions = PlanConditions {
+        surroundings: answering.surroundings,
+        last: (question.has_last == 1).then_some(CatchPoint {
+            q: question.last_q,
+            t: question.last_t,
+        }),
+        ..PlanConditions::default()
+    };
+    let plan = planner
+        .plan(&asked, &conditions, out_of_time)
+        .or_else(|no_plan| {
+            if !answering.near_misses {
+                return Err(no_plan);
+            }
+            let miss = planner.plan(&asked, &conditions.nearest_miss(), out_of_time);
+            // With a map, the reason of the exact plan is reported.
+            miss.map_err(|missed| match answering.surroundings {
+                Some(_) => no_plan,
+                None => missed,
+            })
+        });
+    Some(result_packet(question, &plan))
+}
+
+/// Returns `None` if the arm or the objective of the packet is unknown.
+fn asked(packet: &PlanRequest) -> Option<CatchRequest> {
+    (packet.arm < ARMS as u64).then_some(())?;
+    Some(CatchRequest {
+        ball: Flight::of_packet(&packet.flight),
+        q0: packet.q0,
+        w0: packet.w0,
+        earliest: packet.earliest,
+        latest: packet.latest,
+        objective: packet.objective()?.into(),
+        other: (packet.has_other == 1).then(|| OtherArm {
+            ramps: packet.other.each_ref().map(Ramp::of),
+            since: (packet.start_ns as f64 - packet.other_start_ns as f64) * 1e-9,
+        }),
+    })
+}
+
+fn result_packet(request: &PlanRequest, plan: &Result<CatchPlan, NoPlan>) -> PlanResult {
+    let mut packet = PlanResult {
+        request: *request,
+        ..PlanResult::zeroed()
+    };
+    match plan {
+        Ok(plan) => {
+            packet.q = plan.q;
+            packet.t = plan.t;
+            packet.cost = plan.cost;
+            packet.position_error = plan.violation.position;
+            packet.angle_error = plan.violation.angle;
+            packet.ramps = plan.ramps.each_ref().map(Ramp::packet);
+            packet.starts = plan.effort.starts as u32;
+            packet.iterations = plan.effort.iterations as u32;
+        }
+        Err(no_plan) => packet.failure = failure(no_plan) as u64,
+    }
+    packet
+}
+
+fn failure(no_plan: &NoPlan) -> PlanFailure {
+    match no_plan {
+        NoPlan::Request(_) => PlanFailure::Request,
+        NoPlan::OutOfReach => PlanFailure::OutOfReach,
+        NoPlan::NoCatch => PlanFailure::NoCatch,
+        NoPlan::OutOfTime => PlanFailure::OutOfTime,
+        NoPlan::Obstructed => PlanFailure::Obstructed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tactnet_catching_packets::packets::PlanObjective;
+
+    use super::*;
+    use crate::plan::{Effort, Objective, Violation};
+
+    #[test]
+    fn a_request_asks_with_all_its_numbers_and_only_for_known_arms_and_objectives() {
+        let flight = Flight {
+            p: [1.0, 2.0, 3.0].into(),
+            v: [-5.0, 0.1, 1.0].into(),
+            k: 0.03,
+            lift: [0.0, 0.01, 0.0].into(),
+        };
+        let other = Ramp::braking(0.1, -0.4, 8.0);
+        let packet = PlanRequest {
+            arm: 1,
+            start_ns: 1_000_000_000,
+            flight: flight.packet(1_000_000_000),
+            q0: [0.2; 7],
+            w0: [0.3; 7],
+            earliest: 0.05,
+            latest: 1.8,
+            objective: PlanObjective::Cool as u64,
+            has_other: 1,
+            other_start_ns: 750_000_000,
+            other: [other.packet(); 7],
+            ..PlanRequest::zeroed()
+        };
+        let expected = CatchRequest {
+            ball: flight,
+            q0: [0.2; 7],
+            w0: [0.3; 7],
+            earliest: 0.05,
+            latest: 1.8,
+            objective: Objective::Cool,
+            other: Some(OtherArm {
+                ramps: [other; 7],
+                since: 0.25,
+            }),
+        };
+        assert_eq!(asked(&packet), Some(expected));
+        assert_eq!(asked(&PlanRequest { arm: 2, ..packet }), None);
+        let objective = 9;
+        assert_eq!(
+            asked(&PlanRequest {
+                objective,
+                ..packet
+            }),
+            None
+        );
+    }
+
+    #[test]
+    fn a_result_holds_the_plan_or_the_reason_of_its_absence() {
+        let packet = PlanRequest::zeroed();
+        let plan = CatchPlan {
+            q: [0.5; 7],
+            t: 0.6,
+            ramps: [Ramp::braking(0.2, 0.3, 9.0); 7],
+            cost: 1.5,
+            violation: Violation::default(),
+            effort: Effort::default(),
+        };
+        let result = result_packet(&packet, &Ok(plan));
+        assert_eq!(result.failure(), Some(PlanFailure::NotFailed));
+        assert_eq!((result.q, result.t, result.cost), (plan.q, 0.6, 1.5));
+        assert_eq!(result.ramps.each_ref().map(Ramp::of), plan.ramps);
+        let missing = result_packet(&packet, &Err(NoPlan::Obstructed));
+        assert_eq!(missing.failure(), Some(PlanFailure::Obstructed));
+    }
+}
