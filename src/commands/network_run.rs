@@ -29,7 +29,7 @@ pub fn network_run(run: &Path, using: NetworkUse) -> Result<RunDir, PipelineErro
     if network.path() != run {
         let folder = quoted(&run.display().to_string());
         say!(
-            "note: {reason}, so its network `{}` is {what}; `tactnet distill {folder}` makes a network that is closer to the committee",
+            "note: {reason}, so its network `{}` is {what}; `tactnet distill {folder}` makes one network of the committee",
             network.config()?.recipe.name()
         );
     }
