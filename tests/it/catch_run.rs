@@ -226,7 +226,7 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
     assert!(told["messages"].as_u64().unwrap() > 1000, "{told}");
     assert_eq!(
         (told["lost"].as_u64(), told["channels"].as_u64()),
-        (Some(0), Some(27))
+        (Some(0), Some(28))
     );
     let mut timing = tactnet(["catch", "timing", "--json"]);
     timing.arg(&file);
