@@ -77,7 +77,7 @@ def test_other_arrays_are_refused_in_a_line(X, complaint):
 def test_equal_seeds_give_the_bits_of_the_command_line(data, network, tmp_path):
     own, file, train, test = data
     run = tmp_path / "run"
-    cli("train", "--data", file, "--epochs", 5, "--out", run)
+    cli("train", "--recipe", "fast", "--data", file, "--epochs", 5, "--out", run)
     found = json.loads(cli("predict", run, "--data", file, "--json"))
     assert found["materials"] == network.classes_.tolist()
     theirs = np.array([sweep["probabilities"] for sweep in found["sweeps"]])
