@@ -44,7 +44,7 @@ inside() {
     mount --rbind /dev "$0/dev"
     exec chroot "$0" /usr/bin/env -i HOME=/home/lab PATH=/opt/bin:/usr/bin:/bin bash -ec "cd; $1"' "$debian" "$1"
 }
-inside 'tactnet version && tactnet train --data own.npz --epochs 4 --out own --json >own.json && tactnet train --data twin --steps 100 --epochs 1 --out twin >/dev/null'
+inside 'tactnet version && tactnet train --data own.npz --epochs 4 --out own --json >own.json && tactnet train --recipe fast --data twin --steps 100 --epochs 1 --out twin >/dev/null'
 grep -q '"accuracy\|"one_sweep' "$home/own.json"
 inside 'tactnet demo --run own --listen 127.0.0.1:18750 >ready & demo=$!
   for i in $(seq 300); do grep -q ready ready && break; sleep 0.1; done
