@@ -9,7 +9,7 @@
 //! - [`coordinate::answer`]: plan request to plan
 //! - [`control::Controller`]: paths to joint commands
 //!
-//! Throws, touch, the safety monitor's stop and the hands have a shell of their own in each.
+//! Throws, touch, the safety monitor's stop and the hands have a separate shell in each.
 //!
 //! ```text
 //! imu ─> pose ─> track <─ circles <─ pictures        track ─> coordinate ─> plan ─> arm paths, hand commands

@@ -357,7 +357,7 @@ mod tests {
         };
         assert_eq!([missing(1, 5), missing(2, 0), missing(1, 6)], [0; 3]);
         assert_eq!((missing(1, 10), missing(2, 1)), (3, 0));
-        // A late packet is no gap.
+        // A late packet is not a gap.
         assert_eq!((missing(1, 8), missing(1, 11)), (0, 0));
     }
 }

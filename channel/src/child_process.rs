@@ -42,7 +42,7 @@ pub(crate) fn in_child(most: Duration, work: impl FnOnce() -> bool) -> Work {
                 match unsafe { libc::waitpid(child, &raw mut status, libc::WNOHANG) } {
                     0 if Instant::now() < deadline => std::thread::sleep(LOOK),
                     0 => {
-                        // SAFETY: nobody has waited for it yet, so its number is not used again.
+                        // SAFETY: no other thread waits for it, so its number is not used again.
                         unsafe {
                             libc::kill(child, libc::SIGKILL);
                             libc::waitpid(child, &raw mut status, 0);

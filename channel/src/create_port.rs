@@ -21,7 +21,7 @@ pub(crate) enum Places {
     Put(usize),
     /// Get-ports.
     Get,
-    /// Put-ports of the hub, which have places of their own.
+    /// Put-ports of the hub, which have separate places.
     Hub,
 }
 

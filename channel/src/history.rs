@@ -370,7 +370,7 @@ fn private_memory() -> io::Result<File> {
     if file < 0 {
         return Err(io::Error::last_os_error());
     }
-    // SAFETY: a new file descriptor that nobody else has.
+    // SAFETY: a new file descriptor, which only this value has.
     Ok(unsafe { File::from_raw_fd(file) })
 }
 

@@ -199,7 +199,7 @@ impl<T: Send + Sync + Debug + ZeroCopySend> Builder<'_, T> {
         // SAFETY: the heap follows the value within the mapping.
         let start = unsafe { storage.memory.add(heap) };
         let mut allocator = BumpAllocator::new(start, storage.bytes - heap);
-        // SAFETY: nobody else uses the value before the version is set.
+        // SAFETY: other processes do not use the value before the version is set.
         let value = unsafe { &mut (*storage.data().as_ptr()).value };
         if !(self.initialize)(value, &mut allocator) {
             let _ = std::fs::remove_file(&storage.path);

@@ -1,4 +1,4 @@
-//! Thread pool of the package. A child process that was forked gets a pool of its own.
+//! Thread pool of the package. A forked child process gets a separate pool.
 
 use std::ptr;
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
@@ -54,7 +54,7 @@ impl Pool {
     /// Returns the pool of this process, and starts it if it is missing.
     ///
     /// # Errors
-    /// A process that was forked during an operation, whose locks nobody releases; threads that cannot be started.
+    /// A process that was forked during an operation, whose locks are never released; threads that cannot be started.
     fn of_this_process() -> PyResult<&'static Self> {
         let process = std::process::id();
         let found = POOL.load(Ordering::SeqCst);

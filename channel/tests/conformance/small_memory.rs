@@ -45,7 +45,7 @@ fn a_lack_of_shared_memory_is_an_error_that_names_the_remedy() {
     assert!(output.contains("1 passed"), "{output}");
 }
 
-/// Not a test of its own: runs in the mount namespace of the test above.
+/// Not a separate test: runs in the mount namespace of the test above.
 #[test]
 #[ignore = "needs a mount namespace, in which the test above runs it"]
 fn in_a_small_folder() {
