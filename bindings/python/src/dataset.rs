@@ -384,24 +384,30 @@ impl Dataset {
     ///
     /// - `scheme`: "default" (the file's own test sweeps, otherwise up to 5 stratified folds), "k-fold",
     ///   "leave-block-out"
-    #[pyo3(signature = (scheme="default", folds=5, seed=1, repeat=0))]
+    /// - `folds`: number of folds of "k-fold" and "group-k-fold"; `None`: up to 5
+    #[pyo3(signature = (scheme="default", folds=None, seed=1, repeat=0))]
     fn folds<'py>(
         &self,
         py: Python<'py>,
         scheme: &str,
-        folds: usize,
+        folds: Option<usize>,
         seed: u64,
         repeat: usize,
     ) -> PyResult<Vec<Indices<'py>>> {
+        let or_usual = |usual: Scheme| match usual {
+            Scheme::StratifiedKFold { folds: usual, .. }
+            | Scheme::GroupKFold { folds: usual, .. } => folds.unwrap_or(usual),
+            _ => folds.unwrap_or_default(),
+        };
         let scheme = match scheme {
             "default" => Scheme::default_for(&self.inner),
             "k-fold" => Scheme::StratifiedKFold {
-                folds,
+                folds: or_usual(Scheme::folds_for(&self.inner)),
                 repeats: repeat + 1,
             },
             "leave-block-out" => Scheme::LeaveBlockOut,
             "group-k-fold" => Scheme::GroupKFold {
-                folds,
+                folds: or_usual(Scheme::group_folds_for(&self.inner)),
                 repeats: repeat + 1,
             },
             other => {

@@ -374,6 +374,10 @@ def test_groups_stay_together(data):
     assert len(folds) == 4
     for train, test in folds:
         assert not set(blocks[train]) & set(blocks[test]) and len(test)
+    named = tactnet.Dataset.from_arrays(data.X, data.y, rate=750, blocks=np.array(["mon", "tue", "wed", "thu"])[blocks])
+    assert len(named.folds("group-k-fold")) == 4, "as many folds as blocks"
+    with pytest.raises(tactnet.TactnetError, match="blocks: expected a name or a whole number"):
+        tactnet.Dataset.from_arrays(data.X, data.y, rate=750, blocks=[0.5] * len(data))
 
 
 def test_learning_curves_begin_with_few_sweeps(data):

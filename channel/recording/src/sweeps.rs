@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
+use std::iter::repeat_n;
 use std::path::Path;
 
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape, ValueRange};
@@ -257,7 +258,8 @@ impl<'a> Cutter<'a> {
     fn complete(&mut self, number: usize) {
         let finger = &self.fingers[number];
         let label = finger.material.as_deref().or(self.fallback);
-        match (label, finger.segmenter.window().sweep()) {
+        let window = finger.segmenter.window();
+        match (label, window.first(window.kept())) {
             (Some(label), Some(digits)) => self.complete.push(CompleteSweep {
                 material: label.into(),
                 digits: digits.to_vec(),
@@ -300,26 +302,27 @@ fn dataset(
     }
     // The digits of an eight-bit skin stay bytes.
     let is_byte = |digit: &f32| digit.fract() == 0.0 && (0.0..=255.0).contains(digit);
-    let digits = sweeps.iter().flat_map(|sweep| &sweep.digits);
+    let taxels = format.rows * format.cols;
+    let lengths: Vec<usize> = sweeps.iter().map(|s| s.digits.len() / taxels).collect();
+    let longest = lengths.iter().copied().max().unwrap_or(format.steps);
+    // Longer sweeps than the training sweeps differ in length; `with_lengths` writes what follows the end of a sweep.
+    let padding = |sweep: &CompleteSweep| longest * taxels - sweep.digits.len();
+    let digits = sweeps
+        .iter()
+        .flat_map(|sweep| sweep.digits.iter().chain(repeat_n(&0.0, padding(sweep))));
     let samples = if digits.clone().all(is_byte) {
         Samples::U8(digits.map(|digit| *digit as u8).collect())
     } else {
         Samples::F32(digits.copied().collect())
     };
     let shape = SweepShape {
-        steps: format.steps,
+        steps: longest,
         rows: format.rows,
         cols: format.cols,
     };
     let labels = LabelSet::new(names)?;
-    Ok(Dataset::new(
-        name,
-        format.rate_hz,
-        shape,
-        labels,
-        records,
-        samples,
-    )?)
+    let dataset = Dataset::new(name, format.rate_hz, shape, labels, records, samples)?;
+    Ok(dataset.with_lengths(lengths)?)
 }
 
 /// Returns 0 and 255 if all digits are in that range, which is that of a raw eight-bit skin. Other ranges are unknown.

@@ -6,9 +6,9 @@ use tactnet_data::{Dataset, Fold, Samples, Scheme, Seed, SweepRecord, SweepView,
 use tactnet_models::{Compute, log_mean_exp_into};
 
 use crate::{
-    Classifier, ClassifierConfig, LengthAccuracy, MeanRemoval, ModelConfig, ModelRecipe,
-    NetworkRecipe, OnlineClassifier, PipelineError, PredictionMethod, evaluate_all_ways,
-    fit_baseline, train_network,
+    Calibration, CalibrationTarget, Classifier, ClassifierConfig, LengthAccuracy, MeanRemoval,
+    ModelConfig, ModelRecipe, NetworkRecipe, NoveltyScore, OnlineClassifier, PipelineError,
+    PredictionMethod, evaluate_all_ways, fit_baseline, train_network,
 };
 
 const STEPS: usize = 360;
@@ -147,14 +147,12 @@ fn neither_padding_nor_other_sweeps_decide_a_prediction() {
     }
 }
 
-#[test]
-fn a_sweep_longer_than_all_training_sweeps_is_the_mean_over_windows() {
-    let unequal = unequal();
+/// Returns a data set of the sweeps of at most 240 steps, and the index of a sweep of [`STEPS`].
+fn short_and_long(unequal: &Dataset) -> (Dataset, usize) {
     let short: Vec<usize> = (0..unequal.len())
         .filter(|index| unequal.steps_of(*index) <= 240)
         .collect();
     let long = (0..unequal.len()).find(|index| unequal.steps_of(*index) == STEPS);
-    // A training split of short sweeps alone: the long ones are those of another data set.
     let materials = [0, 1, 2, 3].map(|label| {
         short
             .iter()
@@ -162,9 +160,15 @@ fn a_sweep_longer_than_all_training_sweeps_is_the_mean_over_windows() {
             .count()
     });
     assert!(materials.iter().all(|sweeps| *sweeps > 2), "{materials:?}");
-    let part = part(&unequal, &short);
+    (part(unequal, &short), long.unwrap())
+}
+
+#[test]
+fn a_sweep_longer_than_all_training_sweeps_is_the_mean_over_windows() {
+    let unequal = unequal();
+    let (part, long) = short_and_long(&unequal);
     let train = TrainSplit::all(&part, Seed(1));
-    let view = SweepView::new(&unequal, vec![long.unwrap()]);
+    let view = SweepView::new(&unequal, vec![long]);
     let window = train.longest();
     assert!(window <= 240);
     let mut models: Vec<Classifier> = NETWORKS.map(|layers| network(&train, layers, 1)).into();
@@ -232,6 +236,67 @@ fn a_sweep_that_ends_early_has_the_same_prediction_online() {
                     "{layers}: {found} {expected}"
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn a_sweep_longer_than_all_training_sweeps_has_the_same_prediction_online() {
+    let unequal = unequal();
+    let (part, long) = short_and_long(&unequal);
+    let train = TrainSplit::all(&part, Seed(1));
+    let (window, masks) = (train.longest(), 3);
+    let calibration = Calibration {
+        schema_version: Calibration::SCHEMA_VERSION,
+        target: CalibrationTarget::default(),
+        score: NoveltyScore::Energy,
+        threshold: 0.0,
+        object_thresholds: vec![],
+        least_probability: 0.0,
+        sweeps: 1,
+    };
+    for layers in NETWORKS {
+        let classifier = network(&train, layers, 2);
+        let mut online = OnlineClassifier::new(&classifier, Some(calibration.clone()), masks);
+        let online = online.as_mut().unwrap();
+        // One frame more than a window, exactly two and three windows, and a last window between them.
+        for steps in [window + 1, window + window / 2, STEPS] {
+            let view = SweepView::new(&unequal, vec![long]).window(0, steps);
+            let offline = |method| classifier.log_probabilities(&view, method).unwrap();
+            let dropout = PredictionMethod::McDropout { mc_samples: masks };
+            online.begin();
+            for (frame, values) in view.sweep(0).chunks_exact(16).enumerate() {
+                online.push(values);
+                // A belief in between changes nothing.
+                if frame == window + 7 {
+                    online.classify();
+                }
+            }
+            assert_eq!(online.frames(), steps);
+            let close = |found: &[f64], expected: &[f64]| {
+                for (found, expected) in found.iter().zip(expected) {
+                    // The bound of all online predictions.
+                    assert!(
+                        (found.exp() - expected.exp()).abs() < 1e-4,
+                        "{layers}, {steps}: {found} {expected}"
+                    );
+                }
+            };
+            close(
+                online.classify_by_dropout().log_probability,
+                &offline(dropout)[0],
+            );
+            let belief = online.classify();
+            close(belief.log_probability, &offline(PredictionMethod::Plain)[0]);
+            let embedding = classifier.embed(&view).unwrap();
+            let scores = embedding.logits.row(0);
+            let energy = -f64::from(scores.iter().map(|score| score.exp()).sum::<f32>().ln());
+            // Scores are of the order of one.
+            let found = belief.strangeness.unwrap();
+            assert!(
+                (found - energy).abs() < 1e-3,
+                "{layers}, {steps}: {found} {energy}"
+            );
         }
     }
 }

@@ -38,8 +38,12 @@ pub(super) fn parts<'a>(view: &SweepView<'a>, longest: usize) -> Vec<Part<'a>> {
 /// Returns the first frames of the windows of a sweep: half a window apart, and the last window ends with the sweep.
 fn starts(steps: usize, window: usize) -> impl Iterator<Item = usize> {
     let last = steps - window;
-    let hop = (window / 2).max(1);
-    (0..last).step_by(hop).chain([last])
+    (0..last).step_by(hop(window)).chain([last])
+}
+
+/// Returns the number of frames between the starts of two windows.
+pub(super) fn hop(window: usize) -> usize {
+    (window / 2).max(1)
 }
 
 #[cfg(test)]
@@ -55,7 +59,7 @@ mod tests {
             let starts: Vec<usize> = starts(steps, window).collect();
             prop_assert_eq!(starts[0], 0);
             prop_assert_eq!(starts[starts.len() - 1] + window, steps);
-            let is_near = |pair: &[usize]| pair[0] < pair[1] && pair[1] - pair[0] <= (window / 2).max(1);
+            let is_near = |pair: &[usize]| pair[0] < pair[1] && pair[1] - pair[0] <= hop(window);
             prop_assert!(starts.windows(2).all(is_near), "{:?}", starts);
         }
     }

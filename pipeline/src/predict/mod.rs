@@ -17,6 +17,7 @@ pub(crate) mod evaluation;
 pub(crate) mod judged_sweeps;
 #[cfg(test)]
 mod length_tests;
+mod long_online;
 mod long_sweeps;
 #[cfg(test)]
 mod mask_tests;

@@ -12,6 +12,7 @@ use tactnet_models::{
     Belief, StreamingNet, entropy, log_mean_exp_into, log_softmax_into, mutual_information,
 };
 
+use super::long_online::{LongSweep, add_log, mean_log};
 use crate::{
     Calibration, Classifier, ClassifierConfig, DeadTaxels, Normalizer, NoveltyScore, PipelineError,
 };
@@ -25,14 +26,18 @@ pub struct OnlineClassifier {
     /// Masked taxels of the offline classifier.
     dead: DeadTaxels,
     net: StreamingNet,
+    /// Windows of a sweep that is longer than the training sweeps.
+    long: LongSweep,
     /// `[taxels]`
     frame: Vec<f32>,
+    /// Plain scores of the newest window, then their mean over the windows; `[materials]`.
+    scores: Vec<f32>,
+    /// Logarithms of the probabilities by these scores, `[materials]`.
+    novelty_log_p: Vec<f64>,
     /// Latest belief, `[materials]`.
     log_probability: Vec<f64>,
     /// `[mc_samples][materials]`
     mc_samples: Vec<f64>,
-    /// Negative energy of the latest belief.
-    log_total: f64,
     /// Novelty score from the plain scores of this sweep.
     plain_strangeness: Option<f64>,
     /// Novelty score of the latest belief.
@@ -103,10 +108,12 @@ impl OnlineClassifier {
         let materials = config.labels.len();
         Ok(Self {
             net: scorer.streaming(mc_samples),
+            long: LongSweep::new(config.longest_trained(), normalizer.taxels(), materials),
+            scores: vec![0.0; materials],
+            novelty_log_p: vec![0.0; materials],
             frame: vec![0.0; normalizer.taxels()],
             log_probability: vec![0.0; materials],
             mc_samples: vec![0.0; mc_samples * materials],
-            log_total: 0.0,
             plain_strangeness: None,
             strangeness: None,
             object_strangeness: (0.0, 0),
@@ -137,15 +144,17 @@ impl OnlineClassifier {
     pub fn begin(&mut self) {
         self.plain_strangeness = None;
         self.net.restart();
+        self.long.restart();
     }
 
-    /// Adds the next frame of the window.
+    /// Adds the next frame of the sweep. A sweep may be longer than all training sweeps: beliefs are then means over windows of their
+    /// length, as those of [`Classifier::log_probabilities`]. Such a sweep takes the time of a whole window once every half window.
     ///
     /// - `digits`: one value per taxel, as recorded; a value for each condition of the training sweeps may follow, otherwise they are
     ///   unknown
     ///
     /// # Panics
-    /// If the number of taxels differs, or after the last frame.
+    /// If the number of taxels differs.
     pub fn push(&mut self, digits: &[f32]) {
         let given = digits.len();
         let skin = self.frame.len() - self.normalizer.conditions();
@@ -157,15 +166,54 @@ impl OnlineClassifier {
         self.frame[given..].copy_from_slice(&self.normalizer.offset()[given..]);
         self.dead.apply(&mut self.frame, self.normalizer.taxels());
         self.normalizer.apply_to_frame(&mut self.frame);
-        self.net.push(&self.frame);
+        if self.long.ends_window() {
+            self.sum_window();
+        }
+        self.long.push(&mut self.net, &self.frame);
+    }
+
+    /// Adds the window that ends with the newest frame to the sums of the sweep.
+    fn sum_window(&mut self) {
+        self.long.load_newest(&mut self.net);
+        self.classify_window();
+        for (sum, score) in self.long.scores.iter_mut().zip(&self.scores) {
+            *sum += score;
+        }
+        add_log(&mut self.long.plain, &self.log_probability);
+        if self.mc_samples() > 0 {
+            self.long.information += self.classify_window_by_dropout();
+            add_log(&mut self.long.dropout, &self.log_probability);
+        }
+        self.long.windows += 1;
+    }
+
+    /// Sets scores and belief to those of the window in the network, without dropout.
+    fn classify_window(&mut self) {
+        let (scores, log_probability) = (&mut self.scores, &mut self.log_probability);
+        self.net.scores(|of_window| {
+            scores.copy_from_slice(of_window);
+            log_softmax_into(of_window, log_probability);
+        });
+    }
+
+    /// Sets the belief to that of the window in the network by Monte Carlo dropout, and returns its mutual information.
+    fn classify_window_by_dropout(&mut self) -> f64 {
+        let mut rows = self.mc_samples.chunks_exact_mut(self.log_probability.len());
+        self.net.monte_carlo_scores(|scores| {
+            if let Some(row) = rows.next() {
+                log_softmax_into(scores, row);
+            }
+        });
+        log_mean_exp_into(&self.mc_samples, &mut self.log_probability);
+        mutual_information(&self.mc_samples, &self.log_probability)
     }
 
     /// Returns the number of frames of this sweep so far.
     pub fn frames(&self) -> usize {
-        self.net.frames()
+        self.long.frames()
     }
 
-    /// Returns true if the sweep has as many frames as the longest training sweep.
+    /// Returns true if the sweep has at least as many frames as the longest training sweep.
     pub fn is_complete(&self) -> bool {
         self.frames() >= self.config.longest_trained()
     }
@@ -176,24 +224,33 @@ impl OnlineClassifier {
     /// # Panics
     /// Before the first frame.
     pub fn classify(&mut self) -> SweepBelief<'_> {
-        let Self {
-            net,
-            log_probability,
-            log_total,
-            ..
-        } = self;
-        net.scores(|scores| {
-            log_softmax_into(scores, log_probability);
-            *log_total = f64::from(scores[0]) - log_probability[0];
-        });
-        let largest = self.log_probability.iter().copied();
-        let largest = largest.fold(f64::NEG_INFINITY, f64::max);
-        self.plain_strangeness = match self.calibration.as_ref().map(|c| c.score) {
-            Some(NoveltyScore::Energy) => Some(-self.log_total),
-            Some(NoveltyScore::LargestProbability) => Some(-largest),
-            _ => None,
-        };
+        self.long.load_newest(&mut self.net);
+        self.classify_window();
+        self.plain_strangeness = self.plain_novelty();
+        mean_log(
+            &self.long.plain,
+            self.long.windows,
+            &mut self.log_probability,
+        );
         self.belief(None)
+    }
+
+    /// Returns the novelty score of the mean scores of all windows; `None` if the calibration uses none of them.
+    fn plain_novelty(&mut self) -> Option<f64> {
+        let score = self.calibration.as_ref()?.score;
+        let windows = (self.long.windows + 1) as f32;
+        for (score, sum) in self.scores.iter_mut().zip(&self.long.scores) {
+            *score = (*score + sum) / windows;
+        }
+        let log_p = &mut self.novelty_log_p;
+        log_softmax_into(&self.scores, log_p);
+        match score {
+            NoveltyScore::Energy => Some(log_p[0] - f64::from(self.scores[0])),
+            NoveltyScore::LargestProbability => {
+                Some(-log_p.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+            }
+            NoveltyScore::MutualInformation | NoveltyScore::WhitenedDistance => None,
+        }
     }
 
     /// Returns the belief from the sweep so far by Monte Carlo dropout.
@@ -201,16 +258,11 @@ impl OnlineClassifier {
     /// # Panics
     /// Before the first frame; without masks.
     pub fn classify_by_dropout(&mut self) -> SweepBelief<'_> {
-        let materials = self.log_probability.len();
-        let mut rows = self.mc_samples.chunks_exact_mut(materials);
-        self.net.monte_carlo_scores(|scores| {
-            if let Some(row) = rows.next() {
-                log_softmax_into(scores, row);
-            }
-        });
-        log_mean_exp_into(&self.mc_samples, &mut self.log_probability);
-        let information = mutual_information(&self.mc_samples, &self.log_probability);
-        self.belief(Some(information))
+        self.long.load_newest(&mut self.net);
+        let windows = self.long.windows;
+        let information = self.classify_window_by_dropout() + self.long.information;
+        mean_log(&self.long.dropout, windows, &mut self.log_probability);
+        self.belief(Some(information / (windows + 1) as f64))
     }
 
     fn belief(&mut self, information: Option<f64>) -> SweepBelief<'_> {

@@ -63,7 +63,7 @@ const fn follows(
 const CLASSIFIER: &str = "components.tactnet";
 const SEGMENTER: &str = "components.tactnet.segmenter";
 
-const SETTINGS: [Setting; 43] = [
+const SETTINGS: [Setting; 44] = [
     setting(
         "",
         "bus",
@@ -210,6 +210,12 @@ const SETTINGS: [Setting; 43] = [
         "skip",
         "time or number of frames between the start of the motion and the window, such as \"333ms\"; 0 if motions start where the training sweeps start",
     ),
+    follows(
+        SEGMENTER,
+        "longest",
+        Example::Text("\"4s\""),
+        "longest window: longer sweeps than the training sweeps are classified when they end, as the mean over windows [default: the length of the longest training sweep]",
+    ),
     setting(
         SEGMENTER,
         "longest_gap",
@@ -286,7 +292,8 @@ pub fn commented(table: &Table, rate_hz: f64) -> Result<String, toml::ser::Error
         if ends && !line.is_empty() {
             let given = |key: &str| {
                 let here = out.iter().rev().take_while(|line| !line.starts_with('['));
-                here.into_iter().any(|line| line.starts_with(key))
+                here.into_iter()
+                    .any(|line| line.split(" = ").next() == Some(key))
             };
             let left_out: Vec<String> = SETTINGS
                 .iter()
@@ -327,6 +334,7 @@ mod tests {
             }
             assert_eq!(text.contains("\n# values = [0.0, 255.0]"), values.is_none());
             assert!(text.contains("\n# plain_deadline_ms = 1.333"), "{text}");
+            assert!(text.contains("\n# longest = \"4s\""), "{text}");
             assert!(text.contains("\n# dropout_deadline_ms = 4.0 "), "{text}");
             let slower = commented(&table, 500.0).unwrap();
             assert!(slower.contains("\n# plain_deadline_ms = 2.0 "), "{slower}");

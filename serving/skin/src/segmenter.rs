@@ -123,10 +123,12 @@ pub struct SweepSegmenter {
 impl SweepSegmenter {
     /// Creates an idle segmenter and allocates all of its memory.
     ///
-    /// - `steps`: number of frames in a window
+    /// - `trained`: number of frames in the longest training sweep
     /// - `taxels`: number of taxels in a frame
     /// - `rate_hz`: frames per second
-    pub fn new(config: SegmenterConfig, steps: usize, taxels: usize, rate_hz: f64) -> Self {
+    pub fn new(config: SegmenterConfig, trained: usize, taxels: usize, rate_hz: f64) -> Self {
+        let longest = config.longest.map_or(0, |span| span.frames(rate_hz));
+        let steps = longest.max(trained);
         let counts = config.at_rate(steps, rate_hz);
         let window = SweepWindow::new(WindowConfig {
             taxels,
@@ -139,7 +141,7 @@ impl SweepSegmenter {
             config,
             counts,
             steps,
-            least: steps,
+            least: trained,
             period_ns: 1e9 / rate_hz,
             window,
             state: State::Idle,
@@ -188,7 +190,7 @@ impl SweepSegmenter {
         if before == State::Sweeping {
             return SweepChange::RejectedAndBegun(Reject::SecondStart {
                 found,
-                expected: self.steps,
+                expected: self.least,
             });
         }
         SweepChange::Begun
@@ -204,7 +206,7 @@ impl SweepSegmenter {
         if before == State::Sweeping {
             return SweepChange::Rejected(Reject::Short {
                 found: self.window.kept(),
-                expected: self.steps,
+                expected: self.least,
             });
         }
         SweepChange::Unchanged

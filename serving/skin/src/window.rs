@@ -216,6 +216,12 @@ impl SweepWindow {
         self.is_complete().then_some(self.values.as_slice())
     }
 
+    /// Returns the first `frames` frames of the window as `[frames][taxels]` digits; `None` before there are as many.
+    pub fn first(&self, frames: usize) -> Option<&[f32]> {
+        let values = frames * self.config.taxels;
+        (!self.spoiled && self.kept() >= frames).then(|| &self.values[..values])
+    }
+
     /// Returns the number of frames in the window so far, including interpolated ones.
     pub fn kept(&self) -> usize {
         let WindowConfig { skip, steps, .. } = self.config;

@@ -8,7 +8,8 @@ impl Service {
     /// Copies the complete sweep of a finger into a free buffer, or counts it if the worker has none left.
     pub(super) fn keep_sweep(&mut self, number: usize) {
         let finger = &self.fingers[number];
-        let Some(sweep) = finger.segmenter.window().sweep() else {
+        let steps = finger.classifier.config().longest_trained();
+        let Some(sweep) = finger.segmenter.window().first(steps) else {
             return;
         };
         let Some(mut digits) = self.worker.free_buffer() else {

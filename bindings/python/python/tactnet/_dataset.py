@@ -13,7 +13,7 @@ import numpy as np
 
 from . import _tactnet
 from ._tactnet import TactnetError
-from ._values import as_sweeps, checked_labels
+from ._values import as_sweeps, block_numbers, checked_labels
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Dataset:
         X: Any,
         y: Sequence[Any],
         rate: float | None = None,
-        blocks: Sequence[int] | None = None,
+        blocks: Sequence[Any] | None = None,
         name: str = "arrays",
         lengths: Sequence[int] | None = None,
         shape: Sequence[int] | None = None,
@@ -109,7 +109,7 @@ class Dataset:
             length, ``(steps, taxels)`` or ``(steps, rows, cols)`` each. Or a table with a sweep in each row, with ``shape``.
         y: one material per sweep, as names or numbers.
         rate: frames per second; None: 750, and :attr:`rate_is_assumed` is true.
-        blocks: recording block of each sweep, for the scheme ``leave-block-out`` of :meth:`folds`.
+        blocks: recording block of each sweep, as names or numbers: recording, session, day or subject.
         lengths: number of frames of each sweep of a padded array; None: all.
         shape: shape of each sweep of a table, ``(steps, taxels)`` or ``(steps, rows, cols)``; None: X is no table.
         """
@@ -124,7 +124,7 @@ class Dataset:
             labels.tolist(),
             [str(material) for material in materials],
             rate,
-            None if blocks is None else [int(block) for block in blocks],
+            None if blocks is None else block_numbers(blocks),
             name,
             lengths,
         )
@@ -202,7 +202,7 @@ class Dataset:
 
         scheme: ``default`` (the file's own test sweeps, otherwise stratified folds), ``k-fold``, ``group-k-fold`` (the sweeps of a block
             stay together) or ``leave-block-out``.
-        folds: number of folds; implies ``k-fold`` for the default scheme; None: 5.
+        folds: number of folds; implies ``k-fold`` for the default scheme; None: 5, or fewer where sweeps or blocks are fewer.
         """
         if not isinstance(scheme, str):
             raise TactnetError(
@@ -212,7 +212,7 @@ class Dataset:
             scheme = "k-fold"
         if folds is not None and scheme not in ("k-fold", "group-k-fold"):
             raise TactnetError(f"folds: expected None with {scheme}, whose folds follow from the data, found {folds}")
-        return self._native.folds(scheme, 5 if folds is None else folds, seed, repeat)
+        return self._native.folds(scheme, folds, seed, repeat)
 
     @property
     def X(self) -> np.ndarray:

@@ -97,7 +97,7 @@ class _OfRecipe(_Weighted):
 
 
 class TactNetClassifier(_OfRecipe):
-    """A network: TactNet-II (Tulbure & Bäuml, Humanoids 2018), or a smaller one on spectra of short windows (``recipe="spectra"``).
+    """A network: that of TactNet-II (Tulbure & Bäuml, Humanoids 2018), or a smaller one on spectra of short windows (``recipe="spectra"``).
 
     recipe: ``fast``, ``spectra``, ``thesis`` (200 adversarial epochs, as published), ``robust`` (trained for dead taxels, drift and other disturbances), ``distilled`` (taught by a committee), or the path of a TOML file.
     epochs: number of epochs instead of the recipe's.
@@ -129,7 +129,7 @@ class TactNetClassifier(_OfRecipe):
 class TactNetCommittee(_OfRecipe):
     """The mean of the probabilities of several models.
 
-    recipe: ``committee`` (TactNet-II, a network on spectra, MiniRocket, MultiRocket + Hydra, linear discriminants, a support vector machine), or
+    recipe: ``committee`` (TactNet-II's network, a network on spectra, MiniRocket, MultiRocket + Hydra, linear discriminants, a support vector machine), or
         the path of a TOML file with a list ``members``. A member that the sweeps do not allow is left out.
     epochs, levels, rate, shape, seed, random_state, progress: as of :class:`TactNetClassifier`; epochs and levels are those of all members.
     class_weight, and ``sample_weight`` of ``fit``: refused if a member cannot use them, such as the support vector machine of ``committee``.

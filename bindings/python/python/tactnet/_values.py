@@ -90,6 +90,19 @@ def checked_labels(y: Any) -> np.ndarray:
     return array
 
 
+def block_numbers(blocks: Any) -> list[int]:
+    """Returns the blocks as numbers; names are numbered in their order.
+
+    Raises TactnetError for other values.
+    """
+    array = np.asarray(blocks)
+    if array.dtype.kind in "iu":
+        return array.tolist()
+    if array.dtype.kind == "U" or (array.dtype == np.object_ and all(isinstance(block, str) for block in array.flat)):
+        return np.unique(array.astype(str), return_inverse=True)[1].tolist()
+    raise TactnetError(f"blocks: expected a name or a whole number for each sweep, found {array.dtype}")
+
+
 def checked_weights(weights: Any, sweeps: int) -> np.ndarray | None:
     """Returns sample weights ``(sweeps,)``, or None for None.
 

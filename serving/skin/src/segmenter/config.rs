@@ -25,6 +25,10 @@ pub struct SegmenterConfig {
     /// Part of the motion that is skipped at its start. At 750 Hz the middle 1000 of 1500 frames start after 250
     /// (thesis, section 4.3.2).
     pub skip: FrameSpan,
+    /// Longest window. A sweep that is longer than all training sweeps is then classified when it ends, as the mean over windows of their
+    /// length. `None` closes the window at the length of the longest training sweep.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub longest: Option<FrameSpan>,
     /// Longest run of lost frames that linear interpolation fills in.
     pub longest_gap: FrameSpan,
     /// Maximum of interpolated frames in a window.
@@ -55,6 +59,7 @@ impl Default for SegmenterConfig {
             segmentation: Segmentation::Command,
             // 250 frames at 750 Hz.
             skip: FrameSpan::Millis(333.0),
+            longest: None,
             longest_gap: FrameSpan::Frames(3),
             most_filled_in: FrameSpan::Frames(20),
             clock_tolerance: 0.5,

@@ -60,15 +60,15 @@ pub enum Reject {
         /// Number of consecutive frames at the maximum value.
         frames: usize,
     },
-    /// The motion ended before the window was full.
+    /// The motion ended before the window had enough frames.
     #[error("the sweep ended after {found} of {expected} frames")]
     Short {
         /// Number of frames in the window so far.
         found: usize,
-        /// Number of frames in a full window.
+        /// Minimum number of frames.
         expected: usize,
     },
-    /// Another sweep was started before the window was full.
+    /// Another sweep was started before this one had ended.
     #[error("another sweep was started after {found} of {expected} frames")]
     SecondStart {
         /// Number of frames in the window so far.

@@ -1,7 +1,7 @@
 //! Tests of the segmenter: complete sweeps, each kind of rejection, and contact.
 
 use super::*;
-use crate::WindowError;
+use crate::{FrameSpan, WindowError};
 
 const PERIOD: u64 = 1_000_000;
 
@@ -57,7 +57,7 @@ fn a_sweep_may_end_early_where_shorter_ones_are_accepted() {
     // Two frames are skipped, so six give four in the window.
     for (frames, expected) in [
         (6, SweepChange::Complete),
-        (5, short(3)),
+        (5, short(3, 4)),
         (8, SweepChange::Unchanged),
     ] {
         segmenter.start();
@@ -70,9 +70,36 @@ fn a_sweep_may_end_early_where_shorter_ones_are_accepted() {
     assert_eq!(segmenter.window().kept(), 6);
 }
 
+#[test]
+fn a_sweep_may_be_longer_than_the_training_sweeps_up_to_the_longest_window() {
+    let mut segmenter = segmenter(SegmenterConfig {
+        longest: Some(FrameSpan::Frames(9)),
+        ..config()
+    });
+    // Two frames are skipped.
+    for (frames, kept, stopped) in [
+        (7, 5, short(5, 6)),
+        (8, 6, SweepChange::Complete),
+        (10, 8, SweepChange::Complete),
+        (14, 9, SweepChange::Unchanged),
+    ] {
+        segmenter.start();
+        let changes: Vec<SweepChange> = (0..frames)
+            .map(|_| {
+                let next = segmenter.newest.map_or(0, |frame| frame.sequence + 1);
+                good(&mut segmenter, next)
+            })
+            .collect();
+        let complete = changes.contains(&SweepChange::Complete);
+        assert_eq!(complete, frames == 14, "{frames} frames");
+        assert_eq!(segmenter.window().kept(), kept);
+        assert_eq!(segmenter.stop(), stopped, "{frames} frames");
+    }
+}
+
 /// Returns the rejection of a sweep that ended early.
-fn short(found: usize) -> SweepChange {
-    SweepChange::Rejected(Reject::Short { found, expected: 6 })
+fn short(found: usize, expected: usize) -> SweepChange {
+    SweepChange::Rejected(Reject::Short { found, expected })
 }
 
 #[test]
