@@ -100,7 +100,9 @@ pub struct SeriesReport {
     pub predictions: usize,
     /// Number of plan requests without a solution, per throw.
     pub no_plans: f64,
-    /// Number of throws in which the self-collision monitor would have braked; `None` without the monitor.
+    /// Number of throws in which the safety monitor demanded a stop while the robot moved.
+    pub stopped: usize,
+    /// Number of throws in which the monitor would have braked; `None` unless it only reports.
     pub braked: Option<usize>,
     /// Number of those throws in which no bodies would have come near each other during braking.
     pub braked_in_vain: Option<usize>,
@@ -296,6 +298,7 @@ impl Series {
             nees_in_band: known.map(|errors| errors.nees_in_band()),
             predictions: ahead.len(),
             no_plans: outcomes.iter().map(|of| of.no_plans as f64).sum::<f64>() / throws,
+            stopped: outcomes.iter().filter(|of| of.stops > 0).count(),
             braked: brakes(&|_| true),
             braked_in_vain: brakes(&|braked| braked.in_vain),
             false_brakes: brakes(&Braked::is_false),

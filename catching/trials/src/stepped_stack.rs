@@ -246,6 +246,7 @@ impl SteppedStack {
         let control = control.expect("joint states are finite");
         self.state = control.state.or(self.state);
         let verdict = self.safety.step(&control.command);
+        self.safety.count(&control.command, &verdict);
         self.verdict = Some(verdict);
         let told: Vec<_> = sent.hands.iter().flatten().copied().collect();
         let inputs = HandInputs {
