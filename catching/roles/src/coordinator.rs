@@ -53,20 +53,14 @@ pub struct StepTaken {
     pub lost: u64,
 }
 
-/// Opens the channels of a coordinator. Returns the channels that wake it, and a function that takes all waiting
-/// packets, performs a step at a time in ns, and sends its packets.
+/// Takes all waiting packets, performs a step of a coordinator at a time in ns, and sends its packets.
+pub type CoordinatorShell = Box<dyn FnMut(&mut Coordinator, u64) -> Result<StepTaken, RoleError>>;
+
+/// Opens the channels of a coordinator. Returns those that wake it, and the function that performs a step on them.
 ///
 /// # Errors
 /// Missing or broken channels.
-pub fn coordinator_shell(
-    bus: &Bus,
-) -> Result<
-    (
-        SyncGroup,
-        impl FnMut(&mut Coordinator, u64) -> Result<StepTaken, RoleError> + use<>,
-    ),
-    RoleError,
-> {
+pub fn coordinator_shell(bus: &Bus) -> Result<(SyncGroup, CoordinatorShell), RoleError> {
     let (mut joints, mut head) = (JOINT_STATE.latest(bus)?, HEAD_POSE.latest(bus)?);
     let (mut controller, mut results) =
         (CONTROLLER_STATE.latest(bus)?, PLAN_RESULT.new_packets(bus)?);
@@ -99,5 +93,5 @@ pub fn coordinator_shell(
             lost: predictions.lost() + results.lost() + controller.port.lost(),
         })
     };
-    Ok((group, step))
+    Ok((group, Box::new(step)))
 }

@@ -40,7 +40,7 @@ mod tracker;
 
 pub use catch_times::CatchTimes;
 pub use channels::{PICTURE_HEAD, catching_channels};
-pub use coordinator::{StepTaken, coordinator_shell};
+pub use coordinator::{CoordinatorShell, StepTaken, coordinator_shell};
 pub use error::RoleError;
 pub use latest_value::drain;
 pub use milliseconds::Milliseconds;

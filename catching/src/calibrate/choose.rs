@@ -15,7 +15,7 @@ use super::problem::CalibrationConfig;
 use super::session::{NeckMotion, Picture};
 use super::unknowns::{UNKNOWNS, Unknowns, at};
 use crate::robot::Robot;
-use crate::safety::{Bodies, PAIRS, distance};
+use crate::safety::Bodies;
 use crate::track::CAMERAS;
 
 /// Fraction of the arms' joint ranges in which configurations are drawn.

@@ -240,17 +240,6 @@ impl<'a> SimulatedThrow<'a> {
             .iter()
             .rfind(|prediction| prediction.left >= AHEAD)
             .copied();
-        if let (Some(ahead), Some((at_ns, there))) = (ahead, catch)
-            && (ahead.across_mm > 30.0 || std::env::var("EVERY").is_ok())
-        {
-            eprintln!("OUTLIER {} mm sigma {} nees {} left {} catch {at_ns} v {}", ahead.across_mm, ahead.sigma_across_mm, ahead.nees, ahead.left, there.v);
-            let aligned = perception.alignment(at_ns);
-            for said in &own {
-                let judged = said.judge(&aligned, at_ns, &there.p, &there.v);
-                let ball = &said.prediction;
-                eprintln!("  OUT left {:.3} ball {} exist {:.3} frames {} dist {:.3} across {:.1} sigma {:.1} along {:.1} k {:.4} lift {:?} v {:?}", judged.left, ball.ball, ball.existence, ball.frames, said.distance(&flight).unwrap_or(9.0), judged.across_mm, judged.sigma_across_mm, judged.along_ms, ball.k, ball.lift, ball.v);
-            }
-        }
         let bound = ahead
             .zip(catch)
             .and_then(|(ahead, (at_ns, _))| self.bound(&ahead, flight.first()?, at_ns));
