@@ -21,8 +21,6 @@ ROWS = [
     ("whole stack, seed 2", ["--seed", "2"], {}, 1),
     ("two balls", ["--balls", "2"], {}, 2),
     ("two balls, seed 2", ["--balls", "2", "--seed", "2"], {}, 2),
-    ("latest catch", ["--mode", "latest"], {}, 1),
-    ("cool catch", ["--mode", "cool"], {}, 1),
     ("delays of the thesis, 152 ms", ["--timing", "thesis"], {}, 1),
     ("head and balls known", ["--perfect-perception"], {}, 1),
     ("torso rigid, lower body still", ["--without", "lower-body"], {"torso": {"stiffness": "rigid"}}, 1),
@@ -37,7 +35,6 @@ ROWS = [
     ("hands 4 cm beside", [], {"errors": {"arm_mount": 0.04}}, 0.2),
     ("balls without air, drag believed", [], {"ball": {"air": 0.0}}, 0.2),
     ("balls without air, no drag believed", ["--without", "drag"], {"ball": {"air": 0.0}}, 0.2),
-    *((f"predictions, seed {seed}", ["--seed", str(seed)], {}, 0.2) for seed in range(11, 21)),
 ]
 
 

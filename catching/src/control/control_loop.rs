@@ -260,6 +260,14 @@ mod tests {
                 ..ControlInputs::default()
             })
         }
+
+        /// Runs until the arm is in motion.
+        fn move_on(&mut self) {
+            self.send_path();
+            for _ in 0..100 {
+                self.step(ControlInputs::default());
+            }
+        }
     }
 
     #[test]
@@ -287,15 +295,13 @@ mod tests {
         ] {
             let mut bench = Bench::new();
             bench.control.config.brakes = brakes;
-            bench.send_path();
-            (bench.verdict.go, bench.verdict.number) = (0, 10);
+            bench.move_on();
+            (bench.verdict.go, bench.verdict.number) = (0, bench.control.number);
             bench.step(ControlInputs::default());
             assert_eq!(bench.mode(), mode);
         }
         let mut bench = Bench::new();
-        bench.step(ControlInputs::default());
-        bench.control.number = 80;
-        bench.send_path();
+        bench.move_on();
         (bench.verdict.go, bench.verdict.number) = (0, 10);
         bench.step(ControlInputs::default());
         assert_eq!(bench.mode(), ControllerMode::Following, "old");

@@ -21,6 +21,8 @@ const STANDS_NS: u64 = 200_000_000;
 const TAKEN_NS: u64 = 600_000_000;
 /// Time before the opening at which the hand receives its first command, in ns.
 const TOLD_NS: u64 = 100_000_000;
+/// Time before the opening from which a ball that leaves the hand is thrown, in ns. Fingers open with jitter.
+const EARLY_NS: u64 = 10_000_000;
 /// Timeout within which a hand must report that the ball has left, in ns.
 const LEFT_NS: u64 = 150_000_000;
 
@@ -153,7 +155,7 @@ impl ThrowDuty {
     ) -> ThrowAction {
         let opening = throw.opening;
         if !holds {
-            if now_ns < opening.open_ns {
+            if now_ns + EARLY_NS < opening.open_ns {
                 self.fail("the hand holds nothing any more");
             }
             // The ball is in the air.

@@ -1,5 +1,3 @@
-use tactnet_catching_packets::RobotDescription;
-
 use super::*;
 
 /// Returns a plan that reaches `q` at all joints after one second.
