@@ -100,7 +100,6 @@ fn in_frame(flight: &[Flight], frame: &Isometry3<f64>) -> Vec<Flight> {
 #[cfg(test)]
 mod tests {
     use nalgebra::Vector3;
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
 
@@ -119,7 +118,7 @@ mod tests {
 
     #[test]
     fn balls_before_a_shoulder_can_be_caught_and_balls_far_aside_cannot() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let oracle = CatchSpace::new(&robot, false);
         let ready = robot.waiting();
         let before = |y: f64| oracle.arms(&thrown_to(Vector3::new(0.6, y, 1.3), 0.6), &ready);
@@ -131,7 +130,7 @@ mod tests {
 
     #[test]
     fn platform_and_torso_widen_the_catch_space() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let ready = robot.waiting();
         let farthest = |oracle: &CatchSpace| {
             let aside = |i: u32| 0.9 + 0.02 * f64::from(i);

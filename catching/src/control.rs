@@ -10,8 +10,10 @@
 //! Commands to the drives therefore stay smooth, whatever is sent or lost. The way back retraces the path that led to
 //! the current pose at no more than half the speed, so it passes only positions that were passed before.
 
+mod control_loop;
 mod controller;
 mod throwing;
 mod trail;
 
+pub use control_loop::{ControlConfig, ControlInputs, ControlLoop, ControlOutputs};
 pub use controller::{Controller, PathError};

@@ -7,9 +7,12 @@
 //! - [`track::PairTracker`]: circles and head poses to predictions
 //! - [`coordinate::Coordinator`]: predictions, plans and states to requests, paths, closing times and phases
 //! - [`coordinate::answer`]: plan request to plan
-//! - [`control::Controller`]: paths to joint commands
-//!
-//! Throws, touch, the safety monitor's stop and the hands have a separate shell in each.
+//! - [`control::ControlLoop`]: paths to joint commands
+//! - [`safety::SafetyWatch`]: joint commands to verdicts
+//! - [`hand::HandRelay`]: closing times and releases to the hands
+//! - [`throw_back::ThrowTask`]: a held ball to a throw and its release
+//! - [`feel::Exploration`]: a held ball to sweeps and its material
+//! - [`calibrate::MarkerWatch`]: markers to the state of the calibration
 //!
 //! ```text
 //! imu ─> pose ─> track <─ circles <─ pictures        track ─> coordinate ─> plan ─> arm paths, hand commands
@@ -24,7 +27,9 @@ mod chain_delays;
 pub mod circles;
 pub mod control;
 pub mod coordinate;
+pub mod feel;
 pub mod flight;
+pub mod hand;
 pub mod map;
 pub mod plan;
 pub mod pose;
@@ -32,6 +37,7 @@ pub mod ramp;
 mod robot;
 pub mod safety;
 pub mod throw;
+pub mod throw_back;
 pub mod track;
 
 pub use catch_space::CatchSpace;

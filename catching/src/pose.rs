@@ -23,7 +23,7 @@ pub(crate) mod shaking;
 
 pub use config::{PoseConfig, PoseError};
 pub use estimator::PoseEstimator;
-pub use head_estimator::{HeadEstimator, HeadInputs};
+pub use head_estimator::{HeadEstimator, HeadInputs, TORSO_RESTS};
 pub use ring::{POSES, PoseRing};
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};

@@ -37,6 +37,11 @@ pub struct Robot {
 }
 
 impl Robot {
+    /// Returns the robot of the simulation.
+    pub fn nominal() -> Self {
+        Self::new(RobotDescription::nominal())
+    }
+
     /// Creates a robot from a validated description.
     pub fn new(description: RobotDescription) -> Self {
         Self {

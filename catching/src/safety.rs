@@ -15,6 +15,7 @@ mod hull;
 mod monitor;
 mod parts;
 mod sweep;
+mod watch;
 
 pub use bodies::{BODIES, Bodies, PAIRS};
 pub use gjk::distance;
@@ -22,6 +23,7 @@ pub(crate) use gjk::{Nearest, nearest};
 pub use hull::{Hull, MAX_POINTS};
 pub use monitor::{Monitor, MonitorConfig, Ruling};
 pub use sweep::{Interval, braking};
+pub use watch::SafetyWatch;
 
 #[cfg(test)]
 mod tests {
@@ -79,12 +81,10 @@ mod tests {
         ) {
             let description = RobotDescription::nominal();
             let (bodies, joints) = (Bodies::new(&description), description.joints());
-            let command = JointCommand {
-                number: 0,
-                command_ns: 0,
-                q: std::array::from_fn(|i| joints[i].range[0] + places[i] * (joints[i].range[1] - joints[i].range[0])),
-                dq: std::array::from_fn(|i| 0.5 * speeds[i] * joints[i].speed),
-            };
+            let command = JointCommand::of(
+                std::array::from_fn(|i| joints[i].range[0] + places[i] * (joints[i].range[1] - joints[i].range[0])),
+                std::array::from_fn(|i| 0.5 * speeds[i] * joints[i].speed),
+            );
             let braking_of = sweep::Braking::new(&command, &joints, 0.005);
             let (begun, braked) = (begun * 0.005, braked * braking_of.longest());
             let q = braking_of.at(begun, braked);
@@ -111,11 +111,11 @@ mod tests {
     /// Returns the minimum distance of all pairs during braking, sampled densely, for drives that brake at once or at
     /// the end of the reaction time.
     fn least(
-        monitor: &Monitor,
+        bodies: &Bodies,
         joints: &[tactnet_catching_packets::Joint; JOINTS],
         command: &JointCommand,
     ) -> f64 {
-        let reaction = monitor.config().reaction;
+        let reaction = MonitorConfig::default().reaction;
         let longest = (0..JOINTS)
             .map(|i| reaction + command.dq[i].abs() / joints[i].acceleration)
             .fold(0.0, f64::max);
@@ -132,10 +132,7 @@ mod tests {
                         time,
                     )
                 });
-                for pair in 0..PAIRS {
-                    let [a, b] = monitor.bodies().placed(pair, &q);
-                    least = least.min(distance(&a, &b));
-                }
+                least = least.min(bodies.least(&q));
             }
         }
         least
@@ -150,13 +147,9 @@ mod tests {
             q[tactnet_catching_packets::joint::ARM[arm].clone()].copy_from_slice(&robot.ready(arm));
         }
         let bodies = Bodies::new(&description);
-        let mut monitor = Monitor::new(bodies, description.joints(), MonitorConfig::default(), &q);
-        let command = |q: [f64; JOINTS], dq: [f64; JOINTS]| JointCommand {
-            number: 0,
-            command_ns: 0,
-            q,
-            dq,
-        };
+        let config = MonitorConfig::default();
+        let mut monitor = Monitor::new(bodies.clone(), description.joints(), config, &q);
+        let command = JointCommand::of;
         assert!(monitor.judge(&command(q, [0.0; JOINTS])).go, "at rest");
         // The left arm's first joints move it across the body, one millisecond per step.
         let mut stopped = false;
@@ -170,7 +163,7 @@ mod tests {
                     stopped = true;
                     break;
                 }
-                assert!(least(&monitor, &description.joints(), &now) >= ruling.bound - 1e-9);
+                assert!(least(&bodies, &description.joints(), &now) >= ruling.bound - 1e-9);
                 at[6] += 1e-3 * dq[6];
                 at[7] += 1e-3 * dq[7];
             }
@@ -190,12 +183,7 @@ mod tests {
         let command = |q: [f64; JOINTS], speed: f64| {
             let mut dq = [0.0; JOINTS];
             (dq[6], dq[7]) = (speed, speed);
-            JointCommand {
-                number: 0,
-                command_ns: 0,
-                q,
-                dq,
-            }
+            JointCommand::of(q, dq)
         };
         let least =
             |monitor: &Monitor, q: [f64; JOINTS]| monitor.least_while_braking(&command(q, 0.0));
@@ -275,12 +263,8 @@ mod tests {
                 let mut monitor = Monitor::new(bodies, joints, config, &waiting);
                 for tick in 0..600_u64 {
                     let motion = ramps.map(|ramp| ramp.at(tick as f64 * 1e-3));
-                    let command = JointCommand {
-                        number: tick,
-                        command_ns: 0,
-                        q: motion.map(|(q, _)| q),
-                        dq: motion.map(|(_, dq)| dq),
-                    };
+                    let command =
+                        JointCommand::of(motion.map(|(q, _)| q), motion.map(|(_, dq)| dq));
                     if !monitor.judge(&command).go {
                         let room = monitor.least_while_braking(&command);
                         brakes += usize::from(room > 3.0 * config.margin);

@@ -4,7 +4,7 @@
 //! joints accelerate from rest. They determine the start and the end of the swing: each joint accelerates uniformly,
 //! keeps its velocity around the release, and decelerates symmetrically within its range. The [`Thrower`] computes the
 //! farthest flight in a direction, or the smoothest throw to a target, by sequential quadratic programming from many
-//! starts. Flights have the drag of [`flight`](crate::flight). A [`ThrowMotion`] leads from the current pose to the
+//! starts. Flights have the drag of [`flight`](crate::flight). A [`ThrowMotion`] leads from the waiting pose to the
 //! swing and through it.
 //!
 //! ```text
@@ -29,4 +29,3 @@ pub use motion::ThrowMotion;
 pub use planner::{NoThrow, ThrowEffort, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower};
 pub use problem::{Aim, THROW_UNKNOWNS, ThrowViolation};
 pub use swing::{Swing, ThrowJoints, throw_joint};
-pub use way::{Way, WayRequest};

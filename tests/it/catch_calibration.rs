@@ -9,7 +9,7 @@ use tactnet_catching::safety::Bodies;
 use tactnet_catching_packets::packets::{
     CalibrationHold, CalibrationState, JointCommand, JointState, MarkerFeature, MarkerFeatures,
 };
-use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
+use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_roles::{RoleSettings, catching_channels};
 use tactnet_catching_world::{PlantedErrors, TendonSlip, World, WorldConfig};
 use tactnet_channel::{Bus, Domain, GetPort, Priority, PutPort, Start, Table, Wait, remove_bus};
@@ -143,7 +143,7 @@ struct Standing {
 
 impl Standing {
     fn new(bus: &Bus) -> Self {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let bodies = Bodies::new(robot.description());
         let (model, guess) = (Model::new(&robot), Priors::default().guess());
         // Knuth's linear congruential generator; any configurations are suitable.

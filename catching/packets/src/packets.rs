@@ -343,6 +343,23 @@ packets! {
     }
 }
 
+impl JointCommand {
+    /// Returns a command without number and time.
+    pub fn of(q: [f64; JOINTS], dq: [f64; JOINTS]) -> Self {
+        Self {
+            number: 0,
+            command_ns: 0,
+            q,
+            dq,
+        }
+    }
+
+    /// Returns a command to rest, without number and time.
+    pub fn still(q: [f64; JOINTS]) -> Self {
+        Self::of(q, [0.0; JOINTS])
+    }
+}
+
 impl Circles {
     /// Returns the valid circles.
     pub fn valid(&self) -> &[Circle] {

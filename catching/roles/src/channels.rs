@@ -1,4 +1,6 @@
-//! Channels of the catching stack.
+//! Channels of the catching stack, each with its packet and its priority.
+
+use std::marker::PhantomData;
 
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CalibrationState, CatchOutcome, CatchStatus, Circles,
@@ -6,76 +8,146 @@ use tactnet_catching_packets::packets::{
     HandOpening, HandState, HeadPose, ImuSample, JointCommand, JointState, MarkerFeatures,
     PlanRequest, PlanResult, SafetyState, ThrowPath, ThrowStatus, ThrownBack,
 };
-use tactnet_channel::{ChannelConfig, Packet, Table};
+use tactnet_channel::{
+    Bus, ChannelConfig, ChannelError, GetPort, Packet, Priority, PutPort, Start, Table,
+};
+
+use crate::latest_value::{LatestValue, NewPackets};
 
 /// Number of bytes before the pixels of a picture: the size of a [`crate::PictureHead`].
 pub const PICTURE_HEAD: usize = 64;
 
-pub(crate) const CAMERA_LEFT: &str = "camera/left";
-pub(crate) const CAMERA_RIGHT: &str = "camera/right";
-pub(crate) const CIRCLES: &str = "ball/circles";
-pub(crate) const PREDICTION: &str = "ball/prediction";
-pub(crate) const IMU: &str = "imu";
-pub(crate) const JOINT_STATE: &str = "joint/state";
-pub(crate) const JOINT_COMMAND: &str = "joint/command";
-pub(crate) const HEAD_POSE: &str = "head/pose";
-pub(crate) const HEAD_GAZE: &str = "head/gaze";
-pub(crate) const PLAN_REQUEST: &str = "plan/request";
-pub(crate) const PLAN_RESULT: &str = "plan/result";
-pub(crate) const ARM_PATH: &str = "arm/path";
-pub(crate) const BODY_PATH: &str = "body/path";
-pub(crate) const HAND_COMMAND: &str = "hand/command";
-pub(crate) const HAND_TARGET: &str = "hand/target";
-pub(crate) const HAND_RELEASE: &str = "hand/release";
-pub(crate) const HAND_OPEN: &str = "hand/open";
-pub(crate) const THROW_PATH: &str = "throw/path";
-pub(crate) const THROW_STATE: &str = "throw/state";
-pub(crate) const THROW_OUTCOME: &str = "throw/outcome";
-pub(crate) const CONTROLLER_COMMAND: &str = "controller/command";
-pub(crate) const CONTROLLER_STATE: &str = "controller/state";
-pub(crate) const SAFETY_STATE: &str = "safety/state";
-pub(crate) const HAND_STATE: &str = "hand/state";
-pub(crate) const CATCH_FELT: &str = "catch/felt";
-pub(crate) const COORDINATOR_STEP: &str = "coordinator/step";
-pub(crate) const CATCH_STATE: &str = "catch/state";
-pub(crate) const CATCH_OUTCOME: &str = "catch/outcome";
-pub(crate) const MARKER_FEATURES: &str = "marker/features";
-pub(crate) const CALIBRATION_STATE: &str = "calibration/state";
+/// Pictures of the left camera.
+pub const CAMERA_LEFT: &str = "camera/left";
+/// Pictures of the right camera.
+pub const CAMERA_RIGHT: &str = "camera/right";
+
+/// Channel with packets of one type.
+#[derive(Debug)]
+pub struct Channel<T> {
+    /// Name.
+    pub id: &'static str,
+    priority: Priority,
+    rate: Rate,
+    packet: PhantomData<T>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Rate {
+    /// Hundreds of packets per second. A reader that polls every 60 ms loses nothing.
+    Fast,
+    /// Few packets, of which this many are kept.
+    Seldom(usize),
+}
+
+impl<T: Packet + Copy> Channel<T> {
+    /// Opens the channel for sending.
+    ///
+    /// # Errors
+    /// A missing or broken channel.
+    pub fn put(&self, bus: &Bus) -> Result<PutPort<T>, ChannelError> {
+        bus.put_port(self.id, self.priority)
+    }
+
+    /// Opens the channel for the packets from now on.
+    ///
+    /// # Errors
+    /// A missing or broken channel.
+    pub fn get(&self, bus: &Bus) -> Result<GetPort<T>, ChannelError> {
+        bus.get_port(self.id, Start::Now)
+    }
+
+    pub(crate) fn latest(&self, bus: &Bus) -> Result<LatestValue<T>, ChannelError> {
+        Ok(LatestValue::new(self.get(bus)?))
+    }
+
+    /// Also returns the last packet from before.
+    pub(crate) fn latest_ever(&self, bus: &Bus) -> Result<LatestValue<T>, ChannelError> {
+        let port = bus.get_port(self.id, Start::History(1))?;
+        Ok(LatestValue::new(port))
+    }
+
+    pub(crate) fn new_packets(&self, bus: &Bus) -> Result<NewPackets<T>, ChannelError> {
+        Ok(NewPackets::new(self.get(bus)?))
+    }
+
+    fn add(&self, table: Table) -> Table {
+        let one = ChannelConfig::of::<T>(1);
+        let config = match self.rate {
+            Rate::Fast => ChannelConfig {
+                depth: 64,
+                // A process that was killed and its successor.
+                put_ports: 2,
+                ..one
+            },
+            Rate::Seldom(depth) => ChannelConfig {
+                depth,
+                put_ports: 3,
+                history: 1,
+                ..one
+            },
+        };
+        table.with(self.id, config)
+    }
+}
+
+/// Defines channels, and a function that adds them to a table.
+macro_rules! channels {
+    ($($name:ident: $packet:ty = $id:literal, $priority:ident, $rate:expr;)*) => {
+        $(
+            #[doc = concat!("Channel `", $id, "`.")]
+            pub const $name: Channel<$packet> = Channel {
+                id: $id,
+                priority: Priority::$priority,
+                rate: $rate,
+                packet: PhantomData,
+            };
+        )*
+
+        fn with_all(table: Table) -> Table {
+            $(let table = $name.add(table);)*
+            table
+        }
+    };
+}
+
+channels! {
+    JOINT_STATE: JointState = "joint/state", RealTime, Rate::Fast;
+    JOINT_COMMAND: JointCommand = "joint/command", RealTime, Rate::Fast;
+    SAFETY_STATE: SafetyState = "safety/state", RealTime, Rate::Fast;
+    IMU: ImuSample = "imu", High, Rate::Fast;
+    HEAD_POSE: HeadPose = "head/pose", High, Rate::Fast;
+    CIRCLES: Circles = "ball/circles", High, Rate::Seldom(8);
+    PREDICTION: BallPredictions = "ball/prediction", High, Rate::Seldom(8);
+    PLAN_REQUEST: PlanRequest = "plan/request", High, Rate::Seldom(8);
+    PLAN_RESULT: PlanResult = "plan/result", High, Rate::Seldom(8);
+    ARM_PATH: ArmPath = "arm/path", High, Rate::Seldom(8);
+    BODY_PATH: BodyPath = "body/path", High, Rate::Seldom(8);
+    HEAD_GAZE: Gaze = "head/gaze", High, Rate::Seldom(8);
+    HAND_COMMAND: HandCommand = "hand/command", High, Rate::Seldom(16);
+    HAND_TARGET: HandCommand = "hand/target", RealTime, Rate::Seldom(16);
+    HAND_RELEASE: HandOpening = "hand/release", RealTime, Rate::Seldom(16);
+    HAND_OPEN: HandOpening = "hand/open", RealTime, Rate::Seldom(16);
+    HAND_STATE: HandState = "hand/state", Normal, Rate::Seldom(8);
+    THROW_PATH: ThrowPath = "throw/path", High, Rate::Seldom(8);
+    THROW_STATE: ThrowStatus = "throw/state", Normal, Rate::Seldom(16);
+    THROW_OUTCOME: ThrownBack = "throw/outcome", Normal, Rate::Seldom(16);
+    CATCH_FELT: FeltMaterial = "catch/felt", Normal, Rate::Seldom(8);
+    CONTROLLER_COMMAND: ControllerCommand = "controller/command", High, Rate::Seldom(8);
+    CONTROLLER_STATE: ControllerState = "controller/state", High, Rate::Seldom(16);
+    COORDINATOR_STEP: CoordinatorStep = "coordinator/step", Normal, Rate::Fast;
+    CATCH_STATE: CatchStatus = "catch/state", Normal, Rate::Seldom(16);
+    CATCH_OUTCOME: CatchOutcome = "catch/outcome", Normal, Rate::Seldom(16);
+    MARKER_FEATURES: MarkerFeatures = "marker/features", Normal, Rate::Seldom(8);
+    CALIBRATION_STATE: CalibrationState = "calibration/state", Normal, Rate::Seldom(16);
+}
 
 /// Adds the channels of the stack to a table.
 ///
 /// - `pixels`: number of pixels of a picture; `None` adds no picture channels, for circles that are computed
 ///   elsewhere
 pub fn catching_channels(table: Table, pixels: Option<usize>) -> Table {
-    let table = table
-        .with(JOINT_STATE, fast::<JointState>())
-        .with(JOINT_COMMAND, fast::<JointCommand>())
-        .with(SAFETY_STATE, fast::<SafetyState>())
-        .with(IMU, fast::<ImuSample>())
-        .with(HEAD_POSE, fast::<HeadPose>())
-        .with(CIRCLES, seldom::<Circles>(8))
-        .with(PREDICTION, seldom::<BallPredictions>(8))
-        .with(PLAN_REQUEST, seldom::<PlanRequest>(8))
-        .with(PLAN_RESULT, seldom::<PlanResult>(8))
-        .with(ARM_PATH, seldom::<ArmPath>(8))
-        .with(BODY_PATH, seldom::<BodyPath>(8))
-        .with(HEAD_GAZE, seldom::<Gaze>(8))
-        .with(HAND_COMMAND, seldom::<HandCommand>(16))
-        .with(HAND_TARGET, seldom::<HandCommand>(16))
-        .with(HAND_RELEASE, seldom::<HandOpening>(16))
-        .with(HAND_OPEN, seldom::<HandOpening>(16))
-        .with(THROW_PATH, seldom::<ThrowPath>(8))
-        .with(THROW_STATE, seldom::<ThrowStatus>(16))
-        .with(THROW_OUTCOME, seldom::<ThrownBack>(16))
-        .with(HAND_STATE, seldom::<HandState>(8))
-        .with(CATCH_FELT, seldom::<FeltMaterial>(8))
-        .with(CONTROLLER_COMMAND, seldom::<ControllerCommand>(8))
-        .with(CONTROLLER_STATE, seldom::<ControllerState>(16))
-        .with(COORDINATOR_STEP, fast::<CoordinatorStep>())
-        .with(CATCH_STATE, seldom::<CatchStatus>(16))
-        .with(CATCH_OUTCOME, seldom::<CatchOutcome>(16))
-        .with(MARKER_FEATURES, seldom::<MarkerFeatures>(8))
-        .with(CALIBRATION_STATE, seldom::<CalibrationState>(16));
+    let table = with_all(table);
     let Some(pixels) = pixels else {
         return table;
     };
@@ -88,24 +160,4 @@ pub fn catching_channels(table: Table, pixels: Option<usize>) -> Table {
     table
         .with(CAMERA_LEFT, picture.clone())
         .with(CAMERA_RIGHT, picture)
-}
-
-/// Returns the configuration of a channel with hundreds of packets per second. A reader that polls every 60 ms loses
-/// nothing.
-fn fast<T: Packet>() -> ChannelConfig {
-    ChannelConfig {
-        depth: 64,
-        // A process that was killed and its successor.
-        put_ports: 2,
-        ..ChannelConfig::of::<T>(1)
-    }
-}
-
-fn seldom<T: Packet>(depth: usize) -> ChannelConfig {
-    ChannelConfig {
-        depth,
-        put_ports: 3,
-        history: 1,
-        ..ChannelConfig::of::<T>(1)
-    }
 }

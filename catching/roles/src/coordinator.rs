@@ -2,18 +2,14 @@
 
 use std::time::Duration;
 
-use tactnet_catching::coordinate::{Coordinator, CoordinatorInputs, CoordinatorOutputs};
-use tactnet_catching_packets::packets::{
-    ArmPath, BallPredictions, BodyPath, CatchStatus, ControllerCommand, ControllerState,
-    CoordinatorStep, Gaze, HandCommand, HeadPose, JointState, PlanRequest, PlanResult,
-};
-use tactnet_channel::{Bus, GetPort, Packet, Priority, PutPort, Start, SyncGroup, Wait, now_ns};
+use tactnet_catching::coordinate::{Coordinator, CoordinatorInputs};
+use tactnet_channel::{Bus, SyncGroup, Wait, now_ns};
 
 use crate::channels::{
     ARM_PATH, BODY_PATH, CATCH_STATE, CONTROLLER_COMMAND, CONTROLLER_STATE, COORDINATOR_STEP,
     HAND_COMMAND, HEAD_GAZE, HEAD_POSE, JOINT_STATE, PLAN_REQUEST, PLAN_RESULT, PREDICTION,
 };
-use crate::latest_value::{LatestValue, drain};
+use crate::latest_value::send;
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
@@ -21,8 +17,6 @@ use crate::{RoleError, RoleReport, RoleSettings};
 const BEAT: Wait = Wait::Block {
     timeout: Duration::from_millis(2),
 };
-/// Maximum number of waiting results that are taken without allocation.
-const RESULTS: usize = 16;
 
 pub(crate) fn run(
     bus: &Bus,
@@ -31,113 +25,73 @@ pub(crate) fn run(
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
     let mut coordinator = settings.new_coordinator()?;
-    let mut ports = CoordinatorPorts::open(bus)?;
-    let mut group = ports.group(bus)?;
+    let (mut group, mut step) = coordinator_shell(bus)?;
     let mut times = Times::at(25);
+    let mut lost = 0;
     ready();
     while !stopped() {
         group.wait(BEAT)?;
         let begun = now_ns();
-        if ports.step(&mut coordinator, begun)? {
+        let taken = step(&mut coordinator, begun)?;
+        if taken.predictions {
             times.push(now_ns() - begun);
         }
+        lost = taken.lost;
     }
     Ok(RoleReport {
-        lost: ports.predictions.lost() + ports.results.lost() + ports.controller.lost(),
+        lost,
         ..times.report()
     })
 }
 
-/// Channels of the coordinator.
-pub struct CoordinatorPorts {
-    joints: LatestValue<JointState>,
-    head: LatestValue<HeadPose>,
-    controller: GetPort<ControllerState>,
-    state: Option<ControllerState>,
-    predictions: GetPort<BallPredictions>,
-    results: GetPort<PlanResult>,
-    arrived: Vec<PlanResult>,
-    steps: PutPort<CoordinatorStep>,
-    requests: PutPort<PlanRequest>,
-    paths: PutPort<ArmPath>,
-    body: PutPort<BodyPath>,
-    gaze: PutPort<Gaze>,
-    hands: PutPort<HandCommand>,
-    orders: PutPort<ControllerCommand>,
-    status: PutPort<CatchStatus>,
+/// What a step of the coordinator took from its channels.
+#[derive(Debug, Clone, Copy)]
+pub struct StepTaken {
+    /// True if there were predictions.
+    pub predictions: bool,
+    /// Number of packets that were lost so far.
+    pub lost: u64,
 }
 
-impl CoordinatorPorts {
-    /// Opens all channels.
-    ///
-    /// # Errors
-    /// Missing or broken channels.
-    pub fn open(bus: &Bus) -> Result<Self, RoleError> {
-        Ok(Self {
-            joints: LatestValue::open(bus, JOINT_STATE)?,
-            head: LatestValue::open(bus, HEAD_POSE)?,
-            controller: bus.get_port(CONTROLLER_STATE, Start::Now)?,
-            state: None,
-            predictions: bus.get_port(PREDICTION, Start::Now)?,
-            results: bus.get_port(PLAN_RESULT, Start::Now)?,
-            arrived: Vec::with_capacity(RESULTS),
-            steps: bus.put_port(COORDINATOR_STEP, Priority::Normal)?,
-            requests: bus.put_port(PLAN_REQUEST, Priority::High)?,
-            paths: bus.put_port(ARM_PATH, Priority::High)?,
-            body: bus.put_port(BODY_PATH, Priority::High)?,
-            gaze: bus.put_port(HEAD_GAZE, Priority::High)?,
-            hands: bus.put_port(HAND_COMMAND, Priority::High)?,
-            orders: bus.put_port(CONTROLLER_COMMAND, Priority::High)?,
-            status: bus.put_port(CATCH_STATE, Priority::Normal)?,
-        })
-    }
+/// Takes all waiting packets, performs a step of a coordinator at a time in ns, and sends its packets.
+pub type CoordinatorShell = Box<dyn FnMut(&mut Coordinator, u64) -> Result<StepTaken, RoleError>>;
 
-    fn group(&self, bus: &Bus) -> Result<SyncGroup, RoleError> {
-        Ok(bus.sync_group(&[&self.predictions, &self.results, &self.controller])?)
-    }
-
-    /// Takes all waiting packets, performs a step, and sends its packets. Returns true if there were predictions.
-    ///
-    /// # Errors
-    /// Broken channels.
-    pub fn step(&mut self, coordinator: &mut Coordinator, now_ns: u64) -> Result<bool, RoleError> {
-        self.joints.look()?;
-        self.head.look()?;
-        drain(&self.controller, |state| self.state = Some(*state))?;
-        let mut predictions = None;
-        drain(&self.predictions, |packet| predictions = Some(*packet))?;
-        self.arrived.clear();
-        drain(&self.results, |result| self.arrived.push(*result))?;
+/// Opens the channels of a coordinator. Returns those that wake it, and the function that performs a step on them.
+///
+/// # Errors
+/// Missing or broken channels.
+pub fn coordinator_shell(bus: &Bus) -> Result<(SyncGroup, CoordinatorShell), RoleError> {
+    let (mut joints, mut head) = (JOINT_STATE.latest(bus)?, HEAD_POSE.latest(bus)?);
+    let (mut controller, mut results) =
+        (CONTROLLER_STATE.latest(bus)?, PLAN_RESULT.new_packets(bus)?);
+    let mut predictions = PREDICTION.new_packets(bus)?;
+    let (steps, requests) = (COORDINATOR_STEP.put(bus)?, PLAN_REQUEST.put(bus)?);
+    let (paths, bodies) = (ARM_PATH.put(bus)?, BODY_PATH.put(bus)?);
+    let (gazes, hands) = (HEAD_GAZE.put(bus)?, HAND_COMMAND.put(bus)?);
+    let (orders, states) = (CONTROLLER_COMMAND.put(bus)?, CATCH_STATE.put(bus)?);
+    let group = bus.sync_group(&[&predictions.port, &results.port, &controller.port])?;
+    let step = move |coordinator: &mut Coordinator, now_ns: u64| -> Result<StepTaken, RoleError> {
         let inputs = CoordinatorInputs {
-            joints: self.joints.get(),
-            head: self.head.get(),
-            controller: self.state.as_ref(),
-            predictions: predictions.as_ref(),
-            results: &self.arrived,
+            joints: joints.look()?,
+            head: head.look()?,
+            controller: controller.look()?,
+            predictions: predictions.look()?.last(),
+            results: results.look()?,
         };
-        self.steps.put_copy(&[inputs.stamps(now_ns)])?;
+        steps.put_copy(&[inputs.stamps(now_ns)])?;
         let outputs = coordinator.step(now_ns, &inputs);
-        self.put(&outputs)?;
-        Ok(predictions.is_some())
-    }
-
-    fn put(&self, outputs: &CoordinatorOutputs) -> Result<(), RoleError> {
-        send(&self.requests, outputs.requests)?;
-        send(&self.paths, outputs.paths)?;
-        send(&self.body, [outputs.body])?;
-        send(&self.gaze, [outputs.gaze])?;
-        send(&self.hands, outputs.hands)?;
-        send(&self.orders, [outputs.order])?;
-        send(&self.status, [outputs.status])
-    }
-}
-
-fn send<T: Packet + Copy, const MOST: usize>(
-    port: &PutPort<T>,
-    packets: [Option<T>; MOST],
-) -> Result<(), RoleError> {
-    for packet in packets.into_iter().flatten() {
-        port.put_copy(&[packet])?;
-    }
-    Ok(())
+        let taken = inputs.predictions.is_some();
+        send(&requests, outputs.requests)?;
+        send(&paths, outputs.paths)?;
+        send(&bodies, [outputs.body])?;
+        send(&gazes, [outputs.gaze])?;
+        send(&hands, outputs.hands)?;
+        send(&orders, [outputs.order])?;
+        send(&states, [outputs.status])?;
+        Ok(StepTaken {
+            predictions: taken,
+            lost: predictions.lost() + results.lost() + controller.port.lost(),
+        })
+    };
+    Ok((group, Box::new(step)))
 }

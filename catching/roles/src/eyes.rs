@@ -6,11 +6,11 @@ use bytemuck::Zeroable;
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::circles::{CircleConfig, CircleDetector, Gate, gates};
 use tactnet_catching::pose::{POSES, PoseRing};
-use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose, MAX_BALLS};
-use tactnet_channel::{Bus, Priority, Start, now_ns};
+use tactnet_catching_packets::packets::{Circles, MAX_BALLS};
+use tactnet_channel::{Bus, Start, now_ns};
 
 use crate::channels::{CAMERA_LEFT, CAMERA_RIGHT, CIRCLES, HEAD_POSE, PREDICTION};
-use crate::latest_value::{LatestValue, PATIENCE, drain};
+use crate::latest_value::{PATIENCE, drain};
 use crate::times::Times;
 use crate::{PictureHead, RoleError, RoleReport, RoleSettings};
 
@@ -61,16 +61,14 @@ fn look(
 ) -> Result<RoleReport, RoleError> {
     let cameras = &corrections.robot().description().cameras;
     let pictures = bus.get_port::<u8>(id, Start::Now)?;
-    let mut expected = LatestValue::<BallPredictions>::open(bus, PREDICTION)?;
-    let poses = bus.get_port::<HeadPose>(HEAD_POSE, Start::Now)?;
+    let mut expected = PREDICTION.latest(bus)?;
+    let (poses, found) = (HEAD_POSE.get(bus)?, CIRCLES.put(bus)?);
     let mut heads = PoseRing::new(POSES);
-    let found = bus.put_port::<Circles>(CIRCLES, Priority::High)?;
     let mut detector = CircleDetector::new(cameras, CircleConfig::default());
     let mut times = Times::at(25);
     let mut expectations = Vec::with_capacity(MAX_BALLS);
     while !stopped() {
         let got = pictures.get(PATIENCE)?;
-        expected.look()?;
         drain(&poses, |pose| heads.put(*pose))?;
         let Some(packet) = got else {
             continue;
@@ -85,7 +83,7 @@ fn look(
         expectations.clear();
         let exposure_ns = corrections.exposure(head.exposure_ns);
         let pose = heads.at(exposure_ns).ok().or(heads.last().copied());
-        if let (Some(balls), Some(pose)) = (expected.get(), pose) {
+        if let (Some(balls), Some(pose)) = (expected.look()?, pose) {
             let near = balls.exposure_ns.abs_diff(exposure_ns) < 500_000_000;
             let gates = gates(cameras, head.camera as usize, balls, &pose);
             let all: Vec<Gate> = gates.take(MAX_BALLS).collect();

@@ -1,13 +1,15 @@
-//! Reading of waiting packets: all of them, or only the latest.
+//! Reading and sending of packets: all waiting ones, or only the latest.
 
 use std::time::Duration;
 
-use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Received, Start, Wait};
+use tactnet_channel::{ChannelError, GetPort, Packet, PutPort, Wait};
 
 /// Maximum sleep of a process, which bounds its reaction time to a stop request.
 pub(crate) const PATIENCE: Wait = Wait::Block {
     timeout: Duration::from_millis(50),
 };
+/// Number of packets since the last look that are taken without allocation.
+const NEW: usize = 16;
 
 /// Calls `take` for each element of all waiting packets.
 ///
@@ -20,49 +22,79 @@ pub fn drain<T: Packet>(port: &GetPort<T>, mut take: impl FnMut(&T)) -> Result<(
     Ok(())
 }
 
+/// Sends those packets that there are.
+pub(crate) fn send<T: Packet + Copy, const MOST: usize>(
+    port: &PutPort<T>,
+    packets: [Option<T>; MOST],
+) -> Result<(), ChannelError> {
+    for packet in packets.into_iter().flatten() {
+        port.put_copy(&[packet])?;
+    }
+    Ok(())
+}
+
 /// Latest packet of a channel.
 pub(crate) struct LatestValue<T> {
-    port: GetPort<T>,
+    pub port: GetPort<T>,
     last: Option<T>,
-    put_ns: u64,
 }
 
 impl<T: Packet + Copy> LatestValue<T> {
-    pub fn open(bus: &Bus, id: &str) -> Result<Self, ChannelError> {
-        Self::open_from(bus, id, Start::Now)
+    pub fn new(port: GetPort<T>) -> Self {
+        Self { port, last: None }
     }
 
-    pub fn open_from(bus: &Bus, id: &str, start: Start) -> Result<Self, ChannelError> {
-        Ok(Self {
-            port: bus.get_port(id, start)?,
-            last: None,
-            put_ns: 0,
-        })
+    /// Takes all waiting packets and returns the latest, if any has arrived.
+    pub fn look(&mut self) -> Result<Option<&T>, ChannelError> {
+        drain(&self.port, |packet| self.last = Some(*packet))?;
+        Ok(self.last.as_ref())
     }
 
-    /// Takes all waiting packets and returns true if there was at least one.
-    pub fn look(&mut self) -> Result<bool, ChannelError> {
-        let mut came = false;
-        while let Some(packet) = self.port.try_get()? {
-            self.take(&packet);
-            came = true;
+    /// Waits for a packet, and takes all waiting ones.
+    pub fn wait(&mut self, wait: Wait) -> Result<Option<&T>, ChannelError> {
+        if let Some(packet) = self.port.get(wait)? {
+            self.last = packet.last().copied().or(self.last);
         }
-        Ok(came)
+        self.look()
+    }
+}
+
+/// Packets of a channel since the last look.
+pub(crate) struct NewPackets<T> {
+    pub port: GetPort<T>,
+    packets: Vec<T>,
+}
+
+impl<T: Packet + Copy> NewPackets<T> {
+    pub fn new(port: GetPort<T>) -> Self {
+        Self {
+            port,
+            packets: Vec::with_capacity(NEW),
+        }
     }
 
-    fn take(&mut self, packet: &Received<T>) {
-        self.put_ns = packet.header().put_ns;
-        self.last = packet.first().copied().or(self.last);
+    /// Takes all waiting packets and returns them.
+    pub fn look(&mut self) -> Result<&[T], ChannelError> {
+        self.packets.clear();
+        self.look_on()
     }
 
-    /// Returns the latest packet, if any has arrived.
-    pub fn get(&self) -> Option<&T> {
-        self.last.as_ref()
+    /// Waits for a packet, and takes all waiting ones.
+    pub fn wait(&mut self, wait: Wait) -> Result<&[T], ChannelError> {
+        self.packets.clear();
+        if let Some(packet) = self.port.get(wait)? {
+            self.packets.extend_from_slice(&packet);
+        }
+        self.look_on()
     }
 
-    /// Returns the time at which the latest packet was published, in ns of the host's monotonic clock; 0 before the
-    /// first.
-    pub fn put_ns(&self) -> u64 {
-        self.put_ns
+    fn look_on(&mut self) -> Result<&[T], ChannelError> {
+        drain(&self.port, |packet| self.packets.push(*packet))?;
+        Ok(&self.packets)
+    }
+
+    /// Returns the number of lost packets.
+    pub fn lost(&self) -> u64 {
+        self.port.lost()
     }
 }

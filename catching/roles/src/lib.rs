@@ -17,7 +17,7 @@
 //! depend on the simulated world: a robot may as well send `joint/state`, `imu` and circles or pictures.
 
 mod catch_times;
-mod channels;
+pub mod channels;
 mod controller;
 mod coordinator;
 mod error;
@@ -34,15 +34,13 @@ mod safety;
 mod settings;
 mod slip_watch;
 mod stage_view;
-mod throw_back;
-mod throw_duty;
 mod thrower;
 mod times;
 mod tracker;
 
 pub use catch_times::CatchTimes;
 pub use channels::{PICTURE_HEAD, catching_channels};
-pub use coordinator::CoordinatorPorts;
+pub use coordinator::{CoordinatorShell, StepTaken, coordinator_shell};
 pub use error::RoleError;
 pub use latest_value::drain;
 pub use milliseconds::Milliseconds;
@@ -51,5 +49,4 @@ pub use planner::planning_ends_ns;
 pub use role::Role;
 pub use settings::RoleSettings;
 pub use stage_view::{Side, Stage, StageView};
-pub use throw_back::ThrowBack;
 pub use times::RoleReport;

@@ -2,8 +2,8 @@
 
 use tactnet_catching::coordinate::{Answering, PhaseConfig, answer};
 use tactnet_catching::plan::Planner;
-use tactnet_catching_packets::packets::{PlanRequest, PlanResult};
-use tactnet_channel::{Bus, Priority, Start, now_ns};
+use tactnet_catching_packets::packets::PlanRequest;
+use tactnet_channel::{Bus, now_ns};
 
 use crate::channels::{PLAN_REQUEST, PLAN_RESULT};
 use crate::latest_value::PATIENCE;
@@ -30,8 +30,7 @@ pub(crate) fn run(
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
     let corrections = settings.corrections()?;
-    let requests = bus.get_port::<PlanRequest>(PLAN_REQUEST, Start::Now)?;
-    let results = bus.put_port::<PlanResult>(PLAN_RESULT, Priority::High)?;
+    let (requests, results) = (PLAN_REQUEST.get(bus)?, PLAN_RESULT.put(bus)?);
     let mut times = Times::at(100);
     let planner = Planner::new(corrections.robot(), arm, settings.planner);
     let phases = settings.phases();

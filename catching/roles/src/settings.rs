@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{Corrections, KeptCalibration, SlipConfig};
+use tactnet_catching::control::ControlConfig;
 use tactnet_catching::coordinate::{Coordinator, CoordinatorConfig, PhaseConfig};
 use tactnet_catching::plan::PlanConfig;
+use tactnet_catching::throw_back::ThrowBack;
 use tactnet_catching::track::TrackConfig;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_channel::Table;
 
-use crate::{RoleError, ThrowBack};
+use crate::RoleError;
 
 /// Name of the section.
 const SECTION: &str = "catching";
@@ -108,6 +110,15 @@ impl RoleSettings {
         }
     }
 
+    /// Returns the settings of the controller.
+    pub fn control(&self) -> ControlConfig {
+        ControlConfig {
+            drives_ns: (self.drives * 1e9) as u64,
+            patience_ns: (self.safety_patience * 1e9) as u64,
+            brakes: self.brakes,
+        }
+    }
+
     /// Returns a coordinator with these settings.
     ///
     /// # Errors
@@ -127,7 +138,7 @@ impl RoleSettings {
     /// A description that cannot be read.
     pub fn robot(&self) -> Result<Robot, RoleError> {
         let Some(path) = &self.robot else {
-            return Ok(Robot::new(RobotDescription::nominal()));
+            return Ok(Robot::nominal());
         };
         let failed = |reason: String| RoleError::Robot {
             path: path.clone(),

@@ -1,16 +1,12 @@
 //! Slip watch: checks the calibration from markers and joint states.
-//!
-//! ```text
-//! marker/features, joint/state ─> slip-watch ─ calibration/state ─> user interface
-//! ```
 
 use std::time::Duration;
 
 use tactnet_catching::calibrate::MarkerWatch;
-use tactnet_catching_packets::packets::{CalibrationState, JointState, MarkerFeatures};
-use tactnet_channel::{Bus, Priority, Start, Wait, now_ns};
+use tactnet_channel::{Bus, Wait, now_ns};
 
 use crate::channels::{CALIBRATION_STATE, JOINT_STATE, MARKER_FEATURES};
+use crate::latest_value::send;
 use crate::times::Times;
 use crate::{RoleError, RoleReport, RoleSettings};
 
@@ -18,8 +14,6 @@ use crate::{RoleError, RoleReport, RoleSettings};
 const LOOK: Wait = Wait::Block {
     timeout: Duration::from_millis(20),
 };
-/// Period at which an unchanged result is published, in ns.
-const TELL_NS: u64 = 500_000_000;
 
 pub(crate) fn run(
     bus: &Bus,
@@ -29,32 +23,19 @@ pub(crate) fn run(
 ) -> Result<RoleReport, RoleError> {
     let kept = settings.kept()?.ok_or(RoleError::NoCalibration)?;
     let mut watch = MarkerWatch::new(&settings.robot()?, &kept, settings.slip)?;
-    let features = bus.get_port::<MarkerFeatures>(MARKER_FEATURES, Start::Now)?;
-    let joints = bus.get_port::<JointState>(JOINT_STATE, Start::Now)?;
-    let states = bus.put_port::<CalibrationState>(CALIBRATION_STATE, Priority::Normal)?;
+    let mut features = MARKER_FEATURES.new_packets(bus)?;
+    let mut joints = JOINT_STATE.new_packets(bus)?;
+    let states = CALIBRATION_STATE.put(bus)?;
     let mut times = Times::at(25);
-    let mut told = (None, 0);
     ready();
     while !stopped() {
-        let mut next = features.get(LOOK)?;
-        let begun = now_ns();
-        let seen = next.is_some();
-        while let Some(packet) = next {
-            packet.iter().for_each(|seen| watch.features(seen));
-            next = features.try_get()?;
-        }
-        while let Some(packet) = joints.try_get()? {
-            packet.iter().for_each(|state| watch.joints(state));
-        }
+        let seen = features.wait(LOOK)?;
         let now = now_ns();
-        if seen {
-            times.push(now - begun);
+        let state = watch.step(now, seen, joints.look()?);
+        if !seen.is_empty() {
+            times.push(now_ns() - now);
         }
-        let state = watch.state(now);
-        if told.0 != Some(state.hold) || now > told.1 + TELL_NS {
-            told = (Some(state.hold), now);
-            states.put_copy(&[state])?;
-        }
+        send(&states, [state])?;
     }
     Ok(RoleReport {
         lost: features.lost() + joints.lost(),

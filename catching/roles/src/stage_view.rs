@@ -9,7 +9,7 @@ use tactnet_catching_packets::packets::{
     BallPrediction, BallPredictions, CatchOutcome, CatchPhase, CatchStatus, HandState, JointState,
 };
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
-use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Start, Table, now_ns};
+use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Table, now_ns};
 
 use crate::channels::{CATCH_OUTCOME, CATCH_STATE, HAND_STATE, JOINT_STATE, PREDICTION};
 use crate::latest_value::{LatestValue, drain};
@@ -62,7 +62,7 @@ pub struct StageView {
 impl StageView {
     /// Returns true if a table has the channels of the stack.
     pub fn is_on(table: &Table) -> bool {
-        let joints = table.channels.get(JOINT_STATE);
+        let joints = table.channels.get(JOINT_STATE.id);
         joints.is_some_and(|config| config.packet == JointState::NAME)
     }
 
@@ -73,11 +73,11 @@ impl StageView {
     pub fn open(bus: &Bus) -> Result<Self, RoleError> {
         Ok(Self {
             corrections: RoleSettings::of(bus.table())?.corrections()?,
-            joints: LatestValue::open(bus, JOINT_STATE)?,
-            predictions: LatestValue::open(bus, PREDICTION)?,
-            hand: LatestValue::open(bus, HAND_STATE)?,
-            status: LatestValue::open(bus, CATCH_STATE)?,
-            outcomes: bus.get_port(CATCH_OUTCOME, Start::Now)?,
+            joints: JOINT_STATE.latest(bus)?,
+            predictions: PREDICTION.latest(bus)?,
+            hand: HAND_STATE.latest(bus)?,
+            status: CATCH_STATE.latest(bus)?,
+            outcomes: CATCH_OUTCOME.get(bus)?,
             stage: Stage::default(),
         })
     }
@@ -87,23 +87,18 @@ impl StageView {
     /// # Errors
     /// Broken channels.
     pub fn look(&mut self) -> Result<&Stage, ChannelError> {
-        self.joints.look()?;
-        self.predictions.look()?;
-        self.hand.look()?;
-        self.status.look()?;
         drain(&self.outcomes, |outcome| self.stage.take(outcome))?;
-        if let Some(state) = self.joints.get() {
+        if let Some(state) = self.joints.look()? {
             let links = self.corrections.joints(state).q;
             (self.stage.body, self.stage.arms) = limbs(self.corrections.robot(), &links);
         }
         let now = now_ns();
-        self.stage.balls = self.predictions.get().map_or_else(Vec::new, |predictions| {
-            let balls = predictions.valid().iter();
-            balls.filter_map(|ball| place(ball, now)).collect()
-        });
-        let held = self.hand.get().filter(|hand| hand.holds == 1);
+        let balls = self.predictions.look()?.map(BallPredictions::valid);
+        let balls = balls.into_iter().flatten();
+        self.stage.balls = balls.filter_map(|ball| place(ball, now)).collect();
+        let held = self.hand.look()?.filter(|hand| hand.holds == 1);
         self.stage.holds = held.map(|hand| hand.arm);
-        let phase = self.status.get().and_then(CatchStatus::phase);
+        let phase = self.status.look()?.and_then(CatchStatus::phase);
         self.stage.about = about(phase, held.is_some());
         Ok(&self.stage)
     }
@@ -192,14 +187,13 @@ fn about(phase: Option<CatchPhase>, holds: bool) -> &'static str {
 #[cfg(test)]
 mod tests {
     use bytemuck::Zeroable;
-    use tactnet_catching_packets::RobotDescription;
     use tactnet_catching_packets::packets::Text;
 
     use super::*;
 
     #[test]
     fn a_robot_that_waits_stands_upright_with_its_hands_before_it() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let (body, arms) = limbs(&robot, &robot.waiting());
         assert!(
             body.windows(2).all(|pair| pair[1][1] > pair[0][1]),

@@ -1,8 +1,7 @@
 //! Tracker process: predicts balls from the circles of both cameras and the head pose.
 
 use tactnet_catching::track::PairTracker;
-use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose};
-use tactnet_channel::{Bus, Priority, Start, now_ns};
+use tactnet_channel::{Bus, now_ns};
 
 use crate::channels::{CIRCLES, HEAD_POSE, PREDICTION};
 use crate::latest_value::{PATIENCE, drain};
@@ -15,9 +14,8 @@ pub(crate) fn run(
     ready: &dyn Fn(),
     stopped: &dyn Fn() -> bool,
 ) -> Result<RoleReport, RoleError> {
-    let circles = bus.get_port::<Circles>(CIRCLES, Start::Now)?;
-    let poses = bus.get_port::<HeadPose>(HEAD_POSE, Start::Now)?;
-    let predictions = bus.put_port::<BallPredictions>(PREDICTION, Priority::High)?;
+    let (circles, poses) = (CIRCLES.get(bus)?, HEAD_POSE.get(bus)?);
+    let predictions = PREDICTION.put(bus)?;
     let mut tracker = PairTracker::new(settings.corrections()?, settings.track())?;
     let mut times = Times::at(25);
     ready();

@@ -15,7 +15,7 @@ use super::problem::CalibrationConfig;
 use super::session::{NeckMotion, Picture};
 use super::unknowns::{UNKNOWNS, Unknowns, at};
 use crate::robot::Robot;
-use crate::safety::{Bodies, PAIRS, distance};
+use crate::safety::Bodies;
 use crate::track::CAMERAS;
 
 /// Fraction of the arms' joint ranges in which configurations are drawn.
@@ -123,10 +123,7 @@ fn is_free(robot: &Robot, bodies: &Bodies, candidate: &Candidate) -> bool {
         for (i, end) in candidate.q.iter().enumerate() {
             q[own + i] += part * (end - waiting[own + i]);
         }
-        (0..PAIRS).all(|pair| {
-            let [a, b] = bodies.placed(pair, &q);
-            distance(&a, &b) > CLEARANCE
-        })
+        bodies.least(&q) > CLEARANCE
     })
 }
 
@@ -269,7 +266,6 @@ fn rows(
 mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
 
@@ -289,7 +285,7 @@ mod tests {
     /// The lazy choice equals the plain greedy choice.
     #[test]
     fn the_choice_is_the_greedy_one_and_beats_the_first_candidates() {
-        let model = Model::new(&Robot::new(RobotDescription::nominal()));
+        let model = Model::new(&Robot::nominal());
         let config = CalibrationConfig::default();
         let candidates = candidates(&model, 24);
         let views = [
@@ -325,7 +321,7 @@ mod tests {
 
     #[test]
     fn too_few_candidates_are_an_error() {
-        let model = Model::new(&Robot::new(RobotDescription::nominal()));
+        let model = Model::new(&Robot::nominal());
         let error = choose(&model, &CalibrationConfig::default(), &[], &[], 4).unwrap_err();
         assert!(
             error.to_string().contains("at least 4 configurations"),

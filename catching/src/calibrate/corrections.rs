@@ -229,16 +229,11 @@ fn earlier(stamp_ns: u64, late: f64) -> u64 {
 mod tests {
     use bytemuck::Zeroable;
     use proptest::prelude::*;
-    use tactnet_catching_packets::RobotDescription;
 
     use super::super::model::Model;
     use super::super::session::{NeckMotion, Picture};
     use super::super::unknowns::{Priors, UNKNOWNS, Unknowns};
     use super::*;
-
-    fn robot() -> Robot {
-        Robot::new(RobotDescription::nominal())
-    }
 
     fn calibration(parts: &[f64]) -> Calibration {
         let priors = Priors::default();
@@ -256,7 +251,7 @@ mod tests {
             parts in proptest::collection::vec(-1.0..1.0f64, UNKNOWNS),
             neck in proptest::array::uniform2(-0.3..0.3f64),
         ) {
-            let robot = robot();
+            let robot = Robot::nominal();
             let mut calibration = calibration(&parts);
             calibration.clocks.camera_joints = 0.0;
             let corrections = Corrections::new(&robot, Some(&calibration));
@@ -310,7 +305,7 @@ mod tests {
         /// Sensor angles of given link angles convert back to these link angles.
         #[test]
         fn commands_and_measurements_agree(parts in proptest::collection::vec(-2.0..2.0f64, UNKNOWNS)) {
-            let robot = robot();
+            let robot = Robot::nominal();
             let corrections = Corrections::new(&robot, Some(&calibration(&parts)));
             // Away from the ends of the joint ranges.
             let mut links = robot.waiting();
@@ -337,7 +332,7 @@ mod tests {
             parts in proptest::collection::vec(-2.0..2.0f64, UNKNOWNS),
             aside in proptest::collection::vec(-0.05..0.05f64, JOINTS),
         ) {
-            let robot = robot();
+            let robot = Robot::nominal();
             let corrections = Corrections::new(&robot, Some(&calibration(&parts)));
             let mut q = robot.waiting();
             // Away from the ends of the joint ranges.
@@ -353,9 +348,9 @@ mod tests {
 
     #[test]
     fn without_a_calibration_nothing_changes() {
-        let corrections = Corrections::new(&robot(), None);
+        let corrections = Corrections::new(&Robot::nominal(), None);
         let mut sensed = JointState::zeroed();
-        sensed.q = robot().waiting();
+        sensed.q = Robot::nominal().waiting();
         assert_eq!(corrections.joints(&sensed), sensed);
         assert_eq!(corrections.sensors(&sensed.q), sensed.q);
         assert_eq!(corrections.links(&sensed.q), sensed.q);
@@ -373,7 +368,7 @@ mod tests {
             camera_joints: 0.005,
             camera_imu: 0.002,
         };
-        let corrections = Corrections::new(&robot(), Some(&calibration));
+        let corrections = Corrections::new(&Robot::nominal(), Some(&calibration));
         let mut circles = Circles::zeroed();
         circles.exposure_ns = 1_005_000_000;
         assert_eq!(corrections.circles(&circles).exposure_ns, 1_000_000_000);

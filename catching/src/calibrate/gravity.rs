@@ -33,10 +33,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn robot() -> Robot {
-        Robot::new(RobotDescription::nominal())
-    }
-
     fn potential(robot: &Robot, arm: usize, q: &[f64; ARM_JOINTS]) -> f64 {
         let links = &robot.description().arms[arm].links;
         let frames = robot.arm(arm).links(q);
@@ -57,7 +53,7 @@ mod tests {
             arm in 0..2usize,
             q in proptest::array::uniform7(-2.0..2.0f64),
         ) {
-            let robot = robot();
+            let robot = Robot::nominal();
             let loads = loads(&robot, arm, &q);
             let h = 1e-5;
             for i in 0..ARM_JOINTS {
@@ -76,7 +72,7 @@ mod tests {
             arm in 0..2usize,
             q in proptest::array::uniform7(-2.0..2.0f64),
         ) {
-            let robot = robot();
+            let robot = Robot::nominal();
             let last = robot.arm(arm).links(&q)[ARM_JOINTS - 1];
             let hand = robot.arm(arm).forward(&q);
             let ahead = robot.description().arms[arm].wrist_to_catch;

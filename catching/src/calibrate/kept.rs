@@ -172,17 +172,13 @@ mod tests {
     }
 
     fn kept(unknowns: &Unknowns) -> KeptCalibration {
-        KeptCalibration::new(&robot(), unknowns, &covariance())
-    }
-
-    fn robot() -> Robot {
-        Robot::new(RobotDescription::nominal())
+        KeptCalibration::new(&Robot::nominal(), unknowns, &covariance())
     }
 
     proptest! {
         #[test]
         fn calibrations_survive_the_file(values in proptest::collection::vec(-1.0..1.0f64, UNKNOWNS)) {
-            let (robot, unknowns) = (robot(), Unknowns::from_vec(values));
+            let (robot, unknowns) = (Robot::nominal(), Unknowns::from_vec(values));
             let mut covariance = covariance();
             (covariance[(3, 1)], covariance[(1, 3)]) = (1e-7, 1e-7);
             let kept = KeptCalibration::new(&robot, &unknowns, &covariance);
@@ -196,7 +192,7 @@ mod tests {
 
     #[test]
     fn invalid_calibrations_are_rejected_in_one_line() {
-        let robot = robot();
+        let robot = Robot::nominal();
         let kept = kept(&Unknowns::zeros(UNKNOWNS));
         let good = kept.to_toml();
         let half = &good[..good.len() / 2];

@@ -25,6 +25,8 @@ use crate::robot::Robot;
 const STILL: f64 = 0.02;
 /// Time for which an arm must rest before the exposure, in ns.
 const STILL_NS: u64 = 30_000_000;
+/// Period at which an unchanged state is published, in ns.
+const TELL_NS: u64 = 500_000_000;
 /// Maximum number of pictures that wait for joint states around their exposure.
 const WAITING: usize = 8;
 
@@ -42,6 +44,8 @@ pub struct MarkerWatch {
     arms: [SlipWatch; ARMS],
     /// Time of the first detected slip, in ns; 0 if none.
     since_ns: u64,
+    /// Last published state and its time, in ns.
+    told: Option<(CalibrationHold, u64)>,
 }
 
 impl MarkerWatch {
@@ -68,12 +72,13 @@ impl MarkerWatch {
             waiting: VecDeque::with_capacity(WAITING),
             arms: [watch.clone(), watch],
             since_ns: 0,
+            told: None,
         })
     }
 
     /// Adds the markers of a pair of pictures. They are evaluated once the joint states around their exposure are
     /// known.
-    pub fn features(&mut self, seen: &MarkerFeatures) {
+    fn features(&mut self, seen: &MarkerFeatures) {
         if self.waiting.len() == WAITING {
             self.waiting.pop_front();
         }
@@ -81,14 +86,37 @@ impl MarkerWatch {
         self.judge();
     }
 
-    /// Adds the measured joint state, every millisecond.
-    pub fn joints(&mut self, state: &JointState) {
+    fn joints(&mut self, state: &JointState) {
         self.history.push(state);
         self.judge();
     }
 
-    /// Returns the current state. A detected slip is permanent.
-    pub fn state(&self, now_ns: u64) -> CalibrationState {
+    /// Takes the packets since the last step. Returns the state when it changes and every half second. A detected slip
+    /// is permanent.
+    ///
+    /// - `features`: markers in pairs of pictures
+    /// - `joints`: measured joint states, one per millisecond
+    pub fn step(
+        &mut self,
+        now_ns: u64,
+        features: &[MarkerFeatures],
+        joints: &[JointState],
+    ) -> Option<CalibrationState> {
+        features.iter().for_each(|seen| self.features(seen));
+        joints.iter().for_each(|state| self.joints(state));
+        let state = self.state(now_ns);
+        let hold = state.hold()?;
+        let same = self
+            .told
+            .is_some_and(|(told, told_ns)| told == hold && now_ns <= told_ns + TELL_NS);
+        if same {
+            return None;
+        }
+        self.told = Some((hold, now_ns));
+        Some(state)
+    }
+
+    fn state(&self, now_ns: u64) -> CalibrationState {
         let judges = self.arms.iter().any(SlipWatch::is_full);
         let hold = match (self.since_ns, judges) {
             (0, false) => CalibrationHold::NotTold,
@@ -161,5 +189,27 @@ impl MarkerWatch {
             loads: loads(self.corrections.robot(), arm, &of_arm(&links)),
             neck: self.history.neck(exposure_ns)?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::{Priors, UNKNOWNS};
+
+    #[test]
+    fn the_state_is_told_at_first_and_every_half_second() {
+        let robot = Robot::nominal();
+        let sigmas = Priors::default().sigmas().unwrap();
+        let covariance = &sigmas * sigmas.transpose();
+        let kept = KeptCalibration::new(&robot, &Unknowns::zeros(UNKNOWNS), &covariance);
+        let mut watch = MarkerWatch::new(&robot, &kept, SlipConfig::default()).unwrap();
+        let mut hold = |ms: u64| {
+            let state = watch.step(ms * 1_000_000, &[], &[]);
+            state.and_then(|state| state.hold())
+        };
+        assert_eq!(hold(1), Some(CalibrationHold::NotTold));
+        assert_eq!((hold(2), hold(501)), (None, None));
+        assert_eq!(hold(502), Some(CalibrationHold::NotTold));
     }
 }

@@ -360,12 +360,11 @@ fn left_jacobian(w: &Vector3<f64>) -> Matrix3<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use tactnet_catching_packets::RobotDescription;
 
     use super::super::unknowns::{Priors, UNKNOWNS, name};
 
     fn model() -> Model {
-        Model::new(&Robot::new(RobotDescription::nominal()))
+        Model::new(&Robot::nominal())
     }
 
     /// Unknowns that deviate from the priors by `parts` standard deviations.

@@ -271,10 +271,9 @@ impl Routine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tactnet_catching_packets::RobotDescription;
 
     fn routine() -> (Robot, RoutineConfig, Routine) {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let away = |arm: usize| {
             let mut q = robot.ready(arm);
             q[0] += 0.3;

@@ -108,7 +108,6 @@ impl Throwing {
 #[cfg(test)]
 mod tests {
     use nalgebra::Vector3;
-    use tactnet_catching_packets::RobotDescription;
     use tactnet_catching_packets::packets::ControllerMode;
 
     use super::*;
@@ -119,23 +118,18 @@ mod tests {
     const TICK_NS: u64 = 1_000_000;
     const ARM: usize = 1;
 
-    fn robot() -> Robot {
-        Robot::new(RobotDescription::nominal())
-    }
-
     /// Returns a throw to 4 m that starts after 20 ms.
     fn throw(robot: &Robot) -> ThrowPath {
         let target = Vector3::new(4.0, 0.0, 1.2);
         let plan = Thrower::new(robot, ThrowPlanConfig::live())
             .plan(&ThrowRequest {
-                q: robot.waiting(),
                 holding: Some(ARM),
                 aim: Aim::At { target },
                 drag: DRAG,
                 last: None,
             })
             .unwrap();
-        plan.path(20 * TICK_NS, 1, target.into()).unwrap()
+        plan.path(20 * TICK_NS, 1, target.into())
     }
 
     fn ready(robot: &Robot) -> Controller {
@@ -151,7 +145,7 @@ mod tests {
 
     #[test]
     fn a_throw_is_carried_out_in_absolute_time_within_limits_and_the_robot_goes_back() {
-        let robot = robot();
+        let robot = Robot::nominal();
         let mut controller = ready(&robot);
         let path = throw(&robot);
         controller.throw_path(TICK_NS, &path).unwrap();
@@ -200,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_throw_that_is_braked_stands_and_goes_back() {
-        let robot = robot();
+        let robot = Robot::nominal();
         let path = throw(&robot);
         // During the approach, and in the middle of the swing.
         for at_ns in [path.start_ns + 400 * TICK_NS, path.open_ns] {
@@ -228,7 +222,7 @@ mod tests {
 
     #[test]
     fn throws_that_cannot_be_carried_out_are_refused_with_a_reason() {
-        let robot = robot();
+        let robot = Robot::nominal();
         let good = throw(&robot);
         let mut controller = ready(&robot);
         let mut refused = |spoil: &dyn Fn(&mut ThrowPath), expected: PathError| {

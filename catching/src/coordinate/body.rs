@@ -174,7 +174,6 @@ impl BodyMotion {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
     use crate::flight::Flight;
@@ -182,7 +181,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_body_keeps_its_limits_and_comes_closer(aside in -2.0..2.0f64, time in 0.4..1.0f64, turned in -1.0..1.0f64) {
-            let robot = Robot::new(RobotDescription::nominal());
+            let robot = Robot::nominal();
             let mut q = [0.0; JOINTS];
             q[joint::TORSO.start] = turned;
             let ball = Flight { p: Vector3::new(0.6, aside, 0.2), v: Vector3::new(-6.0, 0.0, -2.0), k: 0.03, lift: Vector3::zeros() }.after(-time);

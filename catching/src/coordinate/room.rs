@@ -104,7 +104,6 @@ impl Room {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
     use crate::map::VoxelGrid;
@@ -124,7 +123,7 @@ mod tests {
 
     #[test]
     fn the_platform_rolls_no_farther_than_there_is_room() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let joints = robot.waiting();
         let wanted = BodyMotion {
             start_ns: 5,
@@ -150,7 +149,7 @@ mod tests {
 
     #[test]
     fn an_arm_is_lowered_only_where_nothing_is_in_its_way() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let (up, down) = (robot.raised(0), robot.ready(0));
         let joints = robot.arm(0).joints();
         let ramps =

@@ -196,7 +196,7 @@ mod tests {
     use super::*;
     use crate::safety::Bodies;
     use proptest::prelude::*;
-    use tactnet_catching_packets::{JOINTS, RobotDescription, joint};
+    use tactnet_catching_packets::{JOINTS, joint};
 
     #[test]
     fn there_are_as_many_spheres_as_the_digest_proposes() {
@@ -208,7 +208,7 @@ mod tests {
 
         #[test]
         fn slopes_are_differences(q in proptest::array::uniform7(-2.0..2.0f64), arm in 0..ARMS, g in proptest::array::uniform3(-1.0..1.0f64)) {
-            let robot = Robot::new(RobotDescription::nominal());
+            let robot = Robot::nominal();
             let spheres = ArmSpheres::new(&robot, arm);
             let gradient = Vector3::from(g);
             let chain = robot.arm(arm).chain(&q);
@@ -231,7 +231,7 @@ mod tests {
         /// the fingers.
         #[test]
         fn spheres_hold_the_bodies_of_the_monitor(q in proptest::array::uniform7(-2.0..2.0f64), arm in 0..ARMS, to in proptest::array::uniform3(-1.0..1.0f64)) {
-            let robot = Robot::new(RobotDescription::nominal());
+            let robot = Robot::nominal();
             let spheres = ArmSpheres::new(&robot, arm).placed(&robot, arm, &q);
             let mut whole = [0.0; JOINTS];
             whole[joint::ARM[arm].clone()].copy_from_slice(&q);

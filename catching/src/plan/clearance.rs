@@ -96,11 +96,11 @@ impl Clearance {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use tactnet_catching_packets::{ARMS, RobotDescription};
+    use tactnet_catching_packets::ARMS;
 
     #[test]
     fn an_arm_that_turns_into_the_trunk_is_not_clear_of_it() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         for arm in 0..ARMS {
             let clearance = Clearance::new(&robot, arm);
             let ready = robot.ready(arm);
@@ -122,7 +122,7 @@ mod tests {
     proptest! {
         #[test]
         fn slopes_are_differences(q in proptest::array::uniform7(-1.0..1.0f64), arm in 0..ARMS) {
-            let robot = Robot::new(RobotDescription::nominal());
+            let robot = Robot::nominal();
             let clearance = Clearance::new(&robot, arm);
             let joints = robot.arm(arm).joints();
             let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| {

@@ -200,7 +200,6 @@ impl Obstacles<'_> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
     use crate::flight::Flight;
@@ -281,7 +280,7 @@ mod tests {
             q in proptest::array::uniform7(-1.0..1.0f64), w in proptest::array::uniform7(-0.5..0.5f64), t in 0.5..1.2f64, roll in -0.3..0.3f64,
             turn in -0.4..0.4f64, objective in prop_oneof![Just(Objective::Soft), Just(Objective::Latest), Just(Objective::Cool)],
         ) {
-            let robot = Robot::new(RobotDescription::nominal());
+            let robot = Robot::nominal();
             let mut request = request(&robot, objective);
             request.w0 = w;
             let (bodies, clearance) = (Body::around_chest(0), Clearance::new(&robot, 0));
@@ -317,7 +316,7 @@ mod tests {
 
     #[test]
     fn a_plan_goes_round_a_box_that_stands_in_its_way() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let request = request(&robot, Objective::Soft);
         let free = planner
@@ -341,7 +340,7 @@ mod tests {
 
     #[test]
     fn a_ball_that_a_box_stops_is_not_planned_for() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let request = request(&robot, Objective::Soft);
         let field = field([0.9, -0.6, 0.3], [1.2, 1.25, 2.2]);
@@ -360,7 +359,7 @@ mod tests {
         fn plans_keep_their_distance_or_there_is_none(
             x in 0.0..0.8f64, y in -0.2..1.0f64, z in 0.6..1.7f64, size in proptest::array::uniform3(0.08..0.5f64),
         ) {
-            let robot = Robot::new(RobotDescription::nominal());
+            let robot = Robot::nominal();
             let planner = Planner::new(&robot, 0, PlanConfig::default());
             let request = request(&robot, Objective::Soft);
             let field = field([x, y, z], [x + size[0], y + size[1], z + size[2]]);
@@ -380,7 +379,7 @@ mod tests {
 
     #[test]
     fn an_empty_map_changes_no_plan() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let field = DistanceField::empty(VoxelGrid::default());
         let among = among(&field);

@@ -6,6 +6,8 @@ use tactnet_catching_packets::packets::{CatchPhase, HeadPose, ImuSample, JointSt
 use super::{PoseConfig, PoseError, PoseEstimator};
 use crate::calibrate::Corrections;
 
+/// Waiting time after which the oscillation of the torso springs is negligible, in s.
+pub const TORSO_RESTS: f64 = 1.5;
 /// Joint speed below which a joint counts as standing still, in rad/s and m/s.
 const STILL_RATE: f64 = 0.02;
 
@@ -82,7 +84,6 @@ fn is_still(rates: &[f64; JOINTS]) -> bool {
 #[cfg(test)]
 mod tests {
     use bytemuck::Zeroable;
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
     use crate::robot::Robot;
@@ -114,7 +115,7 @@ mod tests {
 
     #[test]
     fn kinematics_count_only_while_the_robot_waits_at_rest() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let corrections = Corrections::new(&robot, None);
         let mut estimator = HeadEstimator::new(corrections, 0.1).unwrap();
         let mut joints = JointState::zeroed();

@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use tactnet_catching_packets::{ARMS, Arm, JOINTS, RobotDescription, joint};
 
+use super::gjk::distance;
 use super::hull::Hull;
 use super::sweep::{Interval, Step, placed, reaches, swept};
 
@@ -67,6 +68,15 @@ impl Bodies {
             let body = &self.bodies[body];
             placed(&body.hull, &body.chain, q)
         })
+    }
+
+    /// Returns the minimum distance of all pairs at joint positions `q`, in m.
+    pub fn least(&self, q: &[f64; JOINTS]) -> f64 {
+        let distances = (0..PAIRS).map(|pair| {
+            let [a, b] = self.placed(pair, q);
+            distance(&a, &b)
+        });
+        distances.fold(f64::INFINITY, f64::min)
     }
 
     /// Returns the trunk and the two torso bodies at joint positions `q`, in the chest frame.

@@ -102,16 +102,6 @@ impl Monitor {
         }
     }
 
-    /// Returns the settings.
-    pub fn config(&self) -> &MonitorConfig {
-        &self.config
-    }
-
-    /// Returns the bodies.
-    pub fn bodies(&self) -> &Bodies {
-        &self.bodies
-    }
-
     /// Returns the joint intervals from a command until the robot has braked.
     pub fn intervals(&self, command: &JointCommand) -> [Interval; JOINTS] {
         std::array::from_fn(|i| {
@@ -177,10 +167,7 @@ impl Monitor {
         for sample in 0..=SAMPLES {
             let t = longest * sample as f64 / SAMPLES as f64;
             let q = braking.at(t.min(reaction), (t - reaction).max(0.0));
-            for pair in 0..PAIRS {
-                let [a, b] = self.bodies.placed(pair, &q);
-                least = least.min(distance(&a, &b));
-            }
+            least = least.min(self.bodies.least(&q));
         }
         least
     }

@@ -32,7 +32,6 @@ impl Thrower {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
     use crate::flight::DRAG;
@@ -41,11 +40,10 @@ mod tests {
 
     #[test]
     fn a_throw_beside_is_the_throw_to_the_place_aimed_differently() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let thrower = Thrower::new(&robot, ThrowPlanConfig::default());
         let target = Vector3::new(4.2, 0.1, 1.2);
         let request = ThrowRequest {
-            q: robot.waiting(),
             holding: Some(1),
             aim: Aim::At { target },
             drag: DRAG,

@@ -1,9 +1,9 @@
-//! Whole motion of a throw: approach to the swing, rest, swing.
+//! Whole motion of a throw: approach from the waiting pose to the swing, rest, swing.
 
 use tactnet_catching_packets::{JOINTS, THROW_JOINTS};
 
 use super::swing::{ThrowJoints, throw_joint};
-use super::way::{Way, WayRequest, touching};
+use super::way::{straight, touching};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 use crate::safety::Bodies;
@@ -14,8 +14,10 @@ const REST: f64 = 2.0;
 /// Joint motion over time, in s from its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrowMotion {
-    way: Way,
+    way: [Ramp; JOINTS],
     swing: [Ramp; JOINTS],
+    /// Time from the start to the end of the approach, in s.
+    way_duration: f64,
     /// Time from the start of the swing to the release, in s.
     release_after: f64,
     /// Time from the start to the end of the swing, in s.
@@ -24,13 +26,9 @@ pub struct ThrowMotion {
 
 /// Request of a throw's motion.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct MotionRequest<'a> {
+pub(super) struct MotionRequest {
     /// Throwing arm: 0 left, 1 right.
     pub arm: usize,
-    /// Current positions of all joints, at rest.
-    pub from: &'a [f64; JOINTS],
-    /// Positions of the joints that do not throw, during the swing.
-    pub posture: &'a [f64; JOINTS],
     /// Start and end of the swing.
     pub ends: [ThrowJoints; 2],
     /// Acceleration time, in s.
@@ -51,20 +49,19 @@ impl ThrowMotion {
     pub(super) fn free(
         robot: &Robot,
         bodies: &Bodies,
-        request: &MotionRequest<'_>,
+        request: &MotionRequest,
     ) -> Result<Self, usize> {
         let MotionRequest {
             arm,
-            from,
-            posture,
             ends,
             time,
             coast,
             margin,
             pace,
         } = *request;
-        let mut begin = *posture;
-        let mut swing = posture.map(Ramp::standing);
+        let waiting = robot.waiting();
+        let mut begin = waiting;
+        let mut swing = waiting.map(Ramp::standing);
         let swing_duration = 2.0 * (time + coast);
         for i in 0..THROW_JOINTS {
             let (q0, q1) = (ends[0][i], ends[1][i]);
@@ -78,24 +75,17 @@ impl ThrowMotion {
                 end: swing_duration,
             };
         }
-        let swings = |t: f64| swing.map(|ramp| ramp.at(t).0);
-        if let Some(pair) = touching(bodies, margin, swing_duration, swings) {
-            return Err(pair);
+        let (way, way_duration) = straight(robot, &waiting, &begin, pace);
+        for (ramps, end) in [(&swing, swing_duration), (&way, way_duration)] {
+            let places = |t: f64| ramps.map(|ramp| ramp.at(t).0);
+            if let Some(pair) = touching(bodies, margin, end, places) {
+                return Err(pair);
+            }
         }
-        let over = robot.waiting();
         Ok(Self {
-            way: Way::free(
-                robot,
-                bodies,
-                &WayRequest {
-                    from,
-                    to: &begin,
-                    over: &over,
-                    margin,
-                    pace,
-                },
-            )?,
+            way,
             swing,
+            way_duration,
             release_after: time + coast,
             swing_duration,
         })
@@ -103,7 +93,7 @@ impl ThrowMotion {
 
     /// Returns the start of the swing, in s.
     pub fn swing_begin(&self) -> f64 {
-        self.way.end() + REST
+        self.way_duration + REST
     }
 
     /// Returns the release time, in s.
@@ -116,17 +106,19 @@ impl ThrowMotion {
         self.swing_begin() + self.swing_duration
     }
 
-    /// Returns the ramps of the approach and the swing, or `None` if the approach is not straight.
-    pub(super) fn legs(&self) -> Option<[&[Ramp; JOINTS]; 2]> {
-        Some([self.way.straight()?, &self.swing])
+    /// Returns the ramps of the approach and the swing.
+    pub(super) fn legs(&self) -> [&[Ramp; JOINTS]; 2] {
+        [&self.way, &self.swing]
     }
 
     /// Returns positions and velocities of all joints at a time.
     pub fn at(&self, t: f64) -> ([f64; JOINTS], [f64; JOINTS]) {
-        if t < self.swing_begin() {
-            return self.way.at(t);
-        }
-        let all = self.swing.map(|ramp| ramp.at(t - self.swing_begin()));
+        let (ramps, since) = if t < self.swing_begin() {
+            (&self.way, t)
+        } else {
+            (&self.swing, t - self.swing_begin())
+        };
+        let all = ramps.map(|ramp| ramp.at(since));
         (all.map(|(q, _)| q), all.map(|(_, w)| w))
     }
 }

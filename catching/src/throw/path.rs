@@ -17,17 +17,14 @@ impl ThrowPlanConfig {
 }
 
 impl ThrowPlan {
-    /// Returns the packet for controller and hand: the motion from `start_ns` on and the release time. Returns `None`
-    /// if the approach is not straight or moves joints that do not throw; neither happens from the waiting pose.
+    /// Returns the packet for controller and hand: the motion from `start_ns` on and the release time.
     ///
     /// - `grip`: number of the grip
     /// - `target`: target position of the ball, in m
-    pub fn path(&self, start_ns: u64, grip: u64, target: [f64; 3]) -> Option<ThrowPath> {
-        let [way, swing] = self.motion.legs()?;
-        let throws = |joint: usize| (0..THROW_JOINTS).any(|i| throw_joint(self.arm, i) == joint);
-        let moves_others = (0..way.len()).any(|joint| way[joint].a != 0.0 && !throws(joint));
+    pub fn path(&self, start_ns: u64, grip: u64, target: [f64; 3]) -> ThrowPath {
+        let [way, swing] = self.motion.legs();
         let after = |seconds: f64| start_ns + (seconds * 1e9).round() as u64;
-        (!moves_others).then(|| ThrowPath {
+        ThrowPath {
             arm: self.arm as u64,
             grip,
             start_ns,
@@ -36,7 +33,7 @@ impl ThrowPlan {
             target,
             way: self.of_throw(|joint| way[joint].packet()),
             swing: self.of_throw(|joint| swing[joint].packet()),
-        })
+        }
     }
 
     fn of_throw(&self, of: impl Fn(usize) -> RampPacket) -> [RampPacket; THROW_JOINTS] {
@@ -47,7 +44,6 @@ impl ThrowPlan {
 #[cfg(test)]
 mod tests {
     use nalgebra::Vector3;
-    use tactnet_catching_packets::{RobotDescription, joint};
 
     use crate::flight::DRAG;
     use crate::ramp::Ramp;
@@ -56,11 +52,10 @@ mod tests {
 
     #[test]
     fn a_throw_in_absolute_time_is_the_planned_one_and_comes_down_at_its_target() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let thrower = Thrower::new(&robot, ThrowPlanConfig::default());
         let target = Vector3::new(4.0, 0.2, 1.2);
-        let mut request = ThrowRequest {
-            q: robot.waiting(),
+        let request = ThrowRequest {
             holding: Some(0),
             aim: Aim::At { target },
             drag: DRAG,
@@ -68,7 +63,7 @@ mod tests {
         };
         let plan = thrower.plan(&request).unwrap();
         let start_ns = 7_000_000_123;
-        let path = plan.path(start_ns, 3, target.into()).unwrap();
+        let path = plan.path(start_ns, 3, target.into());
         assert_eq!((path.arm, path.grip, path.start_ns), (0, 3, start_ns));
         let release = (path.open_ns - path.start_ns) as f64 * 1e-9;
         assert!((release - plan.motion.release()).abs() < 1e-9);
@@ -82,9 +77,5 @@ mod tests {
         for (way, swing) in path.way.iter().zip(&path.swing) {
             assert!((Ramp::of(way).at(way.end).0 - swing.q0).abs() < 1e-9);
         }
-        // There is no such packet from another posture.
-        request.q[joint::PLATFORM] = 0.1;
-        let plan = thrower.plan(&request).unwrap();
-        assert_eq!(plan.path(start_ns, 3, target.into()), None);
     }
 }

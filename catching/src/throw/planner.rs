@@ -91,8 +91,6 @@ impl ThrowPlanConfig {
 /// Request of a throw, in the inertial frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrowRequest {
-    /// Current positions of all joints, at rest, in rad and m.
-    pub q: [f64; JOINTS],
     /// Arm whose hand holds the ball; `None` if no hand does.
     pub holding: Option<usize>,
     /// Goal of the throw.
@@ -163,18 +161,6 @@ pub enum NoThrow {
         /// Actual value.
         found: f64,
     },
-    /// A joint is outside its range.
-    #[error("joint {joint} is at {found}, expected {low} to {high}")]
-    Range {
-        /// Index among all joints.
-        joint: usize,
-        /// Position, in rad or m.
-        found: f64,
-        /// Lowest position, in rad or m.
-        low: f64,
-        /// Highest position, in rad or m.
-        high: f64,
-    },
     /// The target is out of reach.
     #[error("the target at {wanted:.2} m is out of reach within the joint limits")]
     OutOfReach {
@@ -220,8 +206,8 @@ impl Thrower {
         &self.config
     }
 
-    /// Plans a throw with the platform centred, the torso upright, the head forward and the other arm in its waiting
-    /// pose. The result depends on the request only.
+    /// Plans a throw from the waiting pose, in which all joints that do not throw stay. The result depends on the
+    /// request only.
     ///
     /// # Errors
     /// Returns the reason if there is no throw.
@@ -257,13 +243,10 @@ impl Thrower {
         }
         effort.found += found.len();
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let posture = self.robot.waiting();
         let mut touching = None;
         for throw in &found {
             let motion = MotionRequest {
                 arm: problem.swing.number(),
-                from: &request.q,
-                posture: &posture,
                 ends: [-1.0, 1.0].map(|sign| problem.end(&throw.x, sign)),
                 time: Problem::time(&throw.x),
                 coast: self.config.coast,
@@ -326,21 +309,9 @@ impl Thrower {
             Aim::Farthest { heading, height } => [heading, height, 0.0],
             Aim::At { target } => target.into(),
         };
-        let numbers = request.q.iter().chain(&aim).chain([&request.drag]);
-        if numbers.clone().any(|x| !x.is_finite()) || request.drag < 0.0 {
+        let finite = aim.iter().all(|x| x.is_finite()) && request.drag.is_finite();
+        if !finite || request.drag < 0.0 {
             return Err(NoThrow::NotFinite);
-        }
-        for (joint, (limits, q)) in self.robot.joints().iter().zip(&request.q).enumerate() {
-            let [low, high] = limits.range;
-            // Drives stop at the ends of ranges up to rounding.
-            if *q < low - 1e-6 || *q > high + 1e-6 {
-                return Err(NoThrow::Range {
-                    joint,
-                    found: *q,
-                    low,
-                    high,
-                });
-            }
         }
         Ok(arm)
     }

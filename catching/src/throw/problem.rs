@@ -373,7 +373,6 @@ mod tests {
     use super::*;
     use crate::robot::Robot;
     use proptest::prelude::*;
-    use tactnet_catching_packets::RobotDescription;
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(100))]
@@ -382,7 +381,7 @@ mod tests {
         fn slopes_are_differences(
             shares in proptest::array::uniform8(0.1..0.9f64), u in proptest::array::uniform8(-1.0..1.0f64), time in 0.1..0.7f64, far in proptest::bool::ANY, arm in 0..2usize,
         ) {
-            let robot = Robot::new(RobotDescription::nominal());
+            let robot = Robot::nominal();
             let swing = Swing::new(&robot, arm, &robot.waiting());
             let (clearance, config) = (Clearance::new(&robot, arm), ThrowPlanConfig::default());
             let aim = if far {

@@ -137,14 +137,14 @@ pub fn throw_joint(arm: usize, i: usize) -> usize {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use tactnet_catching_packets::{ARMS, RobotDescription};
+    use tactnet_catching_packets::ARMS;
 
     proptest! {
         #[test]
         fn the_hand_is_the_robots_and_derivatives_are_differences(
             q in proptest::array::uniform8(-1.5..1.5f64), rates in proptest::array::uniform8(-2.0..2.0f64), arm in 0..ARMS, aside in -0.4..0.4f64,
         ) {
-            let robot = Robot::new(RobotDescription::nominal());
+            let robot = Robot::nominal();
             let mut whole = robot.waiting();
             whole[joint::PLATFORM] = aside;
             whole[joint::TORSO.start + 1] = 0.2;

@@ -22,12 +22,7 @@ impl DriveWatch {
     pub fn new(joints: [Joint; JOINTS], q: &[f64; JOINTS]) -> Self {
         Self {
             joints,
-            command: JointCommand {
-                number: 0,
-                command_ns: 0,
-                q: *q,
-                dq: [0.0; JOINTS],
-            },
+            command: JointCommand::still(*q),
             age: 0,
             braked: 0,
         }
@@ -68,13 +63,12 @@ impl DriveWatch {
 #[cfg(test)]
 mod tests {
     use tactnet_catching::Robot;
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
 
     #[test]
     fn drives_go_on_for_a_moment_and_then_stand() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let joints = *robot.joints();
         let mut watch = DriveWatch::new(joints, &[0.0; JOINTS]);
         let mut command = *watch.tick(None);

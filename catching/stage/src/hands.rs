@@ -1,12 +1,10 @@
 //! Balls in the hands in real time. A hand holds a ball until it is explored, thrown back, or a timeout ends.
 
 use tactnet_catching_packets::packets::{HandOpening, ThrowPath};
-use tactnet_catching_world::{FlightSample, OPENING_NS, OpenCommand, Released, TICK_NS, World};
+use tactnet_catching_world::{FlightSample, Released, World};
 
 use crate::judge::Over;
 
-/// Maximum age of an opening command at which the fingers begin to open, in ns.
-const TOLD_NS: u64 = 25_000_000;
 /// Maximum number of samples of a flight.
 const LONGEST: usize = 3000;
 
@@ -33,13 +31,9 @@ pub(crate) struct Thrown {
     pub epoch_ns: u64,
 }
 
-/// Opens hands on time and tracks the balls that leave them.
+/// Tracks the balls that leave the hands.
 #[derive(Debug, Default)]
 pub(crate) struct Letting {
-    /// Latest opening command, and its time of arrival in ns.
-    told: Option<(HandOpening, u64)>,
-    /// Latest executed opening.
-    opened: Option<HandOpening>,
     /// Time at which the last ball left, in ns of the world's clock.
     left_ns: Option<u64>,
     /// Latest planned throw.
@@ -55,39 +49,14 @@ impl Letting {
         self.path = Some(*path);
     }
 
-    /// Records an opening command of a hand.
-    pub fn tell(&mut self, now_ns: u64, opening: &HandOpening) {
-        if self.opened != Some(*opening) {
-            self.told = Some((*opening, now_ns));
-        }
-    }
-
     /// Returns true while a ball is in the air.
     pub fn is_away(&self) -> bool {
         self.away.is_some()
     }
 
-    /// Starts to open a hand in the last tick that still releases the ball on time.
+    /// Advances the flights of released balls by a tick. Returns a ball that was thrown back and has landed.
     ///
     /// - `epoch_ns`: offset from the world's time to the host's, in ns
-    pub fn open(&mut self, world: &mut World, epoch_ns: u64) {
-        let now_ns = world.time_ns() + epoch_ns;
-        let due = |told: &mut (HandOpening, u64)| now_ns + OPENING_NS + TICK_NS > told.0.open_ns;
-        let Some((opening, told_ns)) = self.told.take_if(due) else {
-            return;
-        };
-        if now_ns.saturating_sub(told_ns) > TOLD_NS {
-            return;
-        }
-        self.opened = Some(opening);
-        // Opening an empty hand has no effect.
-        let _ = world.open(&OpenCommand {
-            arm: usize::try_from(opening.arm).unwrap_or(usize::MAX),
-            open_ns: opening.open_ns.saturating_sub(epoch_ns),
-        });
-    }
-
-    /// Advances the flights of released balls by a tick. Returns a ball that was thrown back and has landed.
     pub fn follow(&mut self, world: &mut World, epoch_ns: u64) -> Option<Thrown> {
         let left = world
             .released()
@@ -99,9 +68,9 @@ impl Letting {
             let meant = |path: &ThrowPath| {
                 let opening = HandOpening {
                     arm: path.arm,
-                    open_ns: path.open_ns,
+                    open_ns: path.open_ns.saturating_sub(epoch_ns),
                 };
-                self.opened == Some(opening)
+                world.opened() == Some(&opening)
             };
             if let Some(path) = self.path.filter(meant) {
                 self.thrown += 1;
@@ -137,9 +106,9 @@ impl Letting {
 mod tests {
     use bytemuck::Zeroable;
     use tactnet_catching::Robot;
+    use tactnet_catching_packets::ARMS;
     use tactnet_catching_packets::packets::JointCommand;
-    use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
-    use tactnet_catching_world::WorldConfig;
+    use tactnet_catching_world::{TICK_NS, WorldConfig};
 
     use super::*;
 
@@ -147,32 +116,26 @@ mod tests {
 
     /// Simulates a hand at rest with a release at 5.2 s. The command is repeated every 4 ms until `last_ms`.
     fn told_until(last_ms: u64) -> (Option<Thrown>, World) {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let mut config = WorldConfig::default();
         config.release.jitter = 0.0;
         let mut world = World::new(robot.description(), &config, 1, &robot.waiting()).unwrap();
         world.give(1).unwrap();
         let opening = HandOpening {
             arm: 1,
-            open_ns: EPOCH_NS + 200 * TICK_NS + 300_000,
+            open_ns: 200 * TICK_NS + 300_000,
         };
-        let stay = JointCommand {
-            number: 0,
-            command_ns: 0,
-            q: robot.waiting(),
-            dq: [0.0; JOINTS],
-        };
+        let stay = JointCommand::still(robot.waiting());
         let mut letting = Letting::default();
         letting.plan(&ThrowPath {
             arm: 1,
-            open_ns: opening.open_ns,
+            open_ns: EPOCH_NS + opening.open_ns,
             ..ThrowPath::zeroed()
         });
         for ms in 0..1500 {
             if ms % 4 == 0 && (100..=last_ms).contains(&ms) {
-                letting.tell(EPOCH_NS + ms * TICK_NS, &opening);
+                world.tell_opening(&opening);
             }
-            letting.open(&mut world, EPOCH_NS);
             world.step(&stay, &[None; ARMS]);
             if let Some(thrown) = letting.follow(&mut world, EPOCH_NS) {
                 return (Some(thrown), world);

@@ -8,8 +8,9 @@ use tactnet_catching::flight::Flight;
 use tactnet_catching::{CatchSpace, ChainDelays, Robot};
 use tactnet_catching_packets::packets::{CatchOutcome, FeltMaterial, Text, ThrownBack};
 use tactnet_catching_packets::{ARMS, JOINTS};
+use tactnet_catching_roles::channels::{CATCH_OUTCOME, THROW_OUTCOME};
 use tactnet_catching_world::{FlightSample, Miss, Verdict, down_to};
-use tactnet_channel::{Bus, Priority};
+use tactnet_channel::Bus;
 
 use crate::StageError;
 use crate::hands::Thrown;
@@ -42,8 +43,7 @@ pub(crate) fn judge(
     lower_body: bool,
     throws: &Receiver<Judged>,
 ) -> Result<(), StageError> {
-    let outcomes = bus.put_port::<CatchOutcome>("catch/outcome", Priority::Normal)?;
-    let backs = bus.put_port::<ThrownBack>("throw/outcome", Priority::Normal)?;
+    let (outcomes, backs) = (CATCH_OUTCOME.put(bus)?, THROW_OUTCOME.put(bus)?);
     let oracle = CatchSpace::new(robot, lower_body);
     // The catch space of stepped time applies here, too, so that rates are comparable.
     let reaction = ChainDelays::ours().reaction(robot.description().cameras.rate);

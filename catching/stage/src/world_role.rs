@@ -9,9 +9,9 @@ use tactnet_catching_packets::packets::{
     CatchPhase, CatchStatus, Circles, FeltMaterial, HandCommand, HandOpening, HandState, ImuSample,
     JointCommand, JointState, MarkerFeature, MarkerFeatures, ThrowPath,
 };
-use tactnet_catching_roles::{RoleSettings, drain};
+use tactnet_catching_roles::{RoleSettings, channels, drain};
 use tactnet_catching_world::{FlightSample, TICK_NS, World};
-use tactnet_channel::{Bus, GetPort, Priority, PutPort, Start, Ticker};
+use tactnet_channel::{Bus, GetPort, PutPort, Ticker};
 
 use crate::StageError;
 use crate::drive_watch::DriveWatch;
@@ -86,20 +86,20 @@ impl Ports {
     /// - `pixels`: true if pictures are rendered
     fn open(bus: &Bus, pixels: bool) -> Result<Self, StageError> {
         Ok(Self {
-            commands: bus.get_port("joint/command", Start::Now)?,
-            targets: bus.get_port("hand/target", Start::Now)?,
-            status: bus.get_port("catch/state", Start::Now)?,
-            felt: bus.get_port("catch/felt", Start::Now)?,
-            openings: bus.get_port("hand/open", Start::Now)?,
-            throws: bus.get_port("throw/path", Start::Now)?,
-            hands: bus.put_port("hand/state", Priority::Normal)?,
-            joints: bus.put_port("joint/state", Priority::RealTime)?,
-            imu: bus.put_port("imu", Priority::High)?,
+            commands: channels::JOINT_COMMAND.get(bus)?,
+            targets: channels::HAND_TARGET.get(bus)?,
+            status: channels::CATCH_STATE.get(bus)?,
+            felt: channels::CATCH_FELT.get(bus)?,
+            openings: channels::HAND_OPEN.get(bus)?,
+            throws: channels::THROW_PATH.get(bus)?,
+            hands: channels::HAND_STATE.put(bus)?,
+            joints: channels::JOINT_STATE.put(bus)?,
+            imu: channels::IMU.put(bus)?,
             detected: match pixels {
                 true => None,
                 false => Some(DetectedPorts {
-                    circles: bus.put_port("ball/circles", Priority::High)?,
-                    markers: bus.put_port("marker/features", Priority::Normal)?,
+                    circles: channels::CIRCLES.put(bus)?,
+                    markers: channels::MARKER_FEATURES.put(bus)?,
                 }),
             },
         })
@@ -245,10 +245,13 @@ impl LiveWorld<'_> {
             }
         }
         drain(&self.ports.throws, |path| self.letting.plan(path))?;
-        let now = self.now_ns();
-        drain(&self.ports.openings, |told| self.letting.tell(now, told))?;
+        drain(&self.ports.openings, |told| {
+            self.world.tell_opening(&HandOpening {
+                open_ns: told.open_ns.saturating_sub(self.epoch_ns),
+                ..*told
+            });
+        })?;
         self.throw()?;
-        self.letting.open(&mut self.world, self.epoch_ns);
         let command = *self.drives.tick(newest.as_ref());
         let sensed = *self.world.step(&command, &hands);
         let epoch_ns = self.epoch_ns;

@@ -5,23 +5,10 @@ use std::fmt::Debug;
 
 use tactnet_catching::coordinate::{CoordinatorInputs, CoordinatorOutputs};
 use tactnet_catching::{CatchSpace, Robot};
-use tactnet_catching_packets::RobotDescription;
-use tactnet_catching_packets::packets::{
-    ArmPath, BallPredictions, BodyPath, CatchStatus, ControllerCommand, ControllerState, Gaze,
-    HandCommand, HeadPose, JointState, PlanRequest, PlanResult,
-};
-use tactnet_catching_roles::{CoordinatorPorts, RoleSettings, catching_channels, drain};
+use tactnet_catching_roles::{RoleSettings, catching_channels, channels, coordinator_shell, drain};
 use tactnet_catching_trials::ThrowConfig;
 use tactnet_catching_world::WorldConfig;
-use tactnet_channel::{Bus, Domain, GetPort, Packet, Priority, PutPort, Start, Table};
-
-fn put<T: Packet>(bus: &Bus, id: &str) -> PutPort<T> {
-    bus.put_port(id, Priority::Normal).unwrap()
-}
-
-fn get<T: Packet>(bus: &Bus, id: &str) -> GetPort<T> {
-    bus.get_port(id, Start::Now).unwrap()
-}
+use tactnet_channel::{Bus, Domain, GetPort, Packet, PutPort, Table};
 
 fn send<'a, T: Packet + Copy + 'a>(port: &PutPort<T>, packets: impl IntoIterator<Item = &'a T>) {
     for packet in packets {
@@ -40,7 +27,7 @@ fn compare<T: Packet + Copy + PartialEq + Debug>(port: &GetPort<T>, sent: &[Opti
 
 #[test]
 fn the_process_of_the_coordinator_sends_the_packets_of_stepped_time_one_by_one() {
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let oracle = CatchSpace::new(&robot, true);
     let config = ThrowConfig::new(robot, WorldConfig::default());
     let settings = RoleSettings {
@@ -52,19 +39,19 @@ fn the_process_of_the_coordinator_sends_the_packets_of_stepped_time_one_by_one()
     let table = settings.into_table(catching_channels(Table::new(&name), None));
     let bus = Bus::open(Domain::Process, &table).unwrap();
     let mut coordinator = settings.new_coordinator().unwrap();
-    let mut ports = CoordinatorPorts::open(&bus).unwrap();
-    let joints = put::<JointState>(&bus, "joint/state");
-    let head = put::<HeadPose>(&bus, "head/pose");
-    let controller = put::<ControllerState>(&bus, "controller/state");
-    let predictions = put::<BallPredictions>(&bus, "ball/prediction");
-    let results = put::<PlanResult>(&bus, "plan/result");
-    let requests = get::<PlanRequest>(&bus, "plan/request");
-    let paths = get::<ArmPath>(&bus, "arm/path");
-    let bodies = get::<BodyPath>(&bus, "body/path");
-    let gazes = get::<Gaze>(&bus, "head/gaze");
-    let hands = get::<HandCommand>(&bus, "hand/command");
-    let orders = get::<ControllerCommand>(&bus, "controller/command");
-    let states = get::<CatchStatus>(&bus, "catch/state");
+    let (_, mut step) = coordinator_shell(&bus).unwrap();
+    let joints = channels::JOINT_STATE.put(&bus).unwrap();
+    let head = channels::HEAD_POSE.put(&bus).unwrap();
+    let controller = channels::CONTROLLER_STATE.put(&bus).unwrap();
+    let predictions = channels::PREDICTION.put(&bus).unwrap();
+    let results = channels::PLAN_RESULT.put(&bus).unwrap();
+    let requests = channels::PLAN_REQUEST.get(&bus).unwrap();
+    let paths = channels::ARM_PATH.get(&bus).unwrap();
+    let bodies = channels::BODY_PATH.get(&bus).unwrap();
+    let gazes = channels::HEAD_GAZE.get(&bus).unwrap();
+    let hands = channels::HAND_COMMAND.get(&bus).unwrap();
+    let orders = channels::CONTROLLER_COMMAND.get(&bus).unwrap();
+    let states = channels::CATCH_STATE.get(&bus).unwrap();
     let mut compared = [0; 7];
     let mut steps = |now_ns, inputs: &CoordinatorInputs<'_>, outputs: &CoordinatorOutputs| {
         send(&joints, inputs.joints);
@@ -72,7 +59,7 @@ fn the_process_of_the_coordinator_sends_the_packets_of_stepped_time_one_by_one()
         send(&controller, inputs.controller);
         send(&predictions, inputs.predictions);
         send(&results, inputs.results);
-        ports.step(&mut coordinator, now_ns).unwrap();
+        step(&mut coordinator, now_ns).unwrap();
         let counts = [
             compare(&requests, &outputs.requests),
             compare(&paths, &outputs.paths),

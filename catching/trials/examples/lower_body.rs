@@ -11,7 +11,7 @@ use tactnet_catching::coordinate::BodyMotion;
 use tactnet_catching::flight::{DRAG, Flight, FlightPath, STEP};
 use tactnet_catching::plan::{CatchRequest, Grid, Objective, PlanConfig, Planner};
 use tactnet_catching::ramp::{Ramp, Reach};
-use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
+use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{World, WorldConfig};
 use tactnet_plot::wilson_of_counts;
 
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [throws, seed] = numbers[..] else {
         return Err("expected THROWS SEED".into());
     };
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let planners: [Planner; ARMS] =
         std::array::from_fn(|arm| Planner::new(&robot, arm, PlanConfig::default()));
     let possible: Vec<[bool; 3]> = (0..throws)

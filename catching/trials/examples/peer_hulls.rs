@@ -4,7 +4,6 @@
 
 use tactnet_catching::Robot;
 use tactnet_catching::safety::MonitorConfig;
-use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::SafetyBench;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -15,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         seed: number()?.parse()?,
         config: MonitorConfig::default(),
     };
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     println!("{}", serde_json::to_string(&bench.peer_hulls(&robot))?);
     Ok(())
 }

@@ -7,15 +7,13 @@ use std::time::Instant;
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::plan::{BODIES, Body, Objective, PlanConditions, PlanConfig, Planner};
-
-use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::{PlanProblem, plan_problem};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let mut number = || arguments.next().ok_or("expected PROBLEMS SEED");
     let (count, seed): (usize, u64) = (number()?.parse()?, number()?.parse()?);
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let problems = peer_problems(&robot, Objective::Soft, seed, count);
     println!("{}", serde_json::to_string(&problems)?);
     Ok(())

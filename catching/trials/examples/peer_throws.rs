@@ -11,15 +11,13 @@ use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{Aim, ThrowPlanConfig, ThrowRequest, Thrower};
 use tactnet_catching_packets::ARMS;
-
-use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::TrialError;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let mut number = || arguments.next().ok_or("expected THROWS SEED");
     let (count, seed): (usize, u64) = (number()?.parse()?, number()?.parse()?);
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let throws = peer_throws(&robot, seed, count)?;
     println!("{}", serde_json::to_string(&throws)?);
     Ok(())
@@ -68,7 +66,6 @@ fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<PeerLaunch>
             let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
             let (heading, height) = (between(-0.5, 0.5), between(0.9, 1.3));
             let request = ThrowRequest {
-                q: robot.waiting(),
                 holding: Some(number % ARMS),
                 aim: Aim::Farthest { heading, height },
                 drag: DRAG,

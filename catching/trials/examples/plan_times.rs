@@ -6,7 +6,6 @@
 use serde_json::json;
 use tactnet_catching::Robot;
 use tactnet_catching::plan::{Objective, PlanConfig, WayConfig};
-use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::PlanBench;
 
 /// Number of repetitions of each variant.
@@ -20,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [problems, seed] = numbers[..] else {
         return Err("expected PROBLEMS SEED".into());
     };
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     for turn in 0..TURNS {
         for hard in [0.0, WayConfig::default().hard] {
             let way = WayConfig {

@@ -94,20 +94,6 @@ pub struct RadiusClass {
     pub centre_px_rms: Option<f64>,
 }
 
-/// A picture with ground truth and detections.
-pub struct Taken {
-    /// Index of the throw.
-    pub throw: usize,
-    /// Camera, 0 for left and 1 for right.
-    pub camera: usize,
-    /// Grey levels, shape `[height][width]`.
-    pub pixels: Vec<u8>,
-    /// The ball without distortion, if it is completely in the picture.
-    pub ball: Option<Circle>,
-    /// Detections of this project in the picture alone.
-    pub circles: Vec<Circle>,
-}
-
 #[derive(Default)]
 struct Kept {
     errors: Vec<[f64; 3]>,
@@ -122,7 +108,6 @@ impl DetectBench {
     /// Runs the benchmark.
     ///
     /// - `progress`: receives the number of finished throws
-    /// - `keep`: receives every picture
     ///
     /// # Errors
     /// An invalid description of the robot or an invalid setting.
@@ -130,7 +115,6 @@ impl DetectBench {
         &self,
         robot: &Robot,
         mut progress: impl FnMut(usize),
-        mut keep: impl FnMut(Taken),
     ) -> Result<DetectReport, TrialError> {
         let description = robot.description();
         let mut detector = CircleDetector::new(&description.cameras, self.config);
@@ -159,13 +143,6 @@ impl DetectBench {
                     let expected: Vec<Gate> =
                         gates(&description.cameras, camera, &predictions, &pose).collect();
                     gated.add(&mut detector, &pixels, &expected, seen, ball);
-                    keep(Taken {
-                        throw,
-                        camera,
-                        pixels: pixels.clone(),
-                        ball,
-                        circles: alone.valid().to_vec(),
-                    });
                 }
                 predictions = tracker.push([&seen[0], &seen[1]], &pose)?;
             }
@@ -200,12 +177,7 @@ impl DetectBench {
             for (i, neck) in joint::NECK.enumerate() {
                 q[neck] += LOOKING.0 * ((LOOKING.1 + i as f64) * t).sin();
             }
-            let command = JointCommand {
-                number: 0,
-                command_ns: world.time_ns(),
-                q,
-                dq: [0.0; tactnet_catching_packets::JOINTS],
-            };
+            let command = JointCommand::still(q);
             let exposed = world.step(&command, &[None, None]).circles.is_some();
             let truth = world.truth();
             if exposed {
@@ -304,7 +276,7 @@ impl Kept {
 }
 
 /// Returns true if a detection matches the ball.
-pub fn is_ball(circle: &Circle, ball: &Circle) -> bool {
+fn is_ball(circle: &Circle, ball: &Circle) -> bool {
     let near = NEAR.0.max(NEAR.1 * ball.r);
     (circle.u - ball.u).hypot(circle.v - ball.v) < near && (circle.r - ball.r).abs() < near
 }

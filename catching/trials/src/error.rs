@@ -25,6 +25,15 @@ pub enum TrialError {
     /// No throw is possible.
     #[error(transparent)]
     Throw(#[from] NoThrow),
+    /// The robot braked, or its hand did not open.
+    #[error("the ball was not thrown: {reason}")]
+    NotThrown {
+        /// Reason in plain words.
+        reason: String,
+    },
+    /// The robot did not return to its waiting pose.
+    #[error("the robot did not return to its waiting pose")]
+    NotBack,
     /// A setting is out of range.
     #[error("`{setting}`: expected {expected}, found {found}")]
     Setting {

@@ -43,7 +43,7 @@ pub use calibration::{
     CalibrationFileError, CalibrationReport, CalibrationSamples, CalibrationTrial, Distances,
     Progress, RandomFigures, SolveReport, calibration_page, keep_calibration,
 };
-pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass, Taken, is_ball};
+pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass};
 pub use error::TrialError;
 pub use look_ahead::{AHEAD, LookAhead};
 pub use peer_circles::{
@@ -59,7 +59,7 @@ pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
 pub use series::{ObstaclesReport, Series, SeriesReport, WithoutMap, obstacles_page, series_page};
 pub use stepped_stack::StepObserver;
 pub use throw_aim::{AimRound, ThrowAim, ThrowAimReport};
-pub use throw_bench::{Goal, SpeedRow, ThrowBench, ThrowBenchConfig, ThrowReport};
+pub use throw_bench::{Goal, ThrowBench, ThrowBenchConfig, ThrowReport};
 pub use throw_config::{Mapping, ThrowConfig};
 pub use throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 pub use trace::{Trace, TracePlan, TraceTick};

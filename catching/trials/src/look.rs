@@ -14,7 +14,7 @@ use tactnet_catching::plan::ObstacleConfig;
 use tactnet_catching::ramp::Ramp;
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
-use tactnet_catching_world::{DepthConfig, TICK_NS, World};
+use tactnet_catching_world::{DepthConfig, World};
 
 use crate::error::TrialError;
 use crate::stepped_time::ticks;
@@ -176,13 +176,7 @@ impl Motions<'_> {
         for tick in 1..=ticks(seconds + STAND) {
             let t = tick as f64 * 1e-3;
             let at = ramps.map(|ramp| ramp.at(t));
-            let now_ns = self.world.time_ns();
-            let command = JointCommand {
-                number: now_ns / TICK_NS,
-                command_ns: now_ns,
-                q: at.map(|(q, _)| q),
-                dq: at.map(|(_, dq)| dq),
-            };
+            let command = JointCommand::of(at.map(|(q, _)| q), at.map(|(_, dq)| dq));
             let sensed = self.world.step(&command, &[None; ARMS]);
             self.measured = sensed.joints.q;
         }
@@ -228,13 +222,12 @@ impl Motions<'_> {
 #[cfg(test)]
 mod tests {
     use nalgebra::Vector3;
-    use tactnet_catching_packets::RobotDescription;
     use tactnet_catching_world::{BoxConfig, ObstaclesConfig, WorldConfig};
 
     use super::*;
 
     fn looked(config: &WorldConfig, seed: u64, mapping: Mapping) -> (World, Looked) {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let mut world = World::new(robot.description(), config, seed, &looking(&robot)).unwrap();
         let looked = look_about(&robot, mapping, &config.depth, &mut world).unwrap();
         (world, looked)
@@ -251,7 +244,7 @@ mod tests {
     #[test]
     fn the_map_shows_boxes_where_they_stand_and_not_where_they_stood() {
         let config = table_and_box();
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         for seed in 1..4 {
             let before = World::new(robot.description(), &config, seed, &looking(&robot)).unwrap();
             let (world, looked) = looked(&config, seed, Mapping::Depth);
@@ -312,7 +305,7 @@ mod tests {
         let (_, again) = looked(&far, 1, Mapping::Depth);
         let (_, looked) = looked(&far, 1, Mapping::Depth);
         assert!(again.field == looked.field, "a look repeats to the bit");
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let field = looked.field.unwrap();
         for joints in [looking(&robot), robot.waiting()] {
             let chest = robot.chest(&joints);
@@ -329,7 +322,7 @@ mod tests {
 
     #[test]
     fn an_arm_whose_way_down_is_not_clear_stays_up() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let hand = robot.chest(&robot.waiting())
             * Point3::from(robot.arm(0).forward(&robot.ready(0)).position);
         let under = WorldConfig {

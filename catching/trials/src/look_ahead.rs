@@ -6,6 +6,7 @@ use tactnet_catching_packets::packets::BallPrediction;
 use tactnet_catching_world::{FlightSample, TICK_NS};
 
 use crate::chi_square::chi_square_band;
+use crate::quantiles::quantile;
 
 /// Time before the catch at which predictions are evaluated, in s.
 pub const AHEAD: f64 = 0.2;
@@ -143,9 +144,16 @@ pub(crate) fn between(thought: &Isometry3<f64>, is: &Isometry3<f64>) -> Isometry
     is * thought.inverse()
 }
 
-/// Root mean square errors of many predictions, and the consistency of the filter.
+/// Error perpendicular to the flight from which a prediction is far off, in mm.
+const FAR_OFF_MM: f64 = 50.0;
+
+/// Errors of many predictions, and the consistency of the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Errors {
+    /// Median and 95th percentile of the error perpendicular to the flight, in mm.
+    pub across_mm: [f64; 2],
+    /// Share of predictions that are more than 5 cm off perpendicular to the flight.
+    pub far_off: f64,
     /// Root mean square error perpendicular to the flight, in mm.
     pub across_mm_rms: f64,
     /// Root mean square error along the flight, in ms.
@@ -166,7 +174,12 @@ impl Errors {
         let rms = |of: fn(&LookAhead) -> f64| {
             (ahead.iter().map(|a| of(a).powi(2)).sum::<f64>() / number).sqrt()
         };
+        let mut across: Vec<f64> = ahead.iter().map(|a| a.across_mm).collect();
+        across.sort_by(f64::total_cmp);
+        let far_off = across.iter().filter(|mm| **mm > FAR_OFF_MM).count();
         Some(Self {
+            across_mm: [0.5, 0.95].map(|share| quantile(&across, share)),
+            far_off: far_off as f64 / number,
             across_mm_rms: rms(|a| a.across_mm),
             along_ms_rms: rms(|a| a.along_ms),
             nees: ahead.iter().map(|a| a.nees).sum::<f64>() / number,

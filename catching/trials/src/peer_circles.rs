@@ -306,14 +306,13 @@ fn covariance(state: &PeerState) -> SMatrix<f64, STATES, STATES> {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
 
     /// If the tracker assigns all circles to the ball, the filter alone gives the same result.
     #[test]
     fn the_filter_alone_is_the_tracker_without_clutter() {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let config = TrackConfig {
             // No circle is rejected as clutter.
             gate: 100.0,

@@ -21,8 +21,6 @@ use crate::look_ahead::{TimedPrediction, between};
 use crate::stepped_time::nanoseconds;
 use crate::throw_config::ThrowConfig;
 
-/// Time at rest after which the torso is still, in s: the simulation begins at rest.
-const STILL: f64 = 0.0;
 /// Variance of the kinematic head pose without the inertial unit, in m^2: a tenth of a millimetre.
 const KINEMATIC_VARIANCE: f64 = 1e-8;
 
@@ -117,7 +115,7 @@ impl Perception {
             },
             to_prediction_ns: nanoseconds(config.timing.to_prediction()),
             drag,
-            estimator: HeadEstimator::new(corrections.clone(), STILL)?,
+            estimator: HeadEstimator::new(corrections.clone(), config.still)?,
             tracker: PairTracker::new(corrections.clone(), track)?,
             eyes: match config.pixels {
                 true => Some(Eyes::new(&config.robot, &config.world, seed)?),
@@ -187,6 +185,11 @@ impl Perception {
                 pictures: self.pictures,
             });
         }
+    }
+
+    /// Forgets the comparison of estimated and true head poses.
+    pub fn forget(&mut self) {
+        self.alignments.clear();
     }
 
     /// Returns the latest joint state, as measured.

@@ -8,8 +8,9 @@ use tactnet_plot::{figure, stand_alone};
 
 use crate::trace::{Trace, TraceTick};
 
-const WIDTH: f64 = 760.0;
-const HEIGHT: f64 = 330.0;
+/// Size of a drawing, in pixels.
+pub(crate) const WIDTH: f64 = 760.0;
+pub(crate) const HEIGHT: f64 = 330.0;
 /// Scale, in pixels per metre.
 const SCALE: f64 = 116.0;
 /// Position of the robot's column and of the floor, in pixels.
@@ -34,7 +35,7 @@ pub fn picture_file(trace: &Trace) -> Option<String> {
     Some(stand_alone(WIDTH, HEIGHT, TITLE, &content(trace)?))
 }
 
-fn content(trace: &Trace) -> Option<String> {
+pub(crate) fn content(trace: &Trace) -> Option<String> {
     let (first, last) = (trace.ticks.first()?, trace.ticks.last()?);
     let mut svg = ground();
     let period = |every: f64| {

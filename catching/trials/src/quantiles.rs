@@ -17,17 +17,21 @@ impl Quantiles {
     /// Returns the quantiles of values, or `None` for none.
     pub fn of(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
-        let max = *values.last()?;
-        // Quantile without interpolation.
-        let at = |share: f64| {
-            values[((share * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1]
-        };
         Some(Self {
-            p50: at(0.5),
-            p99: at(0.99),
-            max,
+            max: *values.last()?,
+            p50: quantile(&values, 0.5),
+            p99: quantile(&values, 0.99),
         })
     }
+}
+
+/// Returns the smallest of ascending values that a share is not above.
+///
+/// # Panics
+/// No values.
+pub(crate) fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let place = (share * sorted.len() as f64).ceil() as usize;
+    sorted[place.clamp(1, sorted.len()) - 1]
 }
 
 #[cfg(test)]

@@ -17,7 +17,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
-use tactnet_catching::throw::{Aim, ThrowPlan, ThrowPlanConfig};
+use tactnet_catching::throw::{ThrowPlan, ThrowPlanConfig};
+use tactnet_catching::throw_back::ThrowBack;
 use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{BallState, Released, WorldConfig};
 
@@ -25,10 +26,9 @@ use crate::error::TrialError;
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
 pub use flight::RallyFlight;
-use flight::{landings, profile};
+use flight::profile;
 pub use page::rally_page;
-use player::Learnt;
-pub(crate) use player::Player;
+pub(crate) use player::{Player, Throw};
 use tactnet_catching::CatchSpace;
 use tactnet_catching::ChainDelays;
 use tactnet_catching_world::down_to;
@@ -209,14 +209,13 @@ impl Rally {
             ..ThrowConfig::new(self.robot.clone(), self.world.clone())
         };
         let description = with_turn(self.robot.description(), self.config.wheels)?;
-        Player::new(&config, &description, self.config.throws, seed)
-    }
-
-    /// Returns the aim of throws in the thrower's frame.
-    fn aim(&self) -> Aim {
-        Aim::At {
-            target: self.across(&self.config.target.into()),
-        }
+        let throws = ThrowBack {
+            at: Some(self.across(&self.config.target.into()).into()),
+            tries: 1,
+            planner: self.config.throws,
+            ..ThrowBack::default()
+        };
+        Player::new(&config, &description, throws, seed)
     }
 
     /// Returns a point of one robot's frame in the other's.
@@ -237,40 +236,40 @@ impl Rally {
     }
 
     /// Returns the learnt offsets of the aim, by robot and arm.
-    fn practise(&self, oracle: &CatchSpace) -> Result<[[Learnt; ARMS]; 2], TrialError> {
-        let mut found = [[Learnt::default(); ARMS]; 2];
-        let sides: Result<Vec<Learnt>, TrialError> = (0..2 * ARMS)
+    fn practise(&self, oracle: &CatchSpace) -> Result<[[[f64; 3]; ARMS]; 2], TrialError> {
+        let mut found = [[[0.0; 3]; ARMS]; 2];
+        let sides: Result<Vec<[f64; 3]>, TrialError> = (0..2 * ARMS)
             .into_par_iter()
             .map(|number| {
                 let arm = number % ARMS;
                 let seed =
                     |side: usize| world_seed(self.seed, PRACTICE + (2 * number + side) as u64);
                 let mut players = [self.player(seed(0))?, self.player(seed(1))?];
-                let mut before = Learnt::default();
+                let mut before = [0.0; 3];
                 for number in 0..self.config.practice {
                     let [thrower, catcher] = &mut players;
                     thrower.world.give(arm)?;
-                    let throw = match thrower.throw(arm, self.aim(), 0.0) {
+                    let throw = match thrower.throw(arm) {
                         // No throw is possible with this offset, so the previous aim stays.
                         Err(TrialError::Throw(_)) if number > 0 => {
-                            thrower.learnt[arm] = before;
+                            thrower.thrower().settings.beside[arm] = before;
                             break;
                         }
                         throw => throw?,
                     };
-                    before = thrower.learnt[arm];
+                    before = thrower.thrower().settings.beside[arm];
                     let released = self.handed_over(&throw.released);
                     let catch = catcher.catch(&released, &self.config.target, oracle)?;
                     if let Some(beside) = catch.beside {
                         // The catcher looks in the opposite direction.
-                        thrower.learnt[arm].beside += beside * self.config.gain;
+                        let aim = &mut thrower.thrower().settings.beside[arm];
+                        aim[0] += beside.x * self.config.gain;
+                        aim[1] += beside.y * self.config.gain;
                     }
                     (0..ARMS).for_each(|arm| catcher.world.take(arm));
-                    if !(thrower.go_home() && catcher.go_home()) {
-                        break;
-                    }
+                    thrower.rest()?;
                 }
-                Ok(players[0].learnt[arm])
+                Ok(players[0].thrower().settings.beside[arm])
             })
             .collect();
         for (number, learnt) in sides?.into_iter().enumerate() {
@@ -283,12 +282,12 @@ impl Rally {
     fn players(
         &self,
         number: u64,
-        learnt: &[[Learnt; ARMS]; 2],
+        learnt: &[[[f64; 3]; ARMS]; 2],
     ) -> Result<[Player; 2], TrialError> {
         let seed = |side: u64| world_seed(self.seed, 2 * number + side);
         let mut players = [self.player(seed(0))?, self.player(seed(1))?];
         for (player, learnt) in players.iter_mut().zip(learnt) {
-            player.learnt = *learnt;
+            player.thrower().settings.beside = *learnt;
         }
         Ok(players)
     }
@@ -296,7 +295,7 @@ impl Rally {
     fn play(
         &self,
         number: u64,
-        learnt: &[[Learnt; ARMS]; 2],
+        learnt: &[[[f64; 3]; ARMS]; 2],
         oracle: &CatchSpace,
         done: &(impl Fn() + Sync),
     ) -> Result<Game, TrialError> {
@@ -308,10 +307,10 @@ impl Rally {
         let mut thrower = 0;
         players[thrower].world.give(arm)?;
         for _ in 0..self.config.most {
-            let throw = match players[thrower].throw(arm, self.aim(), 0.0) {
+            let throw = match players[thrower].throw(arm) {
                 Ok(throw) => throw,
-                Err(TrialError::Throw(why)) => {
-                    game.no_throw = Some(why.to_string());
+                Err(error @ (TrialError::Throw(_) | TrialError::NotThrown { .. })) => {
+                    game.no_throw = Some(error.to_string());
                     break;
                 }
                 Err(error) => return Err(error),
@@ -320,7 +319,7 @@ impl Rally {
             let released = self.handed_over(&throw.released);
             let catch = catcher.catch(&released, &self.config.target, oracle)?;
             let flight = catcher.world.flight_of(&released);
-            let robot = players[thrower].throwing();
+            let robot = &players[thrower].throwing;
             let begin = released.state.position.xy();
             let down = down_to(&flight, height).unwrap_or(begin);
             game.exchanges.push(Exchange {
@@ -337,7 +336,6 @@ impl Rally {
                     arm: throw.plan.arm,
                     caught: catch.arm.is_some(),
                     path: profile(&flight, height),
-                    timing: landings(&throw.plan, robot, height),
                 });
             }
             done();
@@ -345,10 +343,6 @@ impl Rally {
                 break;
             };
             arm = with;
-            if !players[thrower].go_home() {
-                game.no_throw = Some("no free way back".into());
-                break;
-            }
             thrower = 1 - thrower;
         }
         Ok(game)

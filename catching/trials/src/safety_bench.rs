@@ -154,11 +154,7 @@ impl SafetyBench {
 
     fn judge(&self, robot: &Robot, bodies: &Bodies, number: usize) -> Judged {
         let command = self.command(robot.joints(), number);
-        let now = (0..PAIRS).map(|pair| {
-            let [a, b] = bodies.placed(pair, &command.q);
-            distance(&a, &b)
-        });
-        if now.fold(f64::INFINITY, f64::min) < self.config.margin {
+        if bodies.least(&command.q) < self.config.margin {
             return Judged {
                 begun: false,
                 go: false,
@@ -182,12 +178,7 @@ impl SafetyBench {
         let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
         let q = std::array::from_fn(|i| between(joints[i].range[0], joints[i].range[1]));
         let dq = std::array::from_fn(|i| between(-joints[i].speed, joints[i].speed));
-        JointCommand {
-            number: number as u64,
-            command_ns: 0,
-            q,
-            dq,
-        }
+        JointCommand::of(q, dq)
     }
 
     fn times(&self, robot: &Robot, bodies: &Bodies) -> SafetyReport {
@@ -249,23 +240,19 @@ fn swing(joints: &[Joint; JOINTS], tick: usize) -> JointCommand {
         let pace = 0.8 * joints[i].speed / half * (1.0 - 0.02 * i as f64);
         (middle, half, pace)
     };
-    JointCommand {
-        number: tick as u64,
-        command_ns: 0,
-        q: std::array::from_fn(|i| {
-            let (middle, half, pace) = of(i);
-            middle + half * (pace * t).sin()
-        }),
-        dq: std::array::from_fn(|i| {
-            let (_, half, pace) = of(i);
-            half * pace * (pace * t).cos()
-        }),
-    }
+    let q = |i: usize| {
+        let (middle, half, pace) = of(i);
+        middle + half * (pace * t).sin()
+    };
+    let dq = |i: usize| {
+        let (_, half, pace) = of(i);
+        half * pace * (pace * t).cos()
+    };
+    JointCommand::of(std::array::from_fn(q), std::array::from_fn(dq))
 }
 
 #[cfg(test)]
 mod tests {
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
 
@@ -276,7 +263,7 @@ mod tests {
             seed: 1,
             config: MonitorConfig::default(),
         };
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         assert_eq!(bench.peer_hulls(&robot).len(), 1000);
     }
 }

@@ -1,5 +1,6 @@
 //! Series of throws and their statistics.
 
+mod modes;
 mod obstacles;
 mod page;
 
@@ -23,6 +24,7 @@ use crate::trace::Trace;
 use crate::watch::Braked;
 use tactnet_catching::CatchSpace;
 use tactnet_catching::ChainDelays;
+use tactnet_catching::plan::Objective;
 use tactnet_plot::wilson_of_counts;
 
 pub use obstacles::{ObstaclesReport, WithoutMap, obstacles_page};
@@ -51,6 +53,8 @@ pub struct SeriesReport {
     pub seed: u64,
     /// Delays, in s.
     pub timing: ChainDelays,
+    /// Objective of the planners.
+    pub mode: Objective,
     /// Disabled parts.
     pub without: Vec<Ablation>,
     /// True if head and balls were taken from the true state.
@@ -71,7 +75,13 @@ pub struct SeriesReport {
     pub over_all_throws: f64,
     /// Number of missed balls in the catch space, by cause.
     pub misses: BTreeMap<String, usize>,
-    /// Root mean square error of the predictions 200 ms before the catch, perpendicular to the flight, in mm.
+    /// Median error of the predictions 200 ms before the catch, perpendicular to the flight, in mm.
+    pub across_mm_p50_200ms: Option<f64>,
+    /// 95th percentile of that error, in mm.
+    pub across_mm_p95_200ms: Option<f64>,
+    /// Share of these predictions that are more than 5 cm off.
+    pub far_off_200ms: Option<f64>,
+    /// Root mean square of that error, in mm.
     pub across_mm_rms_200ms: Option<f64>,
     /// Root mean square error along the flight, in ms.
     pub along_ms_rms_200ms: Option<f64>,
@@ -90,7 +100,9 @@ pub struct SeriesReport {
     pub predictions: usize,
     /// Number of plan requests without a solution, per throw.
     pub no_plans: f64,
-    /// Number of throws in which the self-collision monitor would have braked; `None` without the monitor.
+    /// Number of throws in which the safety monitor demanded a stop while the robot moved.
+    pub stopped: usize,
+    /// Number of throws in which the monitor would have braked; `None` unless it only reports.
     pub braked: Option<usize>,
     /// Number of those throws in which no bodies would have come near each other during braking.
     pub braked_in_vain: Option<usize>,
@@ -129,6 +141,17 @@ impl fmt::Display for SeriesReport {
             write!(
                 f,
                 "\npredicted 200 ms before the catch: {across:.1} mm across the flight, {along:.2} ms along it (root mean squares)"
+            )?;
+        }
+        if let (Some(median), Some(most), Some(far)) = (
+            self.across_mm_p50_200ms,
+            self.across_mm_p95_200ms,
+            self.far_off_200ms,
+        ) {
+            write!(
+                f,
+                "; across it {median:.1} mm (median), 95 % below {most:.1} mm, {:.2} % more than 5 cm off",
+                100.0 * far
             )?;
         }
         if let (Some(nees), Some([low, high])) = (self.nees_200ms, self.nees_band) {
@@ -248,6 +271,7 @@ impl Series {
             balls: self.config.balls,
             seed: self.seed,
             timing: self.config.timing,
+            mode: self.config.objective,
             without: self.config.without.clone(),
             perfect_perception: self.config.perfect_perception,
             pixels: self.config.pixels,
@@ -262,6 +286,9 @@ impl Series {
             ci95_high,
             over_all_throws: counts.caught_of_all as f64 / throws,
             misses: counts.misses,
+            across_mm_p50_200ms: errors.map(|errors| errors.across_mm[0]),
+            across_mm_p95_200ms: errors.map(|errors| errors.across_mm[1]),
+            far_off_200ms: errors.map(|errors| errors.far_off),
             across_mm_rms_200ms: errors.map(|errors| errors.across_mm_rms),
             along_ms_rms_200ms: errors.map(|errors| errors.along_ms_rms),
             across_mm_bound: least(|bound| bound.across_mm),
@@ -271,6 +298,7 @@ impl Series {
             nees_in_band: known.map(|errors| errors.nees_in_band()),
             predictions: ahead.len(),
             no_plans: outcomes.iter().map(|of| of.no_plans as f64).sum::<f64>() / throws,
+            stopped: outcomes.iter().filter(|of| of.stops > 0).count(),
             braked: brakes(&|_| true),
             braked_in_vain: brakes(&|braked| braked.in_vain),
             false_brakes: brakes(&Braked::is_false),

@@ -1,21 +1,27 @@
-//! The catching stack in stepped time: perception, coordinator, planners and controller, joined by packets with the
-//! configured delays.
+//! The catching stack in stepped time: the step functions of the live processes, joined by packets with the configured
+//! delays.
 //!
-//! Coordinator and planners are the step functions of the live processes. A packet of the coordinator takes one tick
-//! to the controller; a result reaches the coordinator in the last tick in which its path is still in time.
+//! A packet of the coordinator takes one tick to the controller and the hands, a verdict of the safety monitor one to
+//! the controller; a result reaches the coordinator in the last tick in which its path is still in time.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
-use tactnet_catching::control::Controller;
+use tactnet_catching::Robot;
+use tactnet_catching::calibrate::Corrections;
+use tactnet_catching::control::{ControlConfig, ControlInputs, ControlLoop};
 use tactnet_catching::coordinate::{
     Answering, Coordinator, CoordinatorInputs, CoordinatorOutputs, PhaseConfig, Room, answer,
 };
+use tactnet_catching::hand::{HandInputs, HandRelay};
 use tactnet_catching::map::DistanceField;
 use tactnet_catching::plan::{ObstacleConfig, Planner, Surroundings};
+use tactnet_catching::safety::SafetyWatch;
+use tactnet_catching::throw_back::{ThrowBack, ThrowInputs, ThrowOutputs, ThrowTask};
 use tactnet_catching_packets::packets::{
-    ControllerOrder, ControllerState, HandCommand, JointCommand, PlanFailure, PlanResult,
+    CatchPhase, CatchStatus, ControllerMode, ControllerState, HandCommand, HandOpening, HandState,
+    JointCommand, JointState, PlanFailure, PlanResult, SafetyState,
 };
 use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_catching_world::{Sensed, TICK_NS, Truth};
@@ -29,24 +35,33 @@ use crate::throw_config::ThrowConfig;
 
 /// Time after a catch at which the robot returns to its waiting pose, in s, as in the live settings.
 const AFTER_CATCH: f64 = 0.4;
-/// Number of ticks between state packets of the controller while its state does not change.
-const STATE_EVERY: u64 = 20;
+/// Timeout of the controller without verdicts of the safety monitor, in ns, as in the live settings.
+const PATIENCE_NS: u64 = 50_000_000;
 
-/// Stack of a robot that waits for a throw.
+/// Stack of a robot.
 pub(crate) struct SteppedStack {
     pub perception: Perception,
     coordinator: Coordinator,
-    pub controller: Controller,
+    control: ControlLoop,
+    safety: SafetyWatch,
+    hand: HandRelay,
+    /// Present if the robot throws.
+    pub thrower: Option<ThrowTask>,
     planners: [Planner; ARMS],
     field: Option<Arc<DistanceField>>,
     near_misses: bool,
     phases: PhaseConfig,
+    /// Joint state before the first tick.
+    begun: JointState,
     state: Option<ControllerState>,
-    /// Packets of the last step, which the controller has not taken yet.
+    verdict: Option<SafetyState>,
+    status: Option<CatchStatus>,
+    holding: Option<HandState>,
+    /// Packets of the last step, which controller and hands have not taken yet.
     sent: CoordinatorOutputs,
+    throws: ThrowOutputs,
     /// Results on their way to the coordinator, with the time of their arrival.
     results: VecDeque<(u64, PlanResult)>,
-    hands: [Option<HandCommand>; ARMS],
     /// All predictions so far.
     pub said: Vec<TimedPrediction>,
     /// Plans whose paths the coordinator has sent, with the time.
@@ -55,6 +70,15 @@ pub(crate) struct SteppedStack {
     pub obstructed: u64,
     /// Computation time of the first plans, in s.
     pub first_plan: Option<f64>,
+}
+
+/// Packets for drives and hands, and the last verdict of the safety monitor.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StackCommands {
+    pub joints: JointCommand,
+    pub hands: [Option<HandCommand>; ARMS],
+    pub openings: [Option<HandOpening>; ARMS],
+    pub verdict: SafetyState,
 }
 
 /// Observer of the coordinator: time in ns, inputs and outputs of each step.
@@ -81,21 +105,38 @@ impl SteppedStack {
         };
         let apart = ObstacleConfig::default().hard;
         let room = field.clone().map(|field| Room::new(&robot, field, apart));
+        let mut control = ControlLoop::new(corrections.clone(), control(config));
+        control.wait_in(ready);
         let planners = config.planners(&robot);
+        let begun = JointState {
+            number: 0,
+            sensor_ns: 0,
+            q: corrections.sensors(&ready),
+            dq: [0.0; JOINTS],
+            tau: [0.0; JOINTS],
+        };
+        let safety = SafetyWatch::new(corrections.clone());
         let mut coordinator = Coordinator::new(corrections, config.coordination(), phases);
         coordinator.wait_in(ready, room);
         Ok(Self {
             perception: Perception::new(config, seed)?,
             coordinator,
-            controller: Controller::new(robot, ready, &ready),
+            control,
+            safety,
+            hand: HandRelay::default(),
+            thrower: None,
             planners,
             field,
             near_misses: !config.is_without(Ablation::NearMiss),
             phases,
+            begun,
             state: None,
+            verdict: None,
+            status: None,
+            holding: None,
             sent: CoordinatorOutputs::default(),
+            throws: ThrowOutputs::default(),
             results: VecDeque::new(),
-            hands: [None; ARMS],
             said: Vec::new(),
             chosen: Vec::new(),
             obstructed: 0,
@@ -103,14 +144,36 @@ impl SteppedStack {
         })
     }
 
+    /// Adds the thrower, before the first step.
+    ///
+    /// - `robot`: robot with its limits for throwing, which the controller and the safety monitor use as well
+    pub fn throws_with(&mut self, config: &ThrowConfig, robot: &Robot, settings: ThrowBack) {
+        let corrections = Corrections::new(robot, None);
+        let existence = config.coordination().existence;
+        self.control = ControlLoop::new(corrections.clone(), control(config));
+        self.safety = SafetyWatch::new(corrections);
+        self.thrower = Some(ThrowTask::new(robot, settings, existence));
+    }
+
     /// Returns the number of failed plans for valid balls.
     pub fn no_plans(&self) -> u64 {
         self.coordinator.no_plans()
     }
 
-    /// Returns the closing commands of the hands.
-    pub fn hands(&self) -> &[Option<HandCommand>; ARMS] {
-        &self.hands
+    /// Returns the safety monitor.
+    pub fn safety(&self) -> &SafetyWatch {
+        &self.safety
+    }
+
+    /// Returns the phase of the coordinator, and the time of its start in ns.
+    pub fn phase(&self) -> (CatchPhase, u64) {
+        let since_ns = self.status.map_or(0, |status| status.since_ns);
+        (self.coordinator.phase(), since_ns)
+    }
+
+    /// Returns the mode of the controller.
+    pub fn mode(&self) -> Option<ControllerMode> {
+        self.state.and_then(|state| state.mode())
     }
 
     /// Returns true if an arm was sent towards a ball.
@@ -119,9 +182,9 @@ impl SteppedStack {
         chosen.any(|(_, plan)| plan.request.ball == ball)
     }
 
-    /// Performs a tick of the whole stack and returns the joint command, in link angles.
-    pub fn step(&mut self, now_ns: u64, observe: Option<&mut StepObserver<'_>>) -> JointCommand {
-        let command = self.control(now_ns);
+    /// Performs a tick of the whole stack.
+    pub fn step(&mut self, now_ns: u64, observe: Option<&mut StepObserver<'_>>) -> StackCommands {
+        let commands = self.control(now_ns);
         let seen = self.perception.predictions(now_ns);
         self.said.extend(seen.iter().flat_map(Seen::said));
         let mut results = Vec::new();
@@ -136,6 +199,7 @@ impl SteppedStack {
             results: &results,
         };
         self.sent = self.coordinator.step(now_ns, &inputs);
+        self.status = self.sent.status.or(self.status);
         if let Some(observe) = observe {
             observe(now_ns, &inputs, &self.sent);
         }
@@ -146,45 +210,56 @@ impl SteppedStack {
             let result = results.iter().find(is_of);
             self.chosen.extend(result.map(|result| (now_ns, *result)));
         }
+        if let Some(thrower) = &mut self.thrower {
+            let paths: Vec<_> = self.sent.paths.iter().flatten().copied().collect();
+            let inputs = ThrowInputs {
+                hand: self.holding.as_ref(),
+                status: self.status.as_ref(),
+                controller: self.state.as_ref(),
+                felt: None,
+                predictions: match &seen {
+                    Some(seen) => std::slice::from_ref(&seen.predictions),
+                    None => &[],
+                },
+                paths: &paths,
+            };
+            self.throws = thrower.step(now_ns, &inputs);
+        }
         self.plan(now_ns);
-        command
+        commands
     }
 
-    /// Hands the packets of the coordinator to the controller and returns its command.
-    fn control(&mut self, now_ns: u64) -> JointCommand {
-        let effect_ns = now_ns + nanoseconds(self.phases.drives);
-        let (sent, controller) = (&self.sent, &mut self.controller);
-        let mode = controller.mode();
-        match sent.order.and_then(|order| order.order()) {
-            Some(ControllerOrder::GoBack) => controller.go_back(),
-            Some(ControllerOrder::Brake) => controller.brake("ordered to brake"),
-            None => {}
-        }
-        for path in sent.paths.iter().flatten() {
-            // The state packet reports a refusal.
-            let _ = controller.arm_path(effect_ns, path);
-        }
-        if let Some(path) = &sent.body {
-            controller.body_path(path);
-        }
-        if let Some(gaze) = &sent.gaze {
-            controller.gaze(effect_ns, gaze);
-        }
-        for (hand, told) in self.hands.iter_mut().zip(sent.hands) {
-            *hand = told.or(*hand);
-        }
-        let (q, dq) = controller.tick(effect_ns);
-        let command = JointCommand {
-            number: now_ns / TICK_NS,
-            command_ns: now_ns,
-            q: *q,
-            dq: *dq,
+    /// Hands the packets of coordinator and thrower to controller, safety monitor and hands.
+    fn control(&mut self, now_ns: u64) -> StackCommands {
+        let sent = &self.sent;
+        let paths: Vec<_> = sent.paths.iter().flatten().copied().collect();
+        let inputs = ControlInputs {
+            joints: self.perception.joints().or(Some(&self.begun)),
+            verdict: self.verdict.as_ref(),
+            orders: sent.order.as_slice(),
+            paths: &paths,
+            throws: self.throws.path.as_slice(),
+            bodies: sent.body.as_slice(),
+            gazes: sent.gaze.as_slice(),
         };
-        let came = sent.paths != [None; ARMS] || mode != controller.mode();
-        if came || self.state.is_none() || command.number.is_multiple_of(STATE_EVERY) {
-            self.state = Some(controller.state(now_ns));
+        let control = self.control.step(now_ns, &inputs);
+        let control = control.expect("joint states are finite");
+        self.state = control.state.or(self.state);
+        let verdict = self.safety.step(&control.command);
+        self.safety.count(&control.command, &verdict);
+        self.verdict = Some(verdict);
+        let told: Vec<_> = sent.hands.iter().flatten().copied().collect();
+        let inputs = HandInputs {
+            commands: &told,
+            releases: self.throws.release.as_slice(),
+        };
+        let hands = self.hand.step(now_ns, &inputs);
+        StackCommands {
+            joints: control.command,
+            hands: hands.targets,
+            openings: hands.openings,
+            verdict,
         }
-        command
     }
 
     /// Answers the requests of the last step.
@@ -218,5 +293,26 @@ impl SteppedStack {
     pub fn sense(&mut self, sensed: &Sensed, truth: &Truth) {
         let phase = self.coordinator.phase();
         self.perception.sense(sensed, truth, phase);
+    }
+
+    /// Takes the state of the hands.
+    pub fn hold(&mut self, holding: HandState) {
+        self.holding = Some(holding);
+    }
+
+    /// Forgets what was said and chosen.
+    pub fn forget(&mut self) {
+        self.said.clear();
+        self.chosen.clear();
+        self.perception.forget();
+    }
+}
+
+fn control(config: &ThrowConfig) -> ControlConfig {
+    ControlConfig {
+        drives_ns: nanoseconds(config.timing.drives),
+        patience_ns: PATIENCE_NS,
+        // With an observer the monitor only reports, so that its false stops can be counted.
+        brakes: !config.watch,
     }
 }

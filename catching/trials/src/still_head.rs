@@ -178,12 +178,7 @@ impl StillThrow {
 
 /// Advances by 1 ms with a robot at rest. Returns the pair of pictures in it, if there is one.
 fn tick(world: &mut World, q: &[f64; JOINTS]) -> Option<Pair> {
-    let command = JointCommand {
-        number: 0,
-        command_ns: world.time_ns(),
-        q: *q,
-        dq: [0.0; JOINTS],
-    };
+    let command = JointCommand::still(*q);
     let circles = world.step(&command, &[None, None]).circles?;
     let truth = world.truth();
     Some(Pair {

@@ -1,8 +1,7 @@
 //! One throw in stepped time: world and stack tick by tick, with all delays.
 
 use tactnet_catching::CatchSpace;
-use tactnet_catching::calibrate::Corrections;
-use tactnet_catching_packets::packets::{HandCommand, PlanResult};
+use tactnet_catching_packets::packets::{ControllerMode, PlanResult};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_catching_world::{FlightSample, TICK_NS, World};
 
@@ -11,7 +10,7 @@ use crate::error::TrialError;
 use crate::look::{Looked, begin};
 use crate::look_ahead::{AHEAD, LookAhead, SAME_BALL, TimedPrediction, as_flight, true_at};
 use crate::stepped_stack::{StepObserver, SteppedStack};
-use crate::stepped_time::{nanoseconds, ticks, world_seed};
+use crate::stepped_time::{ticks, world_seed};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 use crate::trace::{Trace, TracePlan};
@@ -23,11 +22,12 @@ const REST: f64 = 1.0;
 const REST_AFTER_LOOK: f64 = 2.5;
 /// Maximum time after a throw until its verdict, in s.
 const LONGEST: f64 = 2.5;
+/// Maximum time after a throw until the robot is back in its waiting pose, in s.
+const LONGEST_BACK: f64 = 20.0;
 
 /// World and stack during a throw.
 struct SimulatedThrow<'a> {
     config: &'a ThrowConfig,
-    corrections: Corrections,
     world: World,
     /// Result of looking around.
     looked: Looked,
@@ -115,6 +115,7 @@ impl ThrowConfig {
                 .collect(),
             no_plans: throw.stack.no_plans(),
             obstacles: (self.mapping != Mapping::Off).then(|| throw.among_obstacles()),
+            stops: throw.stack.safety().brakes(),
             braked,
         })
     }
@@ -128,8 +129,7 @@ impl<'a> SimulatedThrow<'a> {
         ready: &[f64; JOINTS],
         mut watching: Watching<'a>,
     ) -> Result<Self, TrialError> {
-        let corrections = config.corrections();
-        let (world, looked) = begin(config, seed, &corrections.sensors(ready))?;
+        let (world, looked) = begin(config, seed, &config.corrections().sensors(ready))?;
         let ready = match config.mapping {
             Mapping::Off => *ready,
             Mapping::Blind | Mapping::Depth => looked.joints,
@@ -141,7 +141,6 @@ impl<'a> SimulatedThrow<'a> {
         Ok(Self {
             config,
             stack: SteppedStack::new(config, ready, looked.field.clone(), seed)?,
-            corrections,
             world,
             looked,
             ready,
@@ -157,46 +156,41 @@ impl<'a> SimulatedThrow<'a> {
             Mapping::Blind | Mapping::Depth => REST_AFTER_LOOK,
         };
         let first_tick = self.world.time_ns() / TICK_NS;
-        let (rest_ticks, ticks) = (first_tick + ticks(rest), first_tick + ticks(rest + LONGEST));
-        let mut watch = config.watch.then(|| Watch::new(&config.robot, &self.ready));
-        for tick in first_tick..ticks {
+        let rest_ticks = first_tick + ticks(rest);
+        let mut watch = config.watch.then(Watch::default);
+        let longest = if config.watch { LONGEST_BACK } else { LONGEST };
+        for tick in first_tick..rest_ticks + ticks(longest) {
             if tick == rest_ticks {
                 self.world.throw(config.balls);
             }
             let since = (tick - first_tick) as f64 * 1e-3 - rest;
             let steps = self.watching.steps.as_deref_mut();
-            let command = self.stack.step(tick * TICK_NS, steps);
+            let mut commands = self.stack.step(tick * TICK_NS, steps);
+            let (command, mode) = (&commands.joints, self.stack.mode());
             if let Some(watch) = &mut watch {
-                watch.look(&command, since);
+                let safety = self.stack.safety();
+                watch.look(safety, command, &commands.verdict, mode, since);
             }
-            let hands = self.closing_hands();
-            let sensed = *self.world.step(&self.corrections.command(&command), &hands);
+            for hand in commands.hands.iter_mut().flatten() {
+                let late_ns = (config.closing_error * 1e9) as i64;
+                hand.catch_ns = hand.catch_ns.saturating_add_signed(late_ns);
+            }
+            let sensed = *self.world.step(command, &commands.hands);
             let truth = self.world.truth();
             let trace = self.watching.trace.as_mut();
             if let Some(trace) = trace.filter(|_| tick >= rest_ticks) {
-                trace.tick(since, &config.robot, &truth, &command, &sensed);
+                trace.tick(since, &config.robot, &truth, command, &sensed);
             }
             self.stack.sense(&sensed, &truth);
-            if tick > rest_ticks && self.world.verdicts().len() == config.balls {
+            let judged = tick > rest_ticks && self.world.verdicts().len() == config.balls;
+            if judged && (watch.is_none() || mode == Some(ControllerMode::Ready)) {
                 break;
             }
         }
         if let Some(trace) = &mut self.watching.trace {
             trace.plans = traced(&self.stack.chosen, rest_ticks * TICK_NS);
         }
-        let end_ns = self.world.time_ns() + nanoseconds(config.timing.drives);
-        watch.and_then(|watch| watch.end(&mut self.stack.controller, end_ns))
-    }
-
-    /// Returns the closing commands of the hands with their configured error.
-    fn closing_hands(&self) -> [Option<HandCommand>; ARMS] {
-        let mut hands = *self.stack.hands();
-        for hand in hands.iter_mut().flatten() {
-            hand.catch_ns = hand
-                .catch_ns
-                .saturating_add_signed((self.config.closing_error * 1e9) as i64);
-        }
-        hands
+        watch.and_then(|watch| watch.braked)
     }
 
     fn among_obstacles(&self) -> AmongObstacles {

@@ -1,28 +1,20 @@
-//! Throws at a target with practice: the mean error of a round corrects the aim of the next.
-//!
-//! Planner, path in absolute time and controller are those of live runs; only the time is stepped.
+//! Throws at a target with practice, by the whole stack in stepped time: the mean error of a round corrects the aim of
+//! the next.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
-use tactnet_catching::Robot;
-use tactnet_catching::control::Controller;
-use tactnet_catching::flight::DRAG;
-use tactnet_catching::throw::{Aim, NoThrow, ThrowPlanConfig, ThrowRequest, Thrower};
-use tactnet_catching_packets::packets::{JointCommand, ThrowPath};
+use tactnet_catching::throw::ThrowPlanConfig;
+use tactnet_catching::throw_back::ThrowBack;
+use tactnet_catching::{ChainDelays, Robot};
 use tactnet_catching_packets::{ARMS, RobotDescription};
-use tactnet_catching_world::{OpenCommand, Released, TICK_NS, World, WorldConfig};
+use tactnet_catching_world::{WorldConfig, down_to};
 
 use crate::error::TrialError;
-use crate::rally::with_turn;
-use crate::stepped_time::{nanoseconds, world_seed};
-use tactnet_catching::ChainDelays;
-use tactnet_catching_world::down_to;
-
-/// Time before the release at which the hand receives its command, in s.
-const TOLD: f64 = 0.05;
-/// Time between the planning of a throw and its start, in ns.
-const AHEAD_NS: u64 = 50_000_000;
+use crate::quantiles::quantile;
+use crate::rally::{Player, Throw, with_turn};
+use crate::stepped_time::world_seed;
+use crate::throw_config::ThrowConfig;
 
 /// Settings of the measurement.
 #[derive(Debug, Clone)]
@@ -82,82 +74,44 @@ impl ThrowAim {
     /// Invalid settings, or a target that no throw reaches.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<ThrowAimReport, TrialError> {
         let description = with_turn(self.robot.description(), self.wheels)?;
-        let robot = Robot::new(description.clone());
-        let thrower = Thrower::new(&robot, ThrowPlanConfig::live());
         let mut aim = self.beside;
         let mut rounds = Vec::new();
         for round in 0..=self.practice {
-            let mut paths = Vec::new();
-            for (arm, beside) in aim.iter().enumerate() {
-                match self.plan(&thrower, arm, beside) {
-                    // No throw is possible with this offset, so the previous aim stays.
-                    Err(TrialError::Throw(_)) if round > 0 => {
-                        return Ok(self.report(rounds));
-                    }
-                    path => paths.push(path?),
-                }
-            }
             let missed: Result<Vec<Vector3<f64>>, TrialError> = (0..self.throws)
                 .into_par_iter()
                 .map(|number| {
                     let seed = world_seed(self.seed, (round * self.throws + number) as u64);
-                    let missed = self.miss(&description, &robot, &paths[number % ARMS], seed);
+                    let missed = self.miss(&description, number % ARMS, aim, seed);
                     done();
                     missed
                 })
                 .collect();
-            let (missed, mean) = missed.map(|missed| {
-                let mean: [Vector3<f64>; ARMS] =
-                    std::array::from_fn(|arm| mean(missed.iter().skip(arm).step_by(ARMS)));
-                (missed, mean)
-            })?;
+            let missed = match missed {
+                // No throw is possible with this offset, so the previous aim stays.
+                Err(TrialError::Throw(_)) if round > 0 => break,
+                missed => missed?,
+            };
+            let mean: [Vector3<f64>; ARMS] =
+                std::array::from_fn(|arm| mean(missed.iter().skip(arm).step_by(ARMS)));
             let mut sorted: Vec<f64> = missed.iter().map(|missed| 1e3 * missed.norm()).collect();
             sorted.sort_by(f64::total_cmp);
-            let at = |share: f64| {
-                let place = (share * sorted.len() as f64).ceil() as usize;
-                sorted[place.clamp(1, sorted.len()) - 1]
-            };
             rounds.push(AimRound {
                 aim_beside_m: aim,
-                miss_p50_mm: at(0.5),
-                miss_p95_mm: at(0.95),
-                miss_max_mm: at(1.0),
+                miss_p50_mm: quantile(&sorted, 0.5),
+                miss_p95_mm: quantile(&sorted, 0.95),
+                miss_max_mm: quantile(&sorted, 1.0),
                 beside_mm: mean.map(|mean| [1e3 * mean.x, 1e3 * mean.y]),
             });
             for (aim, mean) in aim.iter_mut().zip(mean) {
                 *aim = (Vector3::from(*aim) - mean).into();
             }
         }
-        Ok(self.report(rounds))
-    }
-
-    fn report(&self, rounds: Vec<AimRound>) -> ThrowAimReport {
-        ThrowAimReport {
+        Ok(ThrowAimReport {
             throws: self.throws,
             seed: self.seed,
             target_m: self.target,
             rounds,
-        }
-    }
-
-    fn plan(
-        &self,
-        thrower: &Thrower,
-        arm: usize,
-        beside: &[f64; 3],
-    ) -> Result<ThrowPath, TrialError> {
-        let request = ThrowRequest {
-            q: self.robot.waiting(),
-            holding: Some(arm),
-            aim: Aim::At {
-                target: self.target.into(),
-            },
-            drag: DRAG,
-            last: None,
-        };
-        let plan = thrower.plan_beside(&request, &Vector3::from(*beside))?;
-        let path = plan.path(AHEAD_NS, 1, self.target);
-        Ok(path.expect("a way from where the robot waits is straight"))
+        })
     }
 
     /// Throws once and returns the offset of the landing point from the target. If the ball stays below the target's
@@ -165,54 +119,40 @@ impl ThrowAim {
     fn miss(
         &self,
         description: &RobotDescription,
-        robot: &Robot,
-        path: &ThrowPath,
+        arm: usize,
+        beside: [[f64; 3]; ARMS],
         seed: u64,
     ) -> Result<Vector3<f64>, TrialError> {
-        let mut world = World::new(description, &self.world, seed, &robot.waiting())?;
-        let released = throw(&mut world, robot, &self.timing, path)?;
+        let (player, throw) = self.throw(description, arm, beside, seed)?;
         let height = self.target[2];
-        let down =
-            down_to(&world.flight_of(&released), height).unwrap_or(released.state.position.xy());
+        let begin = throw.released.state.position.xy();
+        let down = down_to(&player.world.flight_of(&throw.released), height).unwrap_or(begin);
         Ok(Vector3::new(down.x, down.y, height) - Vector3::from(self.target))
     }
-}
 
-/// Runs the controller with a throw in a world, from the waiting pose with a ball in the hand. Returns the released
-/// ball.
-fn throw(
-    world: &mut World,
-    robot: &Robot,
-    timing: &ChainDelays,
-    path: &ThrowPath,
-) -> Result<Released, TrialError> {
-    let (arm, waiting) = (path.arm as usize, robot.waiting());
-    let ahead_ns = nanoseconds(timing.drives);
-    let mut controller = Controller::new(robot.clone(), waiting, &waiting);
-    world.give(arm)?;
-    controller
-        .throw_path(world.time_ns() + ahead_ns, path)
-        .expect("planned throws are within limits");
-    let mut told = false;
-    while world.released().is_none() && world.time_ns() < path.open_ns + 100 * TICK_NS {
-        let now_ns = world.time_ns();
-        if !told && now_ns + nanoseconds(TOLD) >= path.open_ns {
-            world.open(&OpenCommand {
-                arm,
-                open_ns: path.open_ns,
-            })?;
-            told = true;
-        }
-        let (q, dq) = controller.tick(now_ns + ahead_ns);
-        let command = JointCommand {
-            number: now_ns / TICK_NS,
-            command_ns: now_ns,
-            q: *q,
-            dq: *dq,
+    fn throw(
+        &self,
+        description: &RobotDescription,
+        arm: usize,
+        beside: [[f64; 3]; ARMS],
+        seed: u64,
+    ) -> Result<(Player, Throw), TrialError> {
+        let config = ThrowConfig {
+            timing: self.timing,
+            ..ThrowConfig::new(self.robot.clone(), self.world.clone())
         };
-        world.step(&command, &[None; ARMS]);
+        let throws = ThrowBack {
+            at: Some(self.target),
+            beside,
+            tries: 1,
+            planner: ThrowPlanConfig::live(),
+            ..ThrowBack::default()
+        };
+        let mut player = Player::new(&config, description, throws, seed)?;
+        player.world.give(arm)?;
+        let throw = player.throw(arm)?;
+        Ok((player, throw))
     }
-    Ok(*world.released().ok_or(NoThrow::NoBall)?)
 }
 
 fn mean<'a>(all: impl Iterator<Item = &'a Vector3<f64>>) -> Vector3<f64> {
@@ -232,7 +172,7 @@ mod tests {
 
     fn aim() -> ThrowAim {
         ThrowAim {
-            robot: Robot::new(RobotDescription::nominal()),
+            robot: Robot::nominal(),
             world: WorldConfig::default(),
             timing: ChainDelays::ours(),
             wheels: None,
@@ -250,14 +190,13 @@ mod tests {
         let mut aim = aim();
         aim.world.release.jitter = 0.0;
         aim.world.torso.stiffness = Stiffness::Rigid;
-        let thrower = Thrower::new(&aim.robot, ThrowPlanConfig::live());
+        let description = aim.robot.description();
         for arm in 0..ARMS {
-            let path = aim.plan(&thrower, arm, &[0.0; 3]).unwrap();
-            let description = aim.robot.description();
-            let mut world = World::new(description, &aim.world, 5, &aim.robot.waiting()).unwrap();
-            let released = throw(&mut world, &aim.robot, &aim.timing, &path).unwrap();
-            assert_eq!((released.arm, released.at_ns), (arm, path.open_ns));
-            let down = down_to(&world.flight_of(&released), 1.2).unwrap();
+            let thrown = aim.throw(description, arm, [[0.0; 3]; ARMS], 5);
+            let (player, Throw { plan, released, .. }) = thrown.unwrap();
+            let off = (released.state.velocity - plan.v).norm();
+            assert!(released.arm == arm && off < 0.05 * plan.v.norm(), "{off}");
+            let down = down_to(&player.world.flight_of(&released), 1.2).unwrap();
             assert!((down.x - 4.2).hypot(down.y) < 0.25, "{down}");
         }
     }

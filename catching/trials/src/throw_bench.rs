@@ -1,6 +1,8 @@
 //! Benchmark of throws of maximum distance: as planned, in the simulated world, with an early or late release, and
 //! with faster joints.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
@@ -8,6 +10,7 @@ use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{
     Aim, Swing, THROW_JOINTS, ThrowJoints, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower,
 };
+use tactnet_catching::throw_back::ThrowBack;
 use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{WorldConfig, down_to};
 
@@ -20,9 +23,6 @@ use tactnet_catching::ChainDelays;
 
 /// Delay or advance of the release, in s.
 const LATE: f64 = 2e-3;
-/// Minimum speeds of the arm joints in the table, in deg/s.
-const ARM_SPEEDS: [f64; 3] = [0.0, 125.0, 150.0];
-const TURN_SPEEDS: [f64; 4] = [0.0, 120.0, 160.0, 200.0];
 /// Maximum factor in the search for speeds that reach the goal.
 const FASTEST: f64 = 3.0;
 /// Share of the maximum speed from which a joint counts as being at its limit.
@@ -107,23 +107,8 @@ pub struct ThrowReport {
     pub displaced_mm_at_2ms: f64,
     /// Planning time on one core, in ms.
     pub plan_ms: Option<Quantiles>,
-    /// Planned lengths for other speeds.
-    pub speeds: Vec<SpeedRow>,
     /// Speeds that reach the goal.
     pub goal: Goal,
-}
-
-/// A planned throw with other speeds and proportional accelerations.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct SpeedRow {
-    /// Minimum speed of the arm joints in deg/s; 0 for the description's speeds.
-    pub arm_deg_s: f64,
-    /// Speed of the turn in deg/s; 0 disables it.
-    pub turn_deg_s: f64,
-    /// Length of the flight, in m.
-    pub planned_m: f64,
-    /// Speed of the ball, in m/s.
-    pub speed_m_s: f64,
 }
 
 /// Speeds for which planned throws reach the goal.
@@ -188,7 +173,6 @@ impl ThrowBench {
             distance_lost_mm_at_2ms: 1e3 * worst(&|flown| exact[0].down.x - flown.down.x),
             displaced_mm_at_2ms: 1e3 * worst(&|flown| (exact[0].down - flown.down).norm()),
             plan_ms: Quantiles::of(flown.iter().map(|flown| flown.plan_ms).collect()),
-            speeds: self.speeds()?,
             goal: self.goal(&description),
         })
     }
@@ -221,7 +205,6 @@ impl ThrowBench {
         let robot = Robot::new(description.clone());
         let thrower = Thrower::new(&robot, self.config.throws);
         Ok(thrower.plan(&ThrowRequest {
-            q: robot.waiting(),
             holding: Some(arm),
             aim: self.aim(),
             drag: DRAG,
@@ -252,10 +235,20 @@ impl ThrowBench {
             timing: self.timing,
             ..ThrowConfig::new(self.robot.clone(), world)
         };
+        let throws = ThrowBack {
+            tries: 1,
+            planner: self.config.throws,
+            ..ThrowBack::default()
+        };
+        let begun = Instant::now();
+        self.plan(description, arm)?;
+        let plan_ms = begun.elapsed().as_secs_f64() * 1e3;
         let seed = world_seed(self.seed, draw as u64);
-        let mut player = Player::new(&config, description, self.config.throws, seed)?;
+        let mut player = Player::new(&config, description, throws, seed)?;
+        player.thrower().aim = Some(self.aim());
+        player.late_ns = (late * 1e9) as i64;
         player.world.give(arm)?;
-        let throw = player.throw(arm, self.aim(), late)?;
+        let throw = player.throw(arm)?;
         let flight = player.world.flight_of(&throw.released);
         let start = throw.released.state;
         let down = down_to(&flight, self.config.height).unwrap_or(start.position.xy());
@@ -263,39 +256,9 @@ impl ThrowBench {
             length: (down - start.position.xy()).norm(),
             down,
             speed: start.velocity.norm(),
-            plan_ms: throw.plan_ms,
+            plan_ms,
             torques: throw.torques,
         })
-    }
-
-    fn speeds(&self) -> Result<Vec<SpeedRow>, TrialError> {
-        let pairs: Vec<(f64, f64)> = ARM_SPEEDS
-            .iter()
-            .flat_map(|arm| TURN_SPEEDS.map(|turn| (*arm, turn)))
-            .collect();
-        pairs
-            .into_par_iter()
-            .map(|(arm_deg_s, turn_deg_s)| {
-                let mut description = self.robot.description().clone();
-                for joint in description.arms.iter_mut().flat_map(|arm| &mut arm.joints) {
-                    let times = (arm_deg_s.to_radians() / joint.speed).max(1.0);
-                    joint.speed *= times;
-                    joint.acceleration *= times;
-                }
-                let turn = &mut description.torso.joints[0];
-                // A joint needs a speed above 0, so a thousandth stands for none.
-                let times = (turn_deg_s.to_radians() / turn.speed).max(1e-3);
-                turn.speed *= times;
-                turn.acceleration *= times;
-                let plan = self.plan(&description, ARMS - 1)?;
-                Ok(SpeedRow {
-                    arm_deg_s,
-                    turn_deg_s,
-                    planned_m: plan.distance(),
-                    speed_m_s: plan.v.norm(),
-                })
-            })
-            .collect()
     }
 
     /// Returns the factor of the speeds that reaches the goal, with an accuracy of 0.01, by bisection.
@@ -365,7 +328,7 @@ mod tests {
     fn bench() -> ThrowBench {
         ThrowBench {
             config: ThrowBenchConfig::default(),
-            robot: Robot::new(RobotDescription::nominal()),
+            robot: Robot::nominal(),
             world: WorldConfig::default(),
             timing: ChainDelays::ours(),
             throws: 2,
@@ -400,17 +363,8 @@ mod tests {
             bench.plan(&description, 1).unwrap().distance()
         };
         assert!(reach(times) >= 7.0 && reach(times - 0.03) < 7.0);
-        // Faster joints never shorten a throw.
-        let rows = &report.speeds;
-        for pair in rows
-            .windows(2)
-            .filter(|pair| pair[0].arm_deg_s == pair[1].arm_deg_s)
-        {
-            assert!(pair[0].planned_m < pair[1].planned_m, "{pair:?}");
-        }
         let sum: f64 = report.speed_by_joint_m_s.iter().sum();
         assert!((sum - report.planned_speed_m_s).abs() < 1e-9);
-        assert!((rows[0].turn_deg_s, rows.len()) == (0.0, ARM_SPEEDS.len() * TURN_SPEEDS.len()));
     }
 
     #[test]

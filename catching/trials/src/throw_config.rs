@@ -2,7 +2,7 @@
 
 use tactnet_catching::calibrate::{Calibration, Corrections};
 use tactnet_catching::coordinate::CoordinatorConfig;
-use tactnet_catching::plan::{PlanConfig, Planner};
+use tactnet_catching::plan::{Objective, PlanConfig, Planner};
 use tactnet_catching::{ChainDelays, Robot};
 use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_catching_world::WorldConfig;
@@ -42,8 +42,12 @@ pub struct ThrowConfig {
     /// Detects circles in rendered pictures; otherwise circles come straight from the true state, with noise, misses
     /// and clutter.
     pub pixels: bool,
-    /// Runs the self-collision monitor, which reports, but does not brake.
+    /// Makes the self-collision monitor only report, until the robot is back in its waiting pose.
     pub watch: bool,
+    /// Objective of the planners.
+    pub objective: Objective,
+    /// Time at rest after which the torso counts as still, in s; 0 for a simulation that begins at rest.
+    pub still: f64,
     /// Use of a map of the obstacles.
     pub mapping: Mapping,
     /// Additional delay of the closing of the hands in s, to test the judge.
@@ -63,6 +67,8 @@ impl ThrowConfig {
             perfect_perception: false,
             pixels: false,
             watch: false,
+            objective: Objective::default(),
+            still: 0.0,
             mapping: Mapping::Off,
             closing_error: 0.0,
         }
@@ -107,6 +113,7 @@ impl ThrowConfig {
             plan_delay: self.timing.to_path(),
             replan: !self.is_without(Ablation::Replan),
             lower_body: self.moves_lower_body(),
+            objective: self.objective,
             ..CoordinatorConfig::default()
         }
     }

@@ -44,6 +44,8 @@ pub struct ThrowOutcome {
     pub no_plans: u64,
     /// Contacts and mapping, if the robot looked around.
     pub obstacles: Option<AmongObstacles>,
+    /// Number of stops by the safety monitor while the robot moved.
+    pub stops: u64,
     /// First command at which the monitor would have braked.
     pub braked: Option<Braked>,
 }

@@ -153,7 +153,6 @@ impl Kept {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
 
@@ -167,7 +166,7 @@ mod tests {
             .num_threads(threads)
             .build()
             .unwrap();
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         pool.install(|| bench.run(&robot, |_| ())).unwrap()
     }
 

@@ -2,12 +2,11 @@
 #![allow(clippy::unwrap_used)]
 
 use tactnet_catching::Robot;
-use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_trials::{Ablation, Series, SeriesReport, ThrowConfig};
 use tactnet_catching_world::{ObstaclesConfig, Stiffness, WorldConfig};
 
 fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let mut config = ThrowConfig::new(robot, WorldConfig::default());
     change(&mut config);
     Series {

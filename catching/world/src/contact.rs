@@ -89,7 +89,7 @@ pub(crate) fn is_clear_of(
 #[cfg(test)]
 mod tests {
     use tactnet_catching_packets::packets::JointCommand;
-    use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
+    use tactnet_catching_packets::{ARMS, RobotDescription};
 
     use super::*;
     use crate::pose::ready;
@@ -112,14 +112,8 @@ mod tests {
     }
 
     fn stand(world: &mut World, ticks: u64) {
-        for number in 0..ticks {
-            let command = JointCommand {
-                number,
-                command_ns: world.time_ns(),
-                q: ready(),
-                dq: [0.0; JOINTS],
-            };
-            world.step(&command, &[None; ARMS]);
+        for _ in 0..ticks {
+            world.step(&JointCommand::still(ready()), &[None; ARMS]);
         }
     }
 

@@ -188,15 +188,6 @@ mod tests {
 
     const H: f64 = 5e-4;
 
-    fn command(q: [f64; JOINTS], dq: [f64; JOINTS]) -> JointCommand {
-        JointCommand {
-            number: 0,
-            command_ns: 0,
-            q,
-            dq,
-        }
-    }
-
     fn any_number() -> impl Strategy<Value = f64> {
         prop_oneof![
             6 => -4.0..4.0f64,
@@ -215,7 +206,7 @@ mod tests {
             let mut drives = Drives::new(limits, &DrivesConfig::default(), [0.0; JOINTS]);
             for (q, dq, ticks) in commands {
                 for _ in 0..ticks {
-                    drives.receive(&command([q; JOINTS], [dq; JOINTS]));
+                    drives.receive(&JointCommand::of([q; JOINTS], [dq; JOINTS]));
                     for _ in 0..2 {
                         let a = drives.advance(H);
                         for (i, joint) in limits.iter().enumerate() {
@@ -238,7 +229,7 @@ mod tests {
         let mut drives = Drives::new(limits, &DrivesConfig::default(), [0.0; JOINTS]);
         let moved: Vec<bool> = (0..6)
             .map(|_| {
-                drives.receive(&command([0.1; JOINTS], [0.0; JOINTS]));
+                drives.receive(&JointCommand::still([0.1; JOINTS]));
                 drives.advance(TICK);
                 drives.q[0] > 0.0
             })
@@ -260,7 +251,7 @@ mod tests {
             let (w, t) = (12.0, f64::from(tick) * TICK);
             let at = |t: f64| (0.115 * (1.0 - (w * t).cos()), 0.115 * w * (w * t).sin());
             let (q, dq) = at(t);
-            drives.receive(&command([q; JOINTS], [dq; JOINTS]));
+            drives.receive(&JointCommand::of([q; JOINTS], [dq; JOINTS]));
             drives.advance(H);
             drives.advance(H);
             worst = worst.max((drives.q[6] - at(t + TICK).0).abs());
@@ -292,7 +283,7 @@ mod tests {
             };
             // Arms only; the other joints take longer to reach their speed.
             let arm = 6..20;
-            let mut now = command([0.0; JOINTS], [0.0; JOINTS]);
+            let mut now = JointCommand::still([0.0; JOINTS]);
             for i in arm.clone() {
                 (now.q[i], now.dq[i]) = ramp(&limits[i], t);
             }
@@ -314,11 +305,11 @@ mod tests {
         for bad in [f64::NAN, f64::INFINITY] {
             let mut q = [0.5; JOINTS];
             q[7] = bad;
-            drives.receive(&command(q, [0.0; JOINTS]));
+            drives.receive(&JointCommand::still(q));
             drives.advance(TICK);
         }
         for _ in 0..10 {
-            drives.receive(&command([0.0; JOINTS], [0.0; JOINTS]));
+            drives.receive(&JointCommand::still([0.0; JOINTS]));
             drives.advance(TICK);
         }
         assert_eq!(drives.ignored, 2);

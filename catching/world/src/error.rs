@@ -37,15 +37,11 @@ pub enum WorldError {
         /// Minimum of `thrower.distance`, in m.
         distance: f64,
     },
-    /// A hand cannot release or take a ball.
-    #[error("hand {arm} holds {found}, expected {expected}")]
+    /// A hand cannot take another ball.
+    #[error("hand {arm} holds a ball, expected nothing")]
     Hand {
         /// Arm, 0 for left and 1 for right.
         arm: usize,
-        /// Expected content of the hand.
-        expected: &'static str,
-        /// Content found.
-        found: &'static str,
     },
     /// Unknown arm.
     #[error("there is no arm {arm}, expected 0 (left) or 1 (right)")]

@@ -74,7 +74,7 @@ pub use markers::MarkersConfig;
 pub use obstacles::{BoxConfig, ObstaclesConfig, StandingBox};
 pub use pictures::{Outline, Pictures, PicturesConfig};
 pub use planted::PlantedErrors;
-pub use release::{OPENING_NS, OpenCommand, ReleaseConfig, Released};
+pub use release::{ReleaseConfig, Released};
 pub use robot::FrameMotion;
 pub use tendon::TendonSlip;
 pub use thrower::ThrowerConfig;

@@ -293,7 +293,6 @@ mod tests {
     use super::*;
     use crate::pose::ready;
     use crate::world::World;
-    use tactnet_catching_packets::JOINTS;
     use tactnet_catching_packets::packets::JointCommand;
 
     /// A quarter of the resolution, for speed.
@@ -308,12 +307,7 @@ mod tests {
     fn in_flight(description: &RobotDescription, config: &WorldConfig, seed: u64) -> Vec<Truth> {
         let mut world = World::new(description, config, seed, &ready()).unwrap();
         world.throw(1);
-        let command = JointCommand {
-            number: 0,
-            command_ns: 0,
-            q: ready(),
-            dq: [0.0; JOINTS],
-        };
+        let command = JointCommand::still(ready());
         let mut truths = Vec::new();
         for tick in 0..700 {
             world.step(&command, &[None; 2]);

@@ -14,7 +14,9 @@ use crate::robot::FrameMotion;
 use crate::stream::Stream;
 
 /// Time from the start of opening to the release, in ns.
-pub const OPENING_NS: u64 = 10_000_000;
+pub(crate) const OPENING_NS: u64 = 10_000_000;
+/// Maximum age of an opening command at which the fingers begin to open, in ns.
+pub(crate) const TOLD_NS: u64 = 25_000_000;
 
 /// Settings of releases.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,15 +36,6 @@ impl ReleaseConfig {
     pub(crate) fn check(&self) -> Result<(), WorldError> {
         not_negative("release.jitter", self.jitter)
     }
-}
-
-/// Command to open a hand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct OpenCommand {
-    /// Arm, 0 for left and 1 for right.
-    pub arm: usize,
-    /// Time of the release, in ns.
-    pub open_ns: u64,
 }
 
 /// A released ball.

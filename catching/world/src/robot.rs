@@ -268,15 +268,6 @@ mod tests {
     use super::*;
     use crate::pose::ready;
 
-    fn command(q: [f64; JOINTS], dq: [f64; JOINTS]) -> JointCommand {
-        JointCommand {
-            number: 0,
-            command_ns: 0,
-            q,
-            dq,
-        }
-    }
-
     fn robot(config: &WorldConfig) -> Robot {
         Robot::new(&RobotDescription::nominal(), config, 1, &ready()).unwrap()
     }
@@ -303,7 +294,7 @@ mod tests {
         let mut robot = robot(&WorldConfig::default());
         let before = robot.frames;
         for _ in 0..1000 {
-            robot.advance(&command(ready(), [0.0; JOINTS]));
+            robot.advance(&JointCommand::still(ready()));
         }
         let moved = (robot.frames.head.position - before.head.position).norm();
         // The equilibrium is accurate to 1e-14 rad; rounding excites small oscillations.
@@ -323,7 +314,7 @@ mod tests {
         for tick in 0..1000 {
             let t = f64::from(tick) * TICK;
             let (q, dq) = reach(t);
-            robot.advance(&command(q, dq));
+            robot.advance(&JointCommand::of(q, dq));
             let now = robot.deflection();
             yaw = yaw.max((now[0] - rest[0]).abs());
             pitch = pitch.max((now[1] - rest[1]).abs().max((now[2] - rest[2]).abs()));
@@ -363,7 +354,7 @@ mod tests {
         let links = robot.links.clone().unwrap();
         let before = robot.frames;
         for _ in 0..200 {
-            robot.advance(&command(ready(), [0.0; JOINTS]));
+            robot.advance(&JointCommand::still(ready()));
         }
         assert_eq!(robot.drives.q, ready());
         assert!((robot.frames.hands[0].position - before.hands[0].position).norm() < 1e-9);
@@ -393,7 +384,7 @@ mod tests {
         let before = robot.frames.head;
         for tick in 0..700 {
             let (q, dq) = reach(f64::from(tick) * TICK);
-            robot.advance(&command(q, dq));
+            robot.advance(&JointCommand::of(q, dq));
         }
         assert_eq!(robot.frames.head, before);
     }
@@ -418,7 +409,7 @@ mod tests {
             dq[0] += 0.4 * (f64::from(tick) * 0.004).sin();
             q[4] += 0.3 * (1.0 - (f64::from(tick) * 0.005).cos());
             dq[4] += 1.5 * (f64::from(tick) * 0.005).sin();
-            robot.advance(&command(q, dq));
+            robot.advance(&JointCommand::of(q, dq));
             for felt in robot.felt {
                 let turn = |part: f64| nalgebra::Rotation3::new(felt.rate * (h * part));
                 let middle = rotation * turn(0.5);

@@ -5,7 +5,7 @@ mod surroundings;
 
 use nalgebra::Vector3;
 use tactnet_catching_packets::packets::{
-    Circles, HandCommand, ImuSample, JointCommand, JointState, MAX_BALLS,
+    Circles, HandCommand, HandOpening, ImuSample, JointCommand, JointState, MAX_BALLS,
 };
 use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
 
@@ -152,6 +152,9 @@ pub struct World {
     held: [Option<Held>; ARMS],
     releases: u64,
     released: Option<Released>,
+    /// Latest opening command of a hand that is not due, and the time of its arrival in ns.
+    told: Option<(HandOpening, u64)>,
+    opened: Option<HandOpening>,
     away: Option<Away>,
     sensed: Sensed,
 }
@@ -216,6 +219,8 @@ impl World {
             held: [None; ARMS],
             releases: 0,
             released: None,
+            told: None,
+            opened: None,
             away: None,
             sensed,
         })
@@ -277,6 +282,7 @@ impl World {
         for (hand, command) in self.hands.iter_mut().zip(hands) {
             hand.receive(self.time_ns, command.as_ref());
         }
+        self.open();
         self.robot.advance(command);
         let during: [HandDuring; ARMS] = std::array::from_fn(|arm| HandDuring {
             frames: [before[arm], self.robot.frames.hands[arm]],

@@ -35,12 +35,7 @@ fn steps_do_not_allocate() {
     let robot = RobotDescription::nominal();
     let mut world = World::new(&robot, &WorldConfig::default(), 1, &[0.0; JOINTS]).unwrap();
     world.throw(2);
-    let command = JointCommand {
-        number: 0,
-        command_ns: 0,
-        q: [0.2; JOINTS],
-        dq: [0.0; JOINTS],
-    };
+    let command = JointCommand::still([0.2; JOINTS]);
     let catch = HandCommand {
         arm: 0,
         catch_ns: 700_000_000,

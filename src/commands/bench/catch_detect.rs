@@ -41,7 +41,7 @@ pub fn run(arguments: &DetectBenchArgs) -> anyhow::Result<ExitCode> {
         config: CircleConfig::default(),
     };
     let progress = progress_of(bench.throws, "throws");
-    let report = bench.run(&robot, progress, |_| ())?;
+    let report = bench.run(&robot, progress)?;
     OutputFormat::from_flag(arguments.json).report(&report, print)
 }
 

@@ -100,15 +100,8 @@ fn print(report: &ThrowReport) -> anyhow::Result<()> {
     print_speeds(report)
 }
 
-/// Prints planned throws with other speed limits, and those that reach the goal.
+/// Prints the speed limits that reach the goal.
 fn print_speeds(report: &ThrowReport) -> anyhow::Result<()> {
-    output::print("planned with other speed limits:")?;
-    for row in &report.speeds {
-        output::print(format_args!(
-            "  arm joints at least {:3.0} deg/s, turn {:3.0} deg/s: {:.2} m, {:.2} m/s",
-            row.arm_deg_s, row.turn_deg_s, row.planned_m, row.speed_m_s
-        ))?;
-    }
     let goal = &report.goal;
     let arm = goal
         .arm_times

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use tactnet_catching::ChainDelays;
+use tactnet_catching::plan::Objective;
 use tactnet_catching_trials::{
     Ablation, Mapping, Series, ThrowConfig, obstacles_page, picture_file, series_page,
 };
@@ -21,6 +22,7 @@ use crate::output::{self, OutputFormat};
     tactnet catch throw-series --throws 200 --page throws.html       with one throw drawn\n  \
     tactnet catch throw-series --throws 1 --view                     that throw in the Rerun viewer\n  \
     tactnet catch throw-series --without imu --without replan        what they are worth\n  \
+    tactnet catch throw-series --mode latest                         the latest catch instead of the smoothest\n  \
     tactnet catch throw-series --balls 2\n  \
     tactnet catch throw-series --throws 20 --pixels                  from pictures, not from circles\n  \
     tactnet catch throw-series --throws 50 --obstacles               among a table and a box, mapped by a depth camera\n  \
@@ -41,6 +43,9 @@ pub struct ThrowSeriesArgs {
     /// Delays of the stack
     #[arg(long, value_enum, default_value_t = TimingChoice::Ours)]
     timing: TimingChoice,
+    /// Objective of the planners
+    #[arg(long, value_enum, default_value_t = ModeChoice::Soft)]
+    mode: ModeChoice,
     /// Part of the stack to disable; may be given more than once
     #[arg(long, value_enum, value_name = "PART")]
     without: Vec<AblationChoice>,
@@ -85,6 +90,9 @@ pub struct ThrowSeriesArgs {
     /// Draw that throw alone from the side as an SVG file
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
+    /// Draw the first throw with each `--mode` as an SVG file
+    #[arg(long, value_name = "FILE")]
+    modes_picture: Option<PathBuf>,
     #[command(flatten)]
     viewer: ViewerArgs,
     /// Print one JSON document
@@ -98,6 +106,16 @@ enum TimingChoice {
     Ours,
     /// 152 ms from exposure to path, as in the thesis
     Thesis,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ModeChoice {
+    /// Smoothest motion
+    Soft,
+    /// Latest catch
+    Latest,
+    /// Earliest arrival; the hand waits for the ball
+    Cool,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -133,7 +151,12 @@ impl From<AblationChoice> for Ablation {
 pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
     arguments.viewer.check()?;
     // Before a long computation.
-    for file in arguments.page.iter().chain(&arguments.picture) {
+    let files = [
+        &arguments.page,
+        &arguments.picture,
+        &arguments.modes_picture,
+    ];
+    for file in files.into_iter().flatten() {
         super::check_folder(file)?;
     }
     let series = series(arguments)?;
@@ -155,6 +178,10 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
         && let Some(picture) = picture_file(&trace)
     {
         std::fs::write(path, picture).with_context(|| path.display().to_string())?;
+    }
+    if let Some(path) = &arguments.modes_picture {
+        std::fs::write(path, series.modes_picture(0)?)
+            .with_context(|| path.display().to_string())?;
     }
     #[cfg(feature = "rerun")]
     if let Some(target) = arguments.viewer.target() {
@@ -183,6 +210,11 @@ fn series(arguments: &ThrowSeriesArgs) -> anyhow::Result<Series> {
             timing: match arguments.timing {
                 TimingChoice::Ours => ChainDelays::ours(),
                 TimingChoice::Thesis => ChainDelays::thesis(),
+            },
+            objective: match arguments.mode {
+                ModeChoice::Soft => Objective::Soft,
+                ModeChoice::Latest => Objective::Latest,
+                ModeChoice::Cool => Objective::Cool,
             },
             without,
             balls: arguments.balls.into(),

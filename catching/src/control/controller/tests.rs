@@ -2,15 +2,10 @@
 
 use bytemuck::Zeroable;
 use proptest::prelude::*;
-use tactnet_catching_packets::RobotDescription;
 
 use super::*;
 
 const TICK_NS: u64 = 1_000_000;
-
-fn robot() -> Robot {
-    Robot::new(RobotDescription::nominal())
-}
 
 /// Returns a path that continues the current motion towards a position given as fractions of the ranges, in `seconds`.
 fn path(
@@ -78,7 +73,7 @@ proptest! {
     /// For any input, commands are smooth and within limits, and the robot returns to its waiting pose.
     #[test]
     fn commands_stay_within_limits_and_the_robot_finds_back(events in events()) {
-        let robot = robot();
+        let robot = Robot::nominal();
         let ready = robot.waiting();
         let mut controller = Controller::new(robot.clone(), ready, &ready);
         let (mut now, mut last) = (TICK_NS, (ready, [0.0; JOINTS]));
@@ -140,7 +135,7 @@ proptest! {
 
 #[test]
 fn the_way_back_is_the_way_that_it_came() {
-    let robot = robot();
+    let robot = Robot::nominal();
     let ready = robot.waiting();
     let mut controller = Controller::new(robot.clone(), ready, &ready);
     controller.tick(TICK_NS);
@@ -175,7 +170,7 @@ fn the_way_back_is_the_way_that_it_came() {
 /// After a stop anywhere on the way back, the robot continues without a jump.
 #[test]
 fn a_way_back_that_is_interrupted_goes_on_smoothly() {
-    let robot = robot();
+    let robot = Robot::nominal();
     let ready = robot.waiting();
     for ticks in (40..400).step_by(7) {
         let mut controller = Controller::new(robot.clone(), ready, &ready);
@@ -209,7 +204,7 @@ fn a_way_back_that_is_interrupted_goes_on_smoothly() {
 
 #[test]
 fn a_controller_that_starts_elsewhere_goes_back_where_the_way_is_free() {
-    let robot = robot();
+    let robot = Robot::nominal();
     let ready = robot.waiting();
     let mut elsewhere = ready;
     elsewhere[joint::RIGHT_ARM.start + 3] += 0.4;
@@ -225,7 +220,7 @@ fn a_controller_that_starts_elsewhere_goes_back_where_the_way_is_free() {
 
 #[test]
 fn late_paths_and_paths_that_jump_are_refused_with_a_reason() {
-    let robot = robot();
+    let robot = Robot::nominal();
     let ready = robot.waiting();
     let mut controller = Controller::new(robot.clone(), ready, &ready);
     controller.tick(10 * TICK_NS);
@@ -280,7 +275,7 @@ fn late_paths_and_paths_that_jump_are_refused_with_a_reason() {
 /// With two waiting paths, the first one would be skipped.
 #[test]
 fn a_path_behind_one_that_waits_is_refused() {
-    let robot = robot();
+    let robot = Robot::nominal();
     let ready = robot.waiting();
     let mut controller = Controller::new(robot.clone(), ready, &ready);
     controller.tick(10 * TICK_NS);

@@ -1,5 +1,3 @@
-use tactnet_catching_packets::RobotDescription;
-
 use super::*;
 
 /// Returns a plan that reaches `q` at all joints after one second.
@@ -20,7 +18,7 @@ fn planned(start_ns: u64, q: f64) -> PlanResult {
 
 #[test]
 fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let mut attempt = CatchAttempt::new(robot, CoordinatorConfig::default(), [0.0; JOINTS], None);
     let carried = |attempt: &CatchAttempt| {
         let (start_ns, ramps) = attempt.arm(0);
@@ -52,7 +50,7 @@ fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
 
 #[test]
 fn an_arm_is_asked_for_once_its_path_has_begun_and_alone_where_that_is_wanted() {
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let mut attempt = CatchAttempt::new(robot, CoordinatorConfig::default(), [0.0; JOINTS], None);
     let mut predictions = BallPredictions {
         count: 1,

@@ -1,5 +1,4 @@
 use nalgebra::Vector3;
-use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_packets::packets::BallPrediction;
 
 use super::*;
@@ -34,7 +33,7 @@ struct Bench {
 
 impl Bench {
     fn new(looks_at_hand: bool) -> Self {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let phases = PhaseConfig {
             drives: 0.003,
             after_catch: 0.4,

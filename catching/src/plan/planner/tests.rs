@@ -89,7 +89,7 @@ proptest! {
     /// ends at the ball.
     #[test]
     fn no_path_leaves_the_limits(request in request(), last in proptest::option::of((proptest::array::uniform7(number()), number()))) {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let config = PlanConfig { first: Grid { times: 8, hands: 6, elbows: 6 }, starts: 2, ..PlanConfig::default() };
         let planner = Planner::new(&robot, 0, config);
         let conditions = after(last.map(|(q, t)| CatchPoint { q, t }));
@@ -112,7 +112,7 @@ proptest! {
     /// After a change of the prediction, a correction is never worse than continuing the current motion.
     #[test]
     fn a_near_miss_is_no_farther_off_than_carrying_on(aside in -0.5..0.5f64, rise in -0.3..0.3f64, heard in 0.1..0.45f64) {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let planner = Planner::new(&robot, 0, PlanConfig::default());
         let ball = Flight { p: Vector3::new(0.6, 0.4, 0.1), v: Vector3::new(-5.5, 0.0, -2.0), k: 0.03, lift: Vector3::zeros() }.after(-0.6);
         let first = CatchRequest { ball, q0: robot.ready(0), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
@@ -190,7 +190,7 @@ fn caught(robot: &Robot) -> CatchRequest {
 
 #[test]
 fn reasons_are_told_apart() {
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let planner = Planner::new(&robot, 0, PlanConfig::default());
     let caught = caught(&robot);
     let plan = planner
@@ -248,7 +248,7 @@ fn reasons_are_told_apart() {
 
 #[test]
 fn a_repeated_plan_is_not_worse_and_needs_fewer_iterations() {
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let planner = Planner::new(&robot, 0, PlanConfig::default());
     let caught = caught(&robot);
     let plan = planner

@@ -1,5 +1,4 @@
 use proptest::prelude::*;
-use tactnet_catching_packets::RobotDescription;
 
 use super::*;
 use crate::plan::seeds::{Grid, Seeds};
@@ -39,7 +38,7 @@ proptest! {
         ball in thrown(), arm in 0..2usize, q in proptest::array::uniform7(-1.8..1.8f64), t in 0.3..1.2f64,
         w in proptest::array::uniform7(-0.5..0.5f64),
     ) {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let bodies = Body::around_chest(arm);
         let request = CatchRequest { ball, q0: [0.1; 7], w0: w, earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
         let clearance = Clearance::new(&robot, arm);
@@ -71,7 +70,7 @@ proptest! {
 
     #[test]
     fn candidates_are_catches(ball in thrown(), arm in 0..2usize) {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let bodies = Body::around_chest(arm);
         let request = CatchRequest { ball, q0: robot.ready(arm), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
         let clearance = Clearance::new(&robot, arm);

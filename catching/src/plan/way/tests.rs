@@ -1,5 +1,4 @@
 use proptest::prelude::*;
-use tactnet_catching_packets::RobotDescription;
 
 use super::super::bodies::Body as ThesisBody;
 use super::super::clearance::Clearance;
@@ -34,7 +33,7 @@ proptest! {
         q in proptest::array::uniform7(-1.0..1.0f64), w in proptest::array::uniform7(-0.5..0.5f64), t in 0.5..1.2f64,
         away in proptest::array::uniform7(-0.6..0.6f64), end in 0.3..1.0f64, since in 0.0..0.3f64,
     ) {
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let from = robot.ready(1);
         let ramps = std::array::from_fn(|i| {
             Ramp::between(from[i], 0.0, from[i] + away[i], end, robot.arm(1).joints()[i].speed)
@@ -67,7 +66,7 @@ proptest! {
 #[test]
 fn a_plan_keeps_away_from_the_other_arms_way() {
     use rand::{RngExt, SeedableRng};
-    let robot = Robot::new(RobotDescription::nominal());
+    let robot = Robot::nominal();
     let planner = Planner::new(&robot, 0, PlanConfig::default());
     let (bodies, clearance) = (ThesisBody::around_chest(0), Clearance::new(&robot, 0));
     let own = OwnBodies::new(&robot, 0);

@@ -6,8 +6,8 @@ use tactnet_catching_packets::packets::{
     ArmPath, CalibrationState, CatchOutcome, CatchPhase, CatchStatus, ControllerMode,
     ControllerState, HandState, ThrowStatus, ThrownBack,
 };
-use tactnet_catching_roles::drain;
-use tactnet_channel::{Bus, GetPort, Start};
+use tactnet_catching_roles::{channels, drain};
+use tactnet_channel::{Bus, GetPort};
 
 use super::RunEvent;
 use crate::StageError;
@@ -36,14 +36,14 @@ impl RunObserver {
     /// Opens the channels of outcomes and states.
     pub fn open(bus: &Bus) -> Result<Self, StageError> {
         Ok(Self {
-            outcomes: bus.get_port("catch/outcome", Start::Now)?,
-            paths: bus.get_port("arm/path", Start::Now)?,
-            states: bus.get_port("controller/state", Start::Now)?,
-            status: bus.get_port("catch/state", Start::Now)?,
-            hands: bus.get_port("hand/state", Start::Now)?,
-            throw_states: bus.get_port("throw/state", Start::Now)?,
-            backs: bus.get_port("throw/outcome", Start::Now)?,
-            holds: bus.get_port("calibration/state", Start::Now)?,
+            outcomes: channels::CATCH_OUTCOME.get(bus)?,
+            paths: channels::ARM_PATH.get(bus)?,
+            states: channels::CONTROLLER_STATE.get(bus)?,
+            status: channels::CATCH_STATE.get(bus)?,
+            hands: channels::HAND_STATE.get(bus)?,
+            throw_states: channels::THROW_STATE.get(bus)?,
+            backs: channels::THROW_OUTCOME.get(bus)?,
+            holds: channels::CALIBRATION_STATE.get(bus)?,
             catches: HeardCatches::default(),
             throws: HeardThrows::default(),
             busy: Instant::now(),

@@ -6,8 +6,9 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use tactnet_catching_packets::packets::{ControllerCommand, ControllerOrder, Text};
+use tactnet_catching_roles::channels::CONTROLLER_COMMAND;
 use tactnet_catching_roles::{Role, RoleReport};
-use tactnet_channel::{Bus, Priority, PutPort, now_ns};
+use tactnet_channel::{Bus, PutPort, now_ns};
 use tactnet_process::ReadyProcess;
 
 use super::{CatchRun, RunEvent};
@@ -73,7 +74,7 @@ pub(super) struct Processes<'a> {
 impl<'a> Processes<'a> {
     /// Starts all processes and waits until they are ready.
     pub fn start(run: &'a CatchRun<'a>, bus: &Bus, table: &'a Path) -> Result<Self, StageError> {
-        let orders = bus.put_port("controller/command", Priority::High)?;
+        let orders = CONTROLLER_COMMAND.put(bus)?;
         let mut children = Vec::new();
         for part in run.parts() {
             children.push(run.start(part, table)?);

@@ -287,7 +287,6 @@ mod tests {
     use tactnet_catching::calibrate::{
         Calibration, Determined, KeptCalibration, Priors, Session, UNKNOWNS, Unknowns,
     };
-    use tactnet_catching_packets::RobotDescription;
 
     use super::*;
     use crate::calibration::{CalibrationSamples, Distances, RandomFigures, SolveReport};
@@ -298,7 +297,7 @@ mod tests {
         let unknowns = Unknowns::zeros(UNKNOWNS);
         let sigmas = Priors::default().sigmas().unwrap();
         let covariance = &sigmas * sigmas.transpose();
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         CalibrationReport {
             seed: 7,
             mean_mm: 0.0,

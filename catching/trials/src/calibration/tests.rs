@@ -1,12 +1,11 @@
 use tactnet_catching::calibrate::{CalibrationError, Slip, SlipConfig, SlipWatch};
-use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_world::PlantedErrors;
 
 use super::*;
 
 fn trial(seed: u64, throws: u64) -> CalibrationTrial {
     CalibrationTrial {
-        robot: Robot::new(RobotDescription::nominal()),
+        robot: Robot::nominal(),
         world: WorldConfig {
             errors: PlantedErrors::uncalibrated(seed),
             ..WorldConfig::default()
@@ -172,7 +171,7 @@ fn a_slipped_tendon_asks_for_calibration_and_a_good_robot_does_not() {
 
 #[test]
 fn a_session_without_anything_is_refused() {
-    let model = Model::new(&Robot::new(RobotDescription::nominal()));
+    let model = Model::new(&Robot::nominal());
     let config = CalibrationConfig::default();
     let error = calibrate(&model, &Session::default(), &config, None).unwrap_err();
     assert!(

@@ -43,12 +43,7 @@ impl Standing {
         q[joint::ARM[pose.arm].clone()].copy_from_slice(&pose.q);
         q[joint::NECK].copy_from_slice(&pose.gaze);
         let mut world = World::new(robot.description(), world, seed, &q)?;
-        let command = JointCommand {
-            number: 0,
-            command_ns: 0,
-            q,
-            dq: [0.0; 20],
-        };
+        let command = JointCommand::still(q);
         let joints = world.step(&command, &[None; ARMS]).joints;
         let hand = world.truth().hands[pose.arm].position;
         let seen = world

@@ -1,12 +1,7 @@
 //! Flights of a game for drawings.
 
-use tactnet_catching::Robot;
-use tactnet_catching::flight::DRAG;
-use tactnet_catching::throw::ThrowPlan;
 use tactnet_catching_world::FlightSample;
 
-/// Maximum delay or advance of the release in the drawings, in ms.
-pub(super) const MOST_LATE: i32 = 4;
 /// Number of points of a kept flight.
 const POINTS: usize = 60;
 
@@ -22,9 +17,6 @@ pub struct RallyFlight {
     /// True flight down to the height of the target: horizontal distance from the release and height, in m. For an
     /// earlier catch, the flight continues as if the ball were missed.
     pub path: Vec<[f64; 2]>,
-    /// Delay of the release in ms (negative if early) and the resulting loss of distance of the planned throw in mm
-    /// (negative if it is longer).
-    pub timing: Vec<[f64; 2]>,
 }
 
 impl RallyFlight {
@@ -57,19 +49,6 @@ pub(super) fn profile(flight: &[FlightSample], height: f64) -> Vec<[f64; 2]> {
     let kept = all.iter().enumerate();
     kept.filter(|(i, _)| i % every == 0 || i + 1 == all.len())
         .map(|(_, point)| *point)
-        .collect()
-}
-
-/// Returns the loss of distance of a planned flight in mm, for fingers that open early or late, in ms.
-pub(super) fn landings(plan: &ThrowPlan, robot: &Robot, height: f64) -> Vec<[f64; 2]> {
-    let heading = (plan.landing.p - plan.p).xy().normalize();
-    (-MOST_LATE..=MOST_LATE)
-        .filter_map(|late| {
-            let late = f64::from(late);
-            let landing = plan.released_late(robot, 1e-3 * late, DRAG, height)?;
-            let farther = (landing.p - plan.landing.p).xy().dot(&heading);
-            Some([late, -1e3 * farther])
-        })
         .collect()
 }
 

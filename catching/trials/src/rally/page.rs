@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use tactnet_plot::{Axis, Page, Series as Curve};
 
 use super::RallyReport;
-use super::flight::MOST_LATE;
 use crate::page_parts::{axes, captioned, chart, counts_table, legend, percent, table};
 
 /// Maximum throwing distance of the robot in the thesis, in m.
@@ -17,7 +16,6 @@ pub fn rally_page(report: &RallyReport) -> String {
         (headline(report))
         (figures(report))
         (flights(report))
-        (timing(report))
         (games(report))
         (counts_table(["Missed because", "Balls"], &report.causes))
         (counts_table(["Nothing thrown because", "Games"], &report.no_throw_causes))
@@ -108,44 +106,6 @@ fn flights(report: &RallyReport) -> Markup {
     }
 }
 
-fn timing(report: &RallyReport) -> Markup {
-    let most = report
-        .flights
-        .iter()
-        .flat_map(|flight| &flight.timing)
-        .map(|[_, nearer]| nearer.abs())
-        .fold(0.0, f64::max);
-    if most <= 0.0 {
-        return html! {};
-    }
-    let step = 10f64.powf(most.log10().floor());
-    let edge = (most / step).ceil() * step;
-    let latest = f64::from(MOST_LATE);
-    let axes = axes(
-        220.0,
-        Axis::linear("fingers open late [ms]", -latest..=latest, 1.0),
-        Axis::linear("farther [mm]", -edge..=edge, edge / 2.0),
-    );
-    let mut lines = String::new();
-    for flight in &report.flights {
-        let points: Vec<(f64, f64)> = flight.timing.iter().map(|[t, near]| (*t, -near)).collect();
-        lines += &axes.line(Curve::nth(flight.arm), &points, 1);
-    }
-    let lost = report.distance_lost_mm_at_2ms.unwrap_or_default();
-    let title = format!(
-        "How much farther balls come down if fingers open early or late; 2 ms cost {lost:.0} mm on average"
-    );
-    html! {
-        h2 { "What a release early or late costs" }
-        (captioned(
-            &chart(&title, &axes, &lines),
-            "The same throws as planned, if fingers open early (to the left) or late: how much farther the ball comes down; less than 0: \
-             nearer.",
-        ))
-        (legend(&["left arm", "right arm"]))
-    }
-}
-
 fn games(report: &RallyReport) -> Markup {
     let mut lengths: BTreeMap<usize, usize> = BTreeMap::new();
     for length in &report.lengths {
@@ -158,36 +118,9 @@ fn games(report: &RallyReport) -> Markup {
     html! {
         @if !rows.is_empty() {
             h2 { "Games by length" }
-            @if report.longest > 0 {
-                (captioned(&lasting(report), "The share of games with at least so many catches in a row."))
-            }
             (table(["Catches in a row", "Games"], &rows))
         }
     }
-}
-
-/// Draws the share of games with at least a number of catches.
-fn lasting(report: &RallyReport) -> String {
-    let lasted: Vec<(f64, f64)> = (0..=report.longest)
-        .map(|catches| {
-            let on = report.lengths.iter().filter(|length| **length >= catches);
-            (
-                catches as f64,
-                on.count() as f64 / report.lengths.len() as f64,
-            )
-        })
-        .collect();
-    let longest = report.longest as f64;
-    let axes = axes(
-        180.0,
-        Axis::linear("catches in a row", 0.0..=longest, (longest / 10.0).ceil()),
-        Axis::percent("games that lasted so long [%]", 1.0, 0.25),
-    );
-    let title = format!(
-        "Share of games by catches in a row: {:.1} on average, {} at most",
-        report.mean, report.longest
-    );
-    chart(&title, &axes, &axes.path(Curve::nth(0), &lasted))
 }
 
 #[cfg(test)]
@@ -232,14 +165,12 @@ mod tests {
                 arm: 0,
                 caught: true,
                 path: vec![[0.0, 1.4], [2.0, 2.3], [4.3, 1.2]],
-                timing: vec![[-2.0, 13.0], [0.0, 0.0], [2.0, -11.0]],
             },
             RallyFlight {
                 game: 1,
                 arm: 1,
                 caught: false,
                 path: vec![[0.0, 1.4], [2.0, 2.1], [4.0, 1.2]],
-                timing: Vec::new(),
             },
         ];
         let page = rally_page(&games);
@@ -247,7 +178,6 @@ mod tests {
         for expected in [
             "9 of 11 throws were caught: 81.8 % [52.3, 94.9]",
             "2 flights from the side, up to 4.30 m far and 2.30 m high",
-            "2 ms cost 13 mm on average",
             "<th scope=\"row\">7</th><td>1</td>",
             "<th scope=\"row\">across</th><td>2</td>",
             "a &lt; b",
@@ -255,7 +185,7 @@ mod tests {
         ] {
             assert!(page.contains(expected), "{expected}: {page}");
         }
-        assert_eq!(page.matches("<svg class=\"figure\"").count(), 3);
+        assert_eq!(page.matches("<svg class=\"figure\"").count(), 1);
         // One caught, one missed.
         assert!(
             page.contains("<g class=\"series s0\"><polyline")

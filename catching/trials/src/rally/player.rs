@@ -1,55 +1,36 @@
-//! A robot that catches and throws in its own world.
+//! A robot that catches and throws in its own world, with the whole stack.
 
-use std::time::Instant;
-
-use nalgebra::{Vector2, Vector3};
 use tactnet_catching::Robot;
-use tactnet_catching::flight::DRAG;
-use tactnet_catching::safety::Bodies;
-use tactnet_catching::throw::{
-    Aim, NoThrow, THROW_JOINTS, THROW_UNKNOWNS, ThrowJoints, ThrowMotion, ThrowPlan,
-    ThrowPlanConfig, ThrowRequest, Thrower, Way, WayRequest, throw_joint,
-};
-use tactnet_catching_packets::packets::{HandCommand, JointCommand};
-use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
-use tactnet_catching_world::{OpenCommand, Released, Sensed, TICK_NS, World};
+use tactnet_catching::pose::TORSO_RESTS;
+use tactnet_catching::throw::{NoThrow, THROW_JOINTS, ThrowJoints, ThrowPlan, throw_joint};
+use tactnet_catching::throw_back::{ThrowBack, ThrowTask};
+use tactnet_catching_packets::packets::{CatchPhase, ControllerMode, HandState};
+use tactnet_catching_packets::{ARMS, RobotDescription};
+use tactnet_catching_world::{Released, Sensed, World};
 
 use crate::error::TrialError;
+use crate::stepped_stack::SteppedStack;
 use crate::stepped_time::{nanoseconds, ticks};
 use crate::throw_config::ThrowConfig;
 
-/// Time before the release at which the hand receives its command, in s.
-const TOLD: f64 = 0.05;
-/// Standstill after the return in s, because the torso oscillates.
+/// Standstill in the waiting pose after which a robot is ready to catch, in s, because the torso oscillates.
 const SETTLES: f64 = 3.0;
-/// Minimum distance of bodies on the way back, in m.
-const MARGIN: f64 = 0.015;
-/// Share of the maximum speeds on the way back.
-const PACE: f64 = 0.4;
+/// Maximum time of a throw with the return before it, and of a return with the rest after it, in s.
+const LONGEST: f64 = 60.0;
 
 /// A robot with its world.
 pub(crate) struct Player {
     /// Settings of the stack, with the robot's limits for catching.
     pub config: ThrowConfig,
     pub world: World,
-    thrower: Thrower,
-    throwing: Robot,
-    bodies: Bodies,
-    /// Commanded joint positions.
-    pub q: [f64; JOINTS],
-    /// Joint positions at the start of the last swing.
-    begun: [f64; JOINTS],
-    /// Learnt corrections of each arm.
-    pub learnt: [Learnt; ARMS],
-}
-
-/// Learnt correction of an arm's throws.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Learnt {
-    /// Offset of the aim from the target, in m.
-    pub beside: Vector2<f64>,
-    /// Solution of the last throw, the starting point of the next.
-    last: Option<[f64; THROW_UNKNOWNS]>,
+    pub stack: SteppedStack,
+    /// Robot with its limits for throwing.
+    pub throwing: Robot,
+    /// Delay of releases, in ns.
+    pub late_ns: i64,
+    /// Number of balls held so far.
+    grips: u64,
+    held: bool,
 }
 
 /// An executed throw.
@@ -57,8 +38,6 @@ pub(crate) struct Learnt {
 pub(crate) struct Throw {
     pub plan: ThrowPlan,
     pub released: Released,
-    /// Planning time on one core, in ms.
-    pub plan_ms: f64,
     /// Maximum torques of turn and arm until the robot stands still, in Nm.
     pub torques: ThrowJoints,
 }
@@ -70,126 +49,108 @@ impl Player {
     pub fn new(
         config: &ThrowConfig,
         description: &RobotDescription,
-        throws: ThrowPlanConfig,
+        throws: ThrowBack,
         seed: u64,
     ) -> Result<Self, TrialError> {
+        let config = ThrowConfig {
+            still: TORSO_RESTS,
+            ..config.clone()
+        };
         let throwing = Robot::new(description.clone());
         let q = config.ready();
+        let mut stack = SteppedStack::new(&config, q, None, 0)?;
+        stack.throws_with(&config, &throwing, throws);
         Ok(Self {
             world: World::new(description, &config.world, seed, &q)?,
-            thrower: Thrower::new(&throwing, throws),
-            bodies: Bodies::new(description),
+            stack,
             throwing,
-            begun: q,
-            q,
-            learnt: [Learnt::default(); ARMS],
-            config: config.clone(),
+            config,
+            late_ns: 0,
+            grips: 0,
+            held: false,
         })
     }
 
-    /// Throws the ball in hand `arm`, with an aim in this robot's frame.
-    ///
-    /// - `late`: delay of the release command, in s
+    /// Returns the thrower.
+    pub fn thrower(&mut self) -> &mut ThrowTask {
+        let thrower = self.stack.thrower.as_mut();
+        thrower.expect("every player throws")
+    }
+
+    /// Throws the ball in hand `arm` as soon as the robot waits.
     ///
     /// # Errors
-    /// An impossible throw or an empty hand.
-    pub fn throw(&mut self, arm: usize, aim: Aim, late: f64) -> Result<Throw, TrialError> {
-        let holds = self.world.holding().get(arm) == Some(&true);
-        let aim = match aim {
-            Aim::At { target } => {
-                let beside = self.learnt[arm.min(ARMS - 1)].beside;
-                Aim::At {
-                    target: target + Vector3::new(beside.x, beside.y, 0.0),
-                }
-            }
-            farthest => farthest,
-        };
-        let asked = Instant::now();
-        let plan = self.thrower.plan(&ThrowRequest {
-            q: self.q,
-            holding: holds.then_some(arm),
-            aim,
-            drag: DRAG,
-            last: self.learnt.get(arm).and_then(|learnt| learnt.last),
-        })?;
-        self.learnt[arm].last = Some(plan.unknowns);
-        let plan_ms = asked.elapsed().as_secs_f64() * 1e3;
-        self.begun = plan.motion.at(plan.motion.swing_begin()).0;
-        let torques = self.carry_out(&plan.motion, arm, late)?;
-        let released = *self.world.released().ok_or(NoThrow::NoBall)?;
-        Ok(Throw {
-            plan,
-            released,
-            plan_ms,
-            torques,
-        })
-    }
-
-    fn carry_out(
-        &mut self,
-        motion: &ThrowMotion,
-        arm: usize,
-        late: f64,
-    ) -> Result<ThrowJoints, TrialError> {
-        let start_ns = self.world.time_ns();
-        let open_ns = start_ns + nanoseconds(motion.release() + late);
-        let ahead = self.config.timing.drives;
+    /// An impossible throw, an empty hand, or a robot that brakes.
+    pub fn throw(&mut self, arm: usize) -> Result<Throw, TrialError> {
+        if self.world.holding().get(arm) != Some(&true) {
+            return Err(NoThrow::NoBall.into());
+        }
+        let (begun_ns, failed) = (self.world.time_ns(), self.thrower().failed().0);
         let mut torques = [0.0f64; THROW_JOINTS];
-        let mut told = false;
-        for tick in 0..=ticks(motion.end() + ahead) {
-            if !told && self.world.time_ns() + nanoseconds(TOLD) >= open_ns {
-                self.world.open(&OpenCommand { arm, open_ns })?;
-                told = true;
-            }
-            let sensed = self.step(motion.at(tick as f64 * 1e-3 + ahead), &[None; ARMS]);
+        for _ in 0..ticks(LONGEST) {
+            let sensed = self.tick();
             for (i, greatest) in torques.iter_mut().enumerate() {
                 let torque = sensed.joints.tau[throw_joint(arm, i)];
                 *greatest = greatest.max(torque.abs());
             }
+            let released = self.world.released().copied();
+            let throws = self.stack.mode() == Some(ControllerMode::Throwing);
+            let thrower = self.thrower();
+            match (released, thrower.last()) {
+                (_, Some(Err(no_throw))) if thrower.failed().0 > failed => {
+                    return Err((*no_throw).into());
+                }
+                _ if thrower.failed().0 > failed => break,
+                (Some(released), Some(Ok(plan))) if released.at_ns > begun_ns && !throws => {
+                    return Ok(Throw {
+                        plan: *plan,
+                        released,
+                        torques,
+                    });
+                }
+                _ => {}
+            }
         }
-        Ok(torques)
+        Err(TrialError::NotThrown {
+            reason: self.thrower().failed().1.into(),
+        })
     }
 
-    /// Returns to the waiting pose and waits until the torso is at rest. Returns false if the robot would touch
-    /// itself on the way.
-    pub fn go_home(&mut self) -> bool {
-        let home = self.config.ready();
-        let request = WayRequest {
-            from: &self.q,
-            to: &home,
-            over: &self.begun,
-            margin: MARGIN,
-            pace: PACE,
-        };
-        let way = Way::free(&self.throwing, &self.bodies, &request);
-        let Ok(way) = way else {
-            return false;
-        };
-        for tick in 0..=ticks(way.end() + SETTLES) {
-            self.step(way.at(tick as f64 * 1e-3), &[None; ARMS]);
+    /// Waits until the robot is in its waiting pose and its torso is at rest. Its hands must be empty.
+    ///
+    /// # Errors
+    /// A robot that does not get there.
+    pub fn rest(&mut self) -> Result<(), TrialError> {
+        for _ in 0..ticks(LONGEST) {
+            let (phase, since_ns) = self.stack.phase();
+            let rested = self.world.time_ns() >= since_ns + nanoseconds(SETTLES);
+            if phase == CatchPhase::Armed && rested {
+                return Ok(());
+            }
+            self.tick();
         }
-        true
+        Err(TrialError::NotBack)
     }
 
     /// Advances by a tick.
-    pub fn step(
-        &mut self,
-        (q, dq): ([f64; JOINTS], [f64; JOINTS]),
-        hands: &[Option<HandCommand>; ARMS],
-    ) -> Sensed {
-        self.q = q;
-        let now_ns = self.world.time_ns();
-        let command = JointCommand {
-            number: now_ns / TICK_NS,
-            command_ns: now_ns,
-            q,
-            dq,
-        };
-        *self.world.step(&command, hands)
-    }
-
-    /// Returns the robot with its limits for throwing.
-    pub fn throwing(&self) -> &Robot {
-        &self.throwing
+    pub fn tick(&mut self) -> Sensed {
+        let commands = self.stack.step(self.world.time_ns(), None);
+        for mut opening in commands.openings.into_iter().flatten() {
+            opening.open_ns = opening.open_ns.saturating_add_signed(self.late_ns);
+            self.world.tell_opening(&opening);
+        }
+        let sensed = *self.world.step(&commands.joints, &commands.hands);
+        self.stack.sense(&sensed, &self.world.truth());
+        let holding = self.world.holding();
+        let arm = (0..ARMS).find(|arm| holding[*arm]);
+        self.grips += u64::from(arm.is_some() && !self.held);
+        self.held = arm.is_some();
+        self.stack.hold(HandState {
+            t_ns: self.world.time_ns(),
+            arm: arm.unwrap_or_default() as u32,
+            holds: u32::from(self.held),
+            grip: self.grips,
+        });
+        sensed
     }
 }

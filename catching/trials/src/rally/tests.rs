@@ -5,7 +5,7 @@ use super::*;
 fn rally(config: RallyConfig, rallies: usize) -> Rally {
     Rally {
         config,
-        robot: Robot::new(RobotDescription::nominal()),
+        robot: Robot::nominal(),
         world: WorldConfig::default(),
         timing: ChainDelays::ours(),
         rallies,
@@ -38,9 +38,6 @@ fn robots_play_catch_and_games_repeat_to_the_bit_whatever_the_number_of_threads(
     for flight in flights {
         let [far, high] = *flight.path.last().unwrap();
         assert!((4.0..5.0).contains(&far) && (1.2..1.3).contains(&high));
-        // A release on time loses no distance.
-        assert_eq!(flight.timing.len(), 9);
-        assert!(flight.timing[4][0] == 0.0 && flight.timing[4][1].abs() < 1e-3);
     }
     assert!(report["throws"].as_u64().unwrap() >= 2);
     // Usually all four throws are caught.
@@ -133,7 +130,7 @@ fn what_makes_no_sense_is_refused_with_its_setting() {
 #[test]
 fn a_hand_without_a_ball_throws_nothing() {
     let mut player = rally(short(), 1).player(1).unwrap();
-    let error = player.throw(0, rally(short(), 1).aim(), 0.0).unwrap_err();
+    let error = player.throw(0).unwrap_err();
     assert_eq!(error, TrialError::Throw(NoThrow::NoBall));
 }
 

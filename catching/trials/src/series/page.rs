@@ -1,11 +1,13 @@
 //! HTML page of a series: rates, errors before the catch, one drawn throw.
 
+use std::ops::Range;
+
 use maud::{Markup, html};
 use nalgebra::Vector3;
 use tactnet_catching::Robot;
 use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching_packets::joint;
-use tactnet_plot::{Axis, Page, Series as Curve};
+use tactnet_plot::{Axes, Axis, Page, Series as Curve};
 
 use super::{Series, SeriesReport};
 use crate::bound::{Bound, bounds};
@@ -187,14 +189,10 @@ fn from_above(trace: &Trace) -> String {
 }
 
 fn throw(trace: &Trace, robot: &Robot) -> Markup {
-    let Some(last) = trace.ticks.last() else {
+    if trace.ticks.is_empty() {
         return html! {};
-    };
+    }
     let arm = trace.plans.last().map_or(0, |plan| plan.arm);
-    let time = || {
-        let end = (last.t * 10.0).ceil() / 10.0;
-        Axis::linear("time since the throw [s]", 0.0..=end, 0.2)
-    };
     let names: Vec<String> = (1..=robot.arm(arm).joints().len())
         .map(|i| format!("joint {i}"))
         .collect();
@@ -206,11 +204,16 @@ fn throw(trace: &Trace, robot: &Robot) -> Markup {
         (captioned(&from_above(trace), "and ball and hands from above."))
         (legend(&["ball", "left hand", "right hand"]))
         (captioned(
-            &joint_rates(trace, arm, time()),
+            &joint_rates(trace, joint::ARM[arm].clone()),
             "Joint rates of the arm that catches: commanded, and faintly as measured. Kinks are corrections.",
         ))
         (legend(&names))
-        @if let Some(costs) = plan_costs(trace, arm, time()) {
+        (captioned(
+            &joint_rates(trace, joint::PLATFORM..joint::NECK.end),
+            "The same for platform (in m/s), torso and neck.",
+        ))
+        (legend(&["platform", "torso, vertical", "lower pitch", "upper pitch", "pan", "tilt"]))
+        @if let Some(costs) = plan_costs(trace, arm) {
             (captioned(
                 &costs,
                 "What each plan that was carried out cost: with the soft objective, the share of its acceleration that the arm needs. \
@@ -220,15 +223,26 @@ fn throw(trace: &Trace, robot: &Robot) -> Markup {
     }
 }
 
-/// Draws the commanded and, faintly, the measured joint rates of an arm.
-fn joint_rates(trace: &Trace, arm: usize, time: Axis) -> String {
+fn time_axis(trace: &Trace) -> Axis {
+    let last = trace.ticks.last().map_or(0.0, |tick| tick.t);
+    let end = (last * 10.0).ceil() / 10.0;
+    Axis::linear("time since the throw [s]", 0.0..=end, 0.2)
+}
+
+fn joint_rates(trace: &Trace, joints: Range<usize>) -> String {
+    let (axes, lines) = rates(trace, joints);
+    chart("Joint rates", &axes, &lines)
+}
+
+/// Returns axes, and the commanded and, faintly, the measured rates of joints.
+pub(super) fn rates(trace: &Trace, joints: Range<usize>) -> (Axes, String) {
     let axes = axes(
         240.0,
-        time,
+        time_axis(trace),
         Axis::linear("joint rate [rad/s]", -3.0..=3.0, 1.0),
     );
     let mut lines = String::new();
-    for (i, index) in joint::ARM[arm].clone().enumerate() {
+    for (i, index) in joints.enumerate() {
         let of = |rates: fn(&TraceTick) -> &[f64]| -> Vec<(f64, f64)> {
             trace
                 .ticks
@@ -243,11 +257,11 @@ fn joint_rates(trace: &Trace, arm: usize, time: Axis) -> String {
             axes.path(Curve::nth(i), &of(|tick| &tick.measured))
         );
     }
-    chart("Joint rates", &axes, &lines)
+    (axes, lines)
 }
 
 /// Draws the costs of the exact plans of an arm; `None` for fewer than two.
-fn plan_costs(trace: &Trace, arm: usize, time: Axis) -> Option<String> {
+fn plan_costs(trace: &Trace, arm: usize) -> Option<String> {
     let costs: Vec<(f64, f64)> = trace
         .plans
         .iter()
@@ -260,7 +274,7 @@ fn plan_costs(trace: &Trace, arm: usize, time: Axis) -> Option<String> {
     let most = costs.iter().map(|(_, cost)| *cost).fold(0.1, f64::max);
     let axes = axes(
         140.0,
-        time,
+        time_axis(trace),
         Axis::linear("cost of the plan", 0.0..=(most * 5.0).ceil() / 5.0, 0.2),
     );
     Some(chart(

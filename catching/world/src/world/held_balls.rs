@@ -1,12 +1,13 @@
 //! Balls in hands, and their release.
 
 use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::packets::HandOpening;
 
-use super::{BALL_STEPS, FlightSample, Phase, Thrown, World, touches};
+use super::{BALL_STEPS, FlightSample, Phase, TICK_NS, Thrown, World, touches};
 use crate::ball::{Aerodynamics, BALL_STEP, BallState};
 use crate::error::WorldError;
 use crate::judge::Crossings;
-use crate::release::{Held, OpenCommand, Released};
+use crate::release::{Held, OPENING_NS, Released, TOLD_NS};
 use crate::stream::Stream;
 
 /// A ball that has left a hand and flies in this world without being judged.
@@ -28,11 +29,7 @@ impl World {
         let air = Aerodynamics::draw(&self.config.ball, &mut Stream::Ball.rng(self.seed, number));
         let held = self.held.get_mut(arm).ok_or(WorldError::Arm { arm })?;
         if held.is_some() {
-            return Err(WorldError::Hand {
-                arm,
-                expected: "nothing",
-                found: "a ball",
-            });
+            return Err(WorldError::Hand { arm });
         }
         *held = Some(Held::new(air.coefficient));
         Ok(())
@@ -50,27 +47,36 @@ impl World {
         self.held.map(|held| held.is_some())
     }
 
-    /// Sets the release time of a hand; only the first command counts.
-    ///
-    /// # Errors
-    /// Unknown arm, or a hand without a ball.
-    pub fn open(&mut self, command: &OpenCommand) -> Result<(), WorldError> {
-        let OpenCommand { arm, open_ns } = *command;
-        let held = self.held.get_mut(arm).ok_or(WorldError::Arm { arm })?;
-        let held = held.as_mut().ok_or(WorldError::Hand {
-            arm,
-            expected: "a ball",
-            found: "nothing",
-        })?;
-        held.open(
-            self.time_ns,
-            open_ns,
-            &self.config.release,
-            self.seed,
-            self.releases,
-        );
-        self.releases += 1;
-        Ok(())
+    /// Takes an opening command of a hand. The fingers begin to open in the last tick that still releases the ball on
+    /// time, if the command was repeated shortly before. An empty or unknown hand ignores it.
+    pub fn tell_opening(&mut self, opening: &HandOpening) {
+        if self.opened != Some(*opening) {
+            self.told = Some((*opening, self.time_ns));
+        }
+    }
+
+    /// Returns the last executed opening command.
+    pub fn opened(&self) -> Option<&HandOpening> {
+        self.opened.as_ref()
+    }
+
+    /// Starts to open the hand whose command is due.
+    pub(super) fn open(&mut self) {
+        let now_ns = self.time_ns;
+        let due = |told: &mut (HandOpening, u64)| now_ns + OPENING_NS + TICK_NS > told.0.open_ns;
+        let Some((opening, told_ns)) = self.told.take_if(due) else {
+            return;
+        };
+        if now_ns - told_ns > TOLD_NS {
+            return;
+        }
+        self.opened = Some(opening);
+        let arm = usize::try_from(opening.arm).unwrap_or(usize::MAX);
+        if let Some(held) = self.held.get_mut(arm).and_then(Option::as_mut) {
+            let (config, open_ns) = (&self.config.release, opening.open_ns);
+            held.open(now_ns, open_ns, config, self.seed, self.releases);
+            self.releases += 1;
+        }
     }
 
     /// Returns the ball that was released last.

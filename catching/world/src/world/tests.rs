@@ -1,6 +1,6 @@
 use super::*;
 use crate::pose::ready;
-use crate::{MAX_ACROSS, Miss, OpenCommand};
+use crate::{MAX_ACROSS, Miss};
 use nalgebra::Vector3;
 
 const NOBODY: [Option<HandCommand>; ARMS] = [None; ARMS];
@@ -10,22 +10,13 @@ fn world(config: &WorldConfig, seed: u64) -> World {
 }
 
 fn stay() -> JointCommand {
-    command(ready())
-}
-
-fn command(q: [f64; JOINTS]) -> JointCommand {
-    JointCommand {
-        number: 0,
-        command_ns: 0,
-        q,
-        dq: [0.0; JOINTS],
-    }
+    JointCommand::still(ready())
 }
 
 /// A small motion of all joints.
 fn waving(tick: u64) -> JointCommand {
     let t = tick as f64 * 1e-3;
-    command(std::array::from_fn(|i| {
+    JointCommand::still(std::array::from_fn(|i| {
         ready()[i] + 0.1 * (3.0 * t + i as f64).sin() - 0.1 * (i as f64).sin()
     }))
 }
@@ -236,7 +227,7 @@ fn the_wildest_commands_leave_all_finite() {
     let mut world = world(&WorldConfig::default(), 3);
     for tick in 0..3000 {
         let far = if tick / 150 % 2 == 0 { 1e3 } else { -1e3 };
-        let mut wild = command([far; JOINTS]);
+        let mut wild = JointCommand::still([far; JOINTS]);
         wild.dq = [far * 1e9; JOINTS];
         world.step(&wild, &NOBODY);
     }
@@ -324,20 +315,11 @@ fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
     assert_eq!(first.holding(), [false, true]);
     let full = first.give(1).unwrap_err().to_string();
     assert!(full.contains("hand 1 holds a ball"), "{full}");
-    let mut empty = OpenCommand {
-        arm: 0,
-        open_ns: 50 * TICK_NS,
-    };
-    let error = first.open(&empty).unwrap_err().to_string();
-    assert!(
-        error.contains("hand 0 holds nothing, expected a ball"),
-        "{error}"
-    );
-    empty.arm = 2;
-    assert_eq!(first.open(&empty), Err(WorldError::Arm { arm: 2 }));
+    assert_eq!(first.give(2), Err(WorldError::Arm { arm: 2 }));
     let open_ns = 50 * TICK_NS + 400_000;
-    first.open(&OpenCommand { arm: 1, open_ns }).unwrap();
-    for _ in 0..50 {
+    for tick in 0..50 {
+        let arm = u64::from(tick > 30);
+        first.tell_opening(&HandOpening { arm, open_ns });
         first.step(&stay(), &NOBODY);
         assert_eq!(first.released(), None);
     }
@@ -402,7 +384,7 @@ fn a_slipped_tendon_moves_the_hand_and_no_sensor() {
     let mut turned = ready();
     turned[joint::ARM[1].start + 1] += slip.angle;
     let mut there = World::new(&RobotDescription::nominal(), &config, 3, &turned).unwrap();
-    there.step(&command(turned), &NOBODY);
+    there.step(&JointCommand::still(turned), &NOBODY);
     let beside = (after.hands[1].position - there.truth().hands[1].position).norm();
     assert!(beside < 1e-6 && moved(1) > 1e-3, "{beside} of {}", moved(1));
     assert!(moved(0) < 1e-9 && (after.head.position - before.head.position).norm() < 1e-9);

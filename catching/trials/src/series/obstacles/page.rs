@@ -6,7 +6,7 @@ use tactnet_plot::{Page, wilson_of_counts};
 use super::scene::Scene;
 use super::{ObstaclesReport, touched};
 use crate::error::TrialError;
-use crate::page_parts::{Share, at_most, captioned, counts_table, legend, percent, shares, table};
+use crate::page_parts::{captioned, counts_table, legend, percent, table};
 use crate::series::{Series, SeriesReport};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
@@ -52,9 +52,7 @@ fn content(
         (headline(report, obstacles))
         h2 { "With and without the map" }
         (side_by_side(report, obstacles))
-        @if report.throws > 0 { (rates(report, obstacles)) }
         @if let Some(drawn) = drawn { (drawn) }
-        (times(report, obstacles))
         (counts_table(["Missed because", "Balls"], &report.misses))
         (counts_table(["Touched deepest by", "Throws"], &obstacles.contact_parts))
     })
@@ -77,23 +75,16 @@ fn headline(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
     }
 }
 
-fn counted(name: &str, look: usize, count: usize, of: usize) -> Share {
-    Share {
-        name: name.into(),
-        look,
-        share: count as f64 / of.max(1) as f64,
-        ci95: wilson_of_counts(count, of),
-    }
-}
-
 /// Returns the table of all results, compared with those without the map and the goals.
 fn side_by_side(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
     let throws = report.throws;
     let without = obstacles.without_map.as_ref();
     let of = |count: usize, of: usize| {
-        let share = counted("", 0, count, of);
-        format!("{count} of {of}: {}", percent(share.share, share.ci95))
+        let share = count as f64 / of.max(1) as f64;
+        let share = percent(share, wilson_of_counts(count, of));
+        format!("{count} of {of}: {share}")
     };
+    let plans = obstacles.look_to_plan_ms;
     let missing = || "not run".to_string();
     let rows = [
         [
@@ -132,44 +123,17 @@ fn side_by_side(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
             "no map: none".into(),
             "reported".into(),
         ],
+        [
+            "Four depth pictures to the first plans of both arms [ms]".into(),
+            plans.map_or_else(missing, |ms| {
+                let [p50, p99, max] = [ms.p50, ms.p99, ms.max];
+                format!("median {p50:.0}, 99 % {p99:.0}, longest {max:.0}")
+            }),
+            "no map".into(),
+            format!("less than {GOAL_MS:.0}; in the thesis 3000, on graphics processors"),
+        ],
     ];
     table(["What", "With the map", "Without", "Goal"], &rows)
-}
-
-/// Draws the rates with and without the map.
-fn rates(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
-    let throws = report.throws;
-    let of_throws = |count: usize| (count, throws);
-    let without = obstacles.without_map.as_ref();
-    let mut all = Vec::new();
-    for (name, (count, of), blind) in [
-        (
-            "touched",
-            of_throws(obstacles.contacts),
-            without.map(|w| of_throws(w.contacts_without_map)),
-        ),
-        (
-            "caught",
-            (report.caught, report.in_catch_space),
-            without.map(|w| (w.caught, w.in_catch_space)),
-        ),
-        (
-            "untouched catch",
-            of_throws(obstacles.untouched_catches),
-            without.map(|w| of_throws(w.untouched_catches_without_map)),
-        ),
-    ] {
-        all.push(counted(name, 0, count, of));
-        all.extend(blind.map(|(count, of)| counted("no map", 1, count, of)));
-    }
-    html! {
-        (captioned(
-            &shares("Shares with and without the map", "share [%]", &all),
-            "Shares of throws that touched anything, of balls in the catch space that were caught, and of throws with a catch and no \
-             contact; each beside the robot that does not look. Bars are Wilson's 95 % intervals.",
-        ))
-        (legend(&["with the map", "without"]))
-    }
 }
 
 /// Returns the most instructive throw: caught without contact with the map, contact without it, both arms lowered.
@@ -212,50 +176,9 @@ fn draw(number: u64, scene: &Scene) -> Markup {
     }
 }
 
-fn times(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
-    let Some(quantiles) = obstacles.look_to_plan_ms else {
-        return html! {};
-    };
-    let among = || {
-        let all = report.outcomes.iter();
-        all.filter_map(|outcome| outcome.obstacles)
-            .filter(|among| among.look_seconds > 0.0)
-    };
-    let curves = [
-        among()
-            .filter_map(|among| Some(1e3 * (among.look_seconds + among.plan_seconds?)))
-            .collect(),
-        among().map(|among| 1e3 * among.look_seconds).collect(),
-        among()
-            .filter_map(|among| Some(1e3 * among.plan_seconds?))
-            .collect(),
-    ];
-    let title = format!(
-        "Times from depth pictures to plans: median {:.0} ms, longest {:.0} ms",
-        quantiles.p50, quantiles.max
-    );
-    let rows = [[
-        "Four depth pictures to the first plans of both arms [ms]".to_string(),
-        format!(
-            "median {:.0}, 99 % {:.0}, longest {:.0}",
-            quantiles.p50, quantiles.p99, quantiles.max
-        ),
-        format!("less than {GOAL_MS:.0}; less than 3000 in the thesis, on graphics processors"),
-    ]];
-    html! {
-        h2 { "From looking to planning" }
-        @if let Some(figure) = at_most(&title, "time [ms]", &curves) {
-            (captioned(&figure, "The share of throws in which it takes at most so long, on this machine."))
-            (legend(&["pictures to plans", "of that, the map", "of that, the plans"]))
-        }
-        (table(["What", "Here", "Goal"], &rows))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use tactnet_catching::Robot;
-    use tactnet_catching_packets::RobotDescription;
     use tactnet_catching_world::{DepthConfig, ObstaclesConfig, WorldConfig};
 
     use super::*;
@@ -277,7 +200,7 @@ mod tests {
             config: ThrowConfig {
                 perfect_perception: true,
                 mapping: Mapping::Depth,
-                ..ThrowConfig::new(Robot::new(RobotDescription::nominal()), world)
+                ..ThrowConfig::new(Robot::nominal(), world)
             },
             throws,
             seed: 1,

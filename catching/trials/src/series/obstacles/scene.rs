@@ -319,7 +319,6 @@ fn drawn(axes: &Axes, title: &str, cells: &str, over: &str) -> String {
 #[cfg(test)]
 mod tests {
     use tactnet_catching::map::VoxelGrid;
-    use tactnet_catching_packets::RobotDescription;
     use tactnet_catching_world::{BoxConfig, ObstaclesConfig, World, WorldConfig};
 
     use super::*;
@@ -337,7 +336,7 @@ mod tests {
             },
             ..WorldConfig::default()
         };
-        let robot = Robot::new(RobotDescription::nominal());
+        let robot = Robot::nominal();
         let world = World::new(robot.description(), &config, 1, &robot.waiting()).unwrap();
         world.boxes()[0]
     }

@@ -8,34 +8,27 @@
 //! ```
 
 use tactnet_catching_packets::packets::{
-    CatchPhase, CatchStatus, ControllerMode, ControllerState, HandOpening, HandState, ThrowPath,
-    ThrowPhase,
+    CatchPhase, ControllerMode, ControllerState, HandOpening, ThrowPath, ThrowPhase,
 };
+
+use super::ThrowInputs;
 
 /// Timeout after which a silent process counts as lost, in ns.
 const SILENT_NS: u64 = 300_000_000;
 /// Standstill before a throw, in ns.
 const STANDS_NS: u64 = 200_000_000;
-/// Timeout within which the controller must accept a path, in ns.
-const TAKEN_NS: u64 = 300_000_000;
+/// Timeout after the request of a plan within which the controller must accept its path, in ns.
+const TAKEN_NS: u64 = 600_000_000;
 /// Time before the opening at which the hand receives its first command, in ns.
 const TOLD_NS: u64 = 100_000_000;
+/// Time before the opening from which a ball that leaves the hand is thrown, in ns. Fingers open with jitter.
+const EARLY_NS: u64 = 10_000_000;
 /// Timeout within which a hand must report that the ball has left, in ns.
 const LEFT_NS: u64 = 150_000_000;
 
-/// Latest packets of all processes.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct LatestPackets {
-    pub hand: Option<HandState>,
-    pub status: Option<CatchStatus>,
-    pub controller: Option<ControllerState>,
-    /// Grip of the ball that was explored last; `None` if throws do not wait for the exploration.
-    pub felt: Option<u64>,
-}
-
 /// Next action of the thrower.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum ThrowAction {
+pub(super) enum ThrowAction {
     Nothing,
     /// Plan a throw.
     Plan {
@@ -64,8 +57,8 @@ struct SentThrow {
 }
 
 /// Follows one ball after the other.
-#[derive(Debug)]
-pub(crate) struct ThrowDuty {
+#[derive(Debug, Clone)]
+pub(super) struct ThrowDuty {
     state: ThrowState,
     tries: u32,
     grip: u64,
@@ -103,7 +96,7 @@ impl ThrowDuty {
     }
 
     /// Updates the state and returns the next action.
-    pub fn next_action(&mut self, now_ns: u64, seen: &LatestPackets) -> ThrowAction {
+    pub fn next_action(&mut self, now_ns: u64, seen: &ThrowInputs<'_>) -> ThrowAction {
         let fresh = |t_ns: u64| now_ns.saturating_sub(t_ns) < SILENT_NS;
         let held = seen
             .hand
@@ -157,12 +150,12 @@ impl ThrowDuty {
         &mut self,
         now_ns: u64,
         holds: bool,
-        controller: Option<ControllerState>,
+        controller: Option<&ControllerState>,
         throw: SentThrow,
     ) -> ThrowAction {
         let opening = throw.opening;
         if !holds {
-            if now_ns < opening.open_ns {
+            if now_ns + EARLY_NS < opening.open_ns {
                 self.fail("the hand holds nothing any more");
             }
             // The ball is in the air.
@@ -225,28 +218,52 @@ impl ThrowDuty {
 #[cfg(test)]
 mod tests {
     use bytemuck::Zeroable;
-    use tactnet_catching_packets::packets::Text;
+    use tactnet_catching_packets::packets::{CatchStatus, HandState, Text};
 
     use super::*;
 
     const MS: u64 = 1_000_000;
 
-    /// Returns packets of all processes at one time.
-    fn seen(now_ns: u64, grip: Option<u64>, mode: ControllerMode) -> LatestPackets {
-        LatestPackets {
-            hand: Some(HandState {
-                t_ns: now_ns,
+    /// Packets of all processes at one time.
+    struct Seen {
+        now_ns: u64,
+        hand: HandState,
+        status: CatchStatus,
+        controller: Option<ControllerState>,
+        felt: Option<u64>,
+    }
+
+    impl Seen {
+        /// Returns the action after these packets.
+        fn next(&self, duty: &mut ThrowDuty) -> ThrowAction {
+            let inputs = ThrowInputs {
+                hand: Some(&self.hand),
+                status: Some(&self.status),
+                controller: self.controller.as_ref(),
+                felt: self.felt,
+                ..ThrowInputs::default()
+            };
+            duty.next_action(self.now_ns, &inputs)
+        }
+    }
+
+    fn seen(ms: u64, grip: Option<u64>, mode: ControllerMode) -> Seen {
+        let t_ns = ms * MS;
+        Seen {
+            now_ns: t_ns,
+            hand: HandState {
+                t_ns,
                 arm: 1,
                 holds: u32::from(grip.is_some()),
                 grip: grip.unwrap_or_default(),
-            }),
-            status: Some(CatchStatus {
-                t_ns: now_ns,
+            },
+            status: CatchStatus {
+                t_ns,
                 phase: CatchPhase::Armed as u64,
                 ..CatchStatus::zeroed()
-            }),
+            },
             controller: Some(ControllerState {
-                t_ns: now_ns,
+                t_ns,
                 mode: mode as u64,
                 reason: Text::new("trunk and forearm"),
                 ..ControllerState::zeroed()
@@ -268,8 +285,8 @@ mod tests {
     /// Returns a duty that has sent a path with release at 5 s.
     fn sent() -> ThrowDuty {
         let mut duty = ThrowDuty::new(2);
-        let ready = seen(1000 * MS, Some(7), ControllerMode::Ready);
-        assert_eq!(duty.next_action(1000 * MS, &ready), PLAN);
+        let ready = seen(1000, Some(7), ControllerMode::Ready);
+        assert_eq!(ready.next(&mut duty), PLAN);
         duty.sent(1000 * MS, &path(5000 * MS));
         duty
     }
@@ -277,18 +294,15 @@ mod tests {
     #[test]
     fn a_held_ball_is_thrown_once_the_robot_stands_and_the_hand_is_told_in_time() {
         let mut duty = ThrowDuty::new(2);
-        let empty = seen(1000 * MS, None, ControllerMode::Ready);
-        assert_eq!(duty.next_action(1000 * MS, &empty), ThrowAction::Nothing);
-        let mut moves = seen(1000 * MS, Some(7), ControllerMode::Ready);
-        moves.status = moves.status.map(|status| CatchStatus {
-            phase: CatchPhase::GoingBack as u64,
-            ..status
-        });
-        assert_eq!(duty.next_action(1000 * MS, &moves), ThrowAction::Nothing);
+        let empty = seen(1000, None, ControllerMode::Ready);
+        assert_eq!(empty.next(&mut duty), ThrowAction::Nothing);
+        let mut moves = seen(1000, Some(7), ControllerMode::Ready);
+        moves.status.phase = CatchPhase::GoingBack as u64;
+        assert_eq!(moves.next(&mut duty), ThrowAction::Nothing);
         assert_eq!(duty.phase(), (7, ThrowPhase::Waiting));
-        let mut unfelt = seen(1000 * MS, Some(7), ControllerMode::Ready);
+        let mut unfelt = seen(1000, Some(7), ControllerMode::Ready);
         unfelt.felt = Some(6);
-        assert_eq!(duty.next_action(1000 * MS, &unfelt), ThrowAction::Nothing);
+        assert_eq!(unfelt.next(&mut duty), ThrowAction::Nothing);
         let mut duty = sent();
         let opening = HandOpening {
             arm: 1,
@@ -301,11 +315,11 @@ mod tests {
             (4999, ThrowAction::Open(opening)),
             (5000, ThrowAction::Nothing),
         ] {
-            let throws = seen(ms * MS, Some(7), ControllerMode::Throwing);
-            assert_eq!(duty.next_action(ms * MS, &throws), expected, "{ms}");
+            let throws = seen(ms, Some(7), ControllerMode::Throwing);
+            assert_eq!(throws.next(&mut duty), expected, "{ms}");
         }
-        let left = seen(5030 * MS, None, ControllerMode::Throwing);
-        assert_eq!(duty.next_action(5030 * MS, &left), ThrowAction::Nothing);
+        let left = seen(5030, None, ControllerMode::Throwing);
+        assert_eq!(left.next(&mut duty), ThrowAction::Nothing);
         assert_eq!(duty.phase().1, ThrowPhase::Empty);
         assert_eq!(duty.failed, 0);
     }
@@ -313,43 +327,42 @@ mod tests {
     #[test]
     fn a_throw_that_is_braked_keeps_its_ball_is_tried_again_and_dropped_in_the_end() {
         let mut duty = sent();
-        let throws = seen(2000 * MS, Some(7), ControllerMode::Throwing);
-        duty.next_action(2000 * MS, &throws);
-        let brakes = seen(4950 * MS, Some(7), ControllerMode::Braking);
-        assert_eq!(duty.next_action(4950 * MS, &brakes), ThrowAction::Nothing);
+        seen(2000, Some(7), ControllerMode::Throwing).next(&mut duty);
+        let brakes = seen(4950, Some(7), ControllerMode::Braking);
+        assert_eq!(brakes.next(&mut duty), ThrowAction::Nothing);
         assert_eq!(
             (duty.failed, duty.reason.as_str()),
             (1, "trunk and forearm")
         );
         // The robot still returns to its waiting pose.
-        assert_eq!(duty.next_action(4960 * MS, &brakes), ThrowAction::Nothing);
-        let ready = seen(9000 * MS, Some(7), ControllerMode::Ready);
-        assert_eq!(duty.next_action(9000 * MS, &ready), PLAN);
+        assert_eq!(brakes.next(&mut duty), ThrowAction::Nothing);
+        let ready = seen(9000, Some(7), ControllerMode::Ready);
+        assert_eq!(ready.next(&mut duty), PLAN);
         duty.sent(9000 * MS, &path(13_000 * MS));
-        let refused = seen(9301 * MS, Some(7), ControllerMode::Ready);
-        duty.next_action(9301 * MS, &refused);
+        let refused = seen(9601, Some(7), ControllerMode::Ready);
+        refused.next(&mut duty);
         assert_eq!(
             (duty.failed, duty.reason.as_str()),
             (2, "not taken: trunk and forearm")
         );
-        assert_eq!(duty.next_action(9301 * MS, &refused), ThrowAction::Nothing);
+        assert_eq!(refused.next(&mut duty), ThrowAction::Nothing);
         assert_eq!(duty.phase().1, ThrowPhase::Dropping);
-        let ThrowAction::Open(drop) = duty.next_action(9302 * MS, &refused) else {
+        let later = seen(9602, Some(7), ControllerMode::Ready);
+        let ThrowAction::Open(drop) = later.next(&mut duty) else {
             panic!("it drops");
         };
-        assert_eq!((drop.arm, drop.open_ns), (1, 9401 * MS));
-        let gone = seen(9430 * MS, None, ControllerMode::Ready);
-        duty.next_action(9430 * MS, &gone);
+        assert_eq!((drop.arm, drop.open_ns), (1, 9701 * MS));
+        seen(9730, None, ControllerMode::Ready).next(&mut duty);
         assert_eq!(duty.phase().1, ThrowPhase::Empty);
     }
 
     #[test]
     fn without_a_plan_a_ball_is_dropped_at_once() {
         let mut duty = ThrowDuty::new(2);
-        let ready = seen(1000 * MS, Some(7), ControllerMode::Ready);
-        assert_eq!(duty.next_action(1000 * MS, &ready), PLAN);
+        let ready = seen(1000, Some(7), ControllerMode::Ready);
+        assert_eq!(ready.next(&mut duty), PLAN);
         duty.no_plan("out of reach");
-        assert_eq!(duty.next_action(1001 * MS, &ready), ThrowAction::Nothing);
+        assert_eq!(ready.next(&mut duty), ThrowAction::Nothing);
         assert_eq!(duty.phase().1, ThrowPhase::Dropping);
         assert_eq!((duty.failed, duty.reason.as_str()), (1, "out of reach"));
     }
@@ -358,18 +371,16 @@ mod tests {
     #[test]
     fn a_ball_that_is_gone_a_hand_that_keeps_it_and_a_silent_controller_are_named() {
         let mut duty = sent();
-        let gone = seen(3000 * MS, None, ControllerMode::Throwing);
-        duty.next_action(3000 * MS, &gone);
+        seen(3000, None, ControllerMode::Throwing).next(&mut duty);
         assert_eq!(duty.reason, "the hand holds nothing any more");
         assert_eq!(duty.phase().1, ThrowPhase::Empty);
         let mut duty = sent();
-        let keeps = seen(5151 * MS, Some(7), ControllerMode::Throwing);
-        duty.next_action(5151 * MS, &keeps);
+        seen(5151, Some(7), ControllerMode::Throwing).next(&mut duty);
         assert_eq!(duty.reason, "the hand did not let go");
         let mut duty = sent();
-        let mut silent = seen(2000 * MS, Some(7), ControllerMode::Throwing);
+        let mut silent = seen(2000, Some(7), ControllerMode::Throwing);
         silent.controller = None;
-        duty.next_action(2000 * MS, &silent);
+        silent.next(&mut duty);
         assert_eq!(duty.reason, "the controller is silent");
         assert_eq!(duty.failed, 1);
     }
