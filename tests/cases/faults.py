@@ -118,10 +118,11 @@ def outcomes(file):
     return found
 
 
-def run_rust(tests, target):
+def run_rust(tests):
     """Runs tests of Rust one at a time, and returns their outcomes."""
     selected = " + ".join(f"(binary({binary}) & test(={name}))" for binary, name in sorted(tests))
-    file = target / "nextest/faults/junit.xml"
+    # Its place is relative to the workspace, wherever the build is.
+    file = ROOT / "target/nextest/faults/junit.xml"
     file.unlink(missing_ok=True)
     subprocess.run(nextest("run", "--profile", "faults", "-E", selected), cwd=ROOT, stdout=sys.stderr)
     found = outcomes(file) if file.exists() else {}
@@ -177,7 +178,7 @@ def main():
         needed = set().union(*tests.values())
         rust = {test for test in needed if test[0] in ("conformance", "it")}
         python = {test for test in needed if test[0] == "python"}
-        found |= run_rust(rust, target) if rust else {}
+        found |= run_rust(rust) if rust else {}
         found |= run_python(python, target, arguments.python) if python else {}
         found |= {test: run_example(test[1], target) for test in needed if test[0] == "example"}
     wrong = []
