@@ -1,10 +1,12 @@
-//! Ctrl-C and SIGTERM: the first requests a stop, the second ends the process.
+//! Ctrl-C and SIGTERM: the first requests a stop, the second ends the process. SIGUSR1 triggers a recording.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Context;
 use tactnet_experiments::STOPPING;
+
+static TRIGGERED: AtomicBool = AtomicBool::new(false);
 
 /// Flag that is set by the first Ctrl-C or SIGTERM.
 #[derive(Clone)]
@@ -28,6 +30,21 @@ impl Stop {
         })
         .context("cannot listen for Ctrl-C")?;
         Ok(Self(asked))
+    }
+
+    /// Installs a handler for SIGUSR1, with which [`Stop::take_trigger`] returns true.
+    pub fn listen_to_triggers() {
+        extern "C" fn trigger(_: libc::c_int) {
+            TRIGGERED.store(true, Ordering::SeqCst);
+        }
+        let handler = trigger as extern "C" fn(libc::c_int);
+        // SAFETY: the handler only stores an atomic.
+        unsafe { libc::signal(libc::SIGUSR1, handler as libc::sighandler_t) };
+    }
+
+    /// Returns true once for each time that SIGUSR1 has arrived.
+    pub fn take_trigger() -> bool {
+        TRIGGERED.swap(false, Ordering::SeqCst)
     }
 
     /// Returns true once a stop was requested.

@@ -15,13 +15,13 @@ use std::sync::atomic::{AtomicU64, Ordering, fence};
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
-use parking_lot::Mutex;
 
+use crate::channel_store::ChannelStore;
 use crate::kept_packets::KeptPacket;
 use crate::memory_failure::{file_error, reserve};
 use crate::own_file::own_file;
 use crate::packet::{Block, blocks};
-use crate::{ChannelConfig, ChannelError, ChannelId, Header};
+use crate::{ChannelConfig, ChannelError, Header};
 
 /// Maximum time that a reader waits for a put in progress, whose client may have died.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -219,31 +219,12 @@ impl Drop for Board {
 }
 
 /// Boards of a channel's put-ports.
-#[derive(Debug)]
-pub(crate) enum History {
-    Process(Mutex<Vec<Arc<Board>>>),
-    Host { folder: PathBuf, channel: String },
-}
+pub(crate) type History = ChannelStore<Arc<Board>>;
 
 /// First part of the files' names.
 const PREFIX: &str = "history_";
 
 impl History {
-    pub(crate) fn in_process() -> Self {
-        Self::Process(Mutex::default())
-    }
-
-    pub(crate) fn in_folder(folder: PathBuf, id: ChannelId) -> Self {
-        Self::Host {
-            folder,
-            channel: id.to_string().replace('/', "+"),
-        }
-    }
-
-    fn file(folder: &Path, channel: &str, sender: u128) -> PathBuf {
-        folder.join(format!("{PREFIX}{channel}_{sender:x}"))
-    }
-
     /// Creates the board of a new put-port, which [`History::remove`] removes.
     ///
     /// - `base`: address of the port's file in this process
@@ -267,8 +248,8 @@ impl History {
                 boards.lock().push(board.clone());
                 Ok(board)
             }
-            Self::Host { folder, channel } => {
-                let path = Self::file(folder, channel, sender);
+            Self::Host(files) => {
+                let path = files.path(PREFIX, format_args!("{sender:x}"));
                 let create = || {
                     let file = own_file(&path)?;
                     reserve(&file, bytes)?;
@@ -293,16 +274,12 @@ impl History {
     ///
     /// - `living`: returns the numbers of all put-ports
     pub(crate) fn remove_ended(&self, living: impl FnOnce() -> BTreeSet<u128>) {
-        let Self::Host { folder, channel } = self else {
+        let Self::Host(files) = self else {
             return;
         };
-        let begin = format!("{PREFIX}{channel}_");
-        let entries = std::fs::read_dir(folder).into_iter().flatten();
-        let boards = entries.filter_map(|entry| {
-            let entry = entry.ok()?;
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let sender = u128::from_str_radix(name.strip_prefix(&begin)?, 16).ok()?;
-            Some((sender, entry.path()))
+        let boards = files.list(PREFIX).into_iter().filter_map(|(sender, path)| {
+            let sender = u128::from_str_radix(&sender, 16).ok()?;
+            Some((sender, path))
         });
         let boards: Vec<_> = boards.collect();
         if boards.is_empty() {
@@ -341,14 +318,14 @@ impl History {
                     true
                 })
             }
-            Self::Host { folder, channel } => {
+            Self::Host(files) => {
                 let open = || -> io::Result<_> {
                     let file = File::options()
                         .read(true)
                         .write(true)
-                        .open(Self::file(folder, channel, sender))?;
+                        .open(files.path(PREFIX, format_args!("{sender:x}")))?;
                     let board = Board::map(&file, None, sender, config.history, 0)?;
-                    Ok((board, data_file(folder, sender)?))
+                    Ok((board, data_file(files.folder(), sender)?))
                 };
                 // The put-port has closed.
                 let Ok((board, file)) = open() else {

@@ -10,10 +10,10 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 
 use bytemuck::{Pod, Zeroable};
-use parking_lot::Mutex;
 
+use crate::Header;
+use crate::channel_store::{ChannelFiles, ChannelStore};
 use crate::packet::{Block, blocks};
-use crate::{ChannelId, Header};
 
 /// First part of the files' names.
 const PREFIX: &str = "kept_";
@@ -36,11 +36,7 @@ pub(crate) struct Parcel {
 }
 
 /// Place of a channel's kept packets.
-#[derive(Debug)]
-pub(crate) enum KeptPackets {
-    Process(Mutex<Vec<Parcel>>),
-    Host { folder: PathBuf, channel: String },
-}
+pub(crate) type KeptPackets = ChannelStore<Parcel>;
 
 /// Begin of a parcel's file.
 #[repr(C)]
@@ -51,17 +47,6 @@ struct Begin {
 }
 
 impl KeptPackets {
-    pub(crate) fn in_process() -> Self {
-        Self::Process(Mutex::default())
-    }
-
-    pub(crate) fn in_folder(folder: PathBuf, id: ChannelId) -> Self {
-        Self::Host {
-            folder,
-            channel: id.to_string().replace('/', "+"),
-        }
-    }
-
     /// Keeps a parcel. A get-port that has `most` parcels already loses its oldest one.
     ///
     /// # Errors
@@ -80,15 +65,15 @@ impl KeptPackets {
                 parcels.push(parcel);
                 Ok(())
             }
-            Self::Host { .. } => {
-                let files = self.files(parcel.getter);
-                if files.len() >= most {
-                    let oldest = read(&files[0]).unwrap_or_default();
+            Self::Host(files) => {
+                let others = of_getter(files, parcel.getter);
+                if others.len() >= most {
+                    let oldest = read(&others[0]).unwrap_or_default();
                     parcel.lost += oldest.0 + oldest.1.len() as u64;
                     // The get-port may have read it meanwhile.
-                    let _ = std::fs::remove_file(&files[0]);
+                    let _ = std::fs::remove_file(&others[0]);
                 }
-                self.write(&parcel)
+                write(files, &parcel)
             }
         }
     }
@@ -102,8 +87,8 @@ impl KeptPackets {
                     .extract_if(.., |parcel| parcel.getter == getter)
                     .collect()
             }
-            Self::Host { .. } => {
-                let files = self.files(getter);
+            Self::Host(files) => {
+                let files = of_getter(files, getter);
                 let parcels = files.iter().filter_map(|file| {
                     let (lost, packets) = read(file).ok()?;
                     // Another thread of this port may have taken it.
@@ -129,72 +114,58 @@ impl KeptPackets {
                 let parcels = parcels.lock();
                 parcels.iter().map(|parcel| parcel.getter).collect()
             }
-            Self::Host { folder, channel } => {
-                let begin = format!("{PREFIX}{channel}_");
-                let entries = std::fs::read_dir(folder).into_iter().flatten();
-                let names = entries
-                    .filter_map(Result::ok)
-                    .map(|entry| entry.file_name().to_string_lossy().into_owned());
-                let getter = |name: String| {
-                    let (getter, _) = name.strip_prefix(&begin)?.split_once('_')?;
+            Self::Host(files) => {
+                let getter = |(ports, _): (String, PathBuf)| {
+                    let (getter, _) = ports.split_once('_')?;
                     u128::from_str_radix(getter, 16).ok()
                 };
-                names.filter_map(getter).collect()
+                files.list(PREFIX).into_iter().filter_map(getter).collect()
             }
         }
     }
+}
 
-    /// Returns a get-port's files, oldest first.
-    fn files(&self, getter: u128) -> Vec<PathBuf> {
-        let Self::Host { folder, channel } = self else {
-            return Vec::new();
-        };
-        let begin = format!("{PREFIX}{channel}_{getter:x}_");
-        let Ok(entries) = std::fs::read_dir(folder) else {
-            return Vec::new();
-        };
-        let mut files: Vec<_> = entries
-            .filter_map(Result::ok)
-            .filter(|entry| entry.file_name().to_string_lossy().starts_with(&begin))
-            .filter_map(|entry| Some((entry.metadata().ok()?.modified().ok()?, entry.path())))
-            .collect();
-        files.sort();
-        files.into_iter().map(|(_, path)| path).collect()
-    }
+/// Returns a get-port's files, oldest first.
+fn of_getter(files: &ChannelFiles, getter: u128) -> Vec<PathBuf> {
+    let begin = format!("{getter:x}_");
+    let all = files.list(PREFIX).into_iter();
+    let mut files: Vec<_> = all
+        .filter(|(ports, _)| ports.starts_with(&begin))
+        .filter_map(|(_, path)| Some((path.symlink_metadata().ok()?.modified().ok()?, path)))
+        .collect();
+    files.sort();
+    files.into_iter().map(|(_, path)| path).collect()
+}
 
-    fn write(&self, parcel: &Parcel) -> io::Result<()> {
-        let Self::Host { folder, channel } = self else {
-            return Ok(());
-        };
-        let Parcel {
-            sender,
-            getter,
-            lost,
-            packets,
-        } = parcel;
-        let unfinished = folder.join(format!("unfinished_{channel}_{getter:x}_{sender:x}"));
-        let written = || -> io::Result<()> {
-            let mut file = OpenOptions::new()
-                .write(true)
-                .create_new(true)
-                .mode(0o600)
-                .custom_flags(libc::O_NOFOLLOW)
-                .open(&unfinished)?;
-            file.write_all(bytemuck::bytes_of(&Begin {
-                lost: *lost,
-                packets: packets.len() as u64,
-            }))?;
-            for packet in packets {
-                file.write_all(bytemuck::bytes_of(&packet.header))?;
-                file.write_all(bytemuck::cast_slice(&packet.data))?;
-            }
-            let finished = format!("{PREFIX}{channel}_{getter:x}_{sender:x}");
-            std::fs::rename(&unfinished, folder.join(finished))
-        };
-        written().inspect_err(|_| {
-            let _ = std::fs::remove_file(&unfinished);
-        })
-    }
+fn write(files: &ChannelFiles, parcel: &Parcel) -> io::Result<()> {
+    let Parcel {
+        sender,
+        getter,
+        lost,
+        packets,
+    } = parcel;
+    let ports = format!("{getter:x}_{sender:x}");
+    let unfinished = files.path("unfinished_", &ports);
+    let written = || -> io::Result<()> {
+        let mut file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .custom_flags(libc::O_NOFOLLOW)
+            .open(&unfinished)?;
+        file.write_all(bytemuck::bytes_of(&Begin {
+            lost: *lost,
+            packets: packets.len() as u64,
+        }))?;
+        for packet in packets {
+            file.write_all(bytemuck::bytes_of(&packet.header))?;
+            file.write_all(bytemuck::cast_slice(&packet.data))?;
+        }
+        std::fs::rename(&unfinished, files.path(PREFIX, &ports))
+    };
+    written().inspect_err(|_| {
+        let _ = std::fs::remove_file(&unfinished);
+    })
 }
 
 /// Reads a parcel's file.

@@ -13,6 +13,7 @@
 #[cfg(feature = "zenoh")]
 mod bridge;
 mod bus;
+mod channel_store;
 mod child_process;
 mod connection;
 mod create_port;
@@ -70,8 +71,8 @@ pub use received_summary::ReceivedSummary;
 pub use sync_group::SyncGroup;
 pub use table::{ChannelConfig, Congestion, Network, Table};
 pub use tactnet_packet::{
-    Choice, Described, Description, Field, FieldType, Fields, IsField, Layout, Packet, Text,
-    choices, packets,
+    Choice, Described, Description, DescriptionError, Field, FieldType, Fields, IsField, Layout,
+    Packet, Text, choices, packets,
 };
 pub use temporary_bus::{TemporaryBus, temporary_bus_name};
 pub use ticker::Ticker;

@@ -3,7 +3,7 @@
 mod command;
 mod look;
 mod packet_text;
-mod packets;
+pub mod packets;
 mod put;
 mod stress;
 mod stress_choices;
@@ -58,7 +58,9 @@ pub struct TableArgs {
 }
 
 #[derive(Args)]
-#[command(after_help = "Example: tactnet channel hub --table channels.toml")]
+#[command(after_help = "Examples:\n  \
+    tactnet channel hub --table channels.toml\n  \
+    tactnet channel hub --table robot.toml &       in the background; SIGTERM ends it")]
 pub struct HubArgs {
     #[command(flatten)]
     table: TableArgs,

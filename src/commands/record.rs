@@ -1,5 +1,7 @@
 //! `tactnet record`: records the packets of a robot's channels to an MCAP file.
 
+mod in_memory;
+
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -8,8 +10,9 @@ use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
 use tactnet_channel::{Bus, Domain};
-use tactnet_recording::{About, Counts, Recorder, files_of_run};
+use tactnet_recording::{About, Counts, Recorder, add_packet_types, files_of_run, select_channels};
 
+use super::channel::packets::OwnPacketsArgs;
 use super::network_run::{NetworkUse, network_run};
 use crate::stop::Stop;
 use crate::table;
@@ -22,7 +25,10 @@ const REPORT_INTERVAL: Duration = Duration::from_secs(10);
 #[command(after_help = "Examples:\n  \
     tactnet record --table robot.toml --out today.mcap                             until Ctrl-C\n  \
     tactnet record --table robot.toml --out felt.mcap --material felt --seconds 60\n  \
-    tactnet record --table robot.toml --out whole.mcap --run runs/a                includes the classifier, for replay anywhere\n\n\
+    tactnet record --table robot.toml --out whole.mcap --run runs/a                includes the classifier, for replay anywhere\n  \
+    tactnet record --table robot.toml --out skin.mcap --channel 'skin/*'           only these channels\n  \
+    tactnet record --table robot.toml --out miss.mcap --before 10 --after 2 --trigger catch/missed   the 10 s before the first packet on this channel, and 2 s after it\n\n\
+    With `--before` nothing is written until a packet on the trigger channel, SIGUSR1 or Ctrl-C; then the command writes one file and ends. \
     Foxglove and the `mcap` tools open the file. If the recorder is killed, at most the last second is lost, plus data waiting for a slow disk. \
     Replaying an hour of one finger at 750 Hz needs about 0.5 GB of memory.")]
 pub struct RecordArgs {
@@ -38,9 +44,16 @@ pub struct RecordArgs {
     /// Run directory of the serving classifier, to include in the recording
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
+    /// Record only these channels; `*` stands for any characters [default: all]
+    #[arg(long, value_name = "PATTERN")]
+    channel: Vec<String>,
+    #[command(flatten)]
+    own: OwnPacketsArgs,
     /// Duration, in s [default: until Ctrl-C]
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
+    #[command(flatten)]
+    in_memory: in_memory::InMemoryArgs,
     /// Print one JSON document at the end
     #[arg(long)]
     json: bool,
@@ -56,10 +69,13 @@ struct RecordReport {
     beliefs: u64,
     lost: u64,
     bytes: u64,
+    /// Channels whose memory was shorter than `--before`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    short: Vec<String>,
 }
 
 impl RecordReport {
-    fn new(counts: &Counts, duration: Duration, bytes: u64) -> Self {
+    fn new(counts: &Counts, duration: Duration, bytes: u64, short: Vec<String>) -> Self {
         Self {
             schema_version: 1,
             seconds: duration.as_secs_f64(),
@@ -69,6 +85,7 @@ impl RecordReport {
             beliefs: counts.beliefs,
             lost: counts.lost,
             bytes,
+            short,
         }
     }
 }
@@ -85,7 +102,7 @@ fn describe(counts: &Counts) -> String {
     }
 }
 
-/// Records until Ctrl-C or the end of the duration.
+/// Runs the command.
 pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("ending the file")?;
     let seconds = match arguments.seconds {
@@ -107,11 +124,42 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
             Some(run) => files_of_run(network_run(run, NetworkUse::Serve)?.path())?,
         },
     };
+    if let Some(description) = arguments.own.description()? {
+        add_packet_types(&description);
+    }
+    let limits = arguments.in_memory.limits()?;
     let table = table::load(&arguments.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
-    let mut recorder = Recorder::start(&bus, &table, &arguments.out, &about)?;
-    say!("recording to {}; Ctrl-C ends", arguments.out.display());
-    output::print(format_args!("ready"))?;
+    let table = select_channels(&table, &arguments.channel)?;
+    let begun = Instant::now();
+    let (recorded, short) = match limits {
+        Some(limits) => in_memory::record(arguments, &bus, &table, about, limits, &stop)?,
+        None => {
+            let mut recorder = Recorder::start(&bus, &table, &arguments.out, &about)?;
+            say!("recording to {}; Ctrl-C ends", arguments.out.display());
+            output::print(format_args!("ready"))?;
+            follow(&mut recorder, seconds, &stop)?;
+            (recorder.finish()?, Vec::new())
+        }
+    };
+    let bytes = std::fs::metadata(&arguments.out)?.len();
+    let report = RecordReport::new(&recorded, begun.elapsed(), bytes, short);
+    if arguments.json {
+        output::print_json(&report)?;
+    } else {
+        output::print(format_args!(
+            "{}: {}, {} lost, {:.1} MB",
+            arguments.out.display(),
+            describe(&recorded),
+            report.lost,
+            report.bytes as f64 / 1e6
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Records until Ctrl-C or the end of the duration.
+fn follow(recorder: &mut Recorder, seconds: f64, stop: &Stop) -> anyhow::Result<()> {
     let begun = Instant::now();
     let mut reported = begun;
     while !stop.asked() && begun.elapsed().as_secs_f64() < seconds {
@@ -127,19 +175,5 @@ pub fn run(arguments: &RecordArgs) -> anyhow::Result<ExitCode> {
             );
         }
     }
-    let recorded = recorder.finish()?;
-    let bytes = std::fs::metadata(&arguments.out)?.len();
-    let report = RecordReport::new(&recorded, begun.elapsed(), bytes);
-    if arguments.json {
-        output::print_json(&report)?;
-    } else {
-        output::print(format_args!(
-            "{}: {}, {} lost, {:.1} MB",
-            arguments.out.display(),
-            describe(&recorded),
-            report.lost,
-            report.bytes as f64 / 1e6
-        ))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

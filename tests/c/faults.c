@@ -40,6 +40,43 @@ static void *puts_packets(void *port) {
   return NULL;
 }
 
+/* A channel that is created at run time, priorities on it, and losses that the putter knows. */
+static void channel_of_ones_own(const tactnet_bus *bus) {
+  const tactnet_packet number = {"u64", 1, sizeof(uint64_t)};
+  const tactnet_channel_resources resources = {.depth = 4, .put_ports = 2};
+  says(tactnet_channel_create(bus, "ping", &number, &resources), TACTNET_OUTCOME_CHANNEL, "ping");
+  assert(tactnet_channel_create(bus, "own/numbers", &number, &resources) == TACTNET_OUTCOME_OK);
+  says(tactnet_channel_create(bus, "own/numbers", &number, &resources), TACTNET_OUTCOME_CHANNEL, "own/numbers");
+  tactnet_get_port *get;
+  tactnet_put_port *bulk, *urgent;
+  assert(tactnet_get_port_open(bus, "own/numbers", &number, 0, &get) == TACTNET_OUTCOME_OK);
+  assert(tactnet_put_port_open(bus, "own/numbers", &number, TACTNET_PRIORITY_BULK, &bulk) == TACTNET_OUTCOME_OK);
+  assert(tactnet_put_port_open(bus, "own/numbers", &number, TACTNET_PRIORITY_REAL_TIME, &urgent) == TACTNET_OUTCOME_OK);
+  assert(tactnet_get_port_set_priority(get, TACTNET_PRIORITY_HIGH) == TACTNET_OUTCOME_OK);
+  says(tactnet_get_port_set_priority(get, 4), TACTNET_OUTCOME_ARGUMENT, "found 4");
+
+  const uint64_t order[] = {100, 0, 1, 2};
+  for (uint64_t n = 0; n < 3; n++) assert(tactnet_put(bulk, &n, 1) == TACTNET_OUTCOME_OK);
+  assert(tactnet_put(urgent, &order[0], 1) == TACTNET_OUTCOME_OK);
+  for (int at = 0; at < 4; at++) {
+    tactnet_received received;
+    assert(tactnet_get(get, 1000000000, &received) == TACTNET_OUTCOME_OK);
+    assert(*(const uint64_t *)received.items == order[at]);
+    assert(received.priority == (at == 0 ? TACTNET_PRIORITY_REAL_TIME : TACTNET_PRIORITY_BULK));
+    tactnet_received_release(&received);
+  }
+
+  tactnet_getter_loss loss;
+  assert(tactnet_put_port_losses(bulk, &loss, 1) == 0);
+  for (uint64_t n = 0; n < 10; n++) assert(tactnet_put(bulk, &n, 1) == TACTNET_OUTCOME_OK);
+  assert(tactnet_put_port_losses(bulk, NULL, 0) == 1 && tactnet_put_port_losses(bulk, &loss, 1) == 1);
+  assert(loss.getter == tactnet_get_port_number(get) && loss.packets == tactnet_get_port_lost(get) && loss.packets > 0);
+  assert(tactnet_put_port_losses(urgent, &loss, 1) == 0);
+  tactnet_put_port_close(urgent);
+  tactnet_put_port_close(bulk);
+  tactnet_get_port_close(get);
+}
+
 int main(int argc, char **argv) {
   assert(argc == 2);
   tactnet_bus *bus;
@@ -113,6 +150,8 @@ int main(int argc, char **argv) {
     tactnet_received_release(&received);
   }
   assert(got > 0 && got + tactnet_get_port_lost(get) == THREADS * PACKETS);
+
+  channel_of_ones_own(bus);
 
   /* Ports outlive the bus, a group its ports. */
   tactnet_bus_close(bus);

@@ -82,7 +82,7 @@ until_ready hub.log
 timeout 60 ./faults bench.toml
 timeout 60 app/round_trip_cpp bench.toml
 timeout 60 app/round_trip_static bench.toml
-say "wrong calls are answered with code and text; packets are given back; C++ moves and closes, shared and static"
+say "wrong calls are answered with code and text; packets are given back; priorities, losses, own channels; C++ moves and closes, shared and static"
 
 # --- a driver and a reader in C around a classifier
 "$tactnet" data twin --materials 4 --sweeps 15 --steps 300 --out twin.h5 >/dev/null 2>&1

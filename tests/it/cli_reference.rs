@@ -14,4 +14,5 @@ fn the_reference_names_every_option_with_its_default() {
     ] {
         assert!(printed.contains(expected), "{expected}");
     }
+    assert!(!printed.contains("```sh\n\n```"), "no empty examples");
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde_json::Value;
 use tactnet_recording::{RecordedPacket, Recording};
 
-use crate::command::{expect, json, stderr, stdout, tactnet};
+use crate::command::{expect, json, signal, stderr, stdout, tactnet};
 use crate::robot::{Robot, Running, STEPS};
 
 fn recorder(robot: &Robot, file: &str, more: &[&str]) -> Running {
@@ -120,6 +120,58 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
     // An existing file is never overwritten.
     let twice = stderr(&expect(2, import(&file, &out, &[])));
     assert!(twice.contains("exists already"), "{twice}");
+}
+
+/// The last seconds before a trigger, written by a signal and by a packet, are replayed bit by bit like a whole recording.
+#[test]
+fn the_seconds_before_a_trigger_are_written_and_replayed() {
+    let robot = Robot::new("before");
+    let run = robot.lab.path("models/1").display().to_string();
+    let hub = robot.start(&["channel", "hub"]);
+    let service = robot.serve("models/1");
+    let whole = ["--before", "20", "--memory", "16", "--run", &run];
+    let whole = recorder(&robot, "whole.mcap", &whole);
+    let short = [
+        "--before",
+        "0.4",
+        "--channel",
+        "skin/*",
+        "--trigger",
+        "tactile/belief",
+    ];
+    let short = recorder(&robot, "short.mcap", &short);
+    let mut skin = robot.skin("3");
+    assert!(skin.0.wait().unwrap().success());
+    std::thread::sleep(Duration::from_millis(500));
+    signal("USR1", whole.0.id());
+    let told = ended(whole);
+    assert!(told["short"].is_null(), "{told}");
+    service.end();
+    drop(hub);
+    let again = replay(&robot.lab.path("whole.mcap"), &["--speed", "2"]);
+    assert_eq!(again["frames"], told["frames"], "{again}");
+    assert_eq!(
+        (&again["identical"], &again["recorded"]["sweeps"]),
+        (&true.into(), &3.into()),
+        "{again}"
+    );
+
+    // The first belief comes during the first sweep.
+    let told = ended(short);
+    let recording = Recording::read(&robot.lab.path("short.mcap")).unwrap();
+    let frames = recording.entries.len() as u64;
+    assert_eq!(
+        (told["frames"].as_u64(), told["channels"].as_u64()),
+        (Some(frames), Some(1))
+    );
+    let [first, last] = [0, recording.entries.len() - 1].map(|at| recording.entries[at].time_ns);
+    assert!(frames > 0 && last - first <= 400_000_000, "{told}");
+}
+
+/// Waits until a process ends by itself, and returns its document.
+fn ended(mut running: Running) -> Value {
+    assert!(running.0.wait().unwrap().success());
+    serde_json::from_reader(running.0.stdout.take().unwrap()).unwrap()
 }
 
 /// Returns the number of frames of a recording, and true if its end is missing.

@@ -108,3 +108,49 @@ def test_any_packet_travels_on_a_channel(tmp_path):
             put.put(packets.SweepCommand())
         with pytest.raises(ValueError, match="expected packets of `SweepCommand`"):
             bus.get_port("sweep/command", Joint)
+
+
+def joint_bus(tmp_path, name, more=""):
+    """Returns a hub with a channel of joints."""
+    table = tmp_path / f"{name}.toml"
+    table.write_text(f'bus = "{name}{os.getpid()}"\n[channels.joints]\npacket = "Joint"\nitem_bytes = 16\ndepth = 4\nput_ports = 2\n{more}')
+    return channel.Hub(table)
+
+
+def taken(port):
+    return [packet.position for packet in iter(lambda: port.get(timeout=0.05), None)]
+
+
+def test_urgent_packets_overtake_waiting_bulk(tmp_path):
+    with joint_bus(tmp_path, "urgent", 'priority = "bulk"\n') as hub, channel.Bus(hub.table) as bus:
+        get = bus.get_port("joints", Joint)
+        # Without a priority, that of the table.
+        bulk, urgent = bus.put_port("joints", Joint), bus.put_port("joints", Joint, priority="real-time")
+        for number in range(3):
+            bulk.put(Joint(float(number)))
+        urgent.put(Joint(100.0))
+        assert taken(get) == [100.0, 0.0, 1.0, 2.0]
+        with pytest.raises(ValueError, match="expected `bulk`, `normal`, `high` or `real-time`, found `urgent`"):
+            bus.put_port("joints", Joint, priority="urgent")
+
+
+def test_a_putter_knows_who_lost_how_many(tmp_path):
+    with joint_bus(tmp_path, "losses") as hub, channel.Bus(hub.table) as bus:
+        slow, put, fast = bus.get_port("joints", Joint), bus.put_port("joints", Joint), bus.get_port("joints", Joint)
+        for number in range(10):
+            put.put(Joint(float(number)))
+            assert fast.get(timeout=5).position == number
+        assert put.losses == {slow.number: slow.lost} and slow.lost > 0 and fast.lost == 0 and slow.number != fast.number
+        assert taken(slow) == list(range(slow.lost, 10))
+
+
+def test_a_channel_is_created_at_run_time(tmp_path):
+    with joint_bus(tmp_path, "created") as hub, channel.Bus(hub.table) as bus, channel.Bus(hub.table) as other:
+        bus.create_channel("own/reply", Joint, items=2, history=1)
+        put = bus.put_port("own/reply", Joint)
+        put.put(Joint(1.0), Joint(2.0))
+        assert taken(other.get_port("own/reply", Joint, history=1)) == [1.0, 2.0]
+        with pytest.raises(ValueError, match="own/reply"):
+            other.create_channel("own/reply", Joint)
+        with pytest.raises(ValueError, match="expected packets of `Joint`"):
+            other.get_port("own/reply", packets.SweepCommand)

@@ -1,13 +1,14 @@
 //! Descriptions of packets for other languages.
 //!
-//! [`packets!`](crate::packets) keeps names, types, offsets and documentation of a packet's fields. A [`Description`]
-//! writes them as C, C++, Python, Protocol Buffers and Markdown.
+//! [`packets!`](crate::packets) keeps names, types, offsets and documentation of a packet's fields, and a description
+//! file has them, too. A [`Description`] writes them as Rust, C, C++, Python, Protocol Buffers and Markdown.
 
 mod c;
 mod markdown;
 mod proto;
 mod python;
 mod rust;
+mod rust_source;
 
 pub use rust::Described;
 
@@ -45,6 +46,29 @@ impl FieldType {
             Self::Array(of, length) => of.size() * *length,
             Self::Packet(layout) => layout.bytes,
         }
+    }
+
+    /// Returns the alignment, in bytes.
+    pub fn align(&self) -> usize {
+        match self {
+            Self::Text(_) => 1,
+            Self::Array(of, _) => of.align(),
+            Self::Packet(layout) => {
+                let fields = layout.fields.iter();
+                fields.map(|field| field.kind.align()).max().unwrap_or(1)
+            }
+            number => number.size(),
+        }
+    }
+
+    /// Returns the type of one value, and the lengths of an array, the outermost first.
+    fn base_and_shape(&self) -> (&Self, Vec<usize>) {
+        let (mut base, mut shape) = (self, Vec::new());
+        while let Self::Array(of, length) = base {
+            shape.push(*length);
+            base = of;
+        }
+        (base, shape)
     }
 }
 
@@ -152,21 +176,29 @@ fn plain(docs: &[&str]) -> String {
     prose(docs).replace("::", " ").replace(['`', '\\', '"'], "")
 }
 
-/// Breaks text into lines of at most `width` characters.
+/// Breaks text into lines of at most `width` characters; none for an empty text.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
+    let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
-        let line = lines.last_mut().expect("never empty");
-        if !line.is_empty() && line.len() + 1 + word.len() > width {
-            lines.push(word.into());
-        } else {
-            if !line.is_empty() {
+        match lines.last_mut() {
+            Some(line) if line.len() + 1 + word.len() <= width => {
                 line.push(' ');
+                line.push_str(word);
             }
-            line.push_str(word);
+            _ => lines.push(word.into()),
         }
     }
     lines
+}
+
+impl Description {
+    /// Returns the file name of the C header, which the C++ header includes.
+    fn c_file(&self) -> String {
+        match self.project {
+            "tactnet" => "packets.h".into(),
+            project => format!("{project}_packets.h"),
+        }
+    }
 }
 
 impl Layout {

@@ -3,10 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use tactnet_channel::{
-    Bus, GetPort, GetSide, Packet, PacketType, Start, SyncGroup, Table, Wait, now_ns,
-};
-use tactnet_skin::packets::ModelNames;
+use tactnet_channel::{Bus, GetPort, GetSide, PacketType, Start, SyncGroup, Table, Wait, now_ns};
 
 use crate::RecordingError;
 use crate::messages::{Kind, kind};
@@ -19,6 +16,17 @@ pub(crate) struct Channel {
     pub id: Arc<str>,
     pub kind: &'static Kind,
     port: GetPort<u8>,
+}
+
+/// An item of a received packet.
+pub(crate) struct ReceivedItem<'a> {
+    /// Index of its channel.
+    pub place: usize,
+    /// Time of the put, in nanoseconds since 1970.
+    pub put_ns: u64,
+    /// Random number of the put-port.
+    pub sender: u64,
+    pub bytes: &'a [u8],
 }
 
 /// Follows channels. If the caller is too slow, the rings keep the newest packets and count lost ones.
@@ -45,9 +53,7 @@ impl DescribedChannels {
                 version: kind.layout.version,
                 item_bytes: kind.layout.bytes,
             };
-            // The classifier puts the names of its materials once, when it starts; they are needed to read its
-            // beliefs.
-            let start = if kind.layout.name == ModelNames::NAME {
+            let start = if kind.is_needed_to_read_others() {
                 Start::History(1)
             } else {
                 Start::Now
@@ -83,10 +89,10 @@ impl DescribedChannels {
         Ok(self.group.wait(wait).map(drop)?)
     }
 
-    /// Passes on received packets: index of the channel, time of the put in nanoseconds since 1970, and bytes.
+    /// Passes on the items of received packets.
     ///
     /// Takes a limited number of packets from each channel, so that no channel waits long for the others.
-    pub fn follow(&self, mut each: impl FnMut(usize, u64, &[u8])) -> Result<(), RecordingError> {
+    pub fn follow(&self, mut each: impl FnMut(ReceivedItem<'_>)) -> Result<(), RecordingError> {
         for (place, channel) in self.channels.iter().enumerate() {
             for _ in 0..MAX_PACKETS {
                 let Some(packets) = channel.port.try_get()? else {
@@ -99,8 +105,13 @@ impl DescribedChannels {
                 } else {
                     now_ns()
                 };
-                for packet in packets.chunks_exact(channel.kind.layout.bytes) {
-                    each(place, self.epoch_ns + put_ns, packet);
+                for bytes in packets.chunks_exact(channel.kind.layout.bytes) {
+                    each(ReceivedItem {
+                        place,
+                        put_ns: self.epoch_ns + put_ns,
+                        sender: header.sender,
+                        bytes,
+                    });
                 }
             }
         }

@@ -11,8 +11,8 @@ use bytemuck::{Pod, Zeroable, bytes_of, bytes_of_mut};
 use tactnet_channel::{Described, Field, FieldType, Layout, Packet};
 use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, TactileStatus};
 
-pub use kinds::PlainPacket;
 pub(crate) use kinds::{Kind, kind, kind_of_message};
+pub use kinds::{PlainPacket, add_packet_types};
 
 /// A packet that can be recorded.
 pub trait Recordable: Packet + Described + Pod + Zeroable {

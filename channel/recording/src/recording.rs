@@ -12,7 +12,7 @@ use tactnet_skin::packets::{ModelNames, SkinFrame, SweepCommand, TactileBelief, 
 use crate::messages::{PlainPacket, Recordable, kind_of_message};
 use crate::records::each_record;
 use crate::topics::{Topics, topics};
-use crate::{EPOCH, METADATA, RecordingError};
+use crate::{EPOCH, METADATA, RecordingError, SENDER};
 
 /// One packet of a recording.
 #[derive(Debug, Clone)]
@@ -21,6 +21,8 @@ pub struct Entry {
     pub channel: Arc<str>,
     /// Time of the put, in nanoseconds since 1970; not before the start of the recording.
     pub time_ns: u64,
+    /// Random number of the put-port; `None` in old recordings.
+    pub sender: Option<u64>,
     /// The packet.
     pub packet: RecordedPacket,
 }
@@ -72,8 +74,16 @@ struct Contents {
     foreign: usize,
     /// Names of message types by id.
     schemas: HashMap<u16, String>,
-    /// Topic and message type by id.
-    channels: HashMap<u16, (Arc<str>, u16)>,
+    /// Channels by their number in the file.
+    channels: HashMap<u16, FileChannel>,
+}
+
+/// A channel of the file.
+struct FileChannel {
+    id: Arc<str>,
+    /// Number of its message type.
+    schema: u16,
+    sender: Option<u64>,
 }
 
 impl Recording {
@@ -119,19 +129,25 @@ impl Contents {
                 self.schemas.insert(header.id, header.name);
             }
             Record::Channel(channel) => {
-                let of = (channel.topic.into(), channel.schema_id);
+                let sender = channel.metadata.get(SENDER);
+                let of = FileChannel {
+                    id: channel.topic.into(),
+                    schema: channel.schema_id,
+                    sender: sender.and_then(|number| u64::from_str_radix(number, 16).ok()),
+                };
                 self.channels.insert(channel.id, of);
             }
             Record::Message { header, data } => {
                 let known = self.channels.get(&header.channel_id);
-                let packet = known.and_then(|(channel, schema)| {
-                    let packet = decoded(self.schemas.get(schema)?, &data)?;
-                    Some((channel.clone(), packet))
+                let packet = known.and_then(|channel| {
+                    let packet = decoded(self.schemas.get(&channel.schema)?, &data)?;
+                    Some((channel, packet))
                 });
                 match packet {
                     Some((channel, packet)) => self.entries.push(Entry {
-                        channel,
+                        channel: channel.id.clone(),
                         time_ns: header.log_time,
+                        sender: channel.sender,
                         packet,
                     }),
                     None => self.foreign += 1,

@@ -8,15 +8,15 @@ use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
 use tactnet_channel::{
-    Bus, ChannelConfig, ChannelId, Domain, ListedChannel, ReceivedSummary, Start, Wait,
-    list_channels, measure_rate,
+    Bus, ChannelConfig, ChannelId, Description, Domain, ListedChannel, ReceivedSummary, Start,
+    Wait, list_channels, measure_rate,
 };
 use tactnet_skin::packets::ModelNames;
 use tactnet_skin::{ReadablePacket, ServeConfig};
 
 use super::TableArgs;
 use super::packet_text::PacketText;
-use super::packets::DescribedPacket;
+use super::packets::{DescribedPacket, OwnPacketsArgs};
 use crate::output;
 use crate::stop::Stop;
 use crate::table;
@@ -71,12 +71,18 @@ fn print_channel(channel: &ListedChannel) -> anyhow::Result<()> {
 }
 
 #[derive(Args)]
+#[command(after_help = "Examples:\n  \
+    tactnet channel echo tactile/belief --table robot.toml                     until Ctrl-C\n  \
+    tactnet channel echo tactile/belief --table robot.toml --count 1 --json    the next one, as JSON\n  \
+    tactnet channel echo arm/state --table arm_table.toml --packets arm.toml   packets of your own")]
 pub struct EchoArgs {
     /// The channel
     #[arg(value_name = "ID")]
     channel: String,
     #[command(flatten)]
     table: TableArgs,
+    #[command(flatten)]
+    own: OwnPacketsArgs,
     /// End after N packets [default: no limit]
     #[arg(long, value_name = "N")]
     count: Option<usize>,
@@ -105,10 +111,15 @@ enum Contents {
 }
 
 impl Contents {
-    fn new(config: &ChannelConfig, bytes: &[u8], network: Option<&ModelNames>) -> Option<Self> {
+    fn new(
+        own: Option<&Description>,
+        config: &ChannelConfig,
+        bytes: &[u8],
+        network: Option<&ModelNames>,
+    ) -> Option<Self> {
         let readable = ReadablePacket::new(&config.packet, config.version, bytes, network);
         readable.map(Self::Tactile).or_else(|| {
-            DescribedPacket::new(&config.packet, config.version, bytes).map(Self::Described)
+            DescribedPacket::new(own, &config.packet, config.version, bytes).map(Self::Described)
         })
     }
 }
@@ -146,6 +157,7 @@ impl fmt::Display for Echoed {
 
 pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
+    let own = arguments.own.description()?;
     let table = table::load(&arguments.table.table)?;
     let bus = Bus::open(Domain::Host, &table)?;
     let port = bus.raw_get_port(ChannelId::new(&arguments.channel)?)?;
@@ -167,7 +179,7 @@ pub fn echo(arguments: &EchoArgs) -> anyhow::Result<ExitCode> {
         }
         let echoed = Echoed {
             received: ReceivedSummary::new(&packet, &port),
-            packet: Contents::new(config, &packet, network.as_deref()),
+            packet: Contents::new(own.as_ref(), config, &packet, network.as_deref()),
         };
         drop(packet);
         seen += 1;

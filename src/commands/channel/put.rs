@@ -48,7 +48,7 @@ pub struct PutArgs {
     /// End after N packets [default: no limit]
     #[arg(long, value_name = "N")]
     count: Option<u64>,
-    /// Priority between hosts
+    /// Priority on this host and between hosts: urgent packets are delivered before waiting bulk
     #[arg(long, value_enum, default_value_t)]
     priority: PriorityChoice,
 }

@@ -51,4 +51,17 @@ int main(int argc, char **argv) {
   answer.reset();
   answers.join();
   assert(back.lost() == 0);
+
+  // A channel that is created at run time, with a getter that is too slow.
+  tactnet_channel_resources resources{};
+  resources.depth = 2;
+  bus.create_channel<tactnet_skin_frame>("own/frames", resources);
+  auto slow = bus.get_port<tactnet_skin_frame>("own/frames");
+  slow.set_priority(TACTNET_PRIORITY_HIGH);
+  auto own = bus.put_port<tactnet_skin_frame>("own/frames");
+  assert(own.losses().empty());
+  for (int i = 0; i < 5; i++) own.put(tactnet_skin_frame{});
+  const auto losses = own.losses();
+  assert(losses.size() == 1 && losses[0].getter == slow.number());
+  assert(losses[0].packets == 3 && slow.lost() == 3);
 }

@@ -10,6 +10,7 @@
 #ifndef TACTNET_CHANNEL_HPP
 #define TACTNET_CHANNEL_HPP
 
+#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <initializer_list>
@@ -150,6 +151,13 @@ public:
   void put(const T *items, std::size_t count) const { detail::check(tactnet_put(port_.get(), items, count)); }
   /// Connects to new get-ports now. Otherwise the next put does so, and allocates.
   void connect() const { detail::check(tactnet_put_port_connect(port_.get())); }
+  /// Get-ports that have lost packets of this port, because they took them too slowly.
+  std::vector<tactnet_getter_loss> losses() const {
+    std::vector<tactnet_getter_loss> found(tactnet_put_port_losses(port_.get(), nullptr, 0));
+    const std::size_t now = tactnet_put_port_losses(port_.get(), found.data(), found.size());
+    found.resize(std::min(now, found.size()));
+    return found;
+  }
 
 private:
   friend class bus;
@@ -171,6 +179,10 @@ public:
   std::optional<received<T>> try_get() { return get(timeout::zero()); }
   /// Number of packets that were put but did not arrive.
   std::uint64_t lost() const noexcept { return tactnet_get_port_lost(port_.get()); }
+  /// Number of this port in the losses of put-ports.
+  std::uint64_t number() const noexcept { return tactnet_get_port_number(port_.get()); }
+  /// Sets the priority of this port in its sync groups.
+  void set_priority(tactnet_priority priority) const { detail::check(tactnet_get_port_set_priority(port_.get(), priority)); }
   const tactnet_get_port *handle() const noexcept { return port_.get(); }
 
 private:
@@ -219,6 +231,13 @@ public:
     tactnet_get_port *opened = nullptr;
     detail::check(tactnet_get_port_open(bus_.get(), channel.c_str(), &packet, history, &opened));
     return tactnet::get_port<T>(opened);
+  }
+
+  /// Creates a channel that is not in the table, for as long as this bus is open.
+  template <class T>
+  void create_channel(const std::string &channel, const tactnet_channel_resources &resources = {}) const {
+    const tactnet_packet packet = detail::packet<T>();
+    detail::check(tactnet_channel_create(bus_.get(), channel.c_str(), &packet, &resources));
   }
 
   template <class... T>

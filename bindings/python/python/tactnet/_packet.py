@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any, ClassVar, TypeVar
+from typing import Any, Callable, ClassVar, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,8 @@ class Packet:
 
     Arrays with a count of valid values hold only these values; packing sets the count.
 
+    Arrays of texts and of parts are lists, those of numbers NumPy arrays.
+
     A packet of :meth:`tactnet.channel.GetPort.get` has two more attributes: ``sender``, the random number of its put-port, and ``put_ns``, the
     time of the put in nanoseconds of the sending host's monotonic clock (``time.monotonic_ns``).
     """
@@ -23,6 +25,7 @@ class Packet:
     VERSION: ClassVar[int]
     DTYPE: ClassVar[np.dtype]
     COUNTED_BY: ClassVar[dict[str, str]]
+    PARTS: ClassVar[dict[str, type[Packet]]] = {}
 
     def received(self: T, sender: int, put_ns: int) -> T:
         """Returns this packet with ``sender`` and ``put_ns`` as attributes, unless it has fields of these names."""
@@ -44,11 +47,13 @@ class Packet:
             if isinstance(value, Packet):
                 value._write(record[name])
             elif kind.shape:
-                values = [_packed(text, kind.base) for text in value] if kind.base.kind == "S" else np.asarray(value)
+                values = value if kind.base.kind in "SV" else np.asarray(value)
                 found, most = len(values), kind.shape[0]
                 if found > most:
                     raise ValueError(f"{type(self).__name__}.{name}: expected at most {most} values, found {found}")
-                if found:
+                if kind.base.kind in "SV":
+                    _fill(record[name], values, kind.base)
+                elif found:
                     record[name][:found] = values
                 count = self.COUNTED_BY.get(name)
                 if count:
@@ -82,7 +87,10 @@ class Packet:
             if kind.shape:
                 count = cls.COUNTED_BY.get(name)
                 value = value[: int(record[count])] if count else value
-                values[name] = [_text(text) for text in value] if kind.base.kind == "S" else value.copy()
+                if kind.base.kind in "SV":
+                    values[name] = _each(value, _text if kind.base.kind == "S" else cls.PARTS[name]._read)
+                else:
+                    values[name] = value.copy()
             elif kind.kind == "S":
                 values[name] = _text(value)
             elif kind.kind == "V":
@@ -90,6 +98,24 @@ class Packet:
             else:
                 values[name] = value.item()
         return cls(**values)
+
+
+def _fill(into: np.ndarray, values: Any, base: np.dtype) -> None:
+    """Writes texts or parts, in lists for more than one dimension, into the beginning of an array."""
+    if len(values) > len(into):
+        raise ValueError(f"expected at most {len(into)} values, found {len(values)}")
+    for at, value in enumerate(values):
+        if into.ndim > 1:
+            _fill(into[at], value, base)
+        elif base.kind == "S":
+            into[at] = _packed(value, base)
+        else:
+            value._write(into[at])
+
+
+def _each(values: np.ndarray, read: Callable[[Any], Any]) -> list[Any]:
+    """Returns the values of an array, in lists for more than one dimension."""
+    return [_each(value, read) if values.ndim > 1 else read(value) for value in values]
 
 
 def _packed(text: str, kind: np.dtype) -> bytes:

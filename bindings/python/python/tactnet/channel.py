@@ -147,6 +147,11 @@ class PutPort(_Closing, Generic[P]):
                 raise TypeError(f"expected {self._packet.__name__}, found {type(packet).__name__}")
         return self._native.put(b"".join(packet.to_bytes() for packet in packets))
 
+    @property
+    def losses(self) -> dict[int, int]:
+        """Packets that get-ports have lost because they took them too slowly, by the ``number`` of the get-port."""
+        return self._native.losses()
+
 
 class GetPort(_Closing, Generic[P]):
     """Gets packets of one type from a channel; also iterates over them, and asynchronously."""
@@ -188,8 +193,13 @@ class GetPort(_Closing, Generic[P]):
                 yield packet
 
     @property
+    def number(self) -> int:
+        """Number of this port in the ``losses`` of put-ports."""
+        return self._native.number
+
+    @property
     def lost(self) -> int:
-        """Number of lost packets."""
+        """Number of packets that were put since the port was opened, and were lost."""
         return self._native.lost
 
 
@@ -215,9 +225,13 @@ class Bus(_Closing):
         """Returns a port that puts sweep commands."""
         return CommandPort(self._native.commands())
 
-    def put_port(self, channel: str, packet: type[P]) -> PutPort[P]:
-        """Returns a port that puts packets of a type of ``tactnet.packets``, or of a custom one, into a channel."""
-        native = self._native.put_port(channel, packet.NAME, packet.VERSION, packet.DTYPE.itemsize)
+    def put_port(self, channel: str, packet: type[P], priority: str | None = None) -> PutPort[P]:
+        """Returns a port that puts packets of a type of ``tactnet.packets``, or of a custom one, into a channel.
+
+        priority: ``"bulk"``, ``"normal"``, ``"high"`` or ``"real-time"``; urgent packets are delivered before bulk that waits. None: the
+            priority of the channel in the table.
+        """
+        native = self._native.put_port(channel, packet.NAME, packet.VERSION, packet.DTYPE.itemsize, priority)
         return PutPort(native, packet)
 
     def get_port(self, channel: str, packet: type[P], history: int = 0) -> GetPort[P]:
@@ -227,6 +241,16 @@ class Bus(_Closing):
         """
         native = self._native.get_port(channel, packet.NAME, packet.VERSION, packet.DTYPE.itemsize, history)
         return GetPort(native, packet)
+
+    def create_channel(
+        self, channel: str, packet: type[Packet], *, items: int = 1, depth: int = 16, put_ports: int = 1, get_ports: int = 8, history: int = 0
+    ) -> None:
+        """Creates a channel that is not in the table, for as long as the bus exists; other programs of this host open it by its id.
+
+        The numbers are those of a channel in the table. A channel of this id must not exist.
+        """
+        kind = packet.NAME, packet.VERSION, packet.DTYPE.itemsize
+        self._native.create_channel(channel, *kind, items=items, depth=depth, put_ports=put_ports, get_ports=get_ports, history=history)
 
     def beliefs(self) -> BeliefPort:
         """Returns a port that gets beliefs."""

@@ -136,11 +136,12 @@ impl Description {
         let mut text = format!(
             "// Names and versions of packets for templates. Generated from {}; do not edit.\n\
              #ifndef {upper}_PACKETS_HPP\n#define {upper}_PACKETS_HPP\n\n\
-             #include <cstdint>\n\n#include \"packets.h\"\n\n\
-             namespace {project} {{\n\n\
+             #include <cstdint>\n\n#include \"{}\"\n\n\
+             namespace tactnet {{\n\n\
              /// Name and version of a packet; to be specialised for packets of one's own.\n\
              template <class T>\nstruct packet_traits;\n",
-            self.source
+            self.source,
+            self.c_file()
         );
         for layout in self.packets.iter().filter(|layout| layout.is_packet()) {
             let name = named(project, layout);
@@ -152,7 +153,7 @@ impl Description {
                  static constexpr std::uint32_t version = {of}_VERSION;\n}};\n"
             );
         }
-        let _ = writeln!(text, "\n}} // namespace {project}\n\n#endif");
+        let _ = writeln!(text, "\n}} // namespace tactnet\n\n#endif");
         text
     }
 }

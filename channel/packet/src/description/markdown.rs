@@ -5,12 +5,16 @@ use std::fmt::Write;
 use super::{Description, FieldType, prose};
 
 fn kind(field: &FieldType) -> String {
-    match field {
+    let (base, shape) = field.base_and_shape();
+    let mut text = match base {
         FieldType::Text(bytes) => format!("text[{bytes}]"),
         FieldType::Packet(layout) => layout.name.into(),
-        FieldType::Array(of, length) => format!("{}[{length}]", kind(of)),
         number => format!("{number:?}").to_ascii_lowercase(),
+    };
+    for length in shape {
+        let _ = write!(text, "[{length}]");
     }
+    text
 }
 
 impl Description {

@@ -21,7 +21,17 @@ fn format(kind: &FieldType) -> String {
         FieldType::F64 => "<f8",
         FieldType::Text(bytes) => return format!("\"S{bytes}\""),
         FieldType::Packet(layout) => return format!("{}.DTYPE", layout.name),
-        FieldType::Array(of, length) => return format!("({}, ({length},))", format(of)),
+        FieldType::Array(..) => {
+            let (base, shape) = kind.base_and_shape();
+            let lengths: Vec<String> = shape.iter().map(|length| format!("{length},")).collect();
+            let lengths = lengths.join(" ");
+            // A comma makes a tuple of one length only.
+            let lengths = match shape.len() {
+                1 => lengths.as_str(),
+                _ => lengths.trim_end_matches(','),
+            };
+            return format!("({}, ({lengths}))", format(base));
+        }
     };
     format!("\"{number}\"")
 }
@@ -35,8 +45,18 @@ fn declared(kind: &FieldType) -> (String, String) {
             let name = layout.name;
             return (name.into(), format!("field(default_factory={name})"));
         }
-        FieldType::Array(FieldType::Text(_), _) => ("list[str]", "field(default_factory=list)"),
-        FieldType::Array(..) => ("Any", "()"),
+        FieldType::Array(..) => {
+            let (base, shape) = kind.base_and_shape();
+            let base = match base {
+                FieldType::Text(_) => "str",
+                FieldType::Packet(part) => part.name,
+                _ => return ("Any".into(), "()".into()),
+            };
+            let list = shape
+                .iter()
+                .fold(base.to_owned(), |of, _| format!("list[{of}]"));
+            return (list, "field(default_factory=list)".into());
+        }
         _ => ("int", "0"),
     };
     (kind.into(), default.into())
@@ -44,6 +64,9 @@ fn declared(kind: &FieldType) -> (String, String) {
 
 fn docstring(text: &mut String, indent: &str, docs: &str) {
     let lines = wrapped(docs, WIDTH - indent.len() - 6);
+    if lines.is_empty() {
+        return;
+    }
     let _ = writeln!(
         text,
         "{indent}\"\"\"{}\"\"\"",
@@ -54,7 +77,7 @@ fn docstring(text: &mut String, indent: &str, docs: &str) {
 fn class(text: &mut String, layout: &Layout) {
     let _ = write!(text, "\n\n@dataclass\nclass {}(Packet):\n", layout.name);
     docstring(text, "    ", &plain(layout.docs));
-    let (mut formats, mut counted) = (Vec::new(), Vec::new());
+    let (mut formats, mut counted, mut parts) = (Vec::new(), Vec::new(), Vec::new());
     text.push('\n');
     for field in layout.fields {
         formats.push(format!(
@@ -64,6 +87,9 @@ fn class(text: &mut String, layout: &Layout) {
         ));
         if let Some(count) = field.counted_by {
             counted.push(format!("\"{}\": \"{count}\"", field.name));
+        }
+        if let (FieldType::Array(..), Some(part)) = (&field.kind, field.kind.part()) {
+            parts.push(format!("\"{}\": {}", field.name, part.name));
         }
     }
     let _ = writeln!(text, "    NAME: ClassVar[str] = \"{}\"", layout.name);
@@ -75,9 +101,17 @@ fn class(text: &mut String, layout: &Layout) {
     );
     let _ = writeln!(
         text,
-        "    COUNTED_BY: ClassVar[dict[str, str]] = {{{}}}\n",
+        "    COUNTED_BY: ClassVar[dict[str, str]] = {{{}}}",
         counted.join(", ")
     );
+    if !parts.is_empty() {
+        let _ = writeln!(
+            text,
+            "    PARTS: ClassVar[dict[str, type[Packet]]] = {{{}}}",
+            parts.join(", ")
+        );
+    }
+    text.push('\n');
     for field in layout.fields {
         let (kind, default) = declared(&field.kind);
         let _ = writeln!(text, "    {}: {kind} = {default}", field.name);

@@ -1,10 +1,11 @@
 //! Packet types that recordings can hold, known only at run time.
 
-use std::sync::LazyLock;
+use std::sync::{LazyLock, PoisonError, RwLock};
 
 use bytemuck::pod_read_unaligned;
 use serde::{Serialize, Serializer};
 use tactnet_channel::{Description, Fields, Layout, Packet};
+use tactnet_skin::packets::ModelNames;
 
 use super::{Recorded, decode, encode, schema};
 
@@ -19,42 +20,60 @@ pub(crate) struct Kind {
     recorded: Recorded,
 }
 
-static KINDS: LazyLock<Vec<Kind>> = LazyLock::new(|| {
-    [
-        &tactnet_skin::packets::DESCRIPTION,
-        &tactnet_catching_packets::packets::DESCRIPTION,
-    ]
-    .into_iter()
-    .flat_map(of)
-    .collect()
+static KINDS: LazyLock<RwLock<Vec<&'static Kind>>> = LazyLock::new(|| {
+    let known = [
+        tactnet_skin::packets::DESCRIPTION,
+        tactnet_catching_packets::packets::DESCRIPTION,
+    ];
+    RwLock::new(known.iter().flat_map(of).collect())
 });
 
-fn of(description: &'static Description) -> Vec<Kind> {
+fn of(description: &Description) -> Vec<&'static Kind> {
     let schema: &[u8] = Vec::leak(schema::schema(description));
     let packets = description.packets.iter();
     packets
         .filter(|layout| layout.is_packet())
-        .map(|layout| Kind {
-            layout,
-            message: format!("{}.{}", description.project, layout.name),
-            schema,
-            recorded: Recorded::of(layout),
+        .map(|layout| -> &'static Kind {
+            Box::leak(Box::new(Kind {
+                layout,
+                message: format!("{}.{}", description.project, layout.name),
+                schema,
+                recorded: Recorded::of(layout),
+            }))
         })
         .collect()
 }
 
+/// Adds packet types for this process: recorders record them and readers of recordings return them.
+///
+/// Types that are built in have precedence over types of the same name and version.
+pub fn add_packet_types(description: &Description) {
+    let mut kinds = KINDS.write().unwrap_or_else(PoisonError::into_inner);
+    kinds.extend(of(description));
+}
+
+fn find(is: impl Fn(&Kind) -> bool) -> Option<&'static Kind> {
+    let kinds = KINDS.read().unwrap_or_else(PoisonError::into_inner);
+    kinds.iter().copied().find(|kind| is(kind))
+}
+
 /// Returns the type of a channel's packets; `None` for packets without a description.
 pub(crate) fn kind(name: &str, version: u32) -> Option<&'static Kind> {
-    let is = |kind: &&Kind| kind.layout.name == name && kind.layout.version == version;
-    KINDS.iter().find(is)
+    find(|kind| kind.layout.name == name && kind.layout.version == version)
 }
 
 /// Returns the type of a message by its full name.
 pub(crate) fn kind_of_message(name: &str) -> Option<&'static Kind> {
-    KINDS.iter().find(|kind| kind.message == name)
+    find(|kind| kind.message == name)
 }
 
 impl Kind {
+    /// Returns true for the names of a classifier's materials. It puts them once, when it starts, and they are needed
+    /// to read its beliefs.
+    pub(crate) fn is_needed_to_read_others(&self) -> bool {
+        self.layout.name == ModelNames::NAME
+    }
+
     /// Returns the message of a packet's bytes.
     pub(crate) fn to_message(&self, packet: &[u8]) -> Vec<u8> {
         encode::encode(&self.recorded, packet)

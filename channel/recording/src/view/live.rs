@@ -159,6 +159,7 @@ mod tests {
         let entry = Entry {
             channel: "skin/right".into(),
             time_ns: 0,
+            sender: None,
             packet,
         };
         vec![entry; 40]
@@ -168,6 +169,7 @@ mod tests {
         Entry {
             channel: "tactile/model".into(),
             time_ns: 0,
+            sender: None,
             packet: RecordedPacket::Model(Box::new(bytemuck::Zeroable::zeroed())),
         }
     }

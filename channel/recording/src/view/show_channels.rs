@@ -113,6 +113,7 @@ pub fn show_channels(
             batch.push(Entry {
                 channel: ids[received.channel].clone(),
                 time_ns: received.put_ns,
+                sender: None,
                 packet: received.packet,
             });
         })?;
