@@ -11,7 +11,7 @@ use tactnet_channel::{Start, Wait};
 use tactnet_models::Weights;
 use tactnet_skin::packets::{Event, TactileBelief, TactileStatus};
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, tactnet};
+use crate::command::{Lab, RecipeChange, assert_says, expect, json, refusal, tactnet};
 use crate::robot::{Robot, Running, STEPS};
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -60,9 +60,9 @@ fn wait_for(heard: &Receiver<String>, words: &str) {
 fn a_service_without_descriptors_says_so_and_reaches_its_skin_when_it_has_some_again() {
     let robot = Robot::new("descriptors");
     let _hub = robot.start(&["channel", "hub"]);
-    let mut serve = tactnet(["serve", "--metrics", "off", "--run"]);
-    serve.arg(robot.lab.path("models/1"));
-    serve.arg("--table").arg(robot.lab.path("robot.toml"));
+    let mut serve = robot
+        .lab
+        .command("serve --metrics off --run @models/1 --table @robot.toml");
     serve.stderr(Stdio::piped());
     let mut service = Running::start(serve);
     let heard = said(&mut service);
@@ -179,7 +179,7 @@ fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
         changed[at] ^= 1;
         std::fs::write(&path, &changed).unwrap();
         for reader in readers {
-            let refused = stderr(&expect(2, tactnet(&calls[reader])));
+            let refused = refusal(tactnet(&calls[reader]));
             let named = format!("{file}: the file has changed since the run ended");
             assert!(refused.contains(&named), "{file}: {refused}");
             assert_eq!(refused.lines().count(), 1, "{refused}");
@@ -246,7 +246,7 @@ fn a_run_that_was_killed_at_its_very_beginning_is_begun_again() {
     let strange = lab.path("strange");
     std::fs::create_dir(&strange).unwrap();
     std::fs::write(strange.join("thesis.tex"), "").unwrap();
-    let refused = stderr(&expect(2, lab.train(&recipe, "strange")));
+    let refused = refusal(lab.train(&recipe, "strange"));
     assert!(refused.contains("found `thesis.tex`"), "{refused}");
 }
 
@@ -257,11 +257,7 @@ fn what_is_no_file_and_no_number_is_refused_in_a_line() {
     let recipe = lab.recipe(RecipeChange::default());
     expect(0, lab.train(&recipe, "run"));
     std::fs::remove_file(lab.path("run/manifest.json")).unwrap();
-    let eval = || {
-        let mut eval = tactnet(["eval"]);
-        eval.arg(lab.path("run"));
-        eval
-    };
+    let eval = || lab.command("eval @run");
     for file in ["split.json", "weights.safetensors", "manifest.json"] {
         let (path, kept) = (lab.path("run").join(file), lab.path("kept"));
         let was_there = std::fs::rename(&path, &kept).is_ok();
@@ -272,7 +268,7 @@ fn what_is_no_file_and_no_number_is_refused_in_a_line() {
             } else {
                 symlink("/dev/zero", &path).unwrap();
             }
-            let refused = stderr(&expect(2, eval()));
+            let refused = refusal(eval());
             assert!(
                 refused.contains("is a pipe or a device"),
                 "{file}: {refused}"
@@ -292,17 +288,9 @@ fn what_is_no_file_and_no_number_is_refused_in_a_line() {
         .to_safetensors(std::collections::BTreeMap::new())
         .unwrap();
     std::fs::write(&path, bytes).unwrap();
-    let mut export = tactnet(["export"]);
-    export
-        .arg(lab.path("run"))
-        .arg("--out")
-        .arg(lab.path("a.onnx"));
-    for command in [eval(), export] {
-        let refused = stderr(&expect(2, command));
-        assert!(
-            refused.contains("expected finite numbers, found NaN"),
-            "{refused}"
-        );
+    for command in [eval(), lab.command("export @run --out @a.onnx")] {
+        let refused = refusal(command);
+        assert_says!(refused, "expected finite numbers, found NaN");
         assert_eq!(
             refused
                 .lines()

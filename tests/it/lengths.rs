@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::command::{Lab, expect, json, stderr, stdout, tactnet};
+use crate::command::{Lab, expect, json, output_of, refusal, tactnet};
 
 /// Writes a folder of three materials with twelve sweeps of 40 to 95 frames each. A material has a pitch of its own.
 fn write_sweeps(folder: &Path) {
@@ -40,7 +40,7 @@ fn sweeps_of_unequal_length_train_and_predict_and_are_reported_by_length() {
         found.arg(&folder).args(options);
         found
     };
-    let refused = stderr(&expect(2, with(&["train", "--rate", "100", "--data"], &[])));
+    let refused = refusal(with(&["train", "--rate", "100", "--data"], &[]));
     assert!(refused.contains("`--steps all`"), "{refused}");
     // Without the option the check names the lengths; with it there is nothing to find.
     expect(1, with(&["data", "check"], &["--rate", "100"]));
@@ -60,7 +60,7 @@ fn sweeps_of_unequal_length_train_and_predict_and_are_reported_by_length() {
     let train = ["train", "--model", "lda", "--rate", "100", "--data"];
     let out = lab.path("run");
     let options = ["--steps", "all", "--out", out.to_str().unwrap()];
-    let text = stdout(&expect(0, with(&train, &options)));
+    let text = output_of(with(&train, &options));
     assert!(text.contains("accuracy by length"), "{text}");
     let result = lab.json("run/result.json");
     assert!(
@@ -105,7 +105,7 @@ fn sweeps_of_unequal_length_train_and_predict_and_are_reported_by_length() {
     // The shortest of the training sweeps of a run on equal lengths is too short.
     let cut = lab.path("cut");
     let options = ["--steps", "60", "--out", cut.to_str().unwrap()];
-    let refused = stderr(&expect(2, with(&train, &options)));
+    let refused = refusal(with(&train, &options));
     assert!(refused.contains("at least the 60 frames"), "{refused}");
 }
 

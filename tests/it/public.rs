@@ -8,7 +8,7 @@ use serde_json::Value;
 use tactnet_data::format::Format;
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 
-use crate::command::{Lab, expect, json, signal, stdout, tactnet};
+use crate::command::{Lab, expect, json, signal, stdout};
 
 /// Returns a number between 0 and 10 that looks random.
 fn noise(seed: usize) -> f32 {
@@ -56,11 +56,12 @@ fn benchmark(lab: &Lab, out: &str) -> Command {
         "models=[\"lda\", \"minirocket\", \"knn-h\", \"{}\"]",
         lab.path("both.toml").display()
     );
-    let mut command = tactnet(["experiment", "run", "public", "--set"]);
+    let mut command = lab.command("experiment run public --set data=@sets --set");
     command
-        .arg(format!("data={}", lab.path("sets").display()))
-        .args(["--set", &models, "--set", "folds=2", "--set", "shots=3"])
-        .args(["--set", "probes=[\"first-frame\"]", "--out"])
+        .arg(&models)
+        .args(["--set", "folds=2", "--set", "shots=3", "--set"])
+        .arg("probes=[\"first-frame\"]")
+        .arg("--out")
         .arg(lab.path(out));
     command
 }
@@ -152,9 +153,7 @@ fn one_command_compares_all_models_on_all_sets_of_a_folder() {
     let first = page.split("<h2 id=\"").nth(1).unwrap();
     assert!(first.starts_with("sets\""), "{}", &first[..40]);
     assert!(page.contains("<h2 id=\"pareto\"") && page.contains("<h2 id=\"audit\""));
-    let mut report = tactnet(["experiment", "report"]);
-    report.arg(lab.path("out"));
-    let text = stdout(&expect(0, report));
+    let text = stdout(&lab.run("experiment report @out"));
     assert!(
         text.contains("held-out groups, accuracy [%]") && text.contains("Selected: "),
         "{text}"

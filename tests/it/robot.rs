@@ -63,9 +63,8 @@ impl Robot {
         });
         let size = format!("--materials 4 --sweeps 40 --steps {STEPS}");
         lab.twin("data.h5", &size);
-        let mut train = tactnet(["train", "--calibrate", "--data"]);
-        train.arg(lab.path("data.h5")).arg("--recipe").arg(&recipe);
-        train.arg("--out").arg(lab.path("models/1"));
+        let mut train = lab.command("train --calibrate --data @data.h5 --recipe");
+        train.arg(&recipe).arg("--out").arg(lab.path("models/1"));
         expect(0, train);
         let config = ServeConfig {
             anytime_ms: 40.0,

@@ -9,7 +9,9 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, SPECTRA, expect, json, signal, stderr, tactnet};
+use crate::command::{
+    Lab, RecipeChange, SPECTRA, assert_says, expect, json, refusal, signal, stderr, tactnet,
+};
 
 /// A twin of eight materials with thirty sweeps each, and a small recipe.
 fn lab() -> Lab {
@@ -193,7 +195,7 @@ fn models_of_all_kinds_are_tested_under_disturbances() {
     let page = String::from_utf8(lab.read("robustness/report.html")).unwrap();
     assert!(page.contains("Dead taxels that are masked: accuracy on twin (eight)"));
     let refused = study(&lab, "robustness", &["dead=[1.5]"], "refused");
-    assert!(stderr(&expect(2, refused)).contains("shares between 0 and 1"));
+    assert!(refusal(refused).contains("shares between 0 and 1"));
 }
 
 #[test]
@@ -466,9 +468,9 @@ fn a_stopped_question_keeps_its_finished_networks_and_finds_the_same() {
     assert_eq!(again["rows"], undisturbed["rows"]);
     assert!(!networks.exists(), "the task has its result");
     let log = String::from_utf8(lab.read("stopped/tasks/eight-small-nshot-000.log")).unwrap();
-    assert!(
-        log.contains("stopped; running the task again resumes it with its next network"),
-        "{log}"
+    assert_says!(
+        log,
+        "stopped; running the task again resumes it with its next network"
     );
 }
 
@@ -477,9 +479,7 @@ fn the_measurements_of_a_question_are_metrics_for_mlflow() {
     let lab = lab();
     let settings = ["splits=1", "study={kind=\"unknown\", new_materials=3}"];
     let found = json(study(&lab, "unknown", &settings, "unknown"));
-    let mut export = tactnet(["experiment", "export"]);
-    export.args([lab.path("unknown"), "--mlflow".into(), lab.path("mlruns")]);
-    expect(0, export);
+    lab.run("experiment export @unknown --mlflow @mlruns");
     let experiments = std::fs::read_dir(lab.path("mlruns")).unwrap();
     let run = experiments
         .map(|folder| folder.unwrap().path())

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use tactnet_data::format;
 use tempfile::TempDir;
 
-use crate::command::{expect, stderr, stdout, tactnet};
+use crate::command::{expect, refusal, stderr, stdout, tactnet};
 
 /// Frames of a window of the tests.
 const STEPS: usize = 20;
@@ -118,7 +118,7 @@ fn topics_are_listed_and_wrong_names_say_what_there_is() {
             .arg("--out")
             .arg(&out)
             .args(options);
-        let message = stderr(&expect(2, import));
+        let message = refusal(import);
         assert!(!out.exists());
         message
     };

@@ -35,10 +35,7 @@ fn the_tutorial_runs_as_it_stands() {
         String::from_utf8_lossy(&output.stderr),
     );
     assert!(output.status.success(), "{out}\n{errors}");
-    assert!(
-        errors.contains("tuesday.npz: 30 sweeps of 3 materials"),
-        "{errors}"
-    );
+    assert_says!(errors, "tuesday.npz: 30 sweeps of 3 materials");
     let last = out.trim().lines().last().unwrap();
     assert!(last.contains(" 0 lost; 30 sweeps, "), "{last}\n{errors}");
     assert!(
