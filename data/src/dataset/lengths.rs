@@ -44,28 +44,9 @@ impl Dataset {
         self.samples = self.samples.heads(whole, self.shape.values());
         self.samples
             .repeat_last_frames(self.shape.values(), taxels, &lengths);
-        let kept = Self::new(
-            self.name,
-            self.sample_rate_hz,
-            self.shape,
-            self.labels,
-            self.records,
-            self.samples,
-        )?;
         let unequal = lengths.iter().any(|steps| *steps != longest);
-        Ok(Self {
-            rate_assumed: self.rate_assumed,
-            patch_assumed: self.patch_assumed,
-            reading_findings: self.reading_findings,
-            origin: self.origin,
-            sha256: match unequal {
-                true => with_lengths(&kept.sha256, &lengths),
-                false => kept.sha256,
-            },
-            lengths: unequal.then_some(lengths),
-            ..kept
-        }
-        .declared(self.columns))
+        self.lengths = unequal.then_some(lengths);
+        Ok(self.with_checksum())
     }
 
     /// Sets the number of frames of each sweep, if they are known; see [`Dataset::with_lengths`].
@@ -120,7 +101,7 @@ impl Dataset {
 }
 
 /// Returns the checksum of a data set whose sweeps have these lengths.
-pub(super) fn with_lengths(sha256: &str, lengths: &[usize]) -> String {
+pub(super) fn digest(sha256: &str, lengths: &[usize]) -> String {
     let mut hash = Sha256::new();
     hash.update(b"tactnet lengths 1\0");
     hash.update(sha256.as_bytes());
