@@ -8,7 +8,7 @@
 //!
 //! Arguments: method, number of networks at once (0: alone), number of steps.
 
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::Compute;
 use tactnet_pipeline::{
@@ -34,12 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
              [training]\nepochs = 100\nbatch = 8\nlearning_rate = 0.01\nmethod = {method}\n"
         ),
     )?;
-    let twin = generate(&TwinConfig {
-        materials: 3,
-        sweeps: 10,
-        steps: 100,
-        ..TwinConfig::default()
-    })?;
+    let twin = twin::small(3, 10, 100)?;
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0)?;
     let setup = NetworkSetup::fit(&recipe, &fold.train);
     let model = ModelConfig::Network(setup.clone());

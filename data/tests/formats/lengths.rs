@@ -196,13 +196,7 @@ fn an_array_of_lengths_that_means_something_else_is_ignored_with_a_note() {
 
 #[test]
 fn checks_look_at_the_frames_of_the_sweeps_alone() {
-    let twin = twin::generate(&TwinConfig {
-        materials: 3,
-        sweeps: 8,
-        steps: 200,
-        ..TwinConfig::default()
-    })
-    .unwrap();
+    let twin = twin::small(3, 8, 200).unwrap();
     let lengths = |length: fn(usize) -> usize| (0..24).map(length).collect::<Vec<usize>>();
     let mixed = twin
         .clone()
