@@ -7,9 +7,9 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use tactnet_channel::{Start, Wait};
+use tactnet_channel::Wait;
 use tactnet_models::Weights;
-use tactnet_skin::packets::{Event, TactileBelief, TactileStatus};
+use tactnet_skin::packets::Event;
 
 use crate::command::{Lab, RecipeChange, assert_says, expect, json, refusal, tactnet};
 use crate::robot::{Robot, Running, STEPS};
@@ -69,13 +69,8 @@ fn a_service_without_descriptors_says_so_and_reaches_its_skin_when_it_has_some_a
     let pid = service.0.id();
     limit_descriptors(pid, first_free_descriptor(pid));
     let _skin = robot.skin("1000");
-    let bus = robot.bus();
-    let status = bus
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
-    let beliefs = bus
-        .get_port::<TactileBelief>("tactile/belief", Start::Now)
-        .unwrap();
+    let status = robot.status();
+    let beliefs = robot.beliefs();
     wait_for(&heard, "cannot connect to a component");
     assert!(status.try_get().unwrap().is_none(), "it cannot be reached");
     limit_descriptors(pid, 1024);
@@ -92,10 +87,7 @@ fn a_flood_of_commands_stops_no_belief() {
     let _hub = robot.start(&["channel", "hub"]);
     let _service = robot.serve("models");
     let _skin = robot.skin("1000");
-    let bus = robot.bus();
-    let status = bus
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
+    let status = robot.status();
     let _flood: Vec<Running> = (0..2)
         .map(|_| {
             let mut put = tactnet([
@@ -123,9 +115,7 @@ fn a_flood_of_commands_stops_no_belief() {
         }
         assert!(begun.elapsed() < PATIENCE, "the flood is not noticed");
     }
-    let beliefs = bus
-        .get_port::<TactileBelief>("tactile/belief", Start::Now)
-        .unwrap();
+    let beliefs = robot.beliefs();
     for _ in 0..20 {
         assert!(beliefs.get(patience).unwrap().is_some(), "it sees the skin");
     }
@@ -210,10 +200,7 @@ fn a_version_that_asks_for_all_memory_is_passed_over_and_the_service_serves_on()
         std::fs::write(to.join("config.json"), config.to_string()).unwrap();
         std::fs::rename(&to, robot.lab.path(&format!("models/{number}"))).unwrap();
     };
-    let status = robot
-        .bus()
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
+    let status = robot.status();
     let service = robot.serve("models");
     copy("2");
     let patience = Wait::Block { timeout: PATIENCE };

@@ -149,6 +149,14 @@ impl Lab {
         path
     }
 
+    /// Writes the small recipe with this many epochs.
+    pub fn recipe_for(&self, epochs: usize) -> PathBuf {
+        self.recipe(RecipeChange {
+            epochs: Some(epochs),
+            ..RecipeChange::default()
+        })
+    }
+
     /// Returns `tactnet train` on the small twin with the small recipe, into `out`.
     pub fn train(&self, recipe: &Path, out: &str) -> Command {
         let mut command = tactnet(["train", "--data"]);

@@ -132,10 +132,7 @@ fn assert_enrolment_fits_thresholds_again(lab: &Lab, new: &str, aside: u64) {
 #[test]
 fn a_calibrated_classifier_says_what_it_does_not_know() {
     let lab = Lab::new();
-    lab.recipe(RecipeChange {
-        epochs: Some(12),
-        ..RecipeChange::default()
-    });
+    lab.recipe_for(12);
     lab.twin("three.h5", "--materials 3 --sweeps 60 --steps 120");
     let aside = train_calibrated(&lab);
     let own = eval(&lab, "run", None);
@@ -298,10 +295,7 @@ fn assert_old_rows_stay(lab: &Lab) -> BTreeMap<String, NamedTensor> {
 #[test]
 fn a_new_material_is_added_and_the_old_rows_stay() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(12),
-        ..RecipeChange::default()
-    });
+    let recipe = lab.recipe_for(12);
     expect(0, lab.train(&recipe, "run"));
     lab.twin("five.h5", "--materials 5 --sweeps 20 --steps 120");
     let new = materials(&lab, "five.h5")[4].clone();
@@ -343,10 +337,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
 #[test]
 fn a_known_material_under_a_new_name_is_noticed() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(8),
-        ..RecipeChange::default()
-    });
+    let recipe = lab.recipe_for(8);
     expect(0, lab.train(&recipe, "run"));
     let twin = read(&lab.path("twin.h5")).unwrap();
     let known: Vec<String> = twin.labels().names().map(Into::into).collect();
@@ -376,10 +367,7 @@ fn a_known_material_under_a_new_name_is_noticed() {
 #[test]
 fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(1),
-        ..RecipeChange::default()
-    });
+    let recipe = lab.recipe_for(1);
     expect(0, lab.train(&recipe, "run"));
     lab.run("train --model knn-l --data @twin.h5 --out @knn");
     let first = materials(&lab, "twin.h5")[0].clone();

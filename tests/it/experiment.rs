@@ -4,18 +4,13 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::command::{
-    Lab, RecipeChange, assert_says, expect, json, refusal, stderr, stdout, tactnet,
-};
+use crate::command::{Lab, assert_says, expect, json, refusal, stderr, stdout, tactnet};
 
 /// An experiment with two folds, a small network and a baseline on the small twin.
 pub(crate) fn experiment(lab: &Lab, out: &str) -> Command {
     let recipe = lab.path("small.toml");
     if !recipe.exists() {
-        lab.recipe(RecipeChange {
-            epochs: Some(12),
-            ..RecipeChange::default()
-        });
+        lab.recipe_for(12);
     }
     let mut command =
         lab.command("experiment run crossval_baselines --set folds=2 --set data=@twin.h5 --set");

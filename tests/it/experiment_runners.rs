@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::command::{Lab, RecipeChange, assert_says, expect, messages_of, signal, stderr};
+use crate::command::{Lab, assert_says, expect, messages_of, signal, stderr};
 use crate::experiment::{TASKS, experiment, failing, predictions};
 
 /// Returns the children of a process.
@@ -68,10 +68,7 @@ fn a_runner_that_is_asked_to_stop_lets_its_task_write_a_checkpoint() {
 fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
     let lab = Lab::new();
     // Enough epochs that a task is killed before it ends.
-    lab.recipe(RecipeChange {
-        epochs: Some(30),
-        ..RecipeChange::default()
-    });
+    lab.recipe_for(30);
     expect(0, experiment(&lab, "undisturbed"));
 
     // A task is killed, and the runner starts it again. One task runs at a time, so that it is known which one.

@@ -4,9 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
-use crate::command::{
-    Lab, RecipeChange, assert_says, expect, messages_of, refusal, signal, stderr, tactnet,
-};
+use crate::command::{Lab, assert_says, expect, messages_of, refusal, signal, stderr, tactnet};
 
 /// Starts `command` and waits until it has finished an epoch.
 fn start_and_wait_for_an_epoch(mut command: Command) -> Child {
@@ -27,10 +25,7 @@ fn start_and_wait_for_an_epoch(mut command: Command) -> Child {
 
 /// Returns the small recipe with more epochs, which gives time to interrupt its training.
 fn long_recipe(lab: &Lab, epochs: usize) -> PathBuf {
-    lab.recipe(RecipeChange {
-        epochs: Some(epochs),
-        ..RecipeChange::default()
-    })
+    lab.recipe_for(epochs)
 }
 
 /// Starts a training and interrupts it after an epoch.

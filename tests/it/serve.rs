@@ -145,10 +145,7 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
     let robot = Robot::new("live");
     let _hub = robot.start(&["channel", "hub"]);
     let service = robot.serve("models/1");
-    let bus = robot.bus();
-    let beliefs = bus
-        .get_port::<TactileBelief>("tactile/belief", Start::Now)
-        .unwrap();
+    let beliefs = robot.beliefs();
     let mut dashboard = robot.start(&["dashboard", "--listen", "127.0.0.1:0"]);
     let mut skin = robot.skin("5");
     let mut seen: Vec<TactileBelief> = Vec::new();
@@ -313,9 +310,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     let _hub = robot.start(&["channel", "hub"]);
     let service = robot.serve("models");
     let bus = robot.bus();
-    let status = bus
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
+    let status = robot.status();
     let model = bus
         .get_port::<ModelNames>("tactile/model", Start::History(1))
         .unwrap();
@@ -378,10 +373,7 @@ fn damaged_versions_are_named_and_the_newest_good_one_serves() {
     };
     put("models/1", "models/2", true);
     put("models/1", "models/9", true);
-    let bus = robot.bus();
-    let status = bus
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
+    let status = robot.status();
     let service = robot.serve("models");
     let rejected = || next_text(&status, Event::ModelRejected);
     assert_eq!(next_event(&status, Event::Swapped).model_version, 1);

@@ -26,10 +26,7 @@ fn quick_lab() -> Lab {
 fn lab_of(epochs: usize) -> Lab {
     let lab = Lab::new();
     lab.twin("eight.h5", "--materials 8 --sweeps 30 --steps 120");
-    lab.recipe(RecipeChange {
-        epochs: Some(epochs),
-        ..RecipeChange::default()
-    });
+    lab.recipe_for(epochs);
     lab
 }
 
@@ -115,10 +112,7 @@ fn networks_are_compared_under_every_circumstance_with_what_they_cost() {
         ..RecipeChange::default()
     });
     std::fs::rename(&spectra, lab.path("spectra.toml")).unwrap();
-    lab.recipe(RecipeChange {
-        epochs: Some(8),
-        ..RecipeChange::default()
-    });
+    lab.recipe_for(8);
     let both = format!(
         "models=[\"{}\", \"{}\"]",
         lab.path("small.toml").display(),

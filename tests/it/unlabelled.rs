@@ -265,10 +265,7 @@ fn assert_unlabelled_sweeps_can_be_enrolled(lab: &Lab) {
 fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     let lab = Lab::new();
     let named = without_labels(&lab);
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(12),
-        ..RecipeChange::default()
-    });
+    let recipe = lab.recipe_for(12);
     let mut train = lab.train(&recipe, "run");
     train.args(["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"]);
     expect(0, train);
