@@ -6,7 +6,7 @@ use tactnet_data::format::{Format, read};
 use tactnet_data::{Dataset, Samples, SweepView};
 use tactnet_models::Weights;
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout};
+use crate::command::{Lab, RecipeChange, assert_says, expect, json, stderr, stdout};
 
 fn adapt(lab: &Lab, run: &str, out: &str, more: &[&str]) -> Command {
     let mut command = lab.command(&format!("adapt @{run} --out @{out}"));
@@ -112,19 +112,11 @@ fn labelled_sweeps_are_left_out_of_the_evaluation_and_few_materials_are_refused(
         0,
         adapt(&lab, "run", "one", &["--data", "one.npz", "--accept-risk"]),
     );
-    assert!(
-        stderr(&accepted).contains("warning"),
-        "{}",
-        stderr(&accepted)
-    );
+    assert_says!(stderr(&accepted), "warning");
 
     let labelled = ["--labelled", "other.npz", "--per-material", "2"];
     let done = expect(0, adapt(&lab, "run", "labelled", &labelled));
-    assert!(
-        stdout(&done).contains("4 of 4 materials labelled"),
-        "{}",
-        stdout(&done)
-    );
+    assert_says!(stdout(&done), "4 of 4 materials labelled");
     let found = json(lab.command("eval --json @labelled --data @other.npz"));
     assert_eq!(found["n_test"], 80 - 8, "{found}");
 }

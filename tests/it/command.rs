@@ -51,9 +51,10 @@ pub fn refusal(command: Command) -> String {
 
 /// Asserts that a text contains words.
 macro_rules! assert_says {
-    ($text:expr, $words:expr) => {
-        assert!($text.contains($words), "{}", $text)
-    };
+    ($text:expr, $words:expr) => {{
+        let text = &$text;
+        assert!(text.contains($words), "{text}")
+    }};
 }
 pub(crate) use assert_says;
 

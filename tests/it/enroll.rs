@@ -190,11 +190,7 @@ fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
         });
         let three = ["--sweeps", "3", "--json"];
         let output = expect(0, enroll(&lab, &run, "five.h5", new, &more, &three));
-        assert!(
-            stderr(&output).contains("the new material is held back"),
-            "{}",
-            stderr(&output)
-        );
+        assert_says!(stderr(&output), "the new material is held back");
         let found: Value = serde_json::from_str(&stdout(&output)).unwrap();
         assert_eq!(found["prior"], "hundredth-with-bias", "{found}");
         let count = |name: &str| found["test_cost"][name].as_u64().unwrap();

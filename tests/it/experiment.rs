@@ -99,11 +99,7 @@ fn assert_nothing_runs_twice(lab: &Lab) {
     };
     let before: Vec<_> = TASKS.iter().map(|task| written(task)).collect();
     let again = expect(0, experiment(lab, "out"));
-    assert!(
-        stderr(&again).contains("12 tasks, 12 done"),
-        "{}",
-        stderr(&again)
-    );
+    assert_says!(stderr(&again), "12 tasks, 12 done");
     assert_eq!(
         before,
         TASKS.iter().map(|task| written(task)).collect::<Vec<_>>()
@@ -149,11 +145,7 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         .replace("epochs = 11", "epochs = 12");
     std::fs::write(&recipe, changed).unwrap();
     let again = expect(0, experiment(&lab, "moved"));
-    assert!(
-        stderr(&again).contains("12 tasks, 11 done"),
-        "{}",
-        stderr(&again)
-    );
+    assert_says!(stderr(&again), "12 tasks, 11 done");
 
     assert_an_edited_result_is_refused(&lab, "moved");
 }

@@ -96,11 +96,7 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
     let page = String::from_utf8(lab.read("one/report.html")).unwrap();
     assert!(page.contains("Methods of the thesis: accuracy against shots"));
     let again = expect(0, study(&lab, "nshot", &NSHOT, "one"));
-    assert!(
-        stderr(&again).contains("2 tasks, 2 done"),
-        "{}",
-        stderr(&again)
-    );
+    assert_says!(stderr(&again), "2 tasks, 2 done");
 }
 
 #[test]

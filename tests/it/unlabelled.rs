@@ -187,10 +187,9 @@ fn assert_unusable_sweeps_are_named(lab: &Lab) {
     let frame = "7,".repeat(15) + "7\n";
     std::fs::write(lab.path("new/still.csv"), frame.repeat(120)).unwrap();
     let still = expect(0, predict(lab, "new", &[]));
-    assert!(
-        stderr(&still).contains("warning: no taxel ever changes in sweep `still`"),
-        "{}",
-        stderr(&still)
+    assert_says!(
+        stderr(&still),
+        "warning: no taxel ever changes in sweep `still`"
     );
     let marked = stdout(&still);
     let marked = marked
