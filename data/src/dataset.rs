@@ -361,6 +361,7 @@ impl Dataset {
         Ok(())
     }
 
+    /// Returns the SHA-256 of the content, in hex.
     fn digest(&self) -> String {
         let Self {
             sample_rate_hz,
