@@ -90,16 +90,10 @@ fn a_flood_of_commands_stops_no_belief() {
     let status = robot.status();
     let _flood: Vec<Running> = (0..2)
         .map(|_| {
-            let mut put = tactnet([
-                "channel",
-                "put",
-                "sweep/command",
-                "--rate",
-                "200000",
-                "--table",
-            ]);
-            put.arg(robot.lab.path("robot.toml")).stderr(Stdio::null());
-            Running(put.stdout(Stdio::null()).spawn().unwrap())
+            let line = "channel put sweep/command --rate 200000 --table @robot.toml";
+            let mut put = robot.lab.command(line);
+            put.stdout(Stdio::null()).stderr(Stdio::null());
+            Running(put.spawn().unwrap())
         })
         .collect();
     let begun = Instant::now();
@@ -126,29 +120,20 @@ fn a_flood_of_commands_stops_no_belief() {
 fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
     let robot = Robot::new("changed");
     let lab = &robot.lab;
-    let data = lab.path("five.h5").display().to_string();
     let size = format!("--materials 5 --sweeps 5 --steps {STEPS}");
     lab.twin("five.h5", &size);
-    let info = json(tactnet(["data", "info", "--json", &data]));
-    let new = info["materials"][4]["name"].as_str().unwrap();
-    let run = lab.path("models/1").display().to_string();
-    let again = lab.path("again").display().to_string();
-    let onnx = format!("{again}.onnx");
-    let calls = [
-        vec!["eval", &run],
-        vec!["train", "--resume", &run],
-        vec!["export", &run, "--out", &onnx],
-        vec![
-            "enroll",
-            &run,
-            "--data",
-            &data,
-            "--material",
-            new,
-            "--out",
-            &again,
-        ],
-    ];
+    let info = json(lab.command("data info --json @five.h5"));
+    let call = |reader: usize| match reader {
+        0 => lab.command("eval @models/1"),
+        1 => lab.command("train --resume @models/1"),
+        2 => lab.command("export @models/1 --out @again.onnx"),
+        _ => {
+            let mut enroll = lab.command("enroll @models/1 --data @five.h5 --out @again");
+            let new = info["materials"][4]["name"].as_str().unwrap();
+            enroll.args(["--material", new]);
+            enroll
+        }
+    };
     let files = [
         ("weights.safetensors", vec![0, 2, 3]),
         ("config.json", vec![0, 1, 2, 3]),
@@ -169,14 +154,14 @@ fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
         changed[at] ^= 1;
         std::fs::write(&path, &changed).unwrap();
         for reader in readers {
-            let refused = refusal(tactnet(&calls[reader]));
+            let refused = refusal(call(reader));
             let named = format!("{file}: the file has changed since the run ended");
             assert!(refused.contains(&named), "{file}: {refused}");
             assert_eq!(refused.lines().count(), 1, "{refused}");
         }
         std::fs::write(&path, whole).unwrap();
     }
-    expect(0, tactnet(&calls[0]));
+    expect(0, call(0));
 }
 
 /// A version that requests a terabyte ended a running service and prevented its restart.

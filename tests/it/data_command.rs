@@ -251,16 +251,8 @@ fn own_tables_are_trained_on_with_the_named_rate_and_folds() {
 #[test]
 fn a_download_without_network_is_one_line_with_the_page_to_go_to() {
     let lab = Lab::new();
-    let mut command = tactnet([
-        "data",
-        "fetch",
-        "tactmat",
-        "--url",
-        "http://127.0.0.1:9/tactmat.h5",
-        "--out",
-    ]);
-    command.arg(lab.path("tactmat.h5"));
-    let message = stderr(&expect(1, command));
+    let line = "data fetch tactmat --url http://127.0.0.1:9/tactmat.h5 --out @tactmat.h5";
+    let message = stderr(&expect(1, lab.command(line)));
     assert_eq!(message.trim_end().lines().count(), 1, "{message}");
     assert_says!(message, "dlr-alr.github.io/dlr-tactmat");
     assert!(!lab.path("tactmat.h5").exists());
@@ -268,19 +260,9 @@ fn a_download_without_network_is_one_line_with_the_page_to_go_to() {
 
 #[test]
 fn the_twin_is_called_a_twin_and_shows_its_statistics() {
-    let output = expect(
-        0,
-        tactnet([
-            "data",
-            "twin",
-            "--stats",
-            "--materials",
-            "3",
-            "--sweeps",
-            "10",
-        ]),
-    );
-    let text = stdout(&output);
+    let text = output_of(tactnet(
+        "data twin --stats --materials 3 --sweeps 10".split(' '),
+    ));
     assert!(text.contains("twin") && text.contains("TactMat"), "{text}");
     // TactMat's statistics belong to other sweeps than these.
     assert!(!text.contains("trained classifiers"), "{text}");

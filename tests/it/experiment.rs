@@ -172,14 +172,9 @@ fn without_an_output_folder_every_experiment_gets_its_own() {
     let whole_path = lab.path("twin.h5").display().to_string();
     for (folds, data) in [("folds=1", "twin.h5"), ("folds=2", &whole_path)] {
         let mut free = tactnet(["experiment", "run", "crossval_baselines", "--data", data]);
-        free.args([
-            "--set",
-            "models=means",
-            "--set",
-            "probes=[]",
-            "--set",
-            folds,
-        ]);
+        for setting in ["models=means", "probes=[]", folds] {
+            free.args(["--set", setting]);
+        }
         free.current_dir(lab.folder.path());
         expect(0, free);
     }

@@ -73,26 +73,10 @@ fn sweeps_of_unequal_length_train_and_predict_and_are_reported_by_length() {
     assert!(groups.len() > 1, "{result}");
 
     // Other data is read with the run's setting; an imported file states the lengths.
-    let imported = lab.path("sweeps.h5");
-    let import = [
-        "--steps",
-        "all",
-        "--rate",
-        "100",
-        "--out",
-        imported.to_str().unwrap(),
-    ];
-    expect(0, with(&["data", "import"], &import));
-    let eval = |data: &Path| {
-        let mut command = tactnet(["eval", "--json"]);
-        command
-            .arg(&out)
-            .arg("--data")
-            .arg(data)
-            .args(["--rate", "100"]);
-        json(command)
-    };
-    let (from_tables, from_hdf5) = (eval(&folder), eval(&imported));
+    lab.run("data import @sweeps --steps all --rate 100 --out @sweeps.h5");
+    let eval =
+        |data: &str| json(lab.command(&format!("eval --json @run --data @{data} --rate 100")));
+    let (from_tables, from_hdf5) = (eval("sweeps"), eval("sweeps.h5"));
     let accuracy = |found: &serde_json::Value| found["evaluations"]["plain"]["one_sweep"].clone();
     assert_eq!(accuracy(&from_tables), accuracy(&from_hdf5));
     let mut predict = tactnet(["predict", "--json"]);

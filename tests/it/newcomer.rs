@@ -381,17 +381,10 @@ fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
         assert!(!lab.path("run").exists());
     }
     let experiment = |options: &[&str]| {
-        let run = [
-            "experiment",
-            "run",
-            "crossval_baselines",
-            "--out",
-            "out",
-            "--set",
-            "folds=2",
-            "--data",
-        ];
-        let refused = refusal(with(&lab, &run, "pair", options));
+        let line = "experiment run crossval_baselines --out @out --set folds=2 --data @pair";
+        let mut run = lab.command(line);
+        run.args(options);
+        let refused = refusal(run);
         assert!(!lab.path("out").exists(), "nothing was planned: {refused}");
         refused
     };
@@ -399,23 +392,16 @@ fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
     let remedy = "possible with `--set 'models=[\"fast\"]'` `--set 'probes=[\"means\", \"first-frame\", \"last-frame\"]'`";
     assert!(refused.contains(remedy), "{refused}");
     // The command that `train` suggests, with fewer epochs.
-    let proposed = [
-        "experiment",
-        "run",
-        "crossval_baselines",
-        "--out",
-        "possible",
-        "--set",
-        "folds=2",
-        "--set",
+    let line = "experiment run crossval_baselines --out @possible --set folds=2 --data @pair";
+    let mut proposed = lab.command(line);
+    for setting in [
         "models=[\"fast\"]",
-        "--set",
         "probes=[\"means\", \"first-frame\", \"last-frame\"]",
-        "--set",
         "epochs=2",
-        "--data",
-    ];
-    expect(0, with(&lab, &proposed, "pair", &[]));
+    ] {
+        proposed.args(["--set", setting]);
+    }
+    expect(0, proposed);
     let refused = experiment(&["--set", "models=[\"lda\"]", "--set", "probes=[]"]);
     assert!(refused.contains("record more sweeps"), "{refused}");
 }

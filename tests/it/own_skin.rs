@@ -47,13 +47,10 @@ fn write_own(from: &Path, to: &Path) {
 
 /// Trains a small network on `data` of the lab.
 fn train(lab: &Lab, data: &str, out: &str) {
-    let recipe = lab.recipe(RecipeChange::default());
-    let mut train = lab.command(&format!("train --data @{data} --recipe"));
-    train.arg(recipe);
-    expect(0, {
-        train.arg("--out").arg(lab.path(out));
-        train
-    });
+    lab.recipe(RecipeChange::default());
+    lab.run(&format!(
+        "train --data @{data} --recipe @small.toml --out @{out}"
+    ));
 }
 
 #[test]
@@ -111,43 +108,27 @@ fn a_contact_that_own_values_never_reach_is_refused_before_anything_is_served() 
 #[test]
 fn a_baseline_is_refused_in_words() {
     let lab = Lab::new();
-    let data = lab.path("twin.h5").display().to_string();
-    let run = lab.path("means").display().to_string();
-    expect(
-        0,
-        tactnet(["train", "--data", &data, "--model", "means", "--out", &run]),
-    );
-    let out = lab.path("out.onnx").display().to_string();
-    for (call, what) in [
+    lab.run("train --data @twin.h5 --model means --out @means");
+    let both = "networks and committees";
+    for (call, models, what) in [
         (
-            vec!["demo", "--listen", "127.0.0.1:0", "--run", &run],
+            "demo --listen 127.0.0.1:0 --run @means",
+            "networks",
             "be served",
         ),
-        (vec!["serve", "--print-table", "--run", &run], "be served"),
-        (vec!["export", &run, "--out", &out], "be exported"),
+        ("serve --print-table --run @means", "networks", "be served"),
+        ("export @means --out @out.onnx", both, "be exported"),
         (
-            vec![
-                "enroll",
-                &run,
-                "--data",
-                &data,
-                "--material",
-                "wood",
-                "--out",
-                &out,
-            ],
+            "enroll @means --data @twin.h5 --material wood --out @out.onnx",
+            both,
             "learn a new material",
         ),
     ] {
-        let refused = refusal(tactnet(&call));
-        let models = match call[0] {
-            "export" | "enroll" => "networks and committees",
-            _ => "networks",
-        };
+        let refused = lab.refused(call);
         let reason = format!(
             "it is a baseline (means), and only {models} can {what}; train one with `tactnet train --data FILE`\n"
         );
-        assert!(refused.ends_with(&reason), "{call:?}: {refused}");
+        assert!(refused.ends_with(&reason), "{call}: {refused}");
     }
 }
 
@@ -157,17 +138,8 @@ fn beliefs_are_echoed_in_words_and_a_second_service_is_told_of_the_first() {
     let _hub = robot.start(&["channel", "hub"]);
     let service = robot.serve("models/1");
     let table = robot.lab.path("robot.toml").display().to_string();
-    let model = robot.lab.path("models/1").display().to_string();
-    let second = tactnet([
-        "serve",
-        "--run",
-        &model,
-        "--metrics",
-        "off",
-        "--table",
-        &table,
-    ]);
-    let refused = refusal(second);
+    let second = "serve --run @models/1 --metrics off --table @robot.toml";
+    let refused = robot.lab.refused(second);
     let process = format!("process {}, probably another", service.0.id());
     assert!(refused.contains(&process), "{refused}");
 

@@ -58,12 +58,10 @@ impl Running {
 impl Robot {
     pub(crate) fn new(name: &str) -> Self {
         let lab = Lab::new();
-        let recipe = lab.recipe_for(4);
+        lab.recipe_for(4);
         let size = format!("--materials 4 --sweeps 40 --steps {STEPS}");
         lab.twin("data.h5", &size);
-        let mut train = lab.command("train --calibrate --data @data.h5 --recipe");
-        train.arg(&recipe).arg("--out").arg(lab.path("models/1"));
-        expect(0, train);
+        lab.run("train --calibrate --data @data.h5 --recipe @small.toml --out @models/1");
         let config = ServeConfig {
             anytime_ms: 40.0,
             segmenter: SegmenterConfig {

@@ -209,15 +209,8 @@ fn assert_refused(arguments: &[&str], expected: &[&str]) {
 
 #[test]
 fn mistyped_words_get_one_line_with_suggestions_and_exit_code_two() {
-    let both = [
-        "experiment",
-        "run",
-        "nshot",
-        "--data",
-        "a.h5",
-        "--set",
-        "data=b.h5",
-    ];
+    let both = ["experiment", "run", "nshot"];
+    let both = [&both[..], &["--data", "a.h5", "--set", "data=b.h5"]].concat();
     let cases: [(&[&str], &[&str]); 7] = [
         (
             &["data", "check"],

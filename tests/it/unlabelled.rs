@@ -144,23 +144,7 @@ fn assert_known_sweeps_are_named(lab: &Lab, named: &[String]) {
     let known: Value = serde_json::from_str(&stdout(&known)).unwrap();
     assert_eq!(known["sweeps"][30]["named"], named[3]);
     // The same sweeps in another file.
-    let some = lab.path("some.npz").display().to_string();
-    let import = with(
-        lab,
-        &["data", "import"],
-        "new",
-        &[
-            "--rate",
-            "750",
-            "--shape",
-            "4x4",
-            "--material",
-            "any",
-            "--out",
-            &some,
-        ],
-    );
-    expect(0, import);
+    lab.run("data import @new --rate 750 --shape 4x4 --material any --out @some.npz");
     let said = messages_of(predict(lab, "some.npz", &["--mc", "0"]));
     assert!(
         said.contains("note: the run was trained on ")
@@ -221,42 +205,25 @@ fn assert_longer_sweeps_are_cut(lab: &Lab) {
 }
 
 fn assert_another_rate_is_refused_everywhere(lab: &Lab) {
-    let slow = lab.path("slow.npz").display().to_string();
-    let slower = ["--rate", "100", "--out", &slow];
-    let said = expect(0, with(lab, &["data", "import"], "twin.h5", &slower));
-    let said = stderr(&said);
+    let said = stderr(&lab.run("data import @twin.h5 --rate 100 --out @slow.npz"));
     assert_says!(
         said,
         "the data names 750 Hz; the named 100 Hz takes precedence"
     );
-    for command in [
-        predict(lab, "slow.npz", &[]),
-        with(lab, &["eval"], "run", &["--data", "slow.npz"]),
-        with(
-            lab,
-            &["demo", "--listen", "0", "--data", "slow.npz", "--run"],
-            "run",
-            &[],
-        ),
+    for line in [
+        "predict @run --data @slow.npz",
+        "eval @run --data @slow.npz",
+        "demo --listen 0 --data @slow.npz --run @run",
     ] {
-        let refused = refusal(command);
+        let refused = lab.refused(line);
         assert_says!(refused, "slow.npz: the classifier expects");
         assert!(refused.contains("100 Hz"), "{refused}");
     }
 }
 
 fn assert_unlabelled_sweeps_can_be_enrolled(lab: &Lab) {
-    let mut enroll = with(
-        lab,
-        &["enroll"],
-        "run",
-        &["--data", "new", "--material", "felt"],
-    );
-    enroll.args(["--out", "grown", "--rate", "750", "--steps", "120"]);
-    expect(0, enroll);
-    let mut again = with(lab, &["predict"], "grown", &["--data", "new", "--json"]);
-    again.arg("--one-object");
-    let found = json(again);
+    lab.run("enroll @run --data @new --material felt --out @grown --rate 750 --steps 120");
+    let found = json(lab.command("predict @grown --data @new --json --one-object"));
     assert_eq!(found["materials"].as_array().unwrap().len(), 5);
 }
 
@@ -323,26 +290,17 @@ fn dead_taxels_are_masked_in_predictions_and_evaluations() {
     let mut found = Vec::new();
     for reading in [[0.0, 255.0], [90.0, 1.0]] {
         broken(reading);
-        let mut command = with(&lab, &["predict"], "run", &["--json", "--dead", "3,7"]);
-        command.args(["--data", "broken.csv"]);
-        let text = output_of(command);
-        found.push(serde_json::from_str::<serde_json::Value>(&text).unwrap());
+        let line = "predict @run --json --dead 3,7 --data @broken.csv";
+        found.push(json(lab.command(line)));
     }
     assert_eq!(found[0]["sweeps"], found[1]["sweeps"]);
     assert_eq!(found[0]["dead_taxels"], serde_json::json!([3, 7]));
     let evaluated = |options: &[&str]| expect(0, with(&lab, &["eval"], "run", options));
     assert!(stdout(&evaluated(&["--dead", "3,7"])).contains("masked taxels: 3, 7"));
-    let text = stdout(&evaluated(&[
-        "--dead",
-        "3",
-        "--json",
-        "--runtime",
-        "online",
-    ]));
-    let compared: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let compared = json(lab.command("eval --dead 3 --json --runtime online @run"));
     assert_eq!(compared["dead_taxels"], serde_json::json!([3]));
     let difference = compared["runtimes"]["plain"]["largest_difference"].as_f64();
-    assert!(difference.unwrap() < 1e-4, "{text}");
+    assert!(difference.unwrap() < 1e-4, "{compared}");
     let refused = expect(2, with(&lab, &["eval"], "run", &["--dead", "16"]));
     assert!(stderr(&refused).contains("expected numbers from 0 to 15"));
 }
@@ -351,16 +309,9 @@ fn dead_taxels_are_masked_in_predictions_and_evaluations() {
 fn two_objects_are_of_one_material_or_of_two() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["glass", "felt"], 12, 4);
-    let recipe = lab.recipe(RecipeChange::default());
+    lab.recipe(RecipeChange::default());
     let data = lab.path("own").display().to_string();
-    let train = ["train", "--data", &data, "--rate", "750", "--epochs", "60"];
-    let mut training = tactnet(train);
-    training
-        .arg("--recipe")
-        .arg(&recipe)
-        .arg("--out")
-        .arg(lab.path("run"));
-    expect(0, training);
+    lab.run("train --data @own --rate 750 --epochs 60 --recipe @small.toml --out @run");
     own_sweeps(&lab, "cup", ["glass", "other"], 2, 4);
     own_sweeps(&lab, "cloth", ["other", "felt"], 2, 4);
     let [cup, cloth] = [("cup", "glass"), ("cloth", "felt")]
