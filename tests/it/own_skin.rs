@@ -9,7 +9,7 @@ use tactnet_channel::{Table, remove_bus};
 use tactnet_data::format::{Format, read};
 use tactnet_data::{Dataset, Samples, SweepRecord};
 
-use crate::command::{Lab, RecipeChange, assert_says, expect, output_of, refusal, signal, tactnet};
+use crate::command::{Lab, RecipeChange, assert_says, output_of, refusal, signal, tactnet};
 use crate::robot::{Robot, Running};
 
 /// Writes the sweeps of `from` with this number of rows and columns, without blocks.

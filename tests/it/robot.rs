@@ -10,7 +10,7 @@ use tactnet_pipeline::{Classifier, PredictionMethod, RunDir};
 use tactnet_skin::packets::{TactileBelief, TactileStatus};
 use tactnet_skin::{SegmenterConfig, ServeConfig};
 
-use crate::command::{Lab, expect, signal, tactnet};
+use crate::command::{Lab, signal, tactnet};
 
 pub(crate) const STEPS: usize = 120;
 

@@ -1,6 +1,6 @@
 //! The exported network in other runtimes, evaluated on the same sweeps as in Burn.
 
-use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, assert_says, expect, json};
+use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, assert_says, json};
 
 /// A small trained network with `layers`, `levels` removed or kept, and a number of steps that leaves a pool unfilled.
 fn trained(levels: &str, layers: &'static str) -> Lab {

@@ -6,7 +6,6 @@ use serde_json::Value;
 
 use crate::command::{
     Lab, RecipeChange, assert_says, expect, json, messages_of, output_of, refusal, stderr, stdout,
-    tactnet,
 };
 use crate::newcomer::{own_sweeps, with};
 

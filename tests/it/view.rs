@@ -16,7 +16,7 @@ mod with_rerun {
 
     use serde_json::Value;
 
-    use crate::command::{Lab, expect, json, output_of, refusal};
+    use crate::command::{Lab, expect, json, output_of, refusal, stderr};
     use crate::robot::{Robot, Running};
 
     fn view(robot: &Robot, more: &[&str]) -> Command {
