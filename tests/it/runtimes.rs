@@ -5,7 +5,7 @@ use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, assert_says, json
 /// A small trained network with `layers`, `levels` removed or kept, and a number of steps that leaves a pool unfilled.
 fn trained(levels: &str, layers: &'static str) -> Lab {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
+    lab.recipe(RecipeChange {
         epochs: Some(2),
         layers,
         ..RecipeChange::default()
