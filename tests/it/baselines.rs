@@ -1,6 +1,6 @@
 //! `tactnet train --model` with classical and random-convolution classifiers, on real files with the real binary.
 
-use crate::command::{Lab, assert_says, expect, json, refusal, stderr, tactnet};
+use crate::command::{Lab, assert_says, expect, json, refusal, stderr};
 
 const MODELS: [&str; 12] = [
     "means",
@@ -18,13 +18,8 @@ const MODELS: [&str; 12] = [
 ];
 
 fn train(lab: &Lab, model: &str, out: &str, more: &[&str]) -> std::process::Command {
-    let mut command = tactnet(["train", "--model", model, "--data"]);
-    command
-        .arg(lab.path("twin.h5"))
-        .args(more)
-        .arg("--out")
-        .arg(lab.path(out));
-    command
+    let line = format!("train --model {model} --data @twin.h5 --out @{out}");
+    lab.command_with(&line, more)
 }
 
 #[test]

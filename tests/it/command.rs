@@ -120,6 +120,13 @@ impl Lab {
         tactnet(words.map(|word| word.replace('@', &folder)))
     }
 
+    /// Returns the command `line` with more words, which are not divided.
+    pub fn command_with(&self, line: &str, more: &[&str]) -> Command {
+        let mut command = self.command(line);
+        command.args(more);
+        command
+    }
+
     /// Runs the command `line`, which succeeds.
     pub fn run(&self, line: &str) -> Output {
         expect(0, self.command(line))

@@ -1,6 +1,6 @@
 //! Committees with the real binary.
 
-use crate::command::{Lab, assert_says, expect, json, refusal, stderr, tactnet};
+use crate::command::{Lab, assert_says, expect, json, refusal, stderr};
 
 /// Two small networks.
 const NETWORKS: &str = r#"
@@ -24,9 +24,8 @@ prediction = { method = { kind = "mc-dropout", runs = 20 } }
 /// Trains a committee with these recipe and options into the folder `run`.
 fn trained(lab: &Lab, recipe: &str, data: &str, more: &[&str]) {
     std::fs::write(lab.path("committee.toml"), recipe).unwrap();
-    let mut train = lab.command(&format!("train --data @{data} --recipe @committee.toml"));
-    train.arg("--out").arg(lab.path("run")).args(more);
-    expect(0, train);
+    let line = format!("train --data @{data} --recipe @committee.toml --out @run");
+    expect(0, lab.command_with(&line, more));
 }
 
 #[test]
@@ -53,11 +52,8 @@ fn a_calibrated_committee_says_what_it_does_not_know_and_compares_objects() {
     assert!(predicted["sweeps"][0]["unknown"].is_boolean());
     assert!(predicted["sweeps"][0]["prediction_set"].is_array());
 
-    let mut same = tactnet(["same", "--json"]);
-    let one = lab.path("one.npz");
-    write_first_of(&lab, "three.h5", 0, &one);
-    same.arg(lab.path("run")).arg(&one).arg(&one);
-    let same = json(same);
+    write_first_of(&lab, "three.h5", 0, &lab.path("one.npz"));
+    let same = json(lab.command("same --json @run @one.npz @one.npz"));
     assert!(same["same"].as_f64().unwrap() > 0.5, "{same}");
 }
 
@@ -77,11 +73,8 @@ fn a_committee_of_networks_is_one_onnx_file_with_the_same_probabilities() {
         // As for single networks.
         assert!(apart.is_some_and(|apart| apart < 1e-4), "{way}: {found}");
     }
-    for (file, masks) in [("plain.onnx", &[][..]), ("masks.onnx", &["--masks"][..])] {
-        let mut export = tactnet(["export"]);
-        export.arg(lab.path("run")).args(masks);
-        export.arg("--out").arg(lab.path(file));
-        expect(0, export);
+    for (file, masks) in [("plain.onnx", ""), ("masks.onnx", "--masks")] {
+        lab.run(&format!("export @run {masks} --out @{file}"));
         let text = String::from_utf8_lossy(&lab.read(file)).into_owned();
         assert_eq!(text.contains("bands/masks"), !masks.is_empty(), "{file}");
         assert!(text.contains("[\"conv\",\"bands\"]"), "members: {file}");
@@ -120,14 +113,8 @@ fn a_committee_learns_a_material_and_names_the_members_that_cannot() {
     let options = ["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"];
     trained(&lab, recipe, "three.h5", &options);
     let enroll = |run: &str, sweeps: &str, out: &str| {
-        let mut enroll = lab.command(&format!("enroll @{run} --data @four.h5 --material"));
-        enroll
-            .arg(new)
-            .arg("--sweeps")
-            .arg(sweeps)
-            .args(["--json", "--out"])
-            .arg(lab.path(out));
-        enroll
+        let line = format!("enroll @{run} --data @four.h5 --sweeps {sweeps} --json --out @{out}");
+        lab.command_with(&line, &["--material", new])
     };
     let ten = json(enroll("run", "10", "ten"));
     assert_eq!(ten["materials"], 4, "{ten}");

@@ -125,18 +125,13 @@ fn a_path_that_is_not_utf8_is_an_error_in_one_line() {
 #[test]
 fn train_refuses_what_check_calls_an_error() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange::default());
+    lab.recipe(RecipeChange::default());
     let bad = fixtures()
         .into_iter()
         .find(|f| f.ends_with("bad_nan.h5"))
         .unwrap();
-    let mut train = tactnet(["train", "--data"]);
-    train
-        .arg(&bad)
-        .arg("--recipe")
-        .arg(recipe)
-        .arg("--out")
-        .arg(lab.path("run"));
+    let mut train = lab.command("train --recipe @small.toml --out @run --data");
+    train.arg(bad);
     let message = refusal(train);
     assert!(
         message.contains("bad_nan.h5") && message.contains("sweep"),
@@ -149,15 +144,11 @@ fn train_refuses_what_check_calls_an_error() {
 fn export_and_import_bring_the_same_sweeps_back() {
     let lab = Lab::new();
     let sha = |name: &str| {
-        let mut info = tactnet(["data", "info", "--json"]);
-        info.arg(lab.path(name));
-        json(info)["sha256"].as_str().unwrap().to_string()
+        let info = json(lab.command(&format!("data info --json @{name}")));
+        info["sha256"].as_str().unwrap().to_string()
     };
-    let convert = |verb: &str, from: &str, to: &str| {
-        let mut command = tactnet(["data", verb]);
-        command.arg(lab.path(from)).arg("--out").arg(lab.path(to));
-        command
-    };
+    let convert =
+        |verb: &str, from: &str, to: &str| lab.command(&format!("data {verb} @{from} --out @{to}"));
     expect(0, convert("export", "twin.h5", "twin.npz"));
     expect(0, convert("import", "twin.npz", "again.h5"));
     assert_eq!(sha("twin.h5"), sha("twin.npz"));
@@ -207,9 +198,7 @@ fn a_cell_that_is_no_number_is_named_with_line_and_column() {
         "sweep,material,a\n1,cork,2\n1,cork,x\n",
     )
     .unwrap();
-    let mut words = tactnet(["data", "import", "--out"]);
-    words.arg(lab.path("z.npz")).arg(lab.path("words.csv"));
-    let message = refusal(words);
+    let message = lab.refused("data import --out @z.npz @words.csv");
     assert_says!(
         message,
         "words.csv: line 3, column 3: expected a number, found `x`"
@@ -272,15 +261,8 @@ fn the_twin_is_called_a_twin_and_shows_its_statistics() {
 fn a_twin_stays_a_twin_whatever_its_file_is_called() {
     let lab = Lab::new();
     for file in ["tactmat.h5", "tactmat.npz"] {
-        let mut export = tactnet(["data", "export"]);
-        export
-            .arg(lab.path("twin.h5"))
-            .arg("--out")
-            .arg(lab.path(file));
-        expect(0, export);
-        let mut info = tactnet(["data", "info", "--json"]);
-        info.arg(lab.path(file));
-        let info = json(info);
+        lab.run(&format!("data export @twin.h5 --out @{file}"));
+        let info = json(lab.command(&format!("data info --json @{file}")));
         assert_eq!(info["name"], "twin (tactmat)", "{file}");
     }
 }

@@ -10,20 +10,11 @@ use tactnet_models::{NamedTensor, Weights};
 
 use crate::command::{
     Lab, RecipeChange, assert_says, expect, json, messages_of, output_of, refusal, stderr, stdout,
-    tactnet,
 };
 
 fn enroll(lab: &Lab, run: &str, data: &str, material: &str, out: &str, more: &[&str]) -> Command {
-    let mut command = tactnet(["enroll"]);
-    command
-        .arg(lab.path(run))
-        .arg("--data")
-        .arg(lab.path(data))
-        .args(["--material", material])
-        .arg("--out")
-        .arg(lab.path(out))
-        .args(more);
-    command
+    let line = format!("enroll @{run} --data @{data} --out @{out}");
+    lab.command_with(&line, &[&["--material", material], more].concat())
 }
 
 /// Returns the names of the materials of a data set.
@@ -47,9 +38,8 @@ const TEN: [&str; 3] = ["--sweeps", "10", "--json"];
 
 /// Returns `tactnet train` with the small recipe of the lab.
 fn train(lab: &Lab, data: &str, out: &str, more: &[&str]) -> Command {
-    let mut train = lab.command(&format!("train --json --data @{data} --recipe @small.toml"));
-    train.arg("--out").arg(lab.path(out)).args(more);
-    train
+    let line = format!("train --json --data @{data} --recipe @small.toml --out @{out}");
+    lab.command_with(&line, more)
 }
 
 /// Trains with a calibration; returns the number of sweeps that were held out for it.
@@ -169,9 +159,8 @@ fn a_calibration_needs_enough_sweeps_and_a_network() {
 #[test]
 fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
     let lab = Lab::new();
-    let recipe = lab.path("few.toml");
     std::fs::write(
-        &recipe,
+        lab.path("few.toml"),
         "name = \"few\"\n[network]\nmaps = [8, 8]\nhidden = 64\nkeep_probability = 0.8\n[input]\nscaling = \"per-taxel\"\n\
          [training]\nepochs = 60\nbatch = 8\nlearning_rate = 0.005\nl2 = 1e-4\nmethod = { kind = \"base\" }\n",
     )
@@ -182,12 +171,9 @@ fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
     let (mut before, mut after, mut claimed) = (0, 0, 0);
     for seed in ["1", "2", "3", "4", "5"] {
         let (run, more) = (format!("run{seed}"), format!("more{seed}"));
-        let mut train = lab.command(&format!("train --seed {seed} --data @few.h5 --recipe"));
-        train.arg(&recipe);
-        expect(0, {
-            train.arg("--out").arg(lab.path(&run));
-            train
-        });
+        lab.run(&format!(
+            "train --seed {seed} --data @few.h5 --recipe @few.toml --out @{run}"
+        ));
         let three = ["--sweeps", "3", "--json"];
         let output = expect(0, enroll(&lab, &run, "five.h5", new, &more, &three));
         assert_says!(stderr(&output), "the new material is held back");

@@ -12,13 +12,10 @@ pub(crate) fn experiment(lab: &Lab, out: &str) -> Command {
     if !recipe.exists() {
         lab.recipe_for(12);
     }
-    let mut command =
-        lab.command("experiment run crossval_baselines --set folds=2 --set data=@twin.h5 --set");
-    command
-        .arg(format!("models=[\"{}\", \"knn-l\"]", recipe.display()))
-        .args(["--set", "groups=2", "--out"])
-        .arg(lab.path(out));
-    command
+    let settings = "--set folds=2 --set data=@twin.h5 --set groups=2";
+    let line = format!("experiment run crossval_baselines {settings} --out @{out}");
+    let models = format!("models=[\"{}\", \"knn-l\"]", recipe.display());
+    lab.command_with(&line, &["--set", &models])
 }
 
 pub(crate) const TASKS: [&str; 12] = [
@@ -43,18 +40,11 @@ pub(crate) fn predictions(lab: &Lab, out: &str) -> Vec<Vec<u8>> {
 
 /// Returns an experiment of one task that fails, because its window is longer than the sweeps.
 pub(crate) fn failing(lab: &Lab, out: &str) -> Command {
-    let mut command = tactnet(["experiment", "run", "crossval_baselines"]);
-    for setting in [
-        "folds=1",
-        "data=twin",
-        "probes=[]",
-        "models=knn-h",
-        "steps=40",
-    ] {
-        command.args(["--set", setting]);
-    }
-    command.arg("--out").arg(lab.path(out));
-    command
+    let settings =
+        "--set folds=1 --set data=twin --set probes=[] --set models=knn-h --set steps=40";
+    lab.command(&format!(
+        "experiment run crossval_baselines {settings} --out @{out}"
+    ))
 }
 
 /// Every contender of the summary has its folds, files and confusion matrix, and the report has the split.

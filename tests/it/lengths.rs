@@ -79,12 +79,7 @@ fn sweeps_of_unequal_length_train_and_predict_and_are_reported_by_length() {
     let (from_tables, from_hdf5) = (eval("sweeps"), eval("sweeps.h5"));
     let accuracy = |found: &serde_json::Value| found["evaluations"]["plain"]["one_sweep"].clone();
     assert_eq!(accuracy(&from_tables), accuracy(&from_hdf5));
-    let mut predict = tactnet(["predict", "--json"]);
-    predict
-        .arg(&out)
-        .arg("--data")
-        .arg(&folder)
-        .args(["--rate", "100"]);
+    let predict = lab.command("predict --json @run --data @sweeps --rate 100");
     assert_eq!(json(predict)["sweeps"].as_array().unwrap().len(), 36);
     // The shortest of the training sweeps of a run on equal lengths is too short.
     let cut = lab.path("cut");

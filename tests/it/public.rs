@@ -52,18 +52,11 @@ fn sets(lab: &Lab) {
 
 /// Returns the benchmark of cheap models, of which `knn-h` needs a higher rate than the recorded set has.
 fn benchmark(lab: &Lab, out: &str) -> Command {
-    let models = format!(
-        "models=[\"lda\", \"minirocket\", \"knn-h\", \"{}\"]",
-        lab.path("both.toml").display()
-    );
-    let mut command = lab.command("experiment run public --set data=@sets --set");
-    command
-        .arg(&models)
-        .args(["--set", "folds=2", "--set", "shots=3", "--set"])
-        .arg("probes=[\"first-frame\"]")
-        .arg("--out")
-        .arg(lab.path(out));
-    command
+    let models = "models=[\"lda\",\"minirocket\",\"knn-h\",\"@both.toml\"]";
+    let settings = "--set folds=2 --set shots=3 --set probes=[\"first-frame\"]";
+    lab.command(&format!(
+        "experiment run public --set data=@sets --set {models} {settings} --out @{out}"
+    ))
 }
 
 /// Returns the results of a set under a condition.

@@ -200,11 +200,9 @@ fn systemd_and_prometheus_are_told() {
         .unwrap()
         .local_addr()
         .unwrap();
-    let mut serve = robot.lab.command("serve --run @models/1 --metrics");
-    serve
-        .arg(&port.to_string())
-        .args(["--cpu", "100000", "--table"])
-        .arg(robot.lab.path("robot.toml"));
+    let mut serve = robot.lab.command(&format!(
+        "serve --run @models/1 --metrics {port} --cpu 100000 --table @robot.toml"
+    ));
     serve.env("NOTIFY_SOCKET", &socket);
     serve.env("WATCHDOG_USEC", "200000");
     serve.stderr(Stdio::piped());

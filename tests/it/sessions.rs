@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::command::{Lab, assert_says, expect, output_of, stderr, stdout, tactnet};
+use crate::command::{Lab, assert_says, expect, output_of, stderr, stdout};
 
 /// Sentence about the floors of one session each.
 const CONFOUNDED: &str = "8 of 10 materials were recorded in one session each: this accuracy cannot be told from recognising the session";
@@ -41,10 +41,8 @@ fn write_floors(path: &Path) {
 
 /// Returns `tactnet train` on the floors by nearest taxel means, into `out`.
 fn train(lab: &Lab, out: &str, options: &[&str]) -> std::process::Command {
-    let mut command = tactnet(["train", "--model", "means", "--data"]);
-    command.arg(lab.path("floors.csv")).args(options);
-    command.arg("--out").arg(lab.path(out));
-    command
+    let line = format!("train --model means --data @floors.csv --out @{out}");
+    lab.command_with(&line, options)
 }
 
 #[test]
@@ -115,17 +113,10 @@ fn what_recognising_the_session_contributes_is_said_by_train_and_eval() {
 fn a_report_has_the_accuracy_on_the_materials_that_share_their_sessions() {
     let lab = Lab::new();
     write_floors(&lab.path("floors.csv"));
-    let mut command = lab.command(
-        "experiment run crossval_baselines --json --set folds=2 --set data=@floors.csv \
-         --set",
-    );
-    command
-        .arg("models=[\"means\"]")
-        .arg("--set")
-        .arg("probes=[\"first-frame\"]")
-        .args(["--set", "split=k-fold", "--set", "groups=0", "--out"])
-        .arg(lab.path("out"));
-    let summary: serde_json::Value = serde_json::from_str(&output_of(command)).unwrap();
+    let summary = json(lab.command(
+        "experiment run crossval_baselines --json --set folds=2 --set data=@floors.csv --out @out \
+         --set models=[\"means\"] --set probes=[\"first-frame\"] --set split=k-fold --set groups=0",
+    ));
     let contender = &summary["contenders"][0];
     assert_eq!(
         contender["confounded"]["unconfounded"],

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 use serde_json::Value;
 
 use crate::command::{
-    Lab, RecipeChange, SPECTRA, assert_says, expect, json, refusal, signal, stderr, tactnet,
+    Lab, RecipeChange, SPECTRA, assert_says, expect, json, refusal, signal, stderr,
 };
 
 /// A twin of eight materials with thirty sweeps each, and a small recipe.
@@ -31,17 +31,10 @@ fn lab_of(epochs: usize) -> Lab {
 }
 
 fn study(lab: &Lab, name: &str, settings: &[&str], out: &str) -> Command {
-    let mut command = tactnet(["experiment", "run", name, "--json"]);
-    command
-        .arg("--set")
-        .arg(format!("data={}", lab.path("eight.h5").display()))
-        .arg("--set")
-        .arg(format!("models=[\"{}\"]", lab.path("small.toml").display()));
-    for setting in settings {
-        command.args(["--set", setting]);
-    }
-    command.arg("--out").arg(lab.path(out));
-    command
+    let own = "--set data=@eight.h5 --set models=[\"@small.toml\"]";
+    let line = format!("experiment run {name} --json --out @{out} {own}");
+    let more: Vec<&str> = settings.iter().flat_map(|of| ["--set", *of]).collect();
+    lab.command_with(&line, &more)
 }
 
 fn rows(summary: &Value) -> &Vec<Value> {
@@ -195,21 +188,11 @@ fn the_twin_is_felt_again_weaker_and_faster() {
         layers: SPECTRA,
         ..RecipeChange::default()
     });
-    let mut command = tactnet(["experiment", "run", "networks", "--json", "--set"]);
-    command.arg(format!("models=[\"{}\"]", lab.path("small.toml").display()));
-    for setting in [
-        "folds=1",
-        "epochs=1",
-        "steps=100",
-        "sweeps=[]",
-        "blocks=false",
-        "forces=[0.5]",
-        "speeds=[1.5]",
-    ] {
-        command.args(["--set", setting]);
-    }
-    command.arg("--out").arg(lab.path("felt"));
-    let found = json(command);
+    let found = json(lab.command(
+        "experiment run networks --json --out @felt --set models=[\"@small.toml\"] --set folds=1 \
+         --set epochs=1 --set steps=100 --set sweeps=[] --set blocks=false --set forces=[0.5] \
+         --set speeds=[1.5]",
+    ));
     let loss = |condition: &str| {
         let own = rows(&found).iter().find(|row| {
             row["setting"] == condition
