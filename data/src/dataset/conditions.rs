@@ -156,11 +156,10 @@ impl Dataset {
     /// A value for another number of sweeps; a value that is not finite; a quantity that the data set has.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     /// use tactnet_data::{Condition, ConditionValues};
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?;
+    /// let twin = twin::small(2, 2, 100)?;
     /// let condition = Condition::of_name("speed [mm/s]").unwrap();
     /// let speed = ConditionValues { condition, values: vec![30.0, 25.0, 40.0, 35.0] };
     /// let known = twin.clone().with_conditions(&[speed])?;

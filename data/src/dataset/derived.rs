@@ -16,10 +16,9 @@ impl Dataset {
     ///
     /// ```
     /// use tactnet_data::FindingKind;
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?.with_named_rate(Some(100.0))?;
+    /// let twin = twin::small(2, 2, 100)?.with_named_rate(Some(100.0))?;
     /// assert_eq!(twin.sample_rate_hz(), 100.0);
     /// assert_eq!(twin.reading_findings()[0].kind, FindingKind::NamedRate);
     /// # Ok::<(), tactnet_data::DataError>(())
@@ -89,10 +88,9 @@ impl Dataset {
     /// Sets the name.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// assert_eq!(twin::generate(&config)?.with_name("Monday").name(), "Monday");
+    /// assert_eq!(twin::small(2, 2, 100)?.with_name("Monday").name(), "Monday");
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
     #[must_use]
@@ -106,10 +104,9 @@ impl Dataset {
     /// Marks the sample rate as assumed.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// assert!(twin::generate(&config)?.with_assumed_rate().is_rate_assumed());
+    /// assert!(twin::small(2, 2, 100)?.with_assumed_rate().is_rate_assumed());
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
     #[must_use]
@@ -126,10 +123,9 @@ impl Dataset {
     /// Another number of taxels than `rows * cols`.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let flat = twin::generate(&config)?.with_patch(2, 8)?;
+    /// let flat = twin::small(2, 2, 100)?.with_patch(2, 8)?;
     /// assert_eq!((flat.shape().rows, flat.shape().cols), (2, 8));
     /// assert!(flat.with_patch(3, 3).is_err());
     /// # Ok::<(), tactnet_data::DataError>(())
@@ -191,10 +187,9 @@ impl Dataset {
     /// No step, or more steps than a sweep has.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let short = twin::generate(&config)?.first_steps(40)?;
+    /// let short = twin::small(2, 2, 100)?.first_steps(40)?;
     /// assert_eq!(short.shape().steps, 40);
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
@@ -263,10 +258,9 @@ impl Dataset {
     /// No label, a duplicate or unknown label, or materials without sweeps.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 4, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let part = twin::generate(&config)?.of_materials(&[3, 1])?;
+    /// let part = twin::small(4, 2, 100)?.of_materials(&[3, 1])?;
     /// assert_eq!((part.len(), part.labels().len()), (4, 2));
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
@@ -303,10 +297,9 @@ impl Dataset {
     /// If an index is out of range.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 4, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?;
+    /// let twin = twin::small(4, 2, 100)?;
     /// let part = twin.of_sweeps(&[6, 0, 7])?;
     /// assert_eq!((part.len(), part.labels().len()), (3, 2));
     /// assert_eq!(part.sweep(0), twin.sweep(6));

@@ -13,10 +13,9 @@ impl Dataset {
     /// A length out of range, or another number of lengths than of sweeps.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 1, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?.with_lengths(vec![90, 60])?;
+    /// let twin = twin::small(2, 1, 100)?.with_lengths(vec![90, 60])?;
     /// assert_eq!((twin.shape().steps, twin.steps_of(1), twin.frames()), (90, 60, 150));
     /// assert_eq!(twin.sweep(1).len(), 60 * 16);
     /// # Ok::<(), tactnet_data::DataError>(())

@@ -27,13 +27,12 @@ pub struct FittedModel {
 /// fails.
 ///
 /// ```
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 /// use tactnet_data::{Fold, Scheme, Seed};
 /// use tactnet_models::Compute;
 /// use tactnet_pipeline::{ModelRecipe, fit_model};
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 10, steps: 100, ..TwinConfig::default() };
-/// let dataset = twin::generate(&config)?;
+/// let dataset = twin::small(2, 10, 100)?;
 /// let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?;
 /// let recipe = ModelRecipe::parse("two", "name = \"two\"\nmembers = [\"lda\", \"means\"]")?;
 /// let device = Compute::Cpu.open()?;
