@@ -166,7 +166,7 @@ fn export_and_import_bring_the_same_sweeps_back() {
 fn own_tables_are_checked_and_imported() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["cork", "felt"], 3, 4);
-    let checked = output_of(with(&lab, &["data", "check"], "own", &[]));
+    let checked = output_of(lab.command("data check @own"));
     assert!(checked.contains("assumed sample rate"), "{checked}");
     assert_says!(checked, "cross-validation uses 3 folds");
 

@@ -1,6 +1,5 @@
 //! Messages for a new user with few sweeps of their own.
 
-use std::path::Path;
 use std::process::Command;
 
 use crate::command::{
@@ -36,25 +35,20 @@ pub fn with(lab: &Lab, verb: &[&str], data: &str, options: &[&str]) -> Command {
 
 /// A shape that differs from the run's is refused if it is declared, and reported if it is assumed.
 fn assert_arrangement_of_taxels_is_named(lab: &Lab) {
-    let flat = lab.path("flat.npz").display().to_string();
-    let shape = ["--shape", "1x16", "--out", &flat];
-    expect(0, with(lab, &["data", "import"], "twin.h5", &shape));
-    let refused = refusal(with(lab, &["eval"], "run", &["--data", &flat]));
+    lab.run("data import @twin.h5 --shape 1x16 --out @flat.npz");
+    let refused = lab.refused("eval @run --data @flat.npz");
     assert!(
         refused.contains("flat.npz") && refused.contains(" --out arranged.npz --shape 4x4`"),
         "{refused}"
     );
     // A declared shape is not rearranged to the run's.
-    let refused = with(lab, &["predict"], "run", &["--data", &flat]);
-    let refused = refusal(refused);
+    let refused = lab.refused("predict @run --data @flat.npz");
     assert_says!(refused, " --out arranged.npz --shape 4x4`");
     // If the arrangement is unknown, both commands state the assumed one.
     let known = ["synthetic leather rough", "metallic jersey"];
     own_sweeps(lab, "tables", known, 3, 16);
     for command in ["eval", "predict"] {
-        let tables = lab.path("tables").display().to_string();
-        let judged = with(lab, &[command], "run", &["--data", &tables]);
-        let said = messages_of(judged);
+        let said = stderr(&lab.run(&format!("{command} @run --data @tables")));
         assert!(said.contains("row by row as the run's 4x4"), "{said}");
     }
 }
@@ -131,16 +125,14 @@ fn materials_that_a_run_does_not_know_are_named_while_it_predicts() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["cork", "felt"], 6, 4);
     own_sweeps(&lab, "other", ["cork", "silk"], 6, 4);
-    let run = lab.path("run").display().to_string();
-    let means = ["--model", "means", "--out", &run];
-    let said = messages_of(with(&lab, &["train", "--data"], "own", &means));
+    let said = stderr(&lab.run("train --data @own --model means --out @run"));
     assert!(said.contains("note: one row of 4 taxels"), "{said}");
-    let said = messages_of(with(&lab, &["predict", &run, "--data"], "other", &[]));
+    let said = messages_of(lab.command("predict @run --data @other"));
     assert_says!(
         said,
         "hint: the run does not know `silk`, and cannot detect that"
     );
-    let said = messages_of(with(&lab, &["predict", &run, "--data"], "own", &[]));
+    let said = messages_of(lab.command("predict @run --data @own"));
     assert!(!said.contains("does not know"), "{said}");
 }
 
@@ -184,24 +176,18 @@ fn a_check_finds_an_assumed_rate_until_it_is_named() {
 fn a_run_with_a_named_rate_refuses_sweeps_of_an_assumed_one() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["0", "1"], 6, 4);
-    let own = lab.path("own.npz").display().to_string();
-    let rate = ["--rate", "200", "--out", &own];
-    expect(0, with(&lab, &["data", "import"], "own", &rate));
-    let run = lab.path("run").display().to_string();
-    let means = ["--model", "means", "--out", &run];
-    expect(0, with(&lab, &["train", "--data"], "own.npz", &means));
-    let refused = refusal(with(&lab, &["eval", &run, "--data"], "own", &[]));
+    lab.run("data import @own --rate 200 --out @own.npz");
+    lab.run("train --data @own.npz --model means --out @run");
+    let refused = lab.refused("eval @run --data @own");
     assert!(
         refused.contains("expects 200 Hz, the data set has 750 Hz, which is assumed")
             && refused.contains("set it with `--rate HZ`"),
         "{refused}"
     );
-    let rate = ["--rate", "200"];
-    expect(0, with(&lab, &["eval", &run, "--data"], "own", &rate));
+    lab.run("eval @run --data @own --rate 200");
 
     own_sweeps(&lab, "named", ["cork", "felt"], 6, 4);
-    let refused = with(&lab, &["eval", &run, "--data"], "named", &rate);
-    let refused = refusal(refused);
+    let refused = lab.refused("eval @run --data @named --rate 200");
     assert_says!(
         refused,
         "some of 0, 1, the data set has materials named `cork`, `felt`, which it does not know"
@@ -216,17 +202,11 @@ struct Report {
 }
 
 /// Runs an experiment with two of five folds on the lab's `own` sweeps.
-fn two_folds(lab: &Lab, recipe: &Path, out: &str, more: &[&str]) -> Report {
-    let models = format!("models=[\"means\", \"{}\"]", recipe.display());
-    let data = format!("data={}", lab.path("own").display());
-    let mut command = lab.command(&format!("experiment run crossval_baselines --out @{out}"));
-    for setting in [&data, &models, "folds=2", "probes=[]", "groups=0"] {
-        command.args(["--set", setting]);
-    }
-    let output = expect(0, {
-        command.args(more);
-        command
-    });
+fn two_folds(lab: &Lab, out: &str, more: &[&str]) -> Report {
+    let models = "--set models=[\"means\",\"@small.toml\"]";
+    let settings = "--set data=@own --set folds=2 --set probes=[] --set groups=0";
+    let line = format!("experiment run crossval_baselines --out @{out} {models} {settings}");
+    let output = expect(0, lab.command_with(&line, more));
     Report {
         found: stdout(&output),
         said: stderr(&output),
@@ -238,8 +218,8 @@ fn two_folds(lab: &Lab, recipe: &Path, out: &str, more: &[&str]) -> Report {
 fn an_experiment_names_an_assumed_rate_few_folds_and_few_steps() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["0", "1"], 6, 4);
-    let recipe = lab.recipe(RecipeChange::default());
-    let Report { found, said, page } = two_folds(&lab, &recipe, "assumed", &[]);
+    lab.recipe(RecipeChange::default());
+    let Report { found, said, page } = two_folds(&lab, "assumed", &[]);
     let warning =
         "own does not state its sample rate; 750 Hz is assumed; `--set rate_hz=HZ` sets it";
     assert!(found.contains(&format!("warning: {warning}")), "{found}");
@@ -259,7 +239,7 @@ fn an_experiment_names_an_assumed_rate_few_folds_and_few_steps() {
     let few = few.replace("`--set epochs=150`", "<code>epochs = 150</code>");
     assert!(page.contains(&few) && page.contains("training steps a fold, which are few."));
     let rated = ["--set", "rate_hz=200"];
-    let Report { found, said, page } = two_folds(&lab, &recipe, "rated", &rated);
+    let Report { found, said, page } = two_folds(&lab, "rated", &rated);
     assert!(
         !found.contains("Hz is assumed")
             && !said.contains("Hz is assumed")
@@ -360,10 +340,8 @@ fn a_material_spelt_otherwise_is_answered_with_the_one_that_is_known() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["cork", "felt"], 6, 4);
     own_sweeps(&lab, "other", ["Cork", "felt"], 6, 4);
-    let run = lab.path("run").display().to_string();
-    let means = ["--model", "means", "--out", &run];
-    expect(0, with(&lab, &["train", "--data"], "own", &means));
-    let refused = refusal(with(&lab, &["eval", &run, "--data"], "other", &[]));
+    lab.run("train --data @own --model means --out @run");
+    let refused = lab.refused("eval @run --data @other");
     assert_says!(refused, "is `Cork` the `cork` that it knows?");
 }
 

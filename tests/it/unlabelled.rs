@@ -161,7 +161,7 @@ fn assert_known_sweeps_are_named(lab: &Lab, named: &[String]) {
     );
     assert!(lines.next().unwrap().contains("named"), "{shown}");
     assert!(shown.contains(" of 40 correct"), "{shown}");
-    let plain = output_of(with(lab, &["eval", "--mc", "0"], "run", &[]));
+    let plain = output_of(lab.command("eval --mc 0 @run"));
     assert!(!plain.contains("MC dropout"), "{plain}");
 }
 
@@ -300,7 +300,7 @@ fn dead_taxels_are_masked_in_predictions_and_evaluations() {
     assert_eq!(compared["dead_taxels"], serde_json::json!([3]));
     let difference = compared["runtimes"]["plain"]["largest_difference"].as_f64();
     assert!(difference.unwrap() < 1e-4, "{compared}");
-    let refused = expect(2, with(&lab, &["eval"], "run", &["--dead", "16"]));
+    let refused = expect(2, lab.command("eval @run --dead 16"));
     assert!(stderr(&refused).contains("expected numbers from 0 to 15"));
 }
 
