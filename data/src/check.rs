@@ -85,11 +85,10 @@ use taxel_limits::TaxelLimits;
 /// Returns all findings about a data set, sorted by severity, kind and sweep.
 ///
 /// ```
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 /// use tactnet_data::{FindingKind, check};
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 3, steps: 100, ..TwinConfig::default() };
-/// let findings = check(&twin::generate(&config)?);
+/// let findings = check(&twin::small(2, 3, 100)?);
 /// // Three sweeps per material are too few for the usual five folds.
 /// assert!(findings.iter().any(|finding| finding.kind == FindingKind::FewSweeps));
 /// # Ok::<(), tactnet_data::DataError>(())
@@ -193,11 +192,10 @@ pub fn check_unlabelled(dataset: &Dataset) -> Vec<Finding> {
 /// [`DataError::Unsound`] if there are findings of [`Severity::Error`].
 ///
 /// ```
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 /// use tactnet_data::refuse_errors;
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 1, steps: 100, ..TwinConfig::default() };
-/// let error = refuse_errors(&twin::generate(&config)?, "small").unwrap_err();
+/// let error = refuse_errors(&twin::small(2, 1, 100)?, "small").unwrap_err();
 /// assert!(error.to_string().starts_with("small: the data set has 2 errors"));
 /// # Ok::<(), tactnet_data::DataError>(())
 /// ```

@@ -132,10 +132,8 @@ impl Dataset {
         records: Vec<SweepRecord>,
         samples: Samples,
     ) -> Result<Self, DataError> {
-        check_parts(sample_rate_hz, shape, &labels, &records, &samples)?;
         let origin = DataOrigin::of_recording(shape, &labels);
-        let sha256 = digest(sample_rate_hz, shape, &labels, &records, &samples);
-        Ok(Self {
+        let dataset = Self {
             // File names may contain control characters.
             name: name.into().replace(is_control, "\u{fffd}"),
             sample_rate_hz,
@@ -147,10 +145,26 @@ impl Dataset {
             labels,
             records,
             samples,
-            sha256,
+            sha256: String::new(),
             origin,
             columns: ConditionColumns::default(),
-        })
+        };
+        dataset.sealed()
+    }
+
+    /// Checks the parts, and sets what follows from them: the lengths, if they differ, and the checksum.
+    fn sealed(mut self) -> Result<Self, DataError> {
+        self.check_parts()?;
+        match self.lengths.take() {
+            Some(lengths) => self.with_lengths(lengths),
+            None => Ok(self.with_checksum()),
+        }
+    }
+
+    /// Sets the checksum of the content.
+    fn with_checksum(mut self) -> Self {
+        self.sha256 = self.digest();
+        self
     }
 
     /// Returns a data set of these parts; without a sample rate [`ASSUMED_RATE_HZ`] is assumed.
@@ -290,92 +304,101 @@ impl Dataset {
             record.sweep
         )
     }
-}
 
-/// Returns an error if the parts of a data set contradict each other.
-fn check_parts(
-    sample_rate_hz: f64,
-    shape: SweepShape,
-    labels: &LabelSet,
-    records: &[SweepRecord],
-    samples: &Samples,
-) -> Result<(), DataError> {
-    if !(sample_rate_hz.is_finite() && sample_rate_hz > 0.0) {
-        return Err(DataError::inconsistent(
-            "sample rate",
-            "a positive number of Hz",
-            sample_rate_hz.to_string(),
-        ));
-    }
-    if shape.values() == 0 || records.is_empty() {
-        return Err(DataError::inconsistent(
-            "samples",
-            "at least one sweep with at least one step and one taxel",
-            format!("{} sweeps of {shape}", records.len()),
-        ));
-    }
-    if samples.len() != records.len() * shape.values() {
-        return Err(DataError::inconsistent(
-            "samples",
-            format!(
-                "{} values ({} sweeps of {shape})",
-                records.len() * shape.values(),
-                records.len()
-            ),
-            format!("{} values", samples.len()),
-        ));
-    }
-    if let Some(record) = records.iter().find(|r| r.label >= labels.len()) {
-        return Err(DataError::inconsistent(
-            "labels",
-            format!("labels below {}", labels.len()),
-            format!("label {}", record.label),
-        ));
-    }
-    let blocks = records.iter().filter(|r| r.block.is_some()).count();
-    let flags = records.iter().filter(|r| r.test.is_some()).count();
-    for (item, known) in [("blocks", blocks), ("test_flag", flags)] {
-        if known != 0 && known != records.len() {
+    /// Returns an error if the parts of a data set contradict each other.
+    fn check_parts(&self) -> Result<(), DataError> {
+        let Self {
+            sample_rate_hz,
+            shape,
+            labels,
+            records,
+            samples,
+            ..
+        } = self;
+        if !(sample_rate_hz.is_finite() && *sample_rate_hz > 0.0) {
             return Err(DataError::inconsistent(
-                item,
-                format!("a value for all {} sweeps or for none", records.len()),
-                format!("{known}"),
+                "sample rate",
+                "a positive number of Hz",
+                sample_rate_hz.to_string(),
             ));
         }
+        if shape.values() == 0 || records.is_empty() {
+            return Err(DataError::inconsistent(
+                "samples",
+                "at least one sweep with at least one step and one taxel",
+                format!("{} sweeps of {shape}", records.len()),
+            ));
+        }
+        if samples.len() != records.len() * shape.values() {
+            return Err(DataError::inconsistent(
+                "samples",
+                format!(
+                    "{} values ({} sweeps of {shape})",
+                    records.len() * shape.values(),
+                    records.len()
+                ),
+                format!("{} values", samples.len()),
+            ));
+        }
+        if let Some(record) = records.iter().find(|r| r.label >= labels.len()) {
+            return Err(DataError::inconsistent(
+                "labels",
+                format!("labels below {}", labels.len()),
+                format!("label {}", record.label),
+            ));
+        }
+        let blocks = records.iter().filter(|r| r.block.is_some()).count();
+        let flags = records.iter().filter(|r| r.test.is_some()).count();
+        for (item, known) in [("blocks", blocks), ("test_flag", flags)] {
+            if known != 0 && known != records.len() {
+                return Err(DataError::inconsistent(
+                    item,
+                    format!("a value for all {} sweeps or for none", records.len()),
+                    format!("{known}"),
+                ));
+            }
+        }
+        Ok(())
     }
-    Ok(())
-}
 
-fn digest(
-    sample_rate_hz: f64,
-    shape: SweepShape,
-    labels: &LabelSet,
-    records: &[SweepRecord],
-    samples: &Samples,
-) -> String {
-    let mut hash = Sha256::new();
-    hash.update(b"tactnet dataset 1\0");
-    hash.update(sample_rate_hz.to_le_bytes());
-    for extent in [
-        records.len(),
-        shape.steps,
-        shape.rows,
-        shape.cols,
-        labels.len(),
-    ] {
-        hash.update((extent as u64).to_le_bytes());
+    /// Returns the SHA-256 of the content, in hex.
+    fn digest(&self) -> String {
+        let Self {
+            sample_rate_hz,
+            shape,
+            labels,
+            records,
+            samples,
+            ..
+        } = self;
+        let mut hash = Sha256::new();
+        hash.update(b"tactnet dataset 1\0");
+        hash.update(sample_rate_hz.to_le_bytes());
+        for extent in [
+            records.len(),
+            shape.steps,
+            shape.rows,
+            shape.cols,
+            labels.len(),
+        ] {
+            hash.update((extent as u64).to_le_bytes());
+        }
+        for name in labels.names() {
+            hash.update((name.len() as u64).to_le_bytes());
+            hash.update(name.as_bytes());
+        }
+        for record in records {
+            hash.update((record.label as u64).to_le_bytes());
+            hash.update((record.sweep as u64).to_le_bytes());
+            hash.update(record.block.map_or(0, |b| u64::from(b) + 1).to_le_bytes());
+            hash.update([record.test.map_or(0, |t| u8::from(t) + 1)]);
+        }
+        hash.update(samples.element().as_bytes());
+        samples.for_each_le_chunk(|chunk| hash.update(chunk));
+        let mut sha256 = hex(hash.finalize());
+        if let Some(lengths) = &self.lengths {
+            sha256 = lengths::digest(&sha256, lengths);
+        }
+        self.columns.digest(sha256)
     }
-    for name in labels.names() {
-        hash.update((name.len() as u64).to_le_bytes());
-        hash.update(name.as_bytes());
-    }
-    for record in records {
-        hash.update((record.label as u64).to_le_bytes());
-        hash.update((record.sweep as u64).to_le_bytes());
-        hash.update(record.block.map_or(0, |b| u64::from(b) + 1).to_le_bytes());
-        hash.update([record.test.map_or(0, |t| u8::from(t) + 1)]);
-    }
-    hash.update(samples.element().as_bytes());
-    samples.for_each_le_chunk(|chunk| hash.update(chunk));
-    hex(hash.finalize())
 }

@@ -25,11 +25,10 @@ use split::SplitKey;
 /// seed, the repeat and the fold.
 ///
 /// ```
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 /// use tactnet_data::{Fold, Scheme, Seed};
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 10, steps: 100, ..TwinConfig::default() };
-/// let dataset = twin::generate(&config)?;
+/// let dataset = twin::small(2, 10, 100)?;
 /// let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?;
 /// assert_eq!((fold.train.len(), fold.test.len()), (16, 4));
 ///
@@ -154,11 +153,10 @@ impl<'a> Fold<'a> {
     /// No shot, or a material with fewer training sweeps.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     /// use tactnet_data::{Fold, Scheme, Seed};
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 10, steps: 100, ..TwinConfig::default() };
-    /// let dataset = twin::generate(&config)?;
+    /// let dataset = twin::small(2, 10, 100)?;
     /// let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?;
     /// assert_eq!(fold.shots(3)?.train.len(), 6);
     /// # Ok::<(), tactnet_data::DataError>(())

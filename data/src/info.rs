@@ -150,10 +150,9 @@ impl Info {
 ///
 /// ```
 /// use tactnet_data::info;
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 3, steps: 150, ..TwinConfig::default() };
-/// let info = info(&twin::generate(&config)?);
+/// let info = info(&twin::small(2, 3, 150)?);
 /// assert_eq!((info.sweeps, info.element, info.sweep_seconds), (6, "u8", 0.2));
 /// # Ok::<(), tactnet_data::DataError>(())
 /// ```

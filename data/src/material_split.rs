@@ -5,11 +5,10 @@ use crate::{DataError, Dataset, Seed, shuffle};
 /// Data set split by material. The two sides are separate data sets, so models fitted to one have not seen the other.
 ///
 /// ```
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 /// use tactnet_data::{MaterialSplit, Seed};
 ///
-/// let config = TwinConfig { materials: 6, sweeps: 2, steps: 100, ..TwinConfig::default() };
-/// let split = MaterialSplit::draw(&twin::generate(&config)?, 2, Seed(1), 0)?;
+/// let split = MaterialSplit::draw(&twin::small(6, 2, 100)?, 2, Seed(1), 0)?;
 /// assert_eq!((split.known.labels().len(), split.new.labels().len()), (4, 2));
 /// # Ok::<(), tactnet_data::DataError>(())
 /// ```

@@ -19,10 +19,10 @@ Materials are equally frequent. Intervals are over sweeps (two standard errors).
 """
 
 import argparse
-import json
 
 import numpy
 
+import results
 import twin_model as twin
 
 GRID = 40
@@ -132,11 +132,7 @@ def main():
     model = Model()
 
     def say(row):
-        line = json.dumps({k: round(float(v), 4) if isinstance(v, float) else v for k, v in {**row, "seed": arguments.seed}.items()})
-        print(line, flush=True)
-        if arguments.out:
-            with open(arguments.out, "a") as file:
-                file.write(line + "\n")
+        results.say({**row, "seed": arguments.seed}, arguments.out)
 
     labels = numpy.repeat(numpy.arange(36), arguments.sweeps)
     drawn = [model.draw(random, label) for label in labels]

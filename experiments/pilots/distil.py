@@ -14,7 +14,6 @@ The prediction, written before the measurement, is in experiments/twin/PREDICTIO
 """
 
 import argparse
-import json
 import os
 import time
 
@@ -22,6 +21,7 @@ import numpy
 import torch
 from torch.nn import functional
 
+import results
 from chosen import Chosen, fit, log_energies
 from spectra import judged, load
 
@@ -98,11 +98,7 @@ def main():
     torch.set_num_threads(1)
 
     def say(row):
-        line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()})
-        print(line, flush=True)
-        if arguments.out:
-            with open(arguments.out, "a") as file:
-                file.write(line + "\n")
+        results.say(row, arguments.out)
 
     sweeps, labels, test = load(arguments.data)
     begun = time.perf_counter()

@@ -13,13 +13,13 @@ training and test sets; new recordings have no such advantage.
 """
 
 import argparse
-import json
 
 import numpy
 import torch
 from torch import nn
 from torch.nn import functional
 
+import results
 from chosen import Chosen, Encoder, fit, log_energies
 from spectra import Layer, judged, load
 
@@ -79,11 +79,7 @@ def main():
     torch.set_num_threads(1)
 
     def say(row):
-        line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()})
-        print(line, flush=True)
-        if arguments.out:
-            with open(arguments.out, "a") as file:
-                file.write(line + "\n")
+        results.say(row, arguments.out)
 
     sweeps, labels, test = load(arguments.data)
     # Sweeps are in the order of drawing: ten of each block in turn.

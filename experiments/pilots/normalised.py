@@ -14,11 +14,11 @@ at lower contact force in the first design (windows of 64 steps, 24 bands; spect
 """
 
 import argparse
-import json
 
 import numpy
 import torch
 
+import results
 from chosen import Chosen, fit, log_energies
 from spectra import judged, load
 
@@ -70,11 +70,7 @@ def main():
                 every = torch.ones(len(asked), dtype=torch.bool)
                 found = judged(network, (asked,), labels[test], every)
                 row = {"data": data, "condition": name, "fold": fold, "normalised": normalised, **found}
-                line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()})
-                print(line, flush=True)
-                if arguments.out:
-                    with open(arguments.out, "a") as file:
-                        file.write(line + "\n")
+                results.say(row, arguments.out)
 
     for fold in range(arguments.folds):
         sweeps, labels, _ = load(arguments.data)

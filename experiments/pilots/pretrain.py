@@ -27,12 +27,12 @@ Prediction, written before measuring: experiments/twin/PREDICTIONS.md.
 
 import argparse
 import copy
-import json
 
 import numpy
 import torch
 from torch.nn import functional
 
+import results
 from chosen import Chosen, Encoder, fit, log_energies
 from normalised import biotac, folds
 from spectra import judged, load
@@ -129,11 +129,7 @@ def main():
                         network = fit(Chosen(sweeps.shape[2], materials, encoder), logs, labels, own, seed)
                         row = {"encoder": name, "seed": seed, "sweeps": count, "draw": draw, "how": how}
                         row |= judged(network, (logs,), labels, test)
-                        line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()})
-                        print(line, flush=True)
-                        if arguments.out:
-                            with open(arguments.out, "a") as file:
-                                file.write(line + "\n")
+                        results.say(row, arguments.out)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,8 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+import results
+
 FLOOR = 1e-3
 BANDS = 24
 
@@ -293,11 +295,7 @@ def main():
                 row[f"accuracy, {path}"] = judged(network, others, labels, test)["accuracy"]
             row["parameters"] = sum(p.numel() for p in network.parameters() if p.requires_grad)
             row["seconds"] = round(seconds, 1)
-            line = json.dumps({k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()})
-            print(line, flush=True)
-            if arguments.out:
-                with open(arguments.out, "a") as file:
-                    file.write(line + "\n")
+            results.say(row, arguments.out)
 
 
 if __name__ == "__main__":

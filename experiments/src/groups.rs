@@ -1,9 +1,7 @@
 //! Groups of materials by spectral clustering of a confusion matrix.
 //!
-//! [`spectral_groups`] finds arbitrary groups, [`best_consecutive_cut`] finds groups that are consecutive in label
-//! order, and [`grouping_of_counts`] adds accuracy and stability.
+//! [`spectral_groups`] finds the groups, and [`grouping_of_counts`] adds accuracy and stability.
 
-mod consecutive;
 mod k_means;
 mod rand_index;
 mod spectral;
@@ -13,9 +11,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
-pub use consecutive::{best_consecutive_cut, consecutive};
-pub use rand_index::adjusted_rand_index;
-pub use spectral::spectral_groups;
+use rand_index::adjusted_rand_index;
+use spectral::spectral_groups;
 
 /// Number of resampled confusion matrices for [`Grouping::stability`].
 const RESAMPLES: u32 = 50;
@@ -96,6 +93,14 @@ impl Grouping {
     }
 }
 
+/// Returns true if every group is consecutive in label order.
+///
+/// - `group_of`: `[materials]`, index of each material's group
+fn consecutive(group_of: &[usize]) -> bool {
+    (1..group_of.len())
+        .all(|i| group_of[i] == group_of[i - 1] || !group_of[..i].contains(&group_of[i]))
+}
+
 /// Returns the share of the sweeps whose predicted material is in the group of the true one, 0 to 1; 0 for a matrix of
 /// zeros.
 ///
@@ -106,7 +111,7 @@ impl Grouping {
 ///
 /// # Panics
 /// If `confusion` is not square or `group_of` has another length.
-pub fn group_accuracy(confusion: &[Vec<f64>], group_of: &[usize]) -> f64 {
+fn group_accuracy(confusion: &[Vec<f64>], group_of: &[usize]) -> f64 {
     assert_square(confusion);
     assert_eq!(confusion.len(), group_of.len(), "one group a material");
     let (mut inside, mut all) = (0.0, 0.0);
@@ -280,6 +285,15 @@ mod tests {
         assert_eq!(drawn.iter().sum::<usize>(), 100);
         assert_eq!((drawn[0], drawn[2], drawn[4]), (0, 0, 0));
         assert!(drawn[1].abs_diff(70) < 20, "{drawn:?}");
+    }
+
+    #[test]
+    fn a_group_that_comes_again_is_not_consecutive() {
+        assert!(consecutive(&[0, 0, 1, 2, 2]));
+        assert!(consecutive(&[2, 0, 0, 1]));
+        assert!(consecutive(&[]));
+        assert!(!consecutive(&[0, 1, 0]));
+        assert!(!consecutive(&[0, 0, 1, 2, 1]));
     }
 
     #[test]

@@ -58,10 +58,7 @@ pub use contender::{Contender, FoldRecord, PublishedContender};
 pub use data_probes::{BlockIdentity, DataProbes};
 pub use error::{ExperimentError, ExperimentRemedy, Setting};
 pub use event::Event;
-pub use groups::{
-    Grouping, adjusted_rand_index, best_consecutive_cut, consecutive, group_accuracy,
-    grouping_of_counts, spectral_groups,
-};
+pub use groups::{Grouping, grouping_of_counts};
 pub use interval_note::interval_notes;
 pub use local::{LocalPool, run_locally, run_task};
 pub use measure::{Measure, Measurement, Unit, method_name};

@@ -66,6 +66,10 @@ macro_rules! registry {
             fn name(&self) -> &'static str {
                 $name
             }
+
+            fn terms(&self) -> &'static [(&'static str, &'static str)] {
+                &$file::TERMS
+            }
         })+
     };
 }
@@ -110,10 +114,13 @@ impl Question {
     }
 }
 
-/// The name of a question in recipes and in names of tasks.
+/// The name and the glossary of a question.
 pub(crate) trait Named {
-    /// Returns the name.
+    /// Returns the name in recipes and in names of tasks.
     fn name(&self) -> &'static str;
+
+    /// Returns the glossary of the report.
+    fn terms(&self) -> &'static [(&'static str, &'static str)];
 }
 
 /// The behaviour of a question.
@@ -171,9 +178,6 @@ pub(crate) trait Ask: Named {
     fn figures(&self) -> Vec<Figure> {
         Vec::new()
     }
-
-    /// Returns the glossary of the report.
-    fn terms(&self) -> &'static [(&'static str, &'static str)];
 }
 
 /// The reference that a method is compared with, on the same tasks.

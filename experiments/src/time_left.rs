@@ -336,13 +336,7 @@ mod tests {
         use tactnet_data::{format::Format, twin};
         use tactnet_pipeline::{Program, Provenance, Session, TrainEvent, TrainJob, TrainSpec};
         let [data, recipe] = ["small.h5", "small.toml"].map(|name| folder.join(name));
-        let config = twin::TwinConfig {
-            materials: 2,
-            sweeps: 6,
-            steps: 60,
-            ..Default::default()
-        };
-        let dataset = twin::generate(&config).unwrap();
+        let dataset = twin::small(2, 6, 60).unwrap();
         Format::TactMat.write(&data, &dataset).unwrap();
         let text = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 0.8 }\n[training]\nepochs = 4\n\
                     batch = 8\nlearning_rate = 0.005\nmethod = { kind = \"base\" }\n";

@@ -49,11 +49,8 @@ mod tests {
 
     impl Golden {
         fn read() -> Self {
-            let path = concat!(
-                env!("CARGO_MANIFEST_DIR"),
-                "/../tests/golden/heads.safetensors"
-            );
-            Self(Weights::from_safetensors(&std::fs::read(path).unwrap()).unwrap())
+            let file = include_bytes!("../../tests/golden/heads.safetensors");
+            Self(Weights::from_safetensors(file).unwrap())
         }
 
         fn values(&self, name: &str) -> &[f32] {

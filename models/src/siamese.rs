@@ -93,11 +93,8 @@ mod tests {
 
     impl Golden {
         fn read() -> Self {
-            let path = concat!(
-                env!("CARGO_MANIFEST_DIR"),
-                "/../tests/golden/siamese.safetensors"
-            );
-            Self(Weights::from_safetensors(&std::fs::read(path).unwrap()).unwrap())
+            let file = include_bytes!("../../tests/golden/siamese.safetensors");
+            Self(Weights::from_safetensors(file).unwrap())
         }
 
         fn values(&self, name: &str) -> &[f32] {

@@ -106,7 +106,6 @@ pub use recipe::{
 };
 pub use regress::{Interval, Recovery, RegressionReport};
 pub use remedy::PipelineRemedy;
-pub use requirements::Requirements;
 pub use run::evaluate_run::{TrainingSummary, evaluate_run};
 pub use run::provenance::{Provenance, peak_rss_mib};
 pub use run::random_fold::RandomFold;

@@ -2,7 +2,7 @@
 #![cfg(feature = "vulkan")]
 #![allow(clippy::unwrap_used)]
 
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_data::{Dataset, Fold, Scheme, Seed};
 use tactnet_models::{Compute, NetworkConfig, Weights};
 
@@ -25,13 +25,7 @@ fn recipe(method: &str) -> NetworkRecipe {
 
 /// Seven sweeps of each of three materials: folds have 16 or 17 training sweeps, so two batches of 8 or three of 5 and 6.
 fn twin() -> Dataset {
-    generate(&TwinConfig {
-        materials: 3,
-        sweeps: 7,
-        steps: 60,
-        ..TwinConfig::default()
-    })
-    .unwrap()
+    twin::small(3, 7, 60).unwrap()
 }
 
 /// Three folds of one data set, each with a different seed.

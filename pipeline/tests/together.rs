@@ -6,7 +6,7 @@ use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use tactnet_data::format::Format;
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_models::Compute;
 
 use tactnet_pipeline::{
@@ -35,13 +35,7 @@ fn program() -> Program {
 fn begin(folder: &Path, into: &str, device: Compute) -> Vec<Session> {
     let [data, recipe] = ["twin.h5", "small.toml"].map(|name| folder.join(name));
     if !data.exists() {
-        let config = TwinConfig {
-            materials: 3,
-            sweeps: 7,
-            steps: 60,
-            ..TwinConfig::default()
-        };
-        let twin = generate(&config).unwrap();
+        let twin = twin::small(3, 7, 60).unwrap();
         Format::TactMat.write(&data, &twin).unwrap();
         std::fs::write(&recipe, RECIPE).unwrap();
     }

@@ -8,7 +8,7 @@ use crate::output::counted;
 pub fn random_fold_text(random: &RandomFold) -> String {
     format!(
         "sweeps of the same recordings in training: {}, {}",
-        percent(random.one_sweep),
+        share_text(random.one_sweep),
         random.split
     )
 }
@@ -26,13 +26,14 @@ pub fn confounded_text(found: &ConfoundedAccuracy) -> String {
         (_, Some(accuracy)) => format!(
             "{of_all}: this accuracy cannot be told from recognising the session\n\
              materials that share their sessions with others ({names}): {} of {}",
-            percent(accuracy),
+            share_text(accuracy),
             counted(accuracy.n, "sweep")
         ),
     }
 }
 
-fn percent(estimate: Estimate) -> String {
+/// Returns a share with its interval.
+pub fn share_text(estimate: Estimate) -> String {
     format!(
         "{:.1} % ({:.1} to {:.1})",
         100.0 * estimate.mean,

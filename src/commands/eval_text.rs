@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use tactnet_pipeline::{Confusion, Estimate, EvalResult, LikenessReport, Verdicts};
 
-use super::block_text::confounded_text;
+use super::block_text::{confounded_text, share_text};
 use super::evaluation_table::evaluation_table;
 use super::recall_text::recall_text;
 use crate::output::counted;
@@ -111,7 +111,7 @@ pub fn guessing_text(confusion: &Confusion, accuracy: Estimate, balanced: Estima
     } else {
         format!(
             "guessing (always `{name}`, the most frequent): {guessing:.1} %; balanced accuracy, the mean of the materials' recalls: {}",
-            percent(balanced)
+            share_text(balanced)
         )
     };
     if 100.0 * accuracy.ci95_low <= guessing {
@@ -165,34 +165,25 @@ fn rates(verdicts: &Verdicts) -> String {
     {
         lines.push(format!(
             "known materials called unknown: {}, target {:.1} %",
-            percent(alarms),
+            share_text(alarms),
             100.0 * verdicts.target.false_alarms
         ));
         lines.push(format!(
             "material in the prediction set: {}, target {:.1} %; {size:.1} materials in a set",
-            percent(coverage),
+            share_text(coverage),
             100.0 * verdicts.target.coverage
         ));
     }
     if let Some(detected) = verdicts.detected {
         lines.push(format!(
             "unknown materials called unknown: {} of {} ({})",
-            percent(detected),
+            share_text(detected),
             counted(detected.n, "sweep"),
             verdicts.unknown_materials.join(", ")
         ));
     }
     lines.extend(verdicts.caution.clone());
     lines.join("\n")
-}
-
-fn percent(estimate: Estimate) -> String {
-    format!(
-        "{:.1} % ({:.1} to {:.1})",
-        100.0 * estimate.mean,
-        100.0 * estimate.ci95_low,
-        100.0 * estimate.ci95_high
-    )
 }
 
 #[cfg(test)]

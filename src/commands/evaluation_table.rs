@@ -85,7 +85,8 @@ fn by_length(groups: &[LengthAccuracy]) -> String {
     format!("\naccuracy by length, 1 sweep [%]: {}", groups.join("; "))
 }
 
-fn percent(estimate: Estimate) -> String {
+/// Returns a share with its interval, in percent without the sign.
+pub fn percent(estimate: Estimate) -> String {
     format!(
         "{:.1} ({:.1} to {:.1})",
         100.0 * estimate.mean,

@@ -2,6 +2,8 @@
 
 use tactnet_pipeline::{Confusion, Estimate};
 
+use super::evaluation_table::percent;
+
 /// Maximum number of materials of the table.
 const MOST: usize = 12;
 
@@ -19,15 +21,7 @@ pub fn recall_text(confusion: &Confusion) -> String {
         let sweeps: usize = row.iter().sum();
         let recall = match sweeps {
             0 => "not tested".into(),
-            _ => {
-                let recall = Estimate::wilson(row[label] as f64 / sweeps as f64, sweeps);
-                format!(
-                    "{:.1} ({:.1} to {:.1})",
-                    100.0 * recall.mean,
-                    100.0 * recall.ci95_low,
-                    100.0 * recall.ci95_high
-                )
-            }
+            _ => percent(Estimate::wilson(row[label] as f64 / sweeps as f64, sweeps)),
         };
         format!("\n{name:<wide$} {recall:>22} {sweeps:>7}")
     });

@@ -5,7 +5,6 @@
     python tests/golden/features_with_aeon.py
 
 Writes features.safetensors next to itself; versions stand in its metadata. Read by pipeline/src/features/golden.rs.
-`experiments/bench/compare_sklearn.py` imports the spectral features from here, which needs numpy and scipy only.
 """
 
 import pathlib

@@ -6,11 +6,10 @@ use tactnet_data::format::{Format, read};
 use tactnet_data::{Dataset, Samples, SweepView};
 use tactnet_models::Weights;
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, assert_says, expect, json, stderr, stdout};
 
 fn adapt(lab: &Lab, run: &str, out: &str, more: &[&str]) -> Command {
-    let mut command = tactnet(["adapt"]);
-    command.arg(lab.path(run)).arg("--out").arg(lab.path(out));
+    let mut command = lab.command(&format!("adapt @{run} --out @{out}"));
     for word in more {
         match word.strip_suffix(".npz") {
             Some(_) => command.arg(lab.path(word)),
@@ -85,32 +84,13 @@ fn an_adapted_run_predicts_evaluates_and_exports_and_keeps_the_trained_weights()
     let ratio = gain("run") / gain("today");
     assert!((1.6..2.6).contains(&ratio), "{ratio}");
 
-    let evaluate = |run: &str| {
-        let mut command = tactnet(["eval", "--json"]);
-        command
-            .arg(lab.path(run))
-            .arg("--data")
-            .arg(lab.path("other.npz"));
-        json(command)
-    };
+    let evaluate = |run: &str| json(lab.command(&format!("eval --json @{run} --data @other.npz")));
     let after = evaluate("today");
     let note = "adapted to without their labels";
     assert!(after["tested"].to_string().contains(note), "{after}");
-    let mut predict = tactnet(["predict"]);
-    predict
-        .arg(lab.path("today"))
-        .arg("--data")
-        .arg(lab.path("other.npz"));
-    expect(0, predict);
-    let mut export = tactnet(["export"]);
-    export
-        .arg(lab.path("today"))
-        .arg("--out")
-        .arg(lab.path("net.onnx"));
-    expect(0, export);
-    let mut resume = tactnet(["train", "--resume"]);
-    resume.arg(lab.path("today"));
-    let refused = expect(2, resume);
+    lab.run("predict @today --data @other.npz");
+    lab.run("export @today --out @net.onnx");
+    let refused = expect(2, lab.command("train --resume @today"));
     assert!(stderr(&refused).contains("adapted"), "{}", stderr(&refused));
 }
 
@@ -120,12 +100,7 @@ fn labelled_sweeps_are_left_out_of_the_evaluation_and_few_materials_are_refused(
     lab.twin("more.h5", "--materials 4 --sweeps 20 --steps 120");
     write_other_skin(&lab, "more.h5", "other.npz", |_| true);
     write_other_skin(&lab, "more.h5", "one.npz", |label| label == 1);
-    let mut train = tactnet(["train", "--model", "lda", "--data"]);
-    train
-        .arg(lab.path("twin.h5"))
-        .arg("--out")
-        .arg(lab.path("run"));
-    expect(0, train);
+    lab.run("train --model lda --data @twin.h5 --out @run");
     let refused = expect(2, adapt(&lab, "run", "one", &["--data", "one.npz"]));
     let text = stderr(&refused);
     assert!(
@@ -137,23 +112,11 @@ fn labelled_sweeps_are_left_out_of_the_evaluation_and_few_materials_are_refused(
         0,
         adapt(&lab, "run", "one", &["--data", "one.npz", "--accept-risk"]),
     );
-    assert!(
-        stderr(&accepted).contains("warning"),
-        "{}",
-        stderr(&accepted)
-    );
+    assert_says!(stderr(&accepted), "warning");
 
     let labelled = ["--labelled", "other.npz", "--per-material", "2"];
     let done = expect(0, adapt(&lab, "run", "labelled", &labelled));
-    assert!(
-        stdout(&done).contains("4 of 4 materials labelled"),
-        "{}",
-        stdout(&done)
-    );
-    let mut eval = tactnet(["eval", "--json"]);
-    eval.arg(lab.path("labelled"))
-        .arg("--data")
-        .arg(lab.path("other.npz"));
-    let found = json(eval);
+    assert_says!(stdout(&done), "4 of 4 materials labelled");
+    let found = json(lab.command("eval --json @labelled --data @other.npz"));
     assert_eq!(found["n_test"], 80 - 8, "{found}");
 }

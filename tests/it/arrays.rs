@@ -6,7 +6,7 @@ use std::f32::consts::TAU;
 use tactnet_data::format::Format;
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 
-use crate::command::{Lab, expect, json, stderr, tactnet};
+use crate::command::{Lab, json, messages_of, stderr, tactnet};
 
 /// Generates three materials with ten sweeps each: waves of one, two and three periods across the array, with noise.
 fn waves(rows: usize, cols: usize, steps: usize) -> Dataset {
@@ -81,6 +81,6 @@ fn what_packets_cannot_hold_is_said_before_training() {
     let mut train = tactnet(["train", "--model", "means", "--data"]);
     train.arg(&data).arg("--axes-are-right");
     train.arg("--out").arg(lab.path("run"));
-    let said = stderr(&expect(0, train));
+    let said = messages_of(train);
     assert!(said.contains("1025 taxels, packets hold 1024"), "{said}");
 }

@@ -7,11 +7,11 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use tactnet_channel::{Start, Wait};
+use tactnet_channel::Wait;
 use tactnet_models::Weights;
-use tactnet_skin::packets::{Event, TactileBelief, TactileStatus};
+use tactnet_skin::packets::Event;
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, tactnet};
+use crate::command::{Lab, RecipeChange, assert_says, expect, json, refusal, tactnet};
 use crate::robot::{Robot, Running, STEPS};
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -60,22 +60,17 @@ fn wait_for(heard: &Receiver<String>, words: &str) {
 fn a_service_without_descriptors_says_so_and_reaches_its_skin_when_it_has_some_again() {
     let robot = Robot::new("descriptors");
     let _hub = robot.start(&["channel", "hub"]);
-    let mut serve = tactnet(["serve", "--metrics", "off", "--run"]);
-    serve.arg(robot.lab.path("models/1"));
-    serve.arg("--table").arg(robot.lab.path("robot.toml"));
+    let mut serve = robot
+        .lab
+        .command("serve --metrics off --run @models/1 --table @robot.toml");
     serve.stderr(Stdio::piped());
     let mut service = Running::start(serve);
     let heard = said(&mut service);
     let pid = service.0.id();
     limit_descriptors(pid, first_free_descriptor(pid));
     let _skin = robot.skin("1000");
-    let bus = robot.bus();
-    let status = bus
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
-    let beliefs = bus
-        .get_port::<TactileBelief>("tactile/belief", Start::Now)
-        .unwrap();
+    let status = robot.status();
+    let beliefs = robot.beliefs();
     wait_for(&heard, "cannot connect to a component");
     assert!(status.try_get().unwrap().is_none(), "it cannot be reached");
     limit_descriptors(pid, 1024);
@@ -92,22 +87,13 @@ fn a_flood_of_commands_stops_no_belief() {
     let _hub = robot.start(&["channel", "hub"]);
     let _service = robot.serve("models");
     let _skin = robot.skin("1000");
-    let bus = robot.bus();
-    let status = bus
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
+    let status = robot.status();
     let _flood: Vec<Running> = (0..2)
         .map(|_| {
-            let mut put = tactnet([
-                "channel",
-                "put",
-                "sweep/command",
-                "--rate",
-                "200000",
-                "--table",
-            ]);
-            put.arg(robot.lab.path("robot.toml")).stderr(Stdio::null());
-            Running(put.stdout(Stdio::null()).spawn().unwrap())
+            let line = "channel put sweep/command --rate 200000 --table @robot.toml";
+            let mut put = robot.lab.command(line);
+            put.stdout(Stdio::null()).stderr(Stdio::null());
+            Running(put.spawn().unwrap())
         })
         .collect();
     let begun = Instant::now();
@@ -123,9 +109,7 @@ fn a_flood_of_commands_stops_no_belief() {
         }
         assert!(begun.elapsed() < PATIENCE, "the flood is not noticed");
     }
-    let beliefs = bus
-        .get_port::<TactileBelief>("tactile/belief", Start::Now)
-        .unwrap();
+    let beliefs = robot.beliefs();
     for _ in 0..20 {
         assert!(beliefs.get(patience).unwrap().is_some(), "it sees the skin");
     }
@@ -136,29 +120,20 @@ fn a_flood_of_commands_stops_no_belief() {
 fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
     let robot = Robot::new("changed");
     let lab = &robot.lab;
-    let data = lab.path("five.h5").display().to_string();
     let size = format!("--materials 5 --sweeps 5 --steps {STEPS}");
     lab.twin("five.h5", &size);
-    let info = json(tactnet(["data", "info", "--json", &data]));
-    let new = info["materials"][4]["name"].as_str().unwrap();
-    let run = lab.path("models/1").display().to_string();
-    let again = lab.path("again").display().to_string();
-    let onnx = format!("{again}.onnx");
-    let calls = [
-        vec!["eval", &run],
-        vec!["train", "--resume", &run],
-        vec!["export", &run, "--out", &onnx],
-        vec![
-            "enroll",
-            &run,
-            "--data",
-            &data,
-            "--material",
-            new,
-            "--out",
-            &again,
-        ],
-    ];
+    let info = json(lab.command("data info --json @five.h5"));
+    let call = |reader: usize| match reader {
+        0 => lab.command("eval @models/1"),
+        1 => lab.command("train --resume @models/1"),
+        2 => lab.command("export @models/1 --out @again.onnx"),
+        _ => {
+            let mut enroll = lab.command("enroll @models/1 --data @five.h5 --out @again");
+            let new = info["materials"][4]["name"].as_str().unwrap();
+            enroll.args(["--material", new]);
+            enroll
+        }
+    };
     let files = [
         ("weights.safetensors", vec![0, 2, 3]),
         ("config.json", vec![0, 1, 2, 3]),
@@ -179,14 +154,14 @@ fn a_run_that_was_changed_after_its_end_is_refused_by_all_who_read_it() {
         changed[at] ^= 1;
         std::fs::write(&path, &changed).unwrap();
         for reader in readers {
-            let refused = stderr(&expect(2, tactnet(&calls[reader])));
+            let refused = refusal(call(reader));
             let named = format!("{file}: the file has changed since the run ended");
             assert!(refused.contains(&named), "{file}: {refused}");
             assert_eq!(refused.lines().count(), 1, "{refused}");
         }
         std::fs::write(&path, whole).unwrap();
     }
-    expect(0, tactnet(&calls[0]));
+    expect(0, call(0));
 }
 
 /// A version that requests a terabyte ended a running service and prevented its restart.
@@ -210,10 +185,7 @@ fn a_version_that_asks_for_all_memory_is_passed_over_and_the_service_serves_on()
         std::fs::write(to.join("config.json"), config.to_string()).unwrap();
         std::fs::rename(&to, robot.lab.path(&format!("models/{number}"))).unwrap();
     };
-    let status = robot
-        .bus()
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
+    let status = robot.status();
     let service = robot.serve("models");
     copy("2");
     let patience = Wait::Block { timeout: PATIENCE };
@@ -246,7 +218,7 @@ fn a_run_that_was_killed_at_its_very_beginning_is_begun_again() {
     let strange = lab.path("strange");
     std::fs::create_dir(&strange).unwrap();
     std::fs::write(strange.join("thesis.tex"), "").unwrap();
-    let refused = stderr(&expect(2, lab.train(&recipe, "strange")));
+    let refused = refusal(lab.train(&recipe, "strange"));
     assert!(refused.contains("found `thesis.tex`"), "{refused}");
 }
 
@@ -257,11 +229,7 @@ fn what_is_no_file_and_no_number_is_refused_in_a_line() {
     let recipe = lab.recipe(RecipeChange::default());
     expect(0, lab.train(&recipe, "run"));
     std::fs::remove_file(lab.path("run/manifest.json")).unwrap();
-    let eval = || {
-        let mut eval = tactnet(["eval"]);
-        eval.arg(lab.path("run"));
-        eval
-    };
+    let eval = || lab.command("eval @run");
     for file in ["split.json", "weights.safetensors", "manifest.json"] {
         let (path, kept) = (lab.path("run").join(file), lab.path("kept"));
         let was_there = std::fs::rename(&path, &kept).is_ok();
@@ -272,7 +240,7 @@ fn what_is_no_file_and_no_number_is_refused_in_a_line() {
             } else {
                 symlink("/dev/zero", &path).unwrap();
             }
-            let refused = stderr(&expect(2, eval()));
+            let refused = refusal(eval());
             assert!(
                 refused.contains("is a pipe or a device"),
                 "{file}: {refused}"
@@ -292,17 +260,9 @@ fn what_is_no_file_and_no_number_is_refused_in_a_line() {
         .to_safetensors(std::collections::BTreeMap::new())
         .unwrap();
     std::fs::write(&path, bytes).unwrap();
-    let mut export = tactnet(["export"]);
-    export
-        .arg(lab.path("run"))
-        .arg("--out")
-        .arg(lab.path("a.onnx"));
-    for command in [eval(), export] {
-        let refused = stderr(&expect(2, command));
-        assert!(
-            refused.contains("expected finite numbers, found NaN"),
-            "{refused}"
-        );
+    for command in [eval(), lab.command("export @run --out @a.onnx")] {
+        let refused = refusal(command);
+        assert_says!(refused, "expected finite numbers, found NaN");
         assert_eq!(
             refused
                 .lines()

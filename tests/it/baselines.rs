@@ -1,6 +1,6 @@
 //! `tactnet train --model` with classical and random-convolution classifiers, on real files with the real binary.
 
-use crate::command::{Lab, expect, json, stderr, tactnet};
+use crate::command::{Lab, assert_says, expect, json, refusal, stderr};
 
 const MODELS: [&str; 12] = [
     "means",
@@ -18,13 +18,8 @@ const MODELS: [&str; 12] = [
 ];
 
 fn train(lab: &Lab, model: &str, out: &str, more: &[&str]) -> std::process::Command {
-    let mut command = tactnet(["train", "--model", model, "--data"]);
-    command
-        .arg(lab.path("twin.h5"))
-        .args(more)
-        .arg("--out")
-        .arg(lab.path(out));
-    command
+    let line = format!("train --model {model} --data @twin.h5 --out @{out}");
+    lab.command_with(&line, more)
 }
 
 #[test]
@@ -51,8 +46,7 @@ fn every_baseline_leaves_a_run_that_eval_reads_again() {
                 "{model}: probabilities of {row} sum to {p}"
             );
         }
-        let mut eval = tactnet(["eval", "--json"]);
-        eval.arg(lab.path(model));
+        let eval = lab.command(&format!("eval --json @{model}"));
         let again = json(eval);
         assert_eq!(
             again["evaluations"]["plain"]["negative_log_likelihood"],
@@ -60,13 +54,8 @@ fn every_baseline_leaves_a_run_that_eval_reads_again() {
             "{model}: eval finds what train found"
         );
     }
-    let mut eval = tactnet(["eval", "--mc", "5"]);
-    eval.arg(lab.path("knn-l"));
-    let refused = stderr(&expect(2, eval));
-    assert!(
-        refused.contains("--mc: `knn-l` is a baseline without dropout"),
-        "{refused}"
-    );
+    let refused = lab.refused("eval --mc 5 @knn-l");
+    assert_says!(refused, "--mc: `knn-l` is a baseline without dropout");
     let accuracy = |model: &str| {
         lab.json(&format!("{model}/result.json"))["accuracy_one_sweep"]["mean"]
             .as_f64()
@@ -100,11 +89,9 @@ fn ridge_classifiers_of_many_sweeps_do_not_depend_on_the_number_of_threads() {
     let lab = Lab::new();
     lab.twin("many.h5", "--materials 10 --sweeps 60 --steps 40");
     for threads in ["1", "2", "4"] {
-        let mut command = tactnet(["train", "--model", "minirocket", "--data"]);
-        command
-            .arg(lab.path("many.h5"))
-            .arg("--out")
-            .arg(lab.path(threads));
+        let mut command = lab.command(&format!(
+            "train --model minirocket --data @many.h5 --out @{threads}"
+        ));
         command.env("RAYON_NUM_THREADS", threads);
         expect(0, command);
     }
@@ -146,9 +133,7 @@ fn permuted_labels_are_another_data_set() {
             .contains("labels permuted")
     );
     assert_ne!(permuted["data_sha256"], own["data_sha256"]);
-    let mut eval = tactnet(["eval", "--json"]);
-    eval.arg(lab.path("permuted"));
-    let again = json(eval);
+    let again = json(lab.command("eval --json @permuted"));
     assert_eq!(again["data_sha256"], permuted["data_sha256"]);
 }
 
@@ -179,11 +164,7 @@ fn what_a_baseline_cannot_do_is_said_in_one_line() {
         table += &format!("m{},{sweep},{value}\n", sweep / 4);
     }
     std::fs::write(lab.path("short.csv"), table).unwrap();
-    let mut short = tactnet(["train", "--model", "minirocket", "--data"]);
-    short
-        .arg(lab.path("short.csv"))
-        .arg("--out")
-        .arg(lab.path("refused"));
-    let message = stderr(&expect(2, short));
+    let short = lab.command("train --model minirocket --data @short.csv --out @refused");
+    let message = refusal(short);
     assert!(message.contains("at least 10 steps"), "{message}");
 }

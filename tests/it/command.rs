@@ -34,6 +34,30 @@ pub fn json(command: Command) -> serde_json::Value {
     serde_json::from_str(&stdout(&expect(0, command))).unwrap()
 }
 
+/// Runs `command`, which succeeds; returns its results.
+pub fn output_of(command: Command) -> String {
+    stdout(&expect(0, command))
+}
+
+/// Runs `command`, which succeeds; returns its messages.
+pub fn messages_of(command: Command) -> String {
+    stderr(&expect(0, command))
+}
+
+/// Runs `command`, which is a wrong call; returns its messages.
+pub fn refusal(command: Command) -> String {
+    stderr(&expect(2, command))
+}
+
+/// Asserts that a text contains words.
+macro_rules! assert_says {
+    ($text:expr, $words:expr) => {{
+        let text = &$text;
+        assert!(text.contains($words), "{text}")
+    }};
+}
+pub(crate) use assert_says;
+
 /// Sends a signal, such as `TERM`, to a process.
 pub fn signal(name: &str, process: u32) {
     let sent = Command::new("kill")
@@ -89,6 +113,30 @@ impl Lab {
         self.folder.path().join(name)
     }
 
+    /// Returns `tactnet` with the words of `line`, in which `@` stands for the lab's folder: `data info @twin.h5`.
+    pub fn command(&self, line: &str) -> Command {
+        let folder = self.path("").display().to_string();
+        let words = line.split_whitespace();
+        tactnet(words.map(|word| word.replace('@', &folder)))
+    }
+
+    /// Returns the command `line` with more words, which are not divided.
+    pub fn command_with(&self, line: &str, more: &[&str]) -> Command {
+        let mut command = self.command(line);
+        command.args(more);
+        command
+    }
+
+    /// Runs the command `line`, which succeeds.
+    pub fn run(&self, line: &str) -> Output {
+        expect(0, self.command(line))
+    }
+
+    /// Returns what the command `line` says, which is a wrong call.
+    pub fn refused(&self, line: &str) -> String {
+        refusal(self.command(line))
+    }
+
     pub fn recipe(&self, change: RecipeChange) -> PathBuf {
         let path = self.path("small.toml");
         let text = format!(
@@ -107,6 +155,14 @@ impl Lab {
         );
         std::fs::write(&path, text).unwrap();
         path
+    }
+
+    /// Writes the small recipe with this many epochs.
+    pub fn recipe_for(&self, epochs: usize) -> PathBuf {
+        self.recipe(RecipeChange {
+            epochs: Some(epochs),
+            ..RecipeChange::default()
+        })
     }
 
     /// Returns `tactnet train` on the small twin with the small recipe, into `out`.

@@ -1,16 +1,16 @@
 //! Help, version and error messages of the command line.
 
-use crate::command::{Lab, expect, json, stderr, stdout, tactnet};
+use crate::command::{Lab, expect, json, output_of, refusal, tactnet};
 
 #[test]
 fn every_shell_gets_completions() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let script = stdout(&expect(0, tactnet(["completions", shell])));
+        let script = output_of(tactnet(["completions", shell]));
         for part in ["tactnet", "experiment", "resume"] {
             assert!(script.contains(part), "{shell} lacks {part}");
         }
     }
-    let refused = stderr(&expect(2, tactnet(["completions", "tcsh"])));
+    let refused = refusal(tactnet(["completions", "tcsh"]));
     assert_eq!(refused.trim_end().lines().count(), 1, "{refused}");
 }
 
@@ -18,7 +18,7 @@ fn every_shell_gets_completions() {
 fn every_command_has_a_manual_page_and_help() {
     let folder = tempfile::tempdir().unwrap();
     let pages = folder.path().join("man1");
-    let page = stdout(&expect(0, tactnet(["man"])));
+    let page = output_of(tactnet(["man"]));
     assert!(page.contains(".TH tactnet 1"), "{page}");
     expect(0, tactnet(["man", "--out", pages.to_str().unwrap()]));
     for command in ["", "-train", "-data", "-data-check", "-experiment-run"] {
@@ -28,19 +28,19 @@ fn every_command_has_a_manual_page_and_help() {
     }
     assert!(!pages.join("tactnet-task.1").exists(), "it is hidden");
     let file = pages.join("tactnet.1").display().to_string();
-    let refused = stderr(&expect(2, tactnet(["man", "--out", &file])));
+    let refused = refusal(tactnet(["man", "--out", &file]));
     assert!(refused.contains(&file), "{refused}");
 
     for words in [&["train"][..], &["data", "check"]] {
         let mut asked = words.to_vec();
         asked.push("--help");
         assert_eq!(
-            stdout(&expect(0, tactnet(["help"].iter().chain(words)))),
-            stdout(&expect(0, tactnet(asked))),
+            output_of(tactnet(["help"].iter().chain(words))),
+            output_of(tactnet(asked)),
             "{words:?}"
         );
     }
-    let unknown = stderr(&expect(2, tactnet(["help", "trian"])));
+    let unknown = refusal(tactnet(["help", "trian"]));
     assert!(unknown.contains("did you mean `train`?"), "{unknown}");
     for (words, meant) in [
         (["train", "--model", "lad"], "did you mean `lda`?"),
@@ -55,12 +55,12 @@ fn every_command_has_a_manual_page_and_help() {
             "found; it is a setting of the recipe",
         ),
     ] {
-        let refused = stderr(&expect(2, tactnet(words)));
+        let refused = refusal(tactnet(words));
         assert!(refused.contains(meant), "{refused}");
         assert!(!refused.contains("tip:"), "{refused}");
     }
     // Without a better suggestion, clap's own one stays.
-    let near = stderr(&expect(2, tactnet(["train", "--epoch", "3"])));
+    let near = refusal(tactnet(["train", "--epoch", "3"]));
     assert!(
         near.contains("`--epochs`") || near.contains("'--epochs'"),
         "{near}"
@@ -71,8 +71,8 @@ fn every_command_has_a_manual_page_and_help() {
 fn a_build_says_which_it_is_and_what_it_lacks() {
     let version = json(tactnet(["version", "--json"]));
     assert_eq!(version["version"], env!("CARGO_PKG_VERSION"));
-    let text = stdout(&expect(0, tactnet(["version"])));
-    assert_eq!(text, stdout(&expect(0, tactnet(["--version"]))));
+    let text = output_of(tactnet(["version"]));
+    assert_eq!(text, output_of(tactnet(["--version"])));
     let first = format!(
         "tactnet {} (commit {})\n",
         env!("CARGO_PKG_VERSION"),
@@ -101,7 +101,7 @@ fn nothing_is_coloured_where_nobody_wants_colours() {
     let help = |variables: &[(&str, &str)]| {
         let mut help = tactnet(["train", "--help"]);
         help.env_remove("NO_COLOR").envs(variables.iter().copied());
-        stdout(&expect(0, help))
+        output_of(help)
     };
     let escape = '\u{1b}';
     assert!(help(&[("CLICOLOR_FORCE", "1")]).contains(escape));
@@ -112,7 +112,7 @@ fn nothing_is_coloured_where_nobody_wants_colours() {
 #[test]
 fn without_a_hub_every_command_says_so_at_once() {
     let lab = Lab::new();
-    let table = stdout(&expect(0, tactnet(["serve", "--print-table"])));
+    let table = output_of(tactnet(["serve", "--print-table"]));
     let table = table.replace("\"robot\"", "\"nohub\"");
     std::fs::write(lab.path("robot.toml"), table).unwrap();
     let recording = lab.path("a.mcap").display().to_string();
@@ -126,7 +126,7 @@ fn without_a_hub_every_command_says_so_at_once() {
     ] {
         let mut command = tactnet(words);
         command.arg("--table").arg(lab.path("robot.toml"));
-        let said = stderr(&expect(2, command));
+        let said = refusal(command);
         assert_eq!(
             said,
             "error: no hub of bus `nohub` runs on this host; start `tactnet channel hub --table FILE` with the same table\n",
@@ -158,7 +158,7 @@ fn a_wrong_path_is_a_mistake_in_the_call() {
         &["replay", &folder],
         &["simulate", "soak", "--data", &folder],
     ] {
-        let said = stderr(&expect(2, tactnet(words)));
+        let said = refusal(tactnet(words));
         assert_eq!(said.matches("error:").count(), 1, "{words:?}: {said}");
         assert_eq!(said.trim_end().lines().count(), 1, "{words:?}: {said}");
         let named = if words.contains(&twin.as_str()) {

@@ -1,6 +1,6 @@
 //! Committees with the real binary.
 
-use crate::command::{Lab, expect, json, stderr, tactnet};
+use crate::command::{Lab, assert_says, expect, json, refusal, stderr};
 
 /// Two small networks.
 const NETWORKS: &str = r#"
@@ -24,11 +24,8 @@ prediction = { method = { kind = "mc-dropout", runs = 20 } }
 /// Trains a committee with these recipe and options into the folder `run`.
 fn trained(lab: &Lab, recipe: &str, data: &str, more: &[&str]) {
     std::fs::write(lab.path("committee.toml"), recipe).unwrap();
-    let mut train = tactnet(["train", "--data"]);
-    train.arg(lab.path(data)).arg("--recipe");
-    train.arg(lab.path("committee.toml"));
-    train.arg("--out").arg(lab.path("run")).args(more);
-    expect(0, train);
+    let line = format!("train --data @{data} --recipe @committee.toml --out @run");
+    expect(0, lab.command_with(&line, more));
 }
 
 #[test]
@@ -39,35 +36,24 @@ fn a_calibrated_committee_says_what_it_does_not_know_and_compares_objects() {
     let options = ["--calibrate", "--false-alarms", "0.1"];
     trained(&lab, recipe, "three.h5", &options);
     // The fourth material of the small twin is unknown.
-    let mut eval = tactnet(["eval", "--json"]);
-    eval.arg(lab.path("run"));
-    eval.arg("--data").arg(lab.path("twin.h5"));
-    let found = json(eval);
+    let found = json(lab.command("eval --json @run --data @twin.h5"));
     assert_eq!(found["n_unknown"], 10, "{found}");
     let verdicts = &found["verdicts"];
     assert_eq!(verdicts["detected"]["n"], 10, "{found}");
     // Sweeps of a material that no member knows are called unknown more often than those of known ones.
     let share = |name: &str| verdicts[name]["mean"].as_f64().unwrap();
     assert!(share("detected") > share("false_alarms"), "{found}");
-    let mut own = tactnet(["eval", "--json"]);
-    own.arg(lab.path("run"));
-    let own = json(own);
+    let own = json(lab.command("eval --json @run"));
     // 36 test sweeps at a target of 0.9: three standard deviations and the uncertainty of the threshold.
     let coverage = own["verdicts"]["coverage"]["mean"].as_f64().unwrap();
     assert!(coverage >= 0.7, "{own}");
 
-    let mut predict = tactnet(["predict", "--json"]);
-    predict.arg(lab.path("run"));
-    predict.arg("--data").arg(lab.path("twin.h5"));
-    let predicted = json(predict);
+    let predicted = json(lab.command("predict --json @run --data @twin.h5"));
     assert!(predicted["sweeps"][0]["unknown"].is_boolean());
     assert!(predicted["sweeps"][0]["prediction_set"].is_array());
 
-    let mut same = tactnet(["same", "--json"]);
-    let one = lab.path("one.npz");
-    write_first_of(&lab, "three.h5", 0, &one);
-    same.arg(lab.path("run")).arg(&one).arg(&one);
-    let same = json(same);
+    write_first_of(&lab, "three.h5", 0, &lab.path("one.npz"));
+    let same = json(lab.command("same --json @run @one.npz @one.npz"));
     assert!(same["same"].as_f64().unwrap() > 0.5, "{same}");
 }
 
@@ -81,27 +67,19 @@ fn a_committee_of_networks_is_one_onnx_file_with_the_same_probabilities() {
     let lab = Lab::new();
     lab.twin("data.h5", "--materials 4 --sweeps 20 --steps 125");
     trained(&lab, NETWORKS, "data.h5", &[]);
-    let mut eval = tactnet(["eval", "--json", "--runtime", "onnxruntime"]);
-    eval.arg(lab.path("run"));
-    let found = json(eval);
+    let found = json(lab.command("eval --json --runtime onnxruntime @run"));
     for way in ["plain", "mc_dropout"] {
         let apart = found["runtimes"][way]["largest_difference"].as_f64();
         // As for single networks.
         assert!(apart.is_some_and(|apart| apart < 1e-4), "{way}: {found}");
     }
-    for (file, masks) in [("plain.onnx", &[][..]), ("masks.onnx", &["--masks"][..])] {
-        let mut export = tactnet(["export"]);
-        export.arg(lab.path("run")).args(masks);
-        export.arg("--out").arg(lab.path(file));
-        expect(0, export);
+    for (file, masks) in [("plain.onnx", ""), ("masks.onnx", "--masks")] {
+        lab.run(&format!("export @run {masks} --out @{file}"));
         let text = String::from_utf8_lossy(&lab.read(file)).into_owned();
         assert_eq!(text.contains("bands/masks"), !masks.is_empty(), "{file}");
         assert!(text.contains("[\"conv\",\"bands\"]"), "members: {file}");
     }
-    let mut export = tactnet(["export"]);
-    export.arg(lab.path("run"));
-    export.arg("--out").arg(lab.path("run.safetensors"));
-    let refused = stderr(&expect(2, export));
+    let refused = lab.refused("export @run --out @run.safetensors");
     assert!(refused.contains("only an ONNX form"), "{refused}");
 }
 
@@ -110,22 +88,12 @@ fn members_without_an_onnx_form_are_named() {
     let lab = Lab::new();
     let recipe = "name = \"three\"\nmembers = [\"lda\", \"means\"]";
     trained(&lab, recipe, "twin.h5", &[]);
-    let mut export = tactnet(["export"]);
-    export.arg(lab.path("run"));
-    export.arg("--out").arg(lab.path("run.onnx"));
-    let refused = stderr(&expect(2, export));
-    assert!(
-        refused.contains("no ONNX form: lda, means; export a network"),
-        "{refused}"
-    );
+    let export = lab.command("export @run --out @run.onnx");
+    let refused = refusal(export);
+    assert_says!(refused, "no ONNX form: lda, means; export a network");
     assert!(!lab.path("run.onnx").exists());
-    let mut eval = tactnet(["eval", "--runtime", "online"]);
-    eval.arg(lab.path("run"));
-    let refused = stderr(&expect(2, eval));
-    assert!(
-        refused.contains("a committee runs in `burn`, and in `onnxruntime`"),
-        "{refused}"
-    );
+    let refused = lab.refused("eval --runtime online @run");
+    assert_says!(refused, "a committee runs in `burn`, and in `onnxruntime`");
 }
 
 #[test]
@@ -145,12 +113,8 @@ fn a_committee_learns_a_material_and_names_the_members_that_cannot() {
     let options = ["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"];
     trained(&lab, recipe, "three.h5", &options);
     let enroll = |run: &str, sweeps: &str, out: &str| {
-        let mut enroll = tactnet(["enroll"]);
-        enroll.arg(lab.path(run)).arg("--data");
-        enroll.arg(lab.path("four.h5")).args(["--material", new]);
-        enroll.args(["--sweeps", sweeps, "--json", "--out"]);
-        enroll.arg(lab.path(out));
-        enroll
+        let line = format!("enroll @{run} --data @four.h5 --sweeps {sweeps} --json --out @{out}");
+        lab.command_with(&line, &["--material", new])
     };
     let ten = json(enroll("run", "10", "ten"));
     assert_eq!(ten["materials"], 4, "{ten}");
@@ -159,24 +123,18 @@ fn a_committee_learns_a_material_and_names_the_members_that_cannot() {
     let held_out = ten["cost"]["held_out"].as_u64().unwrap();
     assert!((12..=15).contains(&held_out), "{ten}");
     assert_eq!(lab.json("ten/calibration.json")["sweeps"], held_out);
-    let mut eval = tactnet(["eval", "--json"]);
-    eval.arg(lab.path("ten"));
-    eval.arg("--data").arg(lab.path("four.h5"));
-    let found = json(eval);
+    let found = json(lab.command("eval --json @ten --data @four.h5"));
     assert_eq!(found["n_unknown"], 0, "{found}");
     let learnt = found["confusion"]["materials"].as_array().unwrap();
     assert_eq!(learnt.len(), 4, "{found}");
 
     let one = json(enroll("run", "1", "one"));
     assert_eq!(one["left_out"][0]["name"], "svm-spectra", "{one}");
-    let again = stderr(&expect(2, enroll("ten", "1", "again")));
+    let again = refusal(enroll("ten", "1", "again"));
     assert!(again.contains("only once after its training"), "{again}");
     std::fs::rename(lab.path("three.h5"), lab.path("elsewhere.h5")).unwrap();
-    let lost = stderr(&expect(2, enroll("run", "10", "lost")));
-    assert!(
-        lost.contains("need the run's training sweeps again"),
-        "{lost}"
-    );
+    let lost = refusal(enroll("run", "10", "lost"));
+    assert_says!(lost, "need the run's training sweeps again");
     assert!(!lab.path("lost").exists());
 }
 
@@ -200,26 +158,15 @@ fn write_first_of(lab: &Lab, from: &str, label: usize, to: &std::path::Path) {
 fn a_committee_serves_its_network_and_a_distilled_one() {
     let lab = Lab::new();
     lab.twin("data.h5", "--materials 3 --sweeps 15 --steps 100");
-    let mut train = tactnet(["train", "--epochs", "2", "--data"]);
-    train.arg(lab.path("data.h5"));
-    train.arg("--out").arg(lab.path("run"));
-    expect(0, train);
+    lab.run("train --epochs 2 --data @data.h5 --out @run");
     assert_eq!(lab.json("run/result.json")["recipe"], "committee");
     assert_eq!(lab.json("run/network/result.json")["recipe"], "fast");
-    let mut table = tactnet(["serve", "--print-table", "--run"]);
-    table.arg(lab.path("run"));
-    expect(0, table);
+    lab.run("serve --print-table --run @run");
 
-    let mut export = tactnet(["export"]);
-    export.arg(lab.path("run"));
-    export.arg("--out").arg(lab.path("network.onnx"));
-    let said = stderr(&expect(0, export));
+    let said = stderr(&lab.run("export @run --out @network.onnx"));
     assert!(said.contains("its network `fast` is exported"), "{said}");
 
-    let mut distill = tactnet(["distill"]);
-    distill.arg(lab.path("run"));
-    distill.arg("--out").arg(lab.path("one"));
-    let said = stderr(&expect(0, distill));
+    let said = stderr(&lab.run("distill @run --out @one"));
     assert!(said.contains("committee, without part 5 of 5"), "{said}");
     let compared = said
         .lines()
@@ -228,16 +175,8 @@ fn a_committee_serves_its_network_and_a_distilled_one() {
     let [whole, one] = ["run", "one"].map(|run| lab.json(&format!("{run}/result.json")));
     assert_eq!(one["recipe"], "distilled");
     assert_eq!(one["data_sha256"], whole["data_sha256"]);
-    let mut export = tactnet(["export"]);
-    export.arg(lab.path("one"));
-    export.arg("--out").arg(lab.path("one.onnx"));
-    expect(0, export);
+    lab.run("export @one --out @one.onnx");
 
-    let mut again = tactnet(["distill"]);
-    again.arg(lab.path("one"));
-    let refused = stderr(&expect(2, again));
-    assert!(
-        refused.contains("only committees are distilled"),
-        "{refused}"
-    );
+    let refused = lab.refused("distill @one");
+    assert_says!(refused, "only committees are distilled");
 }

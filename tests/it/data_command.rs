@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
+use crate::command::{
+    Lab, RecipeChange, assert_says, expect, json, messages_of, output_of, refusal, stderr, stdout,
+    tactnet,
+};
 use crate::newcomer::{own_sweeps, with};
 
 fn fixtures() -> Vec<PathBuf> {
@@ -26,21 +29,21 @@ fn info_and_check_say_something_useful_about_every_fixture() {
         let mut check = tactnet(["data", "check"]);
         check.arg(&file);
         if name == "bad_nan.h5" {
-            assert!(stdout(&expect(0, info)).contains("cork"));
+            assert!(output_of(info).contains("cork"));
             let text = stdout(&expect(1, check));
             assert!(text.contains("sweep"), "{text}");
         } else if name.starts_with("bad_") || name.contains("lzf") {
             for command in [info, check] {
-                let message = stderr(&expect(2, command));
+                let message = refusal(command);
                 assert!(message.contains(&name), "{message}");
                 assert_eq!(message.trim_end().lines().count(), 1, "{message}");
             }
         } else {
-            let text = stdout(&expect(0, info));
+            let text = output_of(info);
             for part in ["cork", "denim", "spun fleece"] {
                 assert!(text.contains(part), "{name}: {text}");
             }
-            let text = stdout(&expect(0, check));
+            let text = output_of(check);
             assert!(text.contains("0 errors"), "{name}: {text}");
         }
     }
@@ -55,7 +58,7 @@ fn samples_and_labels_in_groups_are_named_for_check_import_and_train() {
         command.arg(folder.join(file)).args(more);
         command
     };
-    let refused = stderr(&expect(2, on(&["data", "check"], "groups.h5", &[])));
+    let refused = refusal(on(&["data", "check"], "groups.h5", &[]));
     let listed = "`recorded/skin/pressure` [6, 12, 4] f64";
     let cure = "name the one that holds the taxels with `--samples NAME`";
     assert!(
@@ -68,10 +71,10 @@ fn samples_and_labels_in_groups_are_named_for_check_import_and_train() {
         "--labels",
         "recorded/material",
     ];
-    let checked = stdout(&expect(0, on(&["data", "check"], "groups.h5", &names)));
-    assert!(
-        checked.contains("6 sweeps of 12 steps of 1x4 taxels at 250 Hz, 3 materials"),
-        "{checked}"
+    let checked = output_of(on(&["data", "check"], "groups.h5", &names));
+    assert_says!(
+        checked,
+        "6 sweeps of 12 steps of 1x4 taxels at 250 Hz, 3 materials"
     );
     let out = lab.path("own.npz").display().to_string();
     let import = [&names[..], &["--out", &out]].concat();
@@ -81,20 +84,14 @@ fn samples_and_labels_in_groups_are_named_for_check_import_and_train() {
     expect(0, on(&["train", "--data"], "groups.h5", &means));
     // The run's settings contain the names.
     expect(0, tactnet(["eval", &run]));
-    let noted = stderr(&expect(
-        0,
-        on(
-            &["data", "import"],
-            "v5_cell.mat",
-            &["--out", &out, "--force"],
-        ),
+    let noted = messages_of(on(
+        &["data", "import"],
+        "v5_cell.mat",
+        &["--out", &out, "--force"],
     ));
     let note = "note: `X`: the size 6x12x4 in MATLAB is read as sweeps x steps x taxels";
     assert!(noted.contains(note), "{noted}");
-    let refused = stderr(&expect(
-        2,
-        tactnet(["data", "check", "twin", "--labels", "y"]),
-    ));
+    let refused = refusal(tactnet(["data", "check", "twin", "--labels", "y"]));
     assert!(refused.contains("--labels: expected a file"), "{refused}");
 }
 
@@ -115,7 +112,7 @@ fn a_path_that_is_not_utf8_is_an_error_in_one_line() {
     ] {
         let mut command = tactnet(words.iter().copied());
         command.arg(path);
-        let message = stderr(&expect(2, command));
+        let message = refusal(command);
         assert!(!message.contains("panicked"), "{words:?}: {message}");
         assert_eq!(
             message.trim_end().lines().count(),
@@ -128,19 +125,14 @@ fn a_path_that_is_not_utf8_is_an_error_in_one_line() {
 #[test]
 fn train_refuses_what_check_calls_an_error() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange::default());
+    lab.recipe(RecipeChange::default());
     let bad = fixtures()
         .into_iter()
         .find(|f| f.ends_with("bad_nan.h5"))
         .unwrap();
-    let mut train = tactnet(["train", "--data"]);
-    train
-        .arg(&bad)
-        .arg("--recipe")
-        .arg(recipe)
-        .arg("--out")
-        .arg(lab.path("run"));
-    let message = stderr(&expect(2, train));
+    let mut train = lab.command("train --recipe @small.toml --out @run --data");
+    train.arg(bad);
+    let message = refusal(train);
     assert!(
         message.contains("bad_nan.h5") && message.contains("sweep"),
         "{message}"
@@ -152,15 +144,11 @@ fn train_refuses_what_check_calls_an_error() {
 fn export_and_import_bring_the_same_sweeps_back() {
     let lab = Lab::new();
     let sha = |name: &str| {
-        let mut info = tactnet(["data", "info", "--json"]);
-        info.arg(lab.path(name));
-        json(info)["sha256"].as_str().unwrap().to_string()
+        let info = json(lab.command(&format!("data info --json @{name}")));
+        info["sha256"].as_str().unwrap().to_string()
     };
-    let convert = |verb: &str, from: &str, to: &str| {
-        let mut command = tactnet(["data", verb]);
-        command.arg(lab.path(from)).arg("--out").arg(lab.path(to));
-        command
-    };
+    let convert =
+        |verb: &str, from: &str, to: &str| lab.command(&format!("data {verb} @{from} --out @{to}"));
     expect(0, convert("export", "twin.h5", "twin.npz"));
     expect(0, convert("import", "twin.npz", "again.h5"));
     assert_eq!(sha("twin.h5"), sha("twin.npz"));
@@ -168,9 +156,9 @@ fn export_and_import_bring_the_same_sweeps_back() {
     expect(0, convert("export", "twin.h5", "twin.ts"));
     let ts = String::from_utf8(lab.read("twin.ts")).unwrap();
     assert!(ts.contains("@data"), "{}", &ts[..200.min(ts.len())]);
-    let message = stderr(&expect(2, convert("export", "twin.h5", "twin.npz")));
+    let message = refusal(convert("export", "twin.h5", "twin.npz"));
     assert!(message.contains("--force"), "{message}");
-    let message = stderr(&expect(2, convert("export", "twin.h5", "twin.doc")));
+    let message = refusal(convert("export", "twin.h5", "twin.doc"));
     assert!(message.contains("twin.doc"), "{message}");
 }
 
@@ -178,12 +166,9 @@ fn export_and_import_bring_the_same_sweeps_back() {
 fn own_tables_are_checked_and_imported() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["cork", "felt"], 3, 4);
-    let checked = stdout(&expect(0, with(&lab, &["data", "check"], "own", &[])));
+    let checked = output_of(lab.command("data check @own"));
     assert!(checked.contains("assumed sample rate"), "{checked}");
-    assert!(
-        checked.contains("cross-validation uses 3 folds"),
-        "{checked}"
-    );
+    assert_says!(checked, "cross-validation uses 3 folds");
 
     let own = lab.path("own.npz").display().to_string();
     let options = [
@@ -200,7 +185,7 @@ fn own_tables_are_checked_and_imported() {
         (&200.0.into(), &false.into())
     );
     let contradicted = ["data", "check", &own, "--rate", "100"];
-    let message = stdout(&expect(0, tactnet(contradicted)));
+    let message = output_of(tactnet(contradicted));
     let precedence = "200 Hz; the named 100 Hz takes precedence";
     assert!(message.contains(precedence), "{message}");
 }
@@ -213,12 +198,10 @@ fn a_cell_that_is_no_number_is_named_with_line_and_column() {
         "sweep,material,a\n1,cork,2\n1,cork,x\n",
     )
     .unwrap();
-    let mut words = tactnet(["data", "import", "--out"]);
-    words.arg(lab.path("z.npz")).arg(lab.path("words.csv"));
-    let message = stderr(&expect(2, words));
-    assert!(
-        message.contains("words.csv: line 3, column 3: expected a number, found `x`"),
-        "{message}"
+    let message = lab.refused("data import --out @z.npz @words.csv");
+    assert_says!(
+        message,
+        "words.csv: line 3, column 3: expected a number, found `x`"
     );
     assert!(!message.contains("z.npz"), "{message}");
 }
@@ -234,7 +217,7 @@ fn own_tables_are_trained_on_with_the_named_rate_and_folds() {
         command.arg("--out").arg(lab.path(out));
         command
     };
-    let message = stderr(&expect(0, train("assumed", &["--split", "hold-out"])));
+    let message = messages_of(train("assumed", &["--split", "hold-out"]));
     assert!(message.contains("750 Hz is assumed"), "{message}");
     assert_eq!(
         lab.json("assumed/config.json")["classifier"]["sample_rate_assumed"],
@@ -247,55 +230,28 @@ fn own_tables_are_trained_on_with_the_named_rate_and_folds() {
             .len(),
         2
     );
-    let message = stderr(&expect(
-        0,
-        train("named", &["--folds", "3", "--rate", "200"]),
-    ));
+    let message = messages_of(train("named", &["--folds", "3", "--rate", "200"]));
     assert!(!message.contains("Hz is assumed"), "{message}");
     assert_eq!(lab.json("named/result.json")["n_train"], 4);
-    let message = stderr(&expect(2, train("many", &["--folds", "4"])));
-    assert!(
-        message.contains("at least 4, one for each fold, found 3"),
-        "{message}"
-    );
+    let message = refusal(train("many", &["--folds", "4"]));
+    assert_says!(message, "at least 4, one for each fold, found 3");
 }
 
 #[test]
 fn a_download_without_network_is_one_line_with_the_page_to_go_to() {
     let lab = Lab::new();
-    let mut command = tactnet([
-        "data",
-        "fetch",
-        "tactmat",
-        "--url",
-        "http://127.0.0.1:9/tactmat.h5",
-        "--out",
-    ]);
-    command.arg(lab.path("tactmat.h5"));
-    let message = stderr(&expect(1, command));
+    let line = "data fetch tactmat --url http://127.0.0.1:9/tactmat.h5 --out @tactmat.h5";
+    let message = stderr(&expect(1, lab.command(line)));
     assert_eq!(message.trim_end().lines().count(), 1, "{message}");
-    assert!(
-        message.contains("dlr-alr.github.io/dlr-tactmat"),
-        "{message}"
-    );
+    assert_says!(message, "dlr-alr.github.io/dlr-tactmat");
     assert!(!lab.path("tactmat.h5").exists());
 }
 
 #[test]
 fn the_twin_is_called_a_twin_and_shows_its_statistics() {
-    let output = expect(
-        0,
-        tactnet([
-            "data",
-            "twin",
-            "--stats",
-            "--materials",
-            "3",
-            "--sweeps",
-            "10",
-        ]),
-    );
-    let text = stdout(&output);
+    let text = output_of(tactnet(
+        "data twin --stats --materials 3 --sweeps 10".split(' '),
+    ));
     assert!(text.contains("twin") && text.contains("TactMat"), "{text}");
     // TactMat's statistics belong to other sweeps than these.
     assert!(!text.contains("trained classifiers"), "{text}");
@@ -305,15 +261,8 @@ fn the_twin_is_called_a_twin_and_shows_its_statistics() {
 fn a_twin_stays_a_twin_whatever_its_file_is_called() {
     let lab = Lab::new();
     for file in ["tactmat.h5", "tactmat.npz"] {
-        let mut export = tactnet(["data", "export"]);
-        export
-            .arg(lab.path("twin.h5"))
-            .arg("--out")
-            .arg(lab.path(file));
-        expect(0, export);
-        let mut info = tactnet(["data", "info", "--json"]);
-        info.arg(lab.path(file));
-        let info = json(info);
+        lab.run(&format!("data export @twin.h5 --out @{file}"));
+        let info = json(lab.command(&format!("data info --json @{file}")));
         assert_eq!(info["name"], "twin (tactmat)", "{file}");
     }
 }
@@ -334,7 +283,7 @@ fn sweeps_without_materials_are_looked_at_checked_and_named() {
         command.arg(&folder).args(rest).current_dir(dir.path());
         command
     };
-    let text = stdout(&expect(0, data(&["data", "info"], &[])));
+    let text = output_of(data(&["data", "info"], &[]));
     assert!(text.contains("materials    none named"), "{text}");
     let found = expect(0, data(&["data", "info"], &["--json"]));
     let found: serde_json::Value = serde_json::from_str(&stdout(&found)).unwrap();
@@ -348,21 +297,18 @@ fn sweeps_without_materials_are_looked_at_checked_and_named() {
     // Invalid values are found as in labelled data.
     std::fs::write(folder.join("3.csv"), "1,2\n".repeat(40)).unwrap();
     let text = stdout(&expect(1, data(&["data", "check"], &[])));
-    assert!(
-        text.contains("\n  sweep 3: no taxel ever changes"),
-        "{text}"
-    );
+    assert_says!(text, "\n  sweep 3: no taxel ever changes");
     std::fs::remove_file(folder.join("3.csv")).unwrap();
 
     expect(2, data(&["data", "import"], &["--out", "felt.npz"]));
     let named = ["--out", "felt.npz", "--rate", "100", "--material", "felt"];
-    let written = stderr(&expect(0, data(&["data", "import"], &named)));
+    let written = messages_of(data(&["data", "import"], &named));
     assert!(written.contains("3 sweeps of 1 material ("), "{written}");
     let felt = tactnet_data::format::read(&dir.path().join("felt.npz")).unwrap();
     assert_eq!(felt.labels().names().collect::<Vec<_>>(), ["felt"]);
     assert_eq!((felt.len(), felt.sample_rate_hz()), (3, 100.0));
     let mut again = tactnet(["data", "import", "felt.npz", "--material", "cork"]);
     again.args(["--out", "cork.npz"]).current_dir(dir.path());
-    let refused = stderr(&expect(2, again));
+    let refused = refusal(again);
     assert!(refused.contains("names its materials itself"), "{refused}");
 }

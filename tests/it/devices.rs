@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, tactnet};
+use crate::command::{Lab, RecipeChange, json, messages_of, refusal, tactnet};
 
 #[test]
 fn every_device_that_is_present_is_timed() {
@@ -33,7 +33,7 @@ fn the_fastest_device_is_named() {
     let lab = Lab::new();
     let mut train = lab.train(&lab.recipe(RecipeChange::default()), "run");
     train.args(["--device", "auto"]);
-    let said = stderr(&expect(0, train));
+    let said = messages_of(train);
     assert!(said.starts_with("device: "), "{said}");
 }
 
@@ -46,7 +46,7 @@ fn a_machine_without_a_driver_gets_one_line() {
     for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
         train.env(variable, lab.path("no-driver.json"));
     }
-    let said = stderr(&expect(2, train));
+    let said = refusal(train);
     let error = said.lines().last().unwrap();
     assert!(error.contains("no GPU with a driver was found"), "{said}");
     assert!(!said.contains("panicked"), "{said}");

@@ -8,34 +8,25 @@ use tactnet_data::format::{Format, read};
 use tactnet_data::{Dataset, LabelSet};
 use tactnet_models::{NamedTensor, Weights};
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
+use crate::command::{
+    Lab, RecipeChange, assert_says, expect, json, messages_of, output_of, refusal, stderr, stdout,
+};
 
 fn enroll(lab: &Lab, run: &str, data: &str, material: &str, out: &str, more: &[&str]) -> Command {
-    let mut command = tactnet(["enroll"]);
-    command
-        .arg(lab.path(run))
-        .arg("--data")
-        .arg(lab.path(data))
-        .args(["--material", material])
-        .arg("--out")
-        .arg(lab.path(out))
-        .args(more);
-    command
+    let line = format!("enroll @{run} --data @{data} --out @{out}");
+    lab.command_with(&line, &[&["--material", material], more].concat())
 }
 
 /// Returns the names of the materials of a data set.
 fn materials(lab: &Lab, data: &str) -> Vec<String> {
-    let mut info = tactnet(["data", "info", "--json"]);
-    info.arg(lab.path(data));
-    let found = json(info);
+    let found = json(lab.command(&format!("data info --json @{data}")));
     let materials = found["materials"].as_array().unwrap().iter();
     let name = |material: &Value| material["name"].as_str().unwrap().to_string();
     materials.map(name).collect()
 }
 
 fn eval(lab: &Lab, run: &str, data: Option<&str>) -> Value {
-    let mut command = tactnet(["eval", "--json"]);
-    command.arg(lab.path(run));
+    let mut command = lab.command(&format!("eval --json @{run}"));
     if let Some(data) = data {
         command.arg("--data").arg(lab.path(data));
     }
@@ -47,11 +38,8 @@ const TEN: [&str; 3] = ["--sweeps", "10", "--json"];
 
 /// Returns `tactnet train` with the small recipe of the lab.
 fn train(lab: &Lab, data: &str, out: &str, more: &[&str]) -> Command {
-    let mut train = tactnet(["train", "--json", "--data"]);
-    train.arg(lab.path(data)).arg("--recipe");
-    train.arg(lab.path("small.toml"));
-    train.arg("--out").arg(lab.path(out)).args(more);
-    train
+    let line = format!("train --json --data @{data} --recipe @small.toml --out @{out}");
+    lab.command_with(&line, more)
 }
 
 /// Trains with a calibration; returns the number of sweeps that were held out for it.
@@ -134,10 +122,7 @@ fn assert_enrolment_fits_thresholds_again(lab: &Lab, new: &str, aside: u64) {
 #[test]
 fn a_calibrated_classifier_says_what_it_does_not_know() {
     let lab = Lab::new();
-    lab.recipe(RecipeChange {
-        epochs: Some(12),
-        ..RecipeChange::default()
-    });
+    lab.recipe_for(12);
     lab.twin("three.h5", "--materials 3 --sweeps 60 --steps 120");
     let aside = train_calibrated(&lab);
     let own = eval(&lab, "run", None);
@@ -152,10 +137,7 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
     assert_enrolment_fits_thresholds_again(&lab, &new, aside);
     // A run that did not keep the sweeps behind its thresholds prints a warning.
     std::fs::remove_file(lab.path("run/held_out.safetensors")).unwrap();
-    let kept = stderr(&expect(
-        0,
-        enroll(&lab, "run", "four.h5", &new, "kept", &TEN),
-    ));
+    let kept = messages_of(enroll(&lab, "run", "four.h5", &new, "kept", &TEN));
     assert!(kept.contains("train again with --calibrate"), "{kept}");
 }
 
@@ -163,25 +145,22 @@ fn a_calibrated_classifier_says_what_it_does_not_know() {
 fn a_calibration_needs_enough_sweeps_and_a_network() {
     let lab = Lab::new();
     lab.recipe(RecipeChange::default());
-    let few = stderr(&expect(2, train(&lab, "twin.h5", "few", &["--calibrate"])));
+    let few = refusal(train(&lab, "twin.h5", "few", &["--calibrate"]));
     assert!(few.contains("calibration"), "{few}");
     assert!(few.contains("5 % false alarms and 90 % coverage"), "{few}");
-    let mut baseline = tactnet(["train", "--model", "knn-l", "--calibrate", "--data"]);
-    baseline.arg(lab.path("twin.h5"));
-    baseline.arg("--out").arg(lab.path("knn"));
-    let refused = stderr(&expect(2, baseline));
-    assert!(
-        refused.contains("`calibrate`: expected the recipe of a network or committee"),
-        "{refused}"
+    let baseline = lab.command("train --model knn-l --calibrate --data @twin.h5 --out @knn");
+    let refused = refusal(baseline);
+    assert_says!(
+        refused,
+        "`calibrate`: expected the recipe of a network or committee"
     );
 }
 
 #[test]
 fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
     let lab = Lab::new();
-    let recipe = lab.path("few.toml");
     std::fs::write(
-        &recipe,
+        lab.path("few.toml"),
         "name = \"few\"\n[network]\nmaps = [8, 8]\nhidden = 64\nkeep_probability = 0.8\n[input]\nscaling = \"per-taxel\"\n\
          [training]\nepochs = 60\nbatch = 8\nlearning_rate = 0.005\nl2 = 1e-4\nmethod = { kind = \"base\" }\n",
     )
@@ -192,19 +171,12 @@ fn a_network_of_few_sweeps_keeps_its_materials_when_one_is_added() {
     let (mut before, mut after, mut claimed) = (0, 0, 0);
     for seed in ["1", "2", "3", "4", "5"] {
         let (run, more) = (format!("run{seed}"), format!("more{seed}"));
-        let mut train = tactnet(["train", "--seed", seed, "--data"]);
-        train.arg(lab.path("few.h5")).arg("--recipe").arg(&recipe);
-        expect(0, {
-            train.arg("--out").arg(lab.path(&run));
-            train
-        });
+        lab.run(&format!(
+            "train --seed {seed} --data @few.h5 --recipe @few.toml --out @{run}"
+        ));
         let three = ["--sweeps", "3", "--json"];
         let output = expect(0, enroll(&lab, &run, "five.h5", new, &more, &three));
-        assert!(
-            stderr(&output).contains("the new material is held back"),
-            "{}",
-            stderr(&output)
-        );
+        assert_says!(stderr(&output), "the new material is held back");
         let found: Value = serde_json::from_str(&stdout(&output)).unwrap();
         assert_eq!(found["prior"], "hundredth-with-bias", "{found}");
         let count = |name: &str| found["test_cost"][name].as_u64().unwrap();
@@ -226,9 +198,7 @@ fn weights(lab: &Lab, run: &str) -> BTreeMap<String, NamedTensor> {
 /// The sweeps are those of the run's own test, and those of another file without the enrolled ones.
 fn assert_enrolled_sweeps_are_not_tested(lab: &Lab, new: &str) {
     assert_eq!(eval(lab, "more", None)["n_test"], 8);
-    let mut again = tactnet(["eval", "--mc", "0"]);
-    again.arg(lab.path("more"));
-    let note = stderr(&expect(0, again));
+    let note = stderr(&lab.run("eval --mc 0 @more"));
     let none = format!("note: `{new}` was enrolled, and the run has no test sweeps of it");
     assert!(note.contains(&none), "{note}");
     let other = eval(lab, "more", Some("five.h5"));
@@ -239,11 +209,7 @@ fn assert_enrolled_sweeps_are_not_tested(lab: &Lab, new: &str) {
             .contains("; 5 enrolled sweeps are left out"),
         "{other}"
     );
-    let mut copy = tactnet(["data", "import"]);
-    copy.arg(lab.path("five.h5"))
-        .arg("--out")
-        .arg(lab.path("copy.npz"));
-    expect(0, copy);
+    lab.run("data import @five.h5 --out @copy.npz");
     let copied = eval(lab, "more", Some("copy.npz"));
     assert_eq!(
         (&copied["tested"], &copied["n_test"]),
@@ -258,21 +224,14 @@ fn assert_enrolled_sweeps_are_not_tested(lab: &Lab, new: &str) {
 
 /// `predict` names the training and enrolled sweeps, which are all but the `tested` ones.
 fn assert_trained_sweeps_are_counted(lab: &Lab, tested: u64) {
-    let mut predict = tactnet(["predict", "--json"]);
-    predict
-        .arg(lab.path("more"))
-        .arg("--data")
-        .arg(lab.path("copy.npz"));
-    let predicted = expect(0, predict);
+    let predicted = lab.run("predict --json @more --data @copy.npz");
     let found: Value = serde_json::from_str(&stdout(&predicted)).unwrap();
     let all = found["sweeps"].as_array().unwrap().len() as u64;
     let learnt = all - tested;
     let said = stderr(&predicted);
-    assert!(
-        said.contains(&format!(
-            "the run was trained on {learnt} of these {all} sweeps"
-        )),
-        "{said}"
+    assert_says!(
+        said,
+        &format!("the run was trained on {learnt} of these {all} sweeps")
     );
 }
 
@@ -318,10 +277,7 @@ fn assert_old_rows_stay(lab: &Lab) -> BTreeMap<String, NamedTensor> {
 #[test]
 fn a_new_material_is_added_and_the_old_rows_stay() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(12),
-        ..RecipeChange::default()
-    });
+    let recipe = lab.recipe_for(12);
     expect(0, lab.train(&recipe, "run"));
     lab.twin("five.h5", "--materials 5 --sweeps 20 --steps 120");
     let new = materials(&lab, "five.h5")[4].clone();
@@ -347,23 +303,15 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
     assert_enrolled_sweeps_are_not_tested(&lab, new);
 
     // Another material on top, and again from the first run.
-    let text = stdout(&expect(0, {
+    let text = output_of({
         let mut renamed = enroll(&lab, "run", "five.h5", new, "again", &[]);
         renamed.env("NO_COLOR", "1");
         renamed
-    }));
+    });
     assert!(text.contains("enrolled from 20 sweeps"), "{text}");
-    let taken = stderr(&expect(
-        2,
-        enroll(&lab, "run", "five.h5", new, "again", &[]),
-    ));
-    assert!(
-        taken.contains("is not empty; name another folder"),
-        "{taken}"
-    );
-    let mut resumed = tactnet(["train", "--resume"]);
-    resumed.arg(lab.path("more"));
-    let refused = stderr(&expect(2, resumed));
+    let taken = refusal(enroll(&lab, "run", "five.h5", new, "again", &[]));
+    assert_says!(taken, "is not empty; name another folder");
+    let refused = lab.refused("train --resume @more");
     assert!(refused.contains("cannot be trained further"), "{refused}");
     assert_eq!(weights(&lab, "more"), after, "nothing was overwritten");
 }
@@ -371,10 +319,7 @@ fn a_new_material_is_added_and_the_old_rows_stay() {
 #[test]
 fn a_known_material_under_a_new_name_is_noticed() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(8),
-        ..RecipeChange::default()
-    });
+    let recipe = lab.recipe_for(8);
     expect(0, lab.train(&recipe, "run"));
     let twin = read(&lab.path("twin.h5")).unwrap();
     let known: Vec<String> = twin.labels().names().map(Into::into).collect();
@@ -391,10 +336,7 @@ fn a_known_material_under_a_new_name_is_noticed() {
         .write(&lab.path("renamed.npz"), &renamed.unwrap())
         .unwrap();
     let name = format!("new {}", known[0]);
-    let said = stderr(&expect(
-        0,
-        enroll(&lab, "run", "renamed.npz", &name, "more", &[]),
-    ));
+    let said = messages_of(enroll(&lab, "run", "renamed.npz", &name, "more", &[]));
     let seen = "the run was trained on 8 of these 10 sweeps under another label";
     assert!(said.contains(seen), "{said}");
     let alike = format!(
@@ -407,17 +349,9 @@ fn a_known_material_under_a_new_name_is_noticed() {
 #[test]
 fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(1),
-        ..RecipeChange::default()
-    });
+    let recipe = lab.recipe_for(1);
     expect(0, lab.train(&recipe, "run"));
-    let mut baseline = tactnet(["train", "--model", "knn-l", "--data"]);
-    baseline
-        .arg(lab.path("twin.h5"))
-        .arg("--out")
-        .arg(lab.path("knn"));
-    expect(0, baseline);
+    lab.run("train --model knn-l --data @twin.h5 --out @knn");
     let first = materials(&lab, "twin.h5")[0].clone();
     let typed = first.to_uppercase();
     let meant = format!("did you mean `{first}`?");
@@ -456,7 +390,7 @@ fn what_cannot_be_enrolled_is_refused_in_one_line_and_leaves_nothing() {
         ),
         ("nothing", twin, "velvet", &[], "no run here"),
     ] {
-        let refused = stderr(&expect(2, enroll(&lab, run, data, material, "out", more)));
+        let refused = refusal(enroll(&lab, run, data, material, "out", more));
         assert!(refused.contains(named), "{material}: {refused}");
         assert_eq!(refused.trim().lines().count(), 1, "{refused}");
         assert!(!lab.path("out").exists(), "{named}");

@@ -4,33 +4,18 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
+use crate::command::{Lab, assert_says, expect, json, refusal, stderr, stdout, tactnet};
 
 /// An experiment with two folds, a small network and a baseline on the small twin.
 pub(crate) fn experiment(lab: &Lab, out: &str) -> Command {
     let recipe = lab.path("small.toml");
     if !recipe.exists() {
-        lab.recipe(RecipeChange {
-            epochs: Some(12),
-            ..RecipeChange::default()
-        });
+        lab.recipe_for(12);
     }
-    let mut command = tactnet([
-        "experiment",
-        "run",
-        "crossval_baselines",
-        "--set",
-        "folds=2",
-    ]);
-    command
-        .arg("--set")
-        .arg(format!("data={}", lab.path("twin.h5").display()))
-        .arg("--set")
-        .arg(format!("models=[\"{}\", \"knn-l\"]", recipe.display()))
-        .args(["--set", "groups=2"])
-        .arg("--out")
-        .arg(lab.path(out));
-    command
+    let settings = "--set folds=2 --set data=@twin.h5 --set groups=2";
+    let line = format!("experiment run crossval_baselines {settings} --out @{out}");
+    let models = format!("models=[\"{}\", \"knn-l\"]", recipe.display());
+    lab.command_with(&line, &["--set", &models])
 }
 
 pub(crate) const TASKS: [&str; 12] = [
@@ -55,18 +40,11 @@ pub(crate) fn predictions(lab: &Lab, out: &str) -> Vec<Vec<u8>> {
 
 /// Returns an experiment of one task that fails, because its window is longer than the sweeps.
 pub(crate) fn failing(lab: &Lab, out: &str) -> Command {
-    let mut command = tactnet(["experiment", "run", "crossval_baselines"]);
-    for setting in [
-        "folds=1",
-        "data=twin",
-        "probes=[]",
-        "models=knn-h",
-        "steps=40",
-    ] {
-        command.args(["--set", setting]);
-    }
-    command.arg("--out").arg(lab.path(out));
-    command
+    let settings =
+        "--set folds=1 --set data=twin --set probes=[] --set models=knn-h --set steps=40";
+    lab.command(&format!(
+        "experiment run crossval_baselines {settings} --out @{out}"
+    ))
 }
 
 /// Every contender of the summary has its folds, files and confusion matrix, and the report has the split.
@@ -111,11 +89,7 @@ fn assert_nothing_runs_twice(lab: &Lab) {
     };
     let before: Vec<_> = TASKS.iter().map(|task| written(task)).collect();
     let again = expect(0, experiment(lab, "out"));
-    assert!(
-        stderr(&again).contains("12 tasks, 12 done"),
-        "{}",
-        stderr(&again)
-    );
+    assert_says!(stderr(&again), "12 tasks, 12 done");
     assert_eq!(
         before,
         TASKS.iter().map(|task| written(task)).collect::<Vec<_>>()
@@ -138,10 +112,10 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
     assert_nothing_runs_twice(&lab);
     let mut other = experiment(&lab, "out");
     other.args(["--set", "folds=1"]);
-    let refused = stderr(&expect(2, other));
-    assert!(
-        refused.contains("holds another experiment: its `folds` is 2, asked for is 1"),
-        "{refused}"
+    let refused = refusal(other);
+    assert_says!(
+        refused,
+        "holds another experiment: its `folds` is 2, asked for is 1"
     );
 
     // A model whose recipe file changed is another model.
@@ -150,11 +124,8 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         .unwrap()
         .replace("epochs = 12", "epochs = 11");
     std::fs::write(&recipe, changed).unwrap();
-    let refused = stderr(&expect(2, experiment(&lab, "out")));
-    assert!(
-        refused.contains("the recipe of model `small` has changed"),
-        "{refused}"
-    );
+    let refused = refusal(experiment(&lab, "out"));
+    assert_says!(refused, "the recipe of model `small` has changed");
 
     // The folder may be moved and then continued.
     std::fs::rename(lab.path("out"), lab.path("moved")).unwrap();
@@ -164,11 +135,7 @@ fn an_experiment_reports_every_task_and_runs_none_twice() {
         .replace("epochs = 11", "epochs = 12");
     std::fs::write(&recipe, changed).unwrap();
     let again = expect(0, experiment(&lab, "moved"));
-    assert!(
-        stderr(&again).contains("12 tasks, 11 done"),
-        "{}",
-        stderr(&again)
-    );
+    assert_says!(stderr(&again), "12 tasks, 11 done");
 
     assert_an_edited_result_is_refused(&lab, "moved");
 }
@@ -182,12 +149,10 @@ fn assert_an_edited_result_is_refused(lab: &Lab, experiment: &str) {
     }
     std::fs::write(lab.path(&task).join("result.json"), forged.to_string()).unwrap();
     std::fs::remove_file(lab.path(&task).join("manifest.json")).unwrap();
-    let mut report = tactnet(["experiment", "report"]);
-    report.arg(lab.path(experiment));
-    let refused = stderr(&expect(2, report));
-    assert!(
-        refused.contains("66.7 % of 8 by result.json: one of the two was edited"),
-        "{refused}"
+    let refused = lab.refused(&format!("experiment report @{experiment}"));
+    assert_says!(
+        refused,
+        "66.7 % of 8 by result.json: one of the two was edited"
     );
 }
 
@@ -197,14 +162,9 @@ fn without_an_output_folder_every_experiment_gets_its_own() {
     let whole_path = lab.path("twin.h5").display().to_string();
     for (folds, data) in [("folds=1", "twin.h5"), ("folds=2", &whole_path)] {
         let mut free = tactnet(["experiment", "run", "crossval_baselines", "--data", data]);
-        free.args([
-            "--set",
-            "models=means",
-            "--set",
-            "probes=[]",
-            "--set",
-            folds,
-        ]);
+        for setting in ["models=means", "probes=[]", folds] {
+            free.args(["--set", setting]);
+        }
         free.current_dir(lab.folder.path());
         expect(0, free);
     }
@@ -234,16 +194,8 @@ fn a_task_that_cannot_succeed_is_named_and_not_tried_again() {
 fn mlflow_opens_the_export() {
     let lab = Lab::new();
     expect(0, experiment(&lab, "out"));
-    let export = |out: &str| {
-        let mut command = tactnet(["experiment", "export"]);
-        command
-            .arg(lab.path("out"))
-            .arg("--mlflow")
-            .arg(lab.path(out));
-        command
-    };
+    let export = |out: &str| lab.command(&format!("experiment export @out --mlflow @{out}"));
     expect(0, export("ml runs"));
-    assert!(stderr(&expect(2, export("ml runs"))).contains("empty or new folder"));
     let python = std::env::var("TACTNET_PYTHON").unwrap_or("python3".into());
     let mut open = Command::new(python);
     open.arg("tests/open_with_mlflow.py")
@@ -303,11 +255,11 @@ fn what_cannot_be_planned_is_refused_before_anything_runs() {
             command.args(["--set", setting]);
         }
         command.arg("--out").arg(lab.path("out"));
-        let message = stderr(&expect(2, command));
+        let message = refusal(command);
         assert!(message.contains(said), "{message}");
         assert!(!lab.path("out").exists(), "nothing is left behind");
     }
     let mut full = tactnet(["experiment", "run", "crossval_baselines", "--set", &data]);
     full.arg("--out").arg(lab.folder.path());
-    assert!(stderr(&expect(2, full)).contains("needs a new or empty folder"));
+    assert!(refusal(full).contains("needs a new or empty folder"));
 }

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::command::{Lab, RecipeChange, expect, signal, stderr, tactnet};
+use crate::command::{Lab, assert_says, expect, messages_of, signal, stderr};
 use crate::experiment::{TASKS, experiment, failing, predictions};
 
 /// Returns the children of a process.
@@ -68,10 +68,7 @@ fn a_runner_that_is_asked_to_stop_lets_its_task_write_a_checkpoint() {
 fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
     let lab = Lab::new();
     // Enough epochs that a task is killed before it ends.
-    lab.recipe(RecipeChange {
-        epochs: Some(30),
-        ..RecipeChange::default()
-    });
+    lab.recipe_for(30);
     expect(0, experiment(&lab, "undisturbed"));
 
     // A task is killed, and the runner starts it again. One task runs at a time, so that it is known which one.
@@ -107,16 +104,9 @@ fn killed_runners_and_tasks_lose_nothing_that_had_ended() {
     };
     let ended = written();
     // The folder contains everything that is needed.
-    let mut set = tactnet(["experiment", "run"]);
-    set.arg(lab.path("killed")).args(["--set", "folds=2"]);
-    let refused = stderr(&expect(2, set));
-    assert!(
-        refused.contains("with the settings that it was started with"),
-        "{refused}"
-    );
-    let mut go_on = tactnet(["experiment", "run"]);
-    go_on.arg(lab.path("killed"));
-    expect(0, go_on);
+    let refused = lab.refused("experiment run @killed --set folds=2");
+    assert_says!(refused, "with the settings that it was started with");
+    lab.run("experiment run @killed");
     assert_eq!(written(), ended);
     assert!(
         predictions(&lab, "killed") == predictions(&lab, "undisturbed"),
@@ -161,7 +151,7 @@ fn slurm_gives_the_same_bytes_as_this_machine() {
     expect(0, experiment(&lab, "local"));
     let mut command = experiment(&lab, "slurm");
     command.args(["--engine", "slurm"]);
-    let said = stderr(&expect(0, command));
+    let said = messages_of(command);
     assert!(said.contains("12/12"), "{said}");
     assert!(
         predictions(&lab, "local") == predictions(&lab, "slurm"),
@@ -186,8 +176,8 @@ fn slurm_that_is_not_there_is_said_in_one_line() {
         .args(["--engine", "slurm"])
         .env("PATH", Path::new("/nowhere"));
     let said = stderr(&expect(1, command));
-    assert!(
-        said.contains("squeue: not found; Slurm's client programs must be installed"),
-        "{said}"
+    assert_says!(
+        said,
+        "squeue: not found; Slurm's client programs must be installed"
     );
 }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 use tactnet_channel::{MEMORY_FOLDER_VARIABLE, memory_folder, remove_bus};
 use tactnet_skin::ServeConfig;
 
-use crate::command::{Lab, expect, stderr, tactnet};
+use crate::command::{Lab, expect, stderr};
 use crate::robot::Running;
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -23,11 +23,7 @@ fn a_hub_follows_no_link_and_waits_for_no_file_from_the_future() {
     let written = toml::to_string(&table).unwrap();
     std::fs::write(lab.path("robot.toml"), &written).unwrap();
     let bus = format!("{}{}", table.bus, table.network.host);
-    let hub = || {
-        let mut hub = tactnet(["channel", "hub", "--table"]);
-        hub.arg(lab.path("robot.toml"));
-        hub
-    };
+    let hub = || lab.command("channel hub --table @robot.toml");
     let memory = memory_folder().unwrap().join(&bus);
     std::fs::create_dir(&memory).unwrap();
     let lock = memory.join("hub");
@@ -92,8 +88,7 @@ fn another_user_gets_nowhere_near_a_bus() {
     let written = toml::to_string(&table).unwrap();
     std::fs::write(lab.path("robot.toml"), &written).unwrap();
     let hub = |folder: &Path| {
-        let mut hub = tactnet(["channel", "hub", "--table"]);
-        hub.arg(lab.path("robot.toml"));
+        let mut hub = lab.command("channel hub --table @robot.toml");
         hub.env(MEMORY_FOLDER_VARIABLE, folder);
         hub
     };

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
-use crate::command::{Lab, RecipeChange, expect, signal, stderr, tactnet};
+use crate::command::{Lab, assert_says, expect, messages_of, refusal, signal, stderr, tactnet};
 
 /// Starts `command` and waits until it has finished an epoch.
 fn start_and_wait_for_an_epoch(mut command: Command) -> Child {
@@ -25,10 +25,7 @@ fn start_and_wait_for_an_epoch(mut command: Command) -> Child {
 
 /// Returns the small recipe with more epochs, which gives time to interrupt its training.
 fn long_recipe(lab: &Lab, epochs: usize) -> PathBuf {
-    lab.recipe(RecipeChange {
-        epochs: Some(epochs),
-        ..RecipeChange::default()
-    })
+    lab.recipe_for(epochs)
 }
 
 /// Starts a training and interrupts it after an epoch.
@@ -40,9 +37,7 @@ fn interrupt(train: Command) {
 
 /// Returns `tactnet train --resume` for a run of the lab.
 fn resume(lab: &Lab, run: &str) -> Command {
-    let mut command = tactnet(["train", "--resume"]);
-    command.arg(lab.path(run));
-    command
+    lab.command(&format!("train --resume @{run}"))
 }
 
 #[test]
@@ -101,11 +96,10 @@ fn limited(kibibytes: usize, command: &Command) -> Command {
 #[test]
 fn a_report_that_does_not_fit_on_the_disk_is_a_failure_not_a_mistake() {
     let lab = Lab::new();
-    let mut run = tactnet(["experiment", "run", "crossval_baselines", "--out"]);
-    run.arg(lab.path("out"))
-        .args(["--set", "models=knn-l", "--set", "probes=[]"])
-        .args(["--set", "folds=1", "--set", "repeats=1", "--set"])
-        .arg(format!("data={}", lab.path("twin.h5").display()));
+    let run = lab.command(
+        "experiment run crossval_baselines --out @out --set models=knn-l --set probes=[] \
+         --set folds=1 --set repeats=1 --set data=@twin.h5",
+    );
     expect(0, run);
     let [summary, page] = ["out/summary.json", "out/report.html"].map(|file| lab.read(file).len());
     let limit = summary.div_ceil(1024);
@@ -113,9 +107,10 @@ fn a_report_that_does_not_fit_on_the_disk_is_a_failure_not_a_mistake() {
         page > 1024 * limit,
         "{page} bytes are more than {limit} KiB"
     );
-    let mut report = tactnet(["experiment", "report"]);
-    report.arg(lab.path("out"));
-    let message = stderr(&expect(1, limited(limit, &report)));
+    let message = stderr(&expect(
+        1,
+        limited(limit, &lab.command("experiment report @out")),
+    ));
     assert!(message.contains("report.html: cannot write"), "{message}");
 }
 
@@ -123,8 +118,7 @@ fn a_report_that_does_not_fit_on_the_disk_is_a_failure_not_a_mistake() {
 #[test]
 fn results_that_cannot_be_printed_are_a_failure() {
     let lab = Lab::new();
-    let mut info = tactnet(["data", "info"]);
-    info.arg(lab.path("twin.h5"));
+    let mut info = lab.command("data info @twin.h5");
     let full = std::fs::File::create("/dev/full").unwrap();
     let status = info.stdout(full).stderr(Stdio::null()).status().unwrap();
     assert_eq!(status.code(), Some(1));
@@ -141,10 +135,7 @@ fn a_full_disk_is_an_error_and_never_a_broken_checkpoint() {
     // shorter.
     let limit = checkpoint.len() / 2048;
     let message = stderr(&expect(1, limited(limit, &resume(&lab, "full"))));
-    assert!(
-        message.contains("checkpoint.safetensors: cannot write"),
-        "{message}"
-    );
+    assert_says!(message, "checkpoint.safetensors: cannot write");
     assert!(
         lab.read("full/checkpoint.safetensors") == checkpoint,
         "the former checkpoint is whole"
@@ -165,11 +156,8 @@ fn two_processes_never_train_in_one_folder() {
     let recipe = long_recipe(&lab, 400);
     let mut child = start_and_wait_for_an_epoch(lab.train(&recipe, "run"));
     for second in [resume(&lab, "run"), lab.train(&recipe, "run")] {
-        let message = stderr(&expect(2, second));
-        assert!(
-            message.contains("another process is training in this folder"),
-            "{message}"
-        );
+        let message = refusal(second);
+        assert_says!(message, "another process is training in this folder");
     }
     signal("INT", child.id());
     assert_eq!(child.wait().unwrap().code(), Some(130));
@@ -185,7 +173,7 @@ fn a_run_is_resumed_from_any_folder_and_a_moved_data_set_can_be_named() {
     // From another folder than the one in which it was started.
     let moved = lab.path("moved.h5");
     std::fs::rename(lab.path("twin.h5"), &moved).unwrap();
-    let lost = stderr(&expect(2, resume(&lab, "run")));
+    let lost = refusal(resume(&lab, "run"));
     let before = lab.path("twin.h5").display().to_string();
     assert!(lost.contains(&before), "{lost}");
     assert!(lost.contains("`--data FILE`"), "{lost}");
@@ -193,11 +181,11 @@ fn a_run_is_resumed_from_any_folder_and_a_moved_data_set_can_be_named() {
     named.arg("--data").arg(&moved);
     // On the processor no GPU search takes place; it would print a line here.
     named.env_remove("XDG_RUNTIME_DIR");
-    let said = stderr(&expect(0, named));
+    let said = messages_of(named);
     assert!(said.contains("continuing after step"), "{said}");
     assert!(!said.contains("XDG_RUNTIME_DIR"), "{said}");
     std::fs::rename(&moved, lab.path("twin.h5")).unwrap();
-    let ended = stderr(&expect(0, resume(&lab, "run")));
+    let ended = messages_of(resume(&lab, "run"));
     assert!(ended.contains("has already ended"), "{ended}");
 }
 
@@ -208,9 +196,6 @@ fn a_changed_data_set_is_noticed_on_resume() {
     interrupt(lab.train(&recipe, "run"));
     let other = "--force --seed 99 --materials 4 --sweeps 10 --steps 120";
     lab.twin("twin.h5", other);
-    let message = stderr(&expect(2, resume(&lab, "run")));
-    assert!(
-        message.contains("has changed since the run began"),
-        "{message}"
-    );
+    let message = refusal(resume(&lab, "run"));
+    assert_says!(message, "has changed since the run began");
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::command::{Lab, expect, json, stderr, stdout, tactnet};
+use crate::command::{Lab, expect, json, output_of, refusal, tactnet};
 
 /// Writes a folder of three materials with twelve sweeps of 40 to 95 frames each. A material has a pitch of its own.
 fn write_sweeps(folder: &Path) {
@@ -40,7 +40,7 @@ fn sweeps_of_unequal_length_train_and_predict_and_are_reported_by_length() {
         found.arg(&folder).args(options);
         found
     };
-    let refused = stderr(&expect(2, with(&["train", "--rate", "100", "--data"], &[])));
+    let refused = refusal(with(&["train", "--rate", "100", "--data"], &[]));
     assert!(refused.contains("`--steps all`"), "{refused}");
     // Without the option the check names the lengths; with it there is nothing to find.
     expect(1, with(&["data", "check"], &["--rate", "100"]));
@@ -60,7 +60,7 @@ fn sweeps_of_unequal_length_train_and_predict_and_are_reported_by_length() {
     let train = ["train", "--model", "lda", "--rate", "100", "--data"];
     let out = lab.path("run");
     let options = ["--steps", "all", "--out", out.to_str().unwrap()];
-    let text = stdout(&expect(0, with(&train, &options)));
+    let text = output_of(with(&train, &options));
     assert!(text.contains("accuracy by length"), "{text}");
     let result = lab.json("run/result.json");
     assert!(
@@ -73,39 +73,18 @@ fn sweeps_of_unequal_length_train_and_predict_and_are_reported_by_length() {
     assert!(groups.len() > 1, "{result}");
 
     // Other data is read with the run's setting; an imported file states the lengths.
-    let imported = lab.path("sweeps.h5");
-    let import = [
-        "--steps",
-        "all",
-        "--rate",
-        "100",
-        "--out",
-        imported.to_str().unwrap(),
-    ];
-    expect(0, with(&["data", "import"], &import));
-    let eval = |data: &Path| {
-        let mut command = tactnet(["eval", "--json"]);
-        command
-            .arg(&out)
-            .arg("--data")
-            .arg(data)
-            .args(["--rate", "100"]);
-        json(command)
-    };
-    let (from_tables, from_hdf5) = (eval(&folder), eval(&imported));
+    lab.run("data import @sweeps --steps all --rate 100 --out @sweeps.h5");
+    let eval =
+        |data: &str| json(lab.command(&format!("eval --json @run --data @{data} --rate 100")));
+    let (from_tables, from_hdf5) = (eval("sweeps"), eval("sweeps.h5"));
     let accuracy = |found: &serde_json::Value| found["evaluations"]["plain"]["one_sweep"].clone();
     assert_eq!(accuracy(&from_tables), accuracy(&from_hdf5));
-    let mut predict = tactnet(["predict", "--json"]);
-    predict
-        .arg(&out)
-        .arg("--data")
-        .arg(&folder)
-        .args(["--rate", "100"]);
+    let predict = lab.command("predict --json @run --data @sweeps --rate 100");
     assert_eq!(json(predict)["sweeps"].as_array().unwrap().len(), 36);
     // The shortest of the training sweeps of a run on equal lengths is too short.
     let cut = lab.path("cut");
     let options = ["--steps", "60", "--out", cut.to_str().unwrap()];
-    let refused = stderr(&expect(2, with(&train, &options)));
+    let refused = refusal(with(&train, &options));
     assert!(refused.contains("at least the 60 frames"), "{refused}");
 }
 

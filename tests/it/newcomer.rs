@@ -1,9 +1,11 @@
 //! Messages for a new user with few sweeps of their own.
 
-use std::path::Path;
 use std::process::Command;
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
+use crate::command::{
+    Lab, RecipeChange, assert_says, expect, json, messages_of, output_of, refusal, stderr, stdout,
+    tactnet,
+};
 
 /// Writes a folder of `.csv` files, which do not state a rate: two materials with `sweeps` sweeps each.
 pub fn own_sweeps(lab: &Lab, folder: &str, names: [&str; 2], sweeps: usize, taxels: usize) {
@@ -33,28 +35,20 @@ pub fn with(lab: &Lab, verb: &[&str], data: &str, options: &[&str]) -> Command {
 
 /// A shape that differs from the run's is refused if it is declared, and reported if it is assumed.
 fn assert_arrangement_of_taxels_is_named(lab: &Lab) {
-    let flat = lab.path("flat.npz").display().to_string();
-    let shape = ["--shape", "1x16", "--out", &flat];
-    expect(0, with(lab, &["data", "import"], "twin.h5", &shape));
-    let refused = stderr(&expect(2, with(lab, &["eval"], "run", &["--data", &flat])));
+    lab.run("data import @twin.h5 --shape 1x16 --out @flat.npz");
+    let refused = lab.refused("eval @run --data @flat.npz");
     assert!(
         refused.contains("flat.npz") && refused.contains(" --out arranged.npz --shape 4x4`"),
         "{refused}"
     );
     // A declared shape is not rearranged to the run's.
-    let refused = with(lab, &["predict"], "run", &["--data", &flat]);
-    let refused = stderr(&expect(2, refused));
-    assert!(
-        refused.contains(" --out arranged.npz --shape 4x4`"),
-        "{refused}"
-    );
+    let refused = lab.refused("predict @run --data @flat.npz");
+    assert_says!(refused, " --out arranged.npz --shape 4x4`");
     // If the arrangement is unknown, both commands state the assumed one.
     let known = ["synthetic leather rough", "metallic jersey"];
     own_sweeps(lab, "tables", known, 3, 16);
     for command in ["eval", "predict"] {
-        let tables = lab.path("tables").display().to_string();
-        let judged = with(lab, &[command], "run", &["--data", &tables]);
-        let said = stderr(&expect(0, judged));
+        let said = stderr(&lab.run(&format!("{command} @run --data @tables")));
         assert!(said.contains("row by row as the run's 4x4"), "{said}");
     }
 }
@@ -65,9 +59,9 @@ fn few_training_steps_are_named_and_what_comes_next() {
     let recipe = lab.recipe(RecipeChange::default());
     let output = expect(0, lab.train(&recipe, "run"));
     let (found, said) = (stdout(&output), stderr(&output));
-    assert!(
-        said.contains("hint: 12 training steps are few; `--epochs 75` trains for 300"),
-        "{said}"
+    assert_says!(
+        said,
+        "hint: 12 training steps are few; `--epochs 75` trains for 300"
     );
     assert!(
         !said.contains(" epochs instead of "),
@@ -77,13 +71,10 @@ fn few_training_steps_are_named_and_what_comes_next() {
     // With few training steps, the last lines give advice.
     let end = said.rfind("next: ").map_or("", |at| &said[at..]);
     assert!(end.contains("hint: 12 training steps are few"), "{said}");
-    assert!(
-        found.contains("guessing, with 4 materials: 25.0 %"),
-        "{found}"
-    );
-    assert!(
-        said.contains("`tactnet experiment run crossval_baselines --set data="),
-        "{said}"
+    assert_says!(found, "guessing, with 4 materials: 25.0 %");
+    assert_says!(
+        said,
+        "`tactnet experiment run crossval_baselines --set data="
     );
     assert!(
         found.contains("(fold 1 of 5)") && found.contains("in brackets: 95 % interval"),
@@ -94,7 +85,7 @@ fn few_training_steps_are_named_and_what_comes_next() {
         extra_training: "least_steps = 40",
         ..RecipeChange::default()
     });
-    let said = stderr(&expect(0, lab.train(&more, "more")));
+    let said = messages_of(lab.train(&more, "more"));
     let why = "note: 10 epochs instead of 3, since these few sweeps give 4 batches per epoch and the recipe trains on at least 40 batches";
     assert!(said.contains(why), "{said}");
 
@@ -104,35 +95,29 @@ fn few_training_steps_are_named_and_what_comes_next() {
         ("run", "a run directory, which holds a classifier"),
         ("held", "a.h5, which is a complete data set"),
     ] {
-        let refused = stderr(&expect(2, with(&lab, &["data", "check"], folder, &[])));
+        let refused = refusal(with(&lab, &["data", "check"], folder, &[]));
         assert!(refused.contains(found), "{refused}");
     }
 
     assert_arrangement_of_taxels_is_named(&lab);
-    let again = stderr(&expect(2, lab.train(&recipe, "run")));
-    assert!(
-        again.contains("which has ended; name another folder"),
-        "{again}"
-    );
+    let again = refusal(lab.train(&recipe, "run"));
+    assert_says!(again, "which has ended; name another folder");
 }
 
 #[test]
 fn a_missing_table_and_a_recording_that_is_there_come_with_what_to_do() {
     let lab = Lab::new();
     let serve = ["--table", "robott.toml"];
-    let refused = stderr(&expect(2, with(&lab, &["serve", "--run"], "run", &serve)));
-    assert!(
-        refused.contains("`tactnet serve --print-table > robott.toml` writes one"),
-        "{refused}"
+    let refused = refusal(with(&lab, &["serve", "--run"], "run", &serve));
+    assert_says!(
+        refused,
+        "`tactnet serve --print-table > robott.toml` writes one"
     );
     std::fs::write(lab.path("there.mcap"), "").unwrap();
     let record = ["--table", "robott.toml"];
     let refused = with(&lab, &["record", "--out"], "there.mcap", &record);
-    let refused = stderr(&expect(2, refused));
-    assert!(
-        refused.contains("exists already; name another file with `--out`"),
-        "{refused}"
-    );
+    let refused = refusal(refused);
+    assert_says!(refused, "exists already; name another file with `--out`");
 }
 
 #[test]
@@ -140,32 +125,24 @@ fn materials_that_a_run_does_not_know_are_named_while_it_predicts() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["cork", "felt"], 6, 4);
     own_sweeps(&lab, "other", ["cork", "silk"], 6, 4);
-    let run = lab.path("run").display().to_string();
-    let means = ["--model", "means", "--out", &run];
-    let said = stderr(&expect(0, with(&lab, &["train", "--data"], "own", &means)));
+    let said = stderr(&lab.run("train --data @own --model means --out @run"));
     assert!(said.contains("note: one row of 4 taxels"), "{said}");
-    let said = stderr(&expect(
-        0,
-        with(&lab, &["predict", &run, "--data"], "other", &[]),
-    ));
-    assert!(
-        said.contains("hint: the run does not know `silk`, and cannot detect that"),
-        "{said}"
+    let said = messages_of(lab.command("predict @run --data @other"));
+    assert_says!(
+        said,
+        "hint: the run does not know `silk`, and cannot detect that"
     );
-    let said = stderr(&expect(
-        0,
-        with(&lab, &["predict", &run, "--data"], "own", &[]),
-    ));
+    let said = messages_of(lab.command("predict @run --data @own"));
     assert!(!said.contains("does not know"), "{said}");
 }
 
 #[test]
 fn a_recipe_that_ships_can_be_printed_and_trained_by() {
-    let text = stdout(&expect(0, tactnet(["train", "--print-recipe", "fast"])));
+    let text = output_of(tactnet(["train", "--print-recipe", "fast"]));
     assert!(text.contains("name = \"fast\""), "{text}");
-    let refused = stderr(&expect(2, tactnet(["train", "--print-recipe", "fats"])));
+    let refused = refusal(tactnet(["train", "--print-recipe", "fats"]));
     assert!(refused.contains("did you mean `fast`?"), "{refused}");
-    let refused = stderr(&expect(2, tactnet(["train", "--model", "tree"])));
+    let refused = refusal(tactnet(["train", "--model", "tree"]));
     assert!(refused.contains("see `tactnet train --help`"), "{refused}");
 }
 
@@ -199,32 +176,21 @@ fn a_check_finds_an_assumed_rate_until_it_is_named() {
 fn a_run_with_a_named_rate_refuses_sweeps_of_an_assumed_one() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["0", "1"], 6, 4);
-    let own = lab.path("own.npz").display().to_string();
-    let rate = ["--rate", "200", "--out", &own];
-    expect(0, with(&lab, &["data", "import"], "own", &rate));
-    let run = lab.path("run").display().to_string();
-    let means = ["--model", "means", "--out", &run];
-    expect(0, with(&lab, &["train", "--data"], "own.npz", &means));
-    let refused = stderr(&expect(
-        2,
-        with(&lab, &["eval", &run, "--data"], "own", &[]),
-    ));
+    lab.run("data import @own --rate 200 --out @own.npz");
+    lab.run("train --data @own.npz --model means --out @run");
+    let refused = lab.refused("eval @run --data @own");
     assert!(
         refused.contains("expects 200 Hz, the data set has 750 Hz, which is assumed")
             && refused.contains("set it with `--rate HZ`"),
         "{refused}"
     );
-    let rate = ["--rate", "200"];
-    expect(0, with(&lab, &["eval", &run, "--data"], "own", &rate));
+    lab.run("eval @run --data @own --rate 200");
 
     own_sweeps(&lab, "named", ["cork", "felt"], 6, 4);
-    let refused = with(&lab, &["eval", &run, "--data"], "named", &rate);
-    let refused = stderr(&expect(2, refused));
-    assert!(
-        refused.contains(
-            "some of 0, 1, the data set has materials named `cork`, `felt`, which it does not know"
-        ),
-        "{refused}"
+    let refused = lab.refused("eval @run --data @named --rate 200");
+    assert_says!(
+        refused,
+        "some of 0, 1, the data set has materials named `cork`, `felt`, which it does not know"
     );
 }
 
@@ -236,18 +202,11 @@ struct Report {
 }
 
 /// Runs an experiment with two of five folds on the lab's `own` sweeps.
-fn two_folds(lab: &Lab, recipe: &Path, out: &str, more: &[&str]) -> Report {
-    let models = format!("models=[\"means\", \"{}\"]", recipe.display());
-    let data = format!("data={}", lab.path("own").display());
-    let mut command = tactnet(["experiment", "run", "crossval_baselines", "--out"]);
-    command.arg(lab.path(out));
-    for setting in [&data, &models, "folds=2", "probes=[]", "groups=0"] {
-        command.args(["--set", setting]);
-    }
-    let output = expect(0, {
-        command.args(more);
-        command
-    });
+fn two_folds(lab: &Lab, out: &str, more: &[&str]) -> Report {
+    let models = "--set models=[\"means\",\"@small.toml\"]";
+    let settings = "--set data=@own --set folds=2 --set probes=[] --set groups=0";
+    let line = format!("experiment run crossval_baselines --out @{out} {models} {settings}");
+    let output = expect(0, lab.command_with(&line, more));
     Report {
         found: stdout(&output),
         said: stderr(&output),
@@ -259,8 +218,8 @@ fn two_folds(lab: &Lab, recipe: &Path, out: &str, more: &[&str]) -> Report {
 fn an_experiment_names_an_assumed_rate_few_folds_and_few_steps() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["0", "1"], 6, 4);
-    let recipe = lab.recipe(RecipeChange::default());
-    let Report { found, said, page } = two_folds(&lab, &recipe, "assumed", &[]);
+    lab.recipe(RecipeChange::default());
+    let Report { found, said, page } = two_folds(&lab, "assumed", &[]);
     let warning =
         "own does not state its sample rate; 750 Hz is assumed; `--set rate_hz=HZ` sets it";
     assert!(found.contains(&format!("warning: {warning}")), "{found}");
@@ -269,10 +228,7 @@ fn an_experiment_names_an_assumed_rate_few_folds_and_few_steps() {
     assert!(found.contains("TactNet-II (small), MC dropout"), "{found}");
     assert!(!found.contains("published"), "{found}");
     // Only two of the five folds were requested, which the output states.
-    assert!(
-        found.contains("own, 2 of 5 random folds, levels kept"),
-        "{found}"
-    );
+    assert_says!(found, "own, 2 of 5 random folds, levels kept");
     assert!(found.contains("note: 95 % interval"), "{found}");
     assert!(page.contains("(2 of 5 random folds)"));
     assert!(page.contains("Test sweeps: 2 of 5 random folds, counted together."));
@@ -283,7 +239,7 @@ fn an_experiment_names_an_assumed_rate_few_folds_and_few_steps() {
     let few = few.replace("`--set epochs=150`", "<code>epochs = 150</code>");
     assert!(page.contains(&few) && page.contains("training steps a fold, which are few."));
     let rated = ["--set", "rate_hz=200"];
-    let Report { found, said, page } = two_folds(&lab, &recipe, "rated", &rated);
+    let Report { found, said, page } = two_folds(&lab, "rated", &rated);
     assert!(
         !found.contains("Hz is assumed")
             && !said.contains("Hz is assumed")
@@ -302,7 +258,7 @@ fn experiments_refuse_what_does_not_suit_them_before_the_first_task() {
     let refused = |name: &str, data: &str, options: &[&str]| {
         let out = lab.path("out").display().to_string();
         let verb = ["experiment", "run", name, "--out", &out, "--data"];
-        let refused = stderr(&expect(2, with(&lab, &verb, data, options)));
+        let refused = refusal(with(&lab, &verb, data, options));
         assert!(!lab.path("out").exists(), "nothing was planned: {refused}");
         refused
     };
@@ -312,9 +268,9 @@ fn experiments_refuse_what_does_not_suit_them_before_the_first_task() {
         "{axes}"
     );
     let few = refused("sequential", "few", &[]);
-    assert!(
-        few.contains("`cork`: expected at least 5, one for each fold, found 3"),
-        "{few}"
+    assert_says!(
+        few,
+        "`cork`: expected at least 5, one for each fold, found 3"
     );
     let two = refused("nshot", "two", &[]);
     assert!(
@@ -338,7 +294,7 @@ fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
         command.arg(lab.path("run"));
         command
     };
-    let refused = stderr(&expect(2, train(&[])));
+    let refused = refusal(train(&[]));
     assert!(refused.contains("np.moveaxis"), "{refused}");
     assert!(refused.contains("add --axes-are-right"), "{refused}");
     // `check` reports as an error what `train` refuses.
@@ -347,24 +303,13 @@ fn training_warns_of_wrong_axes_and_of_sweeps_too_few_to_calibrate() {
     assert!(found.contains("add --axes-are-right"), "{found}");
     expect(0, check(&["--axes-are-right"]));
     assert!(!lab.path("run").exists());
-    let refused = stderr(&expect(2, train(&["--calibrate", "--axes-are-right"])));
-    assert!(
-        refused.contains("taxels: if 130 is the number of time steps"),
-        "{refused}"
-    );
-    assert!(
-        refused.contains("the axes are in another order"),
-        "{refused}"
-    );
-    assert!(
-        refused.contains("cross-validation uses 2 folds instead of 5"),
-        "{refused}"
-    );
-    assert!(
-        refused.contains(
-            "training sweeps of `cork`: expected at least 5, since a calibration sets a fifth"
-        ),
-        "{refused}"
+    let refused = refusal(train(&["--calibrate", "--axes-are-right"]));
+    assert_says!(refused, "taxels: if 130 is the number of time steps");
+    assert_says!(refused, "the axes are in another order");
+    assert_says!(refused, "cross-validation uses 2 folds instead of 5");
+    assert_says!(
+        refused,
+        "training sweeps of `cork`: expected at least 5, since a calibration sets a fifth"
     );
 }
 
@@ -379,14 +324,14 @@ fn a_path_without_its_option_is_answered_with_the_option() {
     ] {
         let mut command = tactnet(verb.iter().copied());
         command.arg(path).current_dir(lab.folder.path());
-        let said = stderr(&expect(2, command));
+        let said = refusal(command);
         let tip = format!("did you mean `{option} {path}`?");
         assert!(said.contains(&tip), "{said}");
     }
     let mut run = tactnet(["experiment", "run", "crossval_baselines"]);
     run.args(["--data", "missing.npz", "--out", "out"]);
     run.current_dir(lab.folder.path());
-    let said = stderr(&expect(2, run));
+    let said = refusal(run);
     assert!(said.contains("missing.npz"), "{said}");
 }
 
@@ -395,17 +340,9 @@ fn a_material_spelt_otherwise_is_answered_with_the_one_that_is_known() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["cork", "felt"], 6, 4);
     own_sweeps(&lab, "other", ["Cork", "felt"], 6, 4);
-    let run = lab.path("run").display().to_string();
-    let means = ["--model", "means", "--out", &run];
-    expect(0, with(&lab, &["train", "--data"], "own", &means));
-    let refused = stderr(&expect(
-        2,
-        with(&lab, &["eval", &run, "--data"], "other", &[]),
-    ));
-    assert!(
-        refused.contains("is `Cork` the `cork` that it knows?"),
-        "{refused}"
-    );
+    lab.run("train --data @own --model means --out @run");
+    let refused = lab.refused("eval @run --data @other");
+    assert_says!(refused, "is `Cork` the `cork` that it knows?");
 }
 
 /// With two sweeps per material, one is left for training. Models that cannot train on it fail before they create a folder.
@@ -415,27 +352,17 @@ fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
     own_sweeps(&lab, "pair", ["cork", "felt"], 2, 4);
     for model in ["minirocket", "lda"] {
         let train = ["train", "--model", model, "--out", "run", "--data"];
-        let refused = stderr(&expect(2, with(&lab, &train, "pair", &[])));
+        let refused = refusal(with(&lab, &train, "pair", &[]));
         let least = format!("training sweeps of `cork`: expected at least 2 for model `{model}`");
         assert!(refused.contains(&least), "{refused}");
-        assert!(
-            refused.contains("`--model fast` learns from fewer"),
-            "{refused}"
-        );
+        assert_says!(refused, "`--model fast` learns from fewer");
         assert!(!lab.path("run").exists());
     }
     let experiment = |options: &[&str]| {
-        let run = [
-            "experiment",
-            "run",
-            "crossval_baselines",
-            "--out",
-            "out",
-            "--set",
-            "folds=2",
-            "--data",
-        ];
-        let refused = stderr(&expect(2, with(&lab, &run, "pair", options)));
+        let line = "experiment run crossval_baselines --out @out --set folds=2 --data @pair";
+        let mut run = lab.command(line);
+        run.args(options);
+        let refused = refusal(run);
         assert!(!lab.path("out").exists(), "nothing was planned: {refused}");
         refused
     };
@@ -443,23 +370,16 @@ fn models_that_cannot_learn_from_one_sweep_of_a_material_are_refused_at_once() {
     let remedy = "possible with `--set 'models=[\"fast\"]'` `--set 'probes=[\"means\", \"first-frame\", \"last-frame\"]'`";
     assert!(refused.contains(remedy), "{refused}");
     // The command that `train` suggests, with fewer epochs.
-    let proposed = [
-        "experiment",
-        "run",
-        "crossval_baselines",
-        "--out",
-        "possible",
-        "--set",
-        "folds=2",
-        "--set",
+    let line = "experiment run crossval_baselines --out @possible --set folds=2 --data @pair";
+    let mut proposed = lab.command(line);
+    for setting in [
         "models=[\"fast\"]",
-        "--set",
         "probes=[\"means\", \"first-frame\", \"last-frame\"]",
-        "--set",
         "epochs=2",
-        "--data",
-    ];
-    expect(0, with(&lab, &proposed, "pair", &[]));
+    ] {
+        proposed.args(["--set", setting]);
+    }
+    expect(0, proposed);
     let refused = experiment(&["--set", "models=[\"lda\"]", "--set", "probes=[]"]);
     assert!(refused.contains("record more sweeps"), "{refused}");
 }

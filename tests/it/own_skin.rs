@@ -9,7 +9,7 @@ use tactnet_channel::{Table, remove_bus};
 use tactnet_data::format::{Format, read};
 use tactnet_data::{Dataset, Samples, SweepRecord};
 
-use crate::command::{Lab, RecipeChange, expect, signal, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, assert_says, output_of, refusal, signal, tactnet};
 use crate::robot::{Robot, Running};
 
 /// Writes the sweeps of `from` with this number of rows and columns, without blocks.
@@ -47,13 +47,10 @@ fn write_own(from: &Path, to: &Path) {
 
 /// Trains a small network on `data` of the lab.
 fn train(lab: &Lab, data: &str, out: &str) {
-    let recipe = lab.recipe(RecipeChange::default());
-    let mut train = tactnet(["train", "--data"]);
-    train.arg(lab.path(data)).arg("--recipe").arg(recipe);
-    expect(0, {
-        train.arg("--out").arg(lab.path(out));
-        train
-    });
+    lab.recipe(RecipeChange::default());
+    lab.run(&format!(
+        "train --data @{data} --recipe @small.toml --out @{out}"
+    ));
 }
 
 #[test]
@@ -64,9 +61,7 @@ fn every_sweep_of_a_skin_with_values_below_zero_is_judged_in_the_demo() {
     let config = lab.json("own/config.json");
     let values = &config["classifier"]["values"];
     assert!(values["least"].as_f64().unwrap() < 0.0, "{values}");
-    let mut demo = tactnet(["demo", "--listen", "127.0.0.1:0", "--data"]);
-    demo.arg(lab.path("own.npz"));
-    demo.arg("--run").arg(lab.path("own"));
+    let mut demo = lab.command("demo --listen 127.0.0.1:0 --data @own.npz --run @own");
     let mut demo = Running(demo.stdout(Stdio::piped()).spawn().unwrap());
     let mut said = BufReader::new(demo.0.stdout.take().unwrap()).lines();
     assert_eq!(said.next().unwrap().unwrap(), "ready");
@@ -87,7 +82,7 @@ fn a_contact_that_own_values_never_reach_is_refused_before_anything_is_served() 
     train(&lab, "own.npz", "own");
     let own = lab.path("own").display().to_string();
     let print = tactnet(["serve", "--print-table", "--run", &own]);
-    let text = stdout(&expect(0, print));
+    let text = output_of(print);
     assert!(text.contains("\nvalues = [-"), "{text}");
     assert!(text.contains("\nskip = 0 "), "{text}");
     let bus = format!("owncontact{}", std::process::id());
@@ -97,12 +92,10 @@ fn a_contact_that_own_values_never_reach_is_refused_before_anything_is_served() 
     );
     std::fs::write(lab.path("robot.toml"), text).unwrap();
     let table = Table::load(&lab.path("robot.toml")).unwrap();
-    let mut hub = tactnet(["channel", "hub", "--table"]);
-    hub.arg(lab.path("robot.toml"));
-    let hub = Running::start(hub);
+    let hub = Running::start(lab.command("channel hub --table @robot.toml"));
     let mut serve = tactnet(["serve", "--run", &own, "--table"]);
     serve.arg(lab.path("robot.toml"));
-    let refused = stderr(&expect(2, serve));
+    let refused = refusal(serve);
     assert!(refused.contains("a contact at a mean of 40"), "{refused}");
     assert!(
         refused.contains("lower `begins` and `ends`") && refused.lines().count() == 1,
@@ -115,43 +108,27 @@ fn a_contact_that_own_values_never_reach_is_refused_before_anything_is_served() 
 #[test]
 fn a_baseline_is_refused_in_words() {
     let lab = Lab::new();
-    let data = lab.path("twin.h5").display().to_string();
-    let run = lab.path("means").display().to_string();
-    expect(
-        0,
-        tactnet(["train", "--data", &data, "--model", "means", "--out", &run]),
-    );
-    let out = lab.path("out.onnx").display().to_string();
-    for (call, what) in [
+    lab.run("train --data @twin.h5 --model means --out @means");
+    let both = "networks and committees";
+    for (call, models, what) in [
         (
-            vec!["demo", "--listen", "127.0.0.1:0", "--run", &run],
+            "demo --listen 127.0.0.1:0 --run @means",
+            "networks",
             "be served",
         ),
-        (vec!["serve", "--print-table", "--run", &run], "be served"),
-        (vec!["export", &run, "--out", &out], "be exported"),
+        ("serve --print-table --run @means", "networks", "be served"),
+        ("export @means --out @out.onnx", both, "be exported"),
         (
-            vec![
-                "enroll",
-                &run,
-                "--data",
-                &data,
-                "--material",
-                "wood",
-                "--out",
-                &out,
-            ],
+            "enroll @means --data @twin.h5 --material wood --out @out.onnx",
+            both,
             "learn a new material",
         ),
     ] {
-        let refused = stderr(&expect(2, tactnet(&call)));
-        let models = match call[0] {
-            "export" | "enroll" => "networks and committees",
-            _ => "networks",
-        };
+        let refused = lab.refused(call);
         let reason = format!(
             "it is a baseline (means), and only {models} can {what}; train one with `tactnet train --data FILE`\n"
         );
-        assert!(refused.ends_with(&reason), "{call:?}: {refused}");
+        assert!(refused.ends_with(&reason), "{call}: {refused}");
     }
 }
 
@@ -161,27 +138,18 @@ fn beliefs_are_echoed_in_words_and_a_second_service_is_told_of_the_first() {
     let _hub = robot.start(&["channel", "hub"]);
     let service = robot.serve("models/1");
     let table = robot.lab.path("robot.toml").display().to_string();
-    let model = robot.lab.path("models/1").display().to_string();
-    let second = tactnet([
-        "serve",
-        "--run",
-        &model,
-        "--metrics",
-        "off",
-        "--table",
-        &table,
-    ]);
-    let refused = stderr(&expect(2, second));
+    let second = "serve --run @models/1 --metrics off --table @robot.toml";
+    let refused = robot.lab.refused(second);
     let process = format!("process {}, probably another", service.0.id());
     assert!(refused.contains(&process), "{refused}");
 
     let _skin = robot.skin("1000");
     let echo = |channel: &str, arguments: &[&str]| {
         let mut echo = tactnet(["channel", "echo", channel, "--table", &table]);
-        stdout(&expect(0, {
+        output_of({
             echo.args(arguments);
             echo
-        }))
+        })
     };
     let words = echo("tactile/belief", &["--count", "40"]);
     let last = words.lines().last().unwrap();
@@ -222,7 +190,7 @@ fn folds_and_grids_that_own_data_does_not_have_are_named_before_anything_is_trai
         run.arg("--set");
         run.arg(format!("data=\"{}\"", lab.path(data).display()));
         run.arg("--out").arg(lab.path("out"));
-        stderr(&expect(2, run))
+        refusal(run)
     };
     let blocks = experiment("own.npz", "folds=1");
     assert!(blocks.contains("`blocks` of data set `own`"), "{blocks}");
@@ -232,14 +200,8 @@ fn folds_and_grids_that_own_data_does_not_have_are_named_before_anything_is_trai
     assert!(!lab.path("out").exists(), "nothing was planned");
 
     train(&lab, "own.npz", "own");
-    let mut eval = tactnet(["eval"]);
-    eval.arg(lab.path("own"));
-    eval.arg("--data").arg(lab.path("turned.npz"));
-    let turned = stderr(&expect(2, eval));
-    assert!(
-        turned.contains("rows and columns are probably exchanged"),
-        "{turned}"
-    );
+    let turned = lab.refused("eval @own --data @turned.npz");
+    assert_says!(turned, "rows and columns are probably exchanged");
     assert!(
         !turned.contains("--shape"),
         "that would mix up taxels: {turned}"

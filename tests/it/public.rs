@@ -8,7 +8,7 @@ use serde_json::Value;
 use tactnet_data::format::Format;
 use tactnet_data::{Dataset, LabelSet, Samples, SweepRecord, SweepShape};
 
-use crate::command::{Lab, expect, json, signal, stdout, tactnet};
+use crate::command::{Lab, expect, json, signal, stdout};
 
 /// Returns a number between 0 and 10 that looks random.
 fn noise(seed: usize) -> f32 {
@@ -52,17 +52,11 @@ fn sets(lab: &Lab) {
 
 /// Returns the benchmark of cheap models, of which `knn-h` needs a higher rate than the recorded set has.
 fn benchmark(lab: &Lab, out: &str) -> Command {
-    let models = format!(
-        "models=[\"lda\", \"minirocket\", \"knn-h\", \"{}\"]",
-        lab.path("both.toml").display()
-    );
-    let mut command = tactnet(["experiment", "run", "public", "--set"]);
-    command
-        .arg(format!("data={}", lab.path("sets").display()))
-        .args(["--set", &models, "--set", "folds=2", "--set", "shots=3"])
-        .args(["--set", "probes=[\"first-frame\"]", "--out"])
-        .arg(lab.path(out));
-    command
+    let models = "models=[\"lda\",\"minirocket\",\"knn-h\",\"@both.toml\"]";
+    let settings = "--set folds=2 --set shots=3 --set probes=[\"first-frame\"]";
+    lab.command(&format!(
+        "experiment run public --set data=@sets --set {models} {settings} --out @{out}"
+    ))
 }
 
 /// Returns the results of a set under a condition.
@@ -152,9 +146,7 @@ fn one_command_compares_all_models_on_all_sets_of_a_folder() {
     let first = page.split("<h2 id=\"").nth(1).unwrap();
     assert!(first.starts_with("sets\""), "{}", &first[..40]);
     assert!(page.contains("<h2 id=\"pareto\"") && page.contains("<h2 id=\"audit\""));
-    let mut report = tactnet(["experiment", "report"]);
-    report.arg(lab.path("out"));
-    let text = stdout(&expect(0, report));
+    let text = stdout(&lab.run("experiment report @out"));
     assert!(
         text.contains("held-out groups, accuracy [%]") && text.contains("Selected: "),
         "{text}"

@@ -7,12 +7,11 @@ use std::time::Duration;
 use serde_json::Value;
 use tactnet_recording::{RecordedPacket, Recording};
 
-use crate::command::{expect, json, signal, stderr, stdout, tactnet};
+use crate::command::{expect, json, messages_of, output_of, refusal, signal, tactnet};
 use crate::robot::{Robot, Running, STEPS};
 
 fn recorder(robot: &Robot, file: &str, more: &[&str]) -> Running {
-    let mut record = tactnet(["record", "--json", "--table"]);
-    record.arg(robot.lab.path("robot.toml"));
+    let mut record = robot.lab.command("record --json --table @robot.toml");
     record.arg("--out").arg(robot.lab.path(file)).args(more);
     Running::start(record)
 }
@@ -96,10 +95,9 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
     assert!(fast["seconds"].as_f64().unwrap() < again["seconds"].as_f64().unwrap());
 
     // Another classifier gives other predictions, which the report shows.
-    let mut other = tactnet(["train", "--epochs", "1", "--data"]);
-    other.arg(robot.lab.path("data.h5"));
-    other.arg("--recipe").arg(robot.lab.path("small.toml"));
-    other.arg("--out").arg(robot.lab.path("other"));
+    let other = robot
+        .lab
+        .command("train --epochs 1 --data @data.h5 --recipe @small.toml --out @other");
     expect(0, other);
     let other = robot.lab.path("other").display().to_string();
     let unlike = replay(&file, &["--run", &other, "--speed", "3"]);
@@ -109,16 +107,16 @@ fn what_was_recorded_is_believed_again_bit_by_bit_and_becomes_a_data_set() {
 
     // The sweeps equal the played ones, digit by digit.
     let out = robot.lab.path("again.npz");
-    let said = stderr(&expect(0, import(&file, &out, &[])));
+    let said = messages_of(import(&file, &out, &[]));
     assert!(said.contains("6 sweeps"), "{said}");
     let imported = assert_played(&robot, &out);
     assert_eq!(imported, 6);
     // The numbers of sweeps per material differ.
     let unequal = robot.lab.path("unequal.h5");
-    let refused = stderr(&expect(2, import(&file, &unequal, &[])));
+    let refused = refusal(import(&file, &unequal, &[]));
     assert!(refused.contains(".npz does not"), "{refused}");
     // An existing file is never overwritten.
-    let twice = stderr(&expect(2, import(&file, &out, &[])));
+    let twice = refusal(import(&file, &out, &[]));
     assert!(twice.contains("exists already"), "{twice}");
 }
 
@@ -225,7 +223,7 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
 
     let out = robot.lab.path("cut.h5");
     let steps = STEPS.to_string();
-    let said = stderr(&expect(0, import(&file, &out, &["--steps", &steps])));
+    let said = messages_of(import(&file, &out, &["--steps", &steps]));
     assert!(said.contains("the end is missing"), "{said}");
     let whole = std::fs::read(&file).unwrap();
     let shorter = robot.lab.path("shorter.mcap");
@@ -243,16 +241,13 @@ fn a_killed_recorder_loses_the_last_second_at_most_and_cut_files_are_read_as_far
     std::fs::write(&shorter, b"no recording").unwrap();
     let mut none = tactnet(["replay"]);
     none.arg(&shorter);
-    let none = stderr(&expect(2, none));
+    let none = refusal(none);
     assert!(none.contains("not an MCAP file"), "{none}");
     assert_eq!(none.trim().lines().count(), 1, "{none}");
     let mut without = tactnet(["replay"]);
     without.arg(&file);
-    let without = stderr(&expect(2, without));
-    assert!(
-        without.contains("name a run directory with `--run`"),
-        "{without}"
-    );
+    let without = refusal(without);
+    assert_says!(without, "name a run directory with `--run`");
 }
 
 #[test]
@@ -263,17 +258,11 @@ fn python_opens_a_recording_and_runs_the_exported_network_on_it() {
     let (file, _) = recorded(&robot, "a.mcap", "4", &[]);
     let mut check = Command::new(python);
     check.arg("tests/check_recording.py").arg(file);
-    for (name, options) in [("a.onnx", &[][..]), ("b.onnx", &["--masks"])] {
-        let network = robot.lab.path(name);
-        let mut export = tactnet(["export"]);
-        export
-            .arg(robot.lab.path("models/1"))
-            .args(options)
-            .arg("--out")
-            .arg(&network);
-        expect(0, export);
-        check.arg(network);
+    for (name, options) in [("a.onnx", ""), ("b.onnx", "--masks")] {
+        let line = format!("export @models/1 {options} --out @{name}");
+        robot.lab.run(&line);
+        check.arg(robot.lab.path(name));
     }
-    let said = stdout(&expect(0, check));
+    let said = output_of(check);
     assert!(said.contains("fine"), "{said}");
 }

@@ -3,13 +3,14 @@
 use std::io::{BufReader, Read};
 use std::process::{Child, Command, Stdio};
 
-use tactnet_channel::{Bus, Domain, remove_bus};
+use tactnet_channel::{Bus, Domain, GetPort, Start, remove_bus};
 use tactnet_data::SweepView;
 use tactnet_models::Compute;
 use tactnet_pipeline::{Classifier, PredictionMethod, RunDir};
+use tactnet_skin::packets::{TactileBelief, TactileStatus};
 use tactnet_skin::{SegmenterConfig, ServeConfig};
 
-use crate::command::{Lab, RecipeChange, expect, signal, tactnet};
+use crate::command::{Lab, signal, tactnet};
 
 pub(crate) const STEPS: usize = 120;
 
@@ -57,16 +58,10 @@ impl Running {
 impl Robot {
     pub(crate) fn new(name: &str) -> Self {
         let lab = Lab::new();
-        let recipe = lab.recipe(RecipeChange {
-            epochs: Some(4),
-            ..RecipeChange::default()
-        });
+        lab.recipe_for(4);
         let size = format!("--materials 4 --sweeps 40 --steps {STEPS}");
         lab.twin("data.h5", &size);
-        let mut train = tactnet(["train", "--calibrate", "--data"]);
-        train.arg(lab.path("data.h5")).arg("--recipe").arg(&recipe);
-        train.arg("--out").arg(lab.path("models/1"));
-        expect(0, train);
+        lab.run("train --calibrate --data @data.h5 --recipe @small.toml --out @models/1");
         let config = ServeConfig {
             anytime_ms: 40.0,
             segmenter: SegmenterConfig {
@@ -105,6 +100,14 @@ impl Robot {
 
     pub(crate) fn bus(&self) -> Bus {
         Bus::open(Domain::Host, &self.table).unwrap()
+    }
+
+    pub(crate) fn status(&self) -> GetPort<TactileStatus> {
+        self.bus().get_port("tactile/status", Start::Now).unwrap()
+    }
+
+    pub(crate) fn beliefs(&self) -> GetPort<TactileBelief> {
+        self.bus().get_port("tactile/belief", Start::Now).unwrap()
     }
 }
 

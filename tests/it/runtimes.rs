@@ -1,20 +1,18 @@
 //! The exported network in other runtimes, evaluated on the same sweeps as in Burn.
 
-use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, expect, json, tactnet};
+use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, assert_says, json};
 
 /// A small trained network with `layers`, `levels` removed or kept, and a number of steps that leaves a pool unfilled.
 fn trained(levels: &str, layers: &'static str) -> Lab {
     let lab = Lab::new();
-    let recipe = lab.recipe(RecipeChange {
+    lab.recipe(RecipeChange {
         epochs: Some(2),
         layers,
         ..RecipeChange::default()
     });
     lab.twin("data.h5", "--materials 4 --sweeps 20 --steps 125");
-    let mut train = tactnet(["train", "--levels", levels, "--data"]);
-    train.arg(lab.path("data.h5")).arg("--recipe").arg(&recipe);
-    train.arg("--out").arg(lab.path("run"));
-    expect(0, train);
+    let options = "--data @data.h5 --recipe @small.toml --out @run";
+    lab.run(&format!("train --levels {levels} {options}"));
     lab
 }
 
@@ -26,9 +24,7 @@ fn agrees(runtime: &str) {
         ("removed", SPECTRA),
     ] {
         let lab = trained(levels, layers);
-        let mut eval = tactnet(["eval", "--json", "--runtime", runtime]);
-        eval.arg(lab.path("run"));
-        let found = json(eval);
+        let found = json(lab.command(&format!("eval --json --runtime {runtime} @run")));
         for way in ["plain", "mc_dropout"] {
             let compared = &found["runtimes"][way];
             assert_eq!(compared["runtime"], runtime, "{found}");
@@ -64,11 +60,6 @@ fn onnx_runtime_agrees_with_burn() {
 #[test]
 fn a_runtime_that_was_left_out_is_named() {
     let lab = trained("kept", CONVOLUTIONS);
-    let mut eval = tactnet(["eval", "--runtime", "candle"]);
-    eval.arg(lab.path("run"));
-    let said = crate::command::stderr(&expect(2, eval));
-    assert!(
-        said.contains("`cargo install --path . --features candle`"),
-        "{said}"
-    );
+    let said = lab.refused("eval --runtime candle @run");
+    assert_says!(said, "`cargo install --path . --features candle`");
 }

@@ -16,7 +16,7 @@ use tactnet_skin::packets::{
     Verdict,
 };
 
-use crate::command::{Lab, expect, json, stderr, stdout, tactnet};
+use crate::command::{Lab, assert_says, expect, json, output_of, refusal, stderr, stdout, tactnet};
 use crate::robot::{Robot, Running, STEPS, classifier};
 
 const SOON: Wait = Wait::Block {
@@ -145,10 +145,7 @@ fn beliefs_of_live_sweeps_are_those_of_the_offline_classifier() {
     let robot = Robot::new("live");
     let _hub = robot.start(&["channel", "hub"]);
     let service = robot.serve("models/1");
-    let bus = robot.bus();
-    let beliefs = bus
-        .get_port::<TactileBelief>("tactile/belief", Start::Now)
-        .unwrap();
+    let beliefs = robot.beliefs();
     let mut dashboard = robot.start(&["dashboard", "--listen", "127.0.0.1:0"]);
     let mut skin = robot.skin("5");
     let mut seen: Vec<TactileBelief> = Vec::new();
@@ -203,10 +200,9 @@ fn systemd_and_prometheus_are_told() {
         .unwrap()
         .local_addr()
         .unwrap();
-    let mut serve = tactnet(["serve", "--run"]);
-    serve.arg(robot.lab.path("models/1"));
-    serve.args(["--metrics", &port.to_string(), "--cpu", "100000", "--table"]);
-    serve.arg(robot.lab.path("robot.toml"));
+    let mut serve = robot.lab.command(&format!(
+        "serve --run @models/1 --metrics {port} --cpu 100000 --table @robot.toml"
+    ));
     serve.env("NOTIFY_SOCKET", &socket);
     serve.env("WATCHDOG_USEC", "200000");
     serve.stderr(Stdio::piped());
@@ -246,19 +242,17 @@ fn systemd_and_prometheus_are_told() {
     }
     let mut lines = String::new();
     said.read_to_string(&mut lines).unwrap();
-    assert!(
-        lines.contains("cannot pin the thread to core 100000"),
-        "{lines}"
-    );
+    assert_says!(lines, "cannot pin the thread to core 100000");
 }
 
 #[test]
 fn every_sweep_of_a_data_set_is_classified_alike_frame_by_frame() {
     let robot = Robot::new("alike");
-    let mut eval = tactnet(["eval", "--json", "--runtime", "online", "--data"]);
-    eval.arg(robot.lab.path("data.h5"))
-        .arg(robot.lab.path("models/1"));
-    let found = json(eval);
+    let found = json(
+        robot
+            .lab
+            .command("eval --json --runtime online --data @data.h5 @models/1"),
+    );
     for way in ["plain", "mc_dropout"] {
         let compared = &found["runtimes"][way];
         let apart = compared["largest_difference"].as_f64().unwrap();
@@ -274,14 +268,11 @@ fn assert_another_skin_is_refused(robot: &Robot) {
         std::fs::create_dir_all(file.parent().unwrap()).unwrap();
         std::fs::write(file, format!("1,{sweep},3\n").repeat(STEPS)).unwrap();
     }
-    let mut other = tactnet(["simulate", "skin", "--rate", "750", "--data"]);
-    other.arg(robot.lab.path("other")).arg("--table");
-    other.arg(robot.lab.path("robot.toml"));
-    let other = stderr(&expect(2, other));
-    assert!(
-        other.contains("expects 4x4 taxels at 750 Hz, these sweeps have 1x3"),
-        "{other}"
-    );
+    let other = robot
+        .lab
+        .command("simulate skin --rate 750 --data @other --table @robot.toml");
+    let other = refusal(other);
+    assert_says!(other, "expects 4x4 taxels at 750 Hz, these sweeps have 1x3");
 }
 
 /// Sends a command to the classifier with the command line.
@@ -317,9 +308,7 @@ fn a_material_is_learnt_while_it_serves_and_a_wrong_model_is_refused() {
     let _hub = robot.start(&["channel", "hub"]);
     let service = robot.serve("models");
     let bus = robot.bus();
-    let status = bus
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
+    let status = robot.status();
     let model = bus
         .get_port::<ModelNames>("tactile/model", Start::History(1))
         .unwrap();
@@ -382,10 +371,7 @@ fn damaged_versions_are_named_and_the_newest_good_one_serves() {
     };
     put("models/1", "models/2", true);
     put("models/1", "models/9", true);
-    let bus = robot.bus();
-    let status = bus
-        .get_port::<TactileStatus>("tactile/status", Start::Now)
-        .unwrap();
+    let status = robot.status();
     let service = robot.serve("models");
     let rejected = || next_text(&status, Event::ModelRejected);
     assert_eq!(next_event(&status, Event::Swapped).model_version, 1);
@@ -400,20 +386,20 @@ fn damaged_versions_are_named_and_the_newest_good_one_serves() {
     // No version can serve.
     std::fs::remove_dir_all(robot.lab.path("models/1")).unwrap();
     std::fs::remove_dir_all(robot.lab.path("models/8")).unwrap();
-    let mut serve = tactnet(["serve", "--metrics", "off", "--models"]);
-    serve.arg(robot.lab.path("models"));
-    serve.arg("--table").arg(robot.lab.path("robot.toml"));
-    let none = stderr(&expect(2, serve));
+    let serve = robot
+        .lab
+        .command("serve --metrics off --models @models --table @robot.toml");
+    let none = refusal(serve);
     assert!(none.contains("models/9"), "{none}");
     assert_eq!(none.trim().lines().count(), 1, "{none}");
 }
 
 #[test]
 fn what_is_missing_is_said_in_one_line() {
-    let line = |arguments: &[&str]| stderr(&expect(2, tactnet(arguments)));
+    let line = |arguments: &[&str]| refusal(tactnet(arguments));
     assert!(line(&["serve"]).contains("name a run directory with `--run`"));
     assert!(line(&["serve", "--run", "nowhere"]).contains("name a table with `--table`"));
-    let table = stdout(&expect(0, tactnet(["serve", "--print-table"])));
+    let table = output_of(tactnet(["serve", "--print-table"]));
     let lab = Lab::new();
     std::fs::write(
         lab.path("robot.toml"),
@@ -424,9 +410,8 @@ fn what_is_missing_is_said_in_one_line() {
         ("--run", "nowhere: no run here"),
         ("--models", "no hub of bus `nohub`"),
     ] {
-        let mut serve = tactnet(["serve", model, "nowhere", "--table"]);
-        serve.arg(lab.path("robot.toml"));
-        let none = stderr(&expect(2, serve));
+        let serve = lab.command(&format!("serve {model} nowhere --table @robot.toml"));
+        let none = refusal(serve);
         assert!(none.contains(missing), "{none}");
     }
 }

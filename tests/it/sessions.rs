@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::command::{Lab, expect, stderr, stdout, tactnet};
+use crate::command::{Lab, assert_says, expect, output_of, stderr, stdout};
 
 /// Sentence about the floors of one session each.
 const CONFOUNDED: &str = "8 of 10 materials were recorded in one session each: this accuracy cannot be told from recognising the session";
@@ -41,10 +41,8 @@ fn write_floors(path: &Path) {
 
 /// Returns `tactnet train` on the floors by nearest taxel means, into `out`.
 fn train(lab: &Lab, out: &str, options: &[&str]) -> std::process::Command {
-    let mut command = tactnet(["train", "--model", "means", "--data"]);
-    command.arg(lab.path("floors.csv")).args(options);
-    command.arg("--out").arg(lab.path(out));
-    command
+    let line = format!("train --model means --data @floors.csv --out @{out}");
+    lab.command_with(&line, options)
 }
 
 #[test]
@@ -55,10 +53,7 @@ fn what_recognising_the_session_contributes_is_said_by_train_and_eval() {
     let strict = expect(2, train(&lab, "strict", &["--strict"]));
     let refused = stderr(&strict);
     assert!(refused.contains(CONFOUNDED), "{refused}");
-    assert!(
-        refused.contains("without --strict it is a warning"),
-        "{refused}"
-    );
+    assert_says!(refused, "without --strict it is a warning");
     assert!(!lab.path("strict").exists());
 
     // Whole sessions are held out by default.
@@ -66,13 +61,13 @@ fn what_recognising_the_session_contributes_is_said_by_train_and_eval() {
     assert!(stderr(&output).contains(&format!("warning: {CONFOUNDED} (80 % of the sweeps: ")));
     let text = stdout(&output);
     assert!(text.contains("whole blocks"), "{text}");
-    assert!(
-        text.contains("\nsweeps of the same recordings in training: 100.0 % ("),
-        "{text}"
+    assert_says!(
+        text,
+        "\nsweeps of the same recordings in training: 100.0 % ("
     );
-    assert!(
-        text.contains("\nnot tested: 8 of 10 materials were recorded in one session each"),
-        "{text}"
+    assert_says!(
+        text,
+        "\nnot tested: 8 of 10 materials were recorded in one session each"
     );
     let result = lab.json("sessions/result.json");
     assert_eq!(result["random_fold"]["one_sweep"]["mean"], 1.0);
@@ -97,12 +92,8 @@ fn what_recognising_the_session_contributes_is_said_by_train_and_eval() {
     );
     assert_eq!(result["confounded"]["unconfounded_one_sweep"]["mean"], 1.0);
 
-    let eval = || {
-        let mut eval = tactnet(["eval"]);
-        eval.arg(lab.path("folds"));
-        eval
-    };
-    let text = stdout(&expect(0, eval()));
+    let eval = || lab.command("eval @folds");
+    let text = output_of(eval());
     assert!(
         text.contains(CONFOUNDED) && text.contains(of_others),
         "{text}"
@@ -114,7 +105,7 @@ fn what_recognising_the_session_contributes_is_said_by_train_and_eval() {
     assert!(row.contains("100.0 (") && row.ends_with(" 2"), "{row}");
     let mut json = eval();
     json.arg("--json");
-    let again: serde_json::Value = serde_json::from_str(&stdout(&expect(0, json))).unwrap();
+    let again: serde_json::Value = serde_json::from_str(&output_of(json)).unwrap();
     assert_eq!(again["confounded"], result["confounded"]);
 }
 
@@ -122,27 +113,10 @@ fn what_recognising_the_session_contributes_is_said_by_train_and_eval() {
 fn a_report_has_the_accuracy_on_the_materials_that_share_their_sessions() {
     let lab = Lab::new();
     write_floors(&lab.path("floors.csv"));
-    let mut command = tactnet([
-        "experiment",
-        "run",
-        "crossval_baselines",
-        "--json",
-        "--set",
-        "folds=2",
-    ]);
-    command
-        .arg("--set")
-        .arg(format!("data={}", lab.path("floors.csv").display()))
-        .args([
-            "--set",
-            "models=[\"means\"]",
-            "--set",
-            "probes=[\"first-frame\"]",
-        ])
-        .args(["--set", "split=k-fold", "--set", "groups=0"])
-        .arg("--out")
-        .arg(lab.path("out"));
-    let summary: serde_json::Value = serde_json::from_str(&stdout(&expect(0, command))).unwrap();
+    let summary = json(lab.command(
+        "experiment run crossval_baselines --json --set folds=2 --set data=@floors.csv --out @out \
+         --set models=[\"means\"] --set probes=[\"first-frame\"] --set split=k-fold --set groups=0",
+    ));
     let contender = &summary["contenders"][0];
     assert_eq!(
         contender["confounded"]["unconfounded"],
@@ -167,13 +141,9 @@ fn a_report_has_the_accuracy_on_the_materials_that_share_their_sessions() {
     assert!(page.contains(CONFOUNDED));
     assert!(page.contains("On the materials that share their sessions with others (floor 8 and floor 9) it is 100.0 % ["));
     assert!(page.contains("The first frame alone gives 100.0 % (model: 100.0 %)"));
-    let mut report = tactnet(["experiment", "report"]);
-    report.arg(lab.path("out"));
-    let text = stdout(&expect(0, report));
-    assert!(
-        text.contains(
-            "accuracy on the materials that share their sessions with others [%]: means, "
-        ),
-        "{text}"
+    let text = stdout(&lab.run("experiment report @out"));
+    assert_says!(
+        text,
+        "accuracy on the materials that share their sessions with others [%]: means, "
     );
 }

@@ -3,11 +3,11 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::command::{Lab, expect, signal, stderr, tactnet};
+use crate::command::{Lab, assert_says, expect, signal, stderr, tactnet};
 
 /// An experiment of two quick tasks, and the state of the cluster's programs.
 struct Cluster {
@@ -52,6 +52,23 @@ impl Cluster {
         stderr(&expect(code, self.command()))
     }
 
+    /// Starts the experiment.
+    fn start(&self) -> Child {
+        let mut runner = self.command();
+        runner.stdout(Stdio::null()).stderr(Stdio::null());
+        runner.spawn().unwrap()
+    }
+
+    /// Runs the experiment on jobs that wait for some seconds, and expects one job.
+    fn runs_one_job_that_waits(&self) {
+        self.fault("hold", "");
+        let mut runner = self.start();
+        sleep(Duration::from_secs(4));
+        fs::remove_file(self.shim.join("hold")).unwrap();
+        assert!(runner.wait().unwrap().success());
+        assert_eq!(self.submissions(), 1);
+    }
+
     /// Prepares a fault of the shim.
     fn fault(&self, name: &str, lines: &str) {
         fs::write(self.shim.join(name), lines).unwrap();
@@ -72,12 +89,7 @@ impl Cluster {
 fn a_restarted_runner_finds_its_job_although_the_queue_fails_once() {
     let cluster = Cluster::new();
     cluster.fault("hold", "");
-    let mut first = cluster
-        .command()
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
+    let mut first = cluster.start();
     let begun = Instant::now();
     while cluster.calls("squeue").len() < 3 {
         assert!(
@@ -94,17 +106,7 @@ fn a_restarted_runner_finds_its_job_although_the_queue_fails_once() {
         "fail-squeue",
         "slurm_load_jobs error: Unable to contact slurm controller\n",
     );
-    let mut second = cluster
-        .command()
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    sleep(Duration::from_secs(3));
-    fs::remove_file(cluster.shim.join("hold")).unwrap();
-    let ended = second.wait().unwrap();
-    assert!(ended.success());
-    assert_eq!(cluster.submissions(), 1);
+    cluster.runs_one_job_that_waits();
 }
 
 #[test]
@@ -117,32 +119,12 @@ fn lines_around_the_job_id_and_lost_answers_leave_no_second_job() {
     // The controller accepts the job, but its answer is lost.
     let cluster = Cluster::new();
     cluster.fault("lose-answer", "");
-    cluster.fault("hold", "");
-    let mut runner = cluster
-        .command()
-        .stderr(Stdio::null())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    sleep(Duration::from_secs(4));
-    fs::remove_file(cluster.shim.join("hold")).unwrap();
-    assert!(runner.wait().unwrap().success());
-    assert_eq!(cluster.submissions(), 1);
+    cluster.runs_one_job_that_waits();
 
     // An answer without an id: the job is found in the queue.
     let cluster = Cluster::new();
     cluster.fault("no-id", "");
-    cluster.fault("hold", "");
-    let mut runner = cluster
-        .command()
-        .stderr(Stdio::null())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    sleep(Duration::from_secs(4));
-    fs::remove_file(cluster.shim.join("hold")).unwrap();
-    assert!(runner.wait().unwrap().success());
-    assert_eq!(cluster.submissions(), 1);
+    cluster.runs_one_job_that_waits();
 }
 
 #[test]
@@ -190,9 +172,9 @@ fn a_task_out_of_memory_gets_more_or_is_given_up_by_that_name() {
     );
     let said = cluster.run(0);
     assert!(said.contains("failed (attempt 1): out of memory"), "{said}");
-    assert!(
-        said.contains("it had 1000 MiB, and the next attempt asks for 2000 MiB"),
-        "{said}"
+    assert_says!(
+        said,
+        "it had 1000 MiB, and the next attempt asks for 2000 MiB"
     );
     assert!(cluster.calls("sbatch")[1].contains("--mem=2000M"));
 

@@ -9,7 +9,9 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, SPECTRA, expect, json, signal, stderr, tactnet};
+use crate::command::{
+    Lab, RecipeChange, SPECTRA, assert_says, expect, json, refusal, signal, stderr,
+};
 
 /// A twin of eight materials with thirty sweeps each, and a small recipe.
 fn lab() -> Lab {
@@ -24,25 +26,15 @@ fn quick_lab() -> Lab {
 fn lab_of(epochs: usize) -> Lab {
     let lab = Lab::new();
     lab.twin("eight.h5", "--materials 8 --sweeps 30 --steps 120");
-    lab.recipe(RecipeChange {
-        epochs: Some(epochs),
-        ..RecipeChange::default()
-    });
+    lab.recipe_for(epochs);
     lab
 }
 
 fn study(lab: &Lab, name: &str, settings: &[&str], out: &str) -> Command {
-    let mut command = tactnet(["experiment", "run", name, "--json"]);
-    command
-        .arg("--set")
-        .arg(format!("data={}", lab.path("eight.h5").display()))
-        .arg("--set")
-        .arg(format!("models=[\"{}\"]", lab.path("small.toml").display()));
-    for setting in settings {
-        command.args(["--set", setting]);
-    }
-    command.arg("--out").arg(lab.path(out));
-    command
+    let own = "--set data=@eight.h5 --set models=[\"@small.toml\"]";
+    let line = format!("experiment run {name} --json --out @{out} {own}");
+    let more: Vec<&str> = settings.iter().flat_map(|of| ["--set", *of]).collect();
+    lab.command_with(&line, &more)
 }
 
 fn rows(summary: &Value) -> &Vec<Value> {
@@ -97,11 +89,7 @@ fn n_shot_transfer_measures_every_method_the_same_way_however_many_threads() {
     let page = String::from_utf8(lab.read("one/report.html")).unwrap();
     assert!(page.contains("Methods of the thesis: accuracy against shots"));
     let again = expect(0, study(&lab, "nshot", &NSHOT, "one"));
-    assert!(
-        stderr(&again).contains("2 tasks, 2 done"),
-        "{}",
-        stderr(&again)
-    );
+    assert_says!(stderr(&again), "2 tasks, 2 done");
 }
 
 #[test]
@@ -113,10 +101,7 @@ fn networks_are_compared_under_every_circumstance_with_what_they_cost() {
         ..RecipeChange::default()
     });
     std::fs::rename(&spectra, lab.path("spectra.toml")).unwrap();
-    lab.recipe(RecipeChange {
-        epochs: Some(8),
-        ..RecipeChange::default()
-    });
+    lab.recipe_for(8);
     let both = format!(
         "models=[\"{}\", \"{}\"]",
         lab.path("small.toml").display(),
@@ -193,7 +178,7 @@ fn models_of_all_kinds_are_tested_under_disturbances() {
     let page = String::from_utf8(lab.read("robustness/report.html")).unwrap();
     assert!(page.contains("Dead taxels that are masked: accuracy on twin (eight)"));
     let refused = study(&lab, "robustness", &["dead=[1.5]"], "refused");
-    assert!(stderr(&expect(2, refused)).contains("shares between 0 and 1"));
+    assert!(refusal(refused).contains("shares between 0 and 1"));
 }
 
 #[test]
@@ -203,21 +188,11 @@ fn the_twin_is_felt_again_weaker_and_faster() {
         layers: SPECTRA,
         ..RecipeChange::default()
     });
-    let mut command = tactnet(["experiment", "run", "networks", "--json", "--set"]);
-    command.arg(format!("models=[\"{}\"]", lab.path("small.toml").display()));
-    for setting in [
-        "folds=1",
-        "epochs=1",
-        "steps=100",
-        "sweeps=[]",
-        "blocks=false",
-        "forces=[0.5]",
-        "speeds=[1.5]",
-    ] {
-        command.args(["--set", setting]);
-    }
-    command.arg("--out").arg(lab.path("felt"));
-    let found = json(command);
+    let found = json(lab.command(
+        "experiment run networks --json --out @felt --set models=[\"@small.toml\"] --set folds=1 \
+         --set epochs=1 --set steps=100 --set sweeps=[] --set blocks=false --set forces=[0.5] \
+         --set speeds=[1.5]",
+    ));
     let loss = |condition: &str| {
         let own = rows(&found).iter().find(|row| {
             row["setting"] == condition
@@ -466,9 +441,9 @@ fn a_stopped_question_keeps_its_finished_networks_and_finds_the_same() {
     assert_eq!(again["rows"], undisturbed["rows"]);
     assert!(!networks.exists(), "the task has its result");
     let log = String::from_utf8(lab.read("stopped/tasks/eight-small-nshot-000.log")).unwrap();
-    assert!(
-        log.contains("stopped; running the task again resumes it with its next network"),
-        "{log}"
+    assert_says!(
+        log,
+        "stopped; running the task again resumes it with its next network"
     );
 }
 
@@ -477,9 +452,7 @@ fn the_measurements_of_a_question_are_metrics_for_mlflow() {
     let lab = lab();
     let settings = ["splits=1", "study={kind=\"unknown\", new_materials=3}"];
     let found = json(study(&lab, "unknown", &settings, "unknown"));
-    let mut export = tactnet(["experiment", "export"]);
-    export.args([lab.path("unknown"), "--mlflow".into(), lab.path("mlruns")]);
-    expect(0, export);
+    lab.run("experiment export @unknown --mlflow @mlruns");
     let experiments = std::fs::read_dir(lab.path("mlruns")).unwrap();
     let run = experiments
         .map(|folder| folder.unwrap().path())

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use tactnet_data::format;
 use tempfile::TempDir;
 
-use crate::command::{expect, stderr, stdout, tactnet};
+use crate::command::{expect, refusal, stderr, stdout, tactnet};
 
 /// Frames of a window of the tests.
 const STEPS: usize = 20;
@@ -48,15 +48,12 @@ fn expected_materials() -> Vec<String> {
 #[test]
 fn json_fields_are_taxels_and_a_text_names_the_material() {
     let fields = [
-        "--topic",
-        "/tip",
-        "--field",
-        "parts.v",
-        "--label-field",
-        "surface",
+        ["--topic", "/tip"],
+        ["--field", "parts.v"],
+        ["--label-field", "surface"],
     ];
     assert_eq!(
-        imported("json.mcap", &fields),
+        imported("json.mcap", fields.as_flattened()),
         (values(), expected_materials())
     );
     // Other order, single entries.
@@ -118,7 +115,7 @@ fn topics_are_listed_and_wrong_names_say_what_there_is() {
             .arg("--out")
             .arg(&out)
             .args(options);
-        let message = stderr(&expect(2, import));
+        let message = refusal(import);
         assert!(!out.exists());
         message
     };
@@ -154,16 +151,7 @@ fn a_cut_recording_is_read_up_to_the_cut_and_says_how_much_is_lost() {
     let out = folder.path().join("sweeps.npz");
     let mut import = tactnet(["data", "import"]);
     import.arg(&cut).arg("--out").arg(&out);
-    import.args([
-        "--topic",
-        "/tip",
-        "--field",
-        "parts.v",
-        "--window",
-        "10",
-        "--label-field",
-        "surface",
-    ]);
+    import.args("--topic /tip --field parts.v --window 10 --label-field surface".split(' '));
     let output = expect(0, import);
     let message = stderr(&output);
     assert!(message.contains("bytes are lost"), "{message}");

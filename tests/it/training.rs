@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
+use crate::command::{Lab, RecipeChange, assert_says, expect, json, stderr, stdout, tactnet};
 
 /// `result.json` has all fields, with the numbers of the small twin.
 fn assert_complete(result: &Value) {
@@ -81,9 +81,7 @@ fn assert_predictions_give_the_accuracy(lab: &Lab, result: &Value) {
 }
 
 fn assert_eval_finds(lab: &Lab, result: &Value) {
-    let mut eval = tactnet(["eval", "--json", "--sweeps", "2"]);
-    eval.arg(lab.path("run"));
-    let again = json(eval);
+    let again = json(lab.command("eval --json --sweeps 2 @run"));
     for method in ["plain", "mc_dropout"] {
         assert_eq!(
             again["evaluations"][method]["one_sweep"], result["evaluations"][method]["one_sweep"],
@@ -148,11 +146,9 @@ fn the_full_size_network_ignores_the_number_of_threads() {
     let lab = Lab::new();
     lab.twin("long.h5", "--materials 4 --sweeps 10");
     for threads in ["1", "4"] {
-        let mut command = tactnet(["train", "--recipe", "thesis", "--epochs", "1", "--data"]);
-        command
-            .arg(lab.path("long.h5"))
-            .arg("--out")
-            .arg(lab.path(threads));
+        let mut command = lab.command(&format!(
+            "train --recipe thesis --epochs 1 --data @long.h5 --out @{threads}"
+        ));
         command.env("RAYON_NUM_THREADS", threads);
         expect(0, command);
     }
@@ -170,24 +166,19 @@ fn a_loss_that_is_no_number_stops_with_epoch_and_batch_and_keeps_the_checkpoint(
     });
     let output = expect(1, lab.train(&recipe, "run"));
     let message = stderr(&output);
-    assert!(
-        message.contains("not finite in epoch 3, batch 2"),
-        "{message}"
-    );
+    assert_says!(message, "not finite in epoch 3, batch 2");
     assert!(!lab.path("run/result.json").exists());
     let metrics = String::from_utf8(lab.read("run/metrics.jsonl")).unwrap();
     assert_eq!(metrics.lines().count(), 2);
-    let mut eval = tactnet(["eval"]);
-    eval.arg(lab.path("run"));
-    let table = stdout(&expect(0, eval));
+    let table = stdout(&lab.run("eval @run"));
     assert!(
         table.contains("\nMC dropout ") && !table.contains("NaN"),
         "{table}"
     );
     assert!(table.contains("\nwithout dropout "), "{table}");
-    assert!(
-        table.contains("\nMC dropout: mean over 20 passes with dropout left on"),
-        "{table}"
+    assert_says!(
+        table,
+        "\nMC dropout: mean over 20 passes with dropout left on"
     );
 }
 
@@ -196,9 +187,7 @@ fn a_copy_of_the_training_sweeps_is_recognised_in_any_format() {
     let lab = Lab::new();
     expect(0, lab.train(&lab.recipe(RecipeChange::default()), "run"));
     lab.twin("more.npz", "--materials 4 --sweeps 12 --steps 120");
-    let mut eval = tactnet(["eval", "--json", "--data"]);
-    eval.arg(lab.path("more.npz")).arg(lab.path("run"));
-    let result = json(eval);
+    let result = json(lab.command("eval --json --data @more.npz @run"));
     assert_eq!(result["tested"], "all sweeps except 32 of the training set");
     assert_eq!(result["n_test"], 48 - 32);
 }
@@ -220,15 +209,8 @@ fn assert_refused(arguments: &[&str], expected: &[&str]) {
 
 #[test]
 fn mistyped_words_get_one_line_with_suggestions_and_exit_code_two() {
-    let both = [
-        "experiment",
-        "run",
-        "nshot",
-        "--data",
-        "a.h5",
-        "--set",
-        "data=b.h5",
-    ];
+    let both = ["experiment", "run", "nshot"];
+    let both = [&both[..], &["--data", "a.h5", "--set", "data=b.h5"]].concat();
     let cases: [(&[&str], &[&str]); 7] = [
         (
             &["data", "check"],

@@ -4,7 +4,9 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::command::{Lab, RecipeChange, expect, json, stderr, stdout, tactnet};
+use crate::command::{
+    Lab, RecipeChange, assert_says, expect, json, messages_of, output_of, refusal, stderr, stdout,
+};
 use crate::newcomer::{own_sweeps, with};
 
 /// Sweeps of the small twin: one of each material, and three more of the last.
@@ -118,7 +120,7 @@ fn assert_tables_are_written_once(lab: &Lab) {
     {
         assert!(cell.len() <= 8, "{cell}: digits that nobody reads");
     }
-    let again = |out: &str| stderr(&expect(2, predict(lab, "new", &["--out", out])));
+    let again = |out: &str| refusal(predict(lab, "new", &["--out", out]));
     assert!(again("found.csv").contains("overwrite it with `--force`"));
     assert!(again("found.txt").contains(".csv or .json"));
     expect(0, predict(lab, "new", &["--out", "found.csv", "--force"]));
@@ -130,44 +132,25 @@ fn assert_tables_are_written_once(lab: &Lab) {
 /// Labels in the data are printed beside the predictions, and sweeps of the training are noticed.
 fn assert_known_sweeps_are_named(lab: &Lab, named: &[String]) {
     // A single file, and a labelled data set, whose labels are printed beside the predictions.
-    let one = stdout(&expect(0, predict(lab, "new/0.csv", &[])));
+    let one = output_of(predict(lab, "new/0.csv", &[]));
     assert!(
         one.contains("runner-up") && one.contains("1 sweep: "),
         "{one}"
     );
     let known = expect(0, predict(lab, "twin.h5", &["--json", "--mc", "0"]));
     let said = stderr(&known);
-    assert!(
-        said.contains("note: the run was trained on 32 of these 40 sweeps"),
-        "{said}"
-    );
+    assert_says!(said, "note: the run was trained on 32 of these 40 sweeps");
     let known: Value = serde_json::from_str(&stdout(&known)).unwrap();
     assert_eq!(known["sweeps"][30]["named"], named[3]);
     // The same sweeps in another file.
-    let some = lab.path("some.npz").display().to_string();
-    let import = with(
-        lab,
-        &["data", "import"],
-        "new",
-        &[
-            "--rate",
-            "750",
-            "--shape",
-            "4x4",
-            "--material",
-            "any",
-            "--out",
-            &some,
-        ],
-    );
-    expect(0, import);
-    let said = stderr(&expect(0, predict(lab, "some.npz", &["--mc", "0"])));
+    lab.run("data import @new --rate 750 --shape 4x4 --material any --out @some.npz");
+    let said = messages_of(predict(lab, "some.npz", &["--mc", "0"]));
     assert!(
         said.contains("note: the run was trained on ")
             && said.contains(" sweeps, so these predictions do not show"),
         "{said}"
     );
-    let shown = stdout(&expect(0, predict(lab, "twin.h5", &[])));
+    let shown = output_of(predict(lab, "twin.h5", &[]));
     let mut lines = shown.lines();
     assert!(
         lines
@@ -178,7 +161,7 @@ fn assert_known_sweeps_are_named(lab: &Lab, named: &[String]) {
     );
     assert!(lines.next().unwrap().contains("named"), "{shown}");
     assert!(shown.contains(" of 40 correct"), "{shown}");
-    let plain = stdout(&expect(0, with(lab, &["eval", "--mc", "0"], "run", &[])));
+    let plain = output_of(lab.command("eval --mc 0 @run"));
     assert!(!plain.contains("MC dropout"), "{plain}");
 }
 
@@ -187,30 +170,29 @@ fn assert_unusable_sweeps_are_named(lab: &Lab) {
     let frame = "7,".repeat(15) + "7\n";
     std::fs::write(lab.path("new/still.csv"), frame.repeat(120)).unwrap();
     let still = expect(0, predict(lab, "new", &[]));
-    assert!(
-        stderr(&still).contains("warning: no taxel ever changes in sweep `still`"),
-        "{}",
-        stderr(&still)
+    assert_says!(
+        stderr(&still),
+        "warning: no taxel ever changes in sweep `still`"
     );
     let marked = stdout(&still);
     let marked = marked
         .lines()
         .filter(|line| line.ends_with("no taxel ever changes"));
     assert_eq!(marked.count(), 1);
-    let refused = stderr(&expect(2, predict(lab, "new", &["--rate", "100"])));
+    let refused = refusal(predict(lab, "new", &["--rate", "100"]));
     assert!(
         refused.contains("new: the classifier expects 750 Hz")
             && refused.contains("100 Hz, as named with `--rate`"),
         "{refused}"
     );
-    let refused = stderr(&expect(2, predict(lab, "nothing", &[])));
+    let refused = refusal(predict(lab, "nothing", &[]));
     assert!(refused.contains("nothing"), "{refused}");
 }
 
 fn assert_longer_sweeps_are_cut(lab: &Lab) {
     let row = vec!["9"; 16].join(",") + "\n";
     std::fs::write(lab.path("long.csv"), row.repeat(200)).unwrap();
-    let refused = stderr(&expect(2, predict(lab, "long.csv", &[])));
+    let refused = refusal(predict(lab, "long.csv", &[]));
     assert!(refused.contains("`--steps 120`"), "{refused}");
     expect(0, predict(lab, "long.csv", &["--steps", "120"]));
     let same = |options: &[&str]| {
@@ -222,45 +204,25 @@ fn assert_longer_sweeps_are_cut(lab: &Lab) {
 }
 
 fn assert_another_rate_is_refused_everywhere(lab: &Lab) {
-    let slow = lab.path("slow.npz").display().to_string();
-    let slower = ["--rate", "100", "--out", &slow];
-    let said = expect(0, with(lab, &["data", "import"], "twin.h5", &slower));
-    let said = stderr(&said);
-    assert!(
-        said.contains("the data names 750 Hz; the named 100 Hz takes precedence"),
-        "{said}"
+    let said = stderr(&lab.run("data import @twin.h5 --rate 100 --out @slow.npz"));
+    assert_says!(
+        said,
+        "the data names 750 Hz; the named 100 Hz takes precedence"
     );
-    for command in [
-        predict(lab, "slow.npz", &[]),
-        with(lab, &["eval"], "run", &["--data", "slow.npz"]),
-        with(
-            lab,
-            &["demo", "--listen", "0", "--data", "slow.npz", "--run"],
-            "run",
-            &[],
-        ),
+    for line in [
+        "predict @run --data @slow.npz",
+        "eval @run --data @slow.npz",
+        "demo --listen 0 --data @slow.npz --run @run",
     ] {
-        let refused = stderr(&expect(2, command));
-        assert!(
-            refused.contains("slow.npz: the classifier expects"),
-            "{refused}"
-        );
+        let refused = lab.refused(line);
+        assert_says!(refused, "slow.npz: the classifier expects");
         assert!(refused.contains("100 Hz"), "{refused}");
     }
 }
 
 fn assert_unlabelled_sweeps_can_be_enrolled(lab: &Lab) {
-    let mut enroll = with(
-        lab,
-        &["enroll"],
-        "run",
-        &["--data", "new", "--material", "felt"],
-    );
-    enroll.args(["--out", "grown", "--rate", "750", "--steps", "120"]);
-    expect(0, enroll);
-    let mut again = with(lab, &["predict"], "grown", &["--data", "new", "--json"]);
-    again.arg("--one-object");
-    let found = json(again);
+    lab.run("enroll @run --data @new --material felt --out @grown --rate 750 --steps 120");
+    let found = json(lab.command("predict @grown --data @new --json --one-object"));
     assert_eq!(found["materials"].as_array().unwrap().len(), 5);
 }
 
@@ -268,10 +230,7 @@ fn assert_unlabelled_sweeps_can_be_enrolled(lab: &Lab) {
 fn sweeps_without_materials_are_classified_as_eval_classifies_them() {
     let lab = Lab::new();
     let named = without_labels(&lab);
-    let recipe = lab.recipe(RecipeChange {
-        epochs: Some(12),
-        ..RecipeChange::default()
-    });
+    let recipe = lab.recipe_for(12);
     let mut train = lab.train(&recipe, "run");
     train.args(["--calibrate", "--false-alarms", "0.2", "--coverage", "0.8"]);
     expect(0, train);
@@ -298,10 +257,9 @@ fn assert_contradicting_labels_are_named(lab: &Lab) {
     let (glass, silk) = (named("glass.npz", "glass"), named("silk.npz", "silk"));
     let both = expect(0, with(lab, &["same"], "run", &[&glass, &silk]));
     let (verdict, hints) = (stdout(&both), stderr(&both));
-    assert!(
-        verdict
-            .contains("the files name different materials: glass names `glass`, silk names `silk`"),
-        "{verdict}"
+    assert_says!(
+        verdict,
+        "the files name different materials: glass names `glass`, silk names `silk`"
     );
     assert!(hints.contains("the run does not know `silk`"), "{hints}");
 }
@@ -331,27 +289,18 @@ fn dead_taxels_are_masked_in_predictions_and_evaluations() {
     let mut found = Vec::new();
     for reading in [[0.0, 255.0], [90.0, 1.0]] {
         broken(reading);
-        let mut command = with(&lab, &["predict"], "run", &["--json", "--dead", "3,7"]);
-        command.args(["--data", "broken.csv"]);
-        let text = stdout(&expect(0, command));
-        found.push(serde_json::from_str::<serde_json::Value>(&text).unwrap());
+        let line = "predict @run --json --dead 3,7 --data @broken.csv";
+        found.push(json(lab.command(line)));
     }
     assert_eq!(found[0]["sweeps"], found[1]["sweeps"]);
     assert_eq!(found[0]["dead_taxels"], serde_json::json!([3, 7]));
     let evaluated = |options: &[&str]| expect(0, with(&lab, &["eval"], "run", options));
     assert!(stdout(&evaluated(&["--dead", "3,7"])).contains("masked taxels: 3, 7"));
-    let text = stdout(&evaluated(&[
-        "--dead",
-        "3",
-        "--json",
-        "--runtime",
-        "online",
-    ]));
-    let compared: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let compared = json(lab.command("eval --dead 3 --json --runtime online @run"));
     assert_eq!(compared["dead_taxels"], serde_json::json!([3]));
     let difference = compared["runtimes"]["plain"]["largest_difference"].as_f64();
-    assert!(difference.unwrap() < 1e-4, "{text}");
-    let refused = expect(2, with(&lab, &["eval"], "run", &["--dead", "16"]));
+    assert!(difference.unwrap() < 1e-4, "{compared}");
+    let refused = expect(2, lab.command("eval @run --dead 16"));
     assert!(stderr(&refused).contains("expected numbers from 0 to 15"));
 }
 
@@ -359,16 +308,9 @@ fn dead_taxels_are_masked_in_predictions_and_evaluations() {
 fn two_objects_are_of_one_material_or_of_two() {
     let lab = Lab::new();
     own_sweeps(&lab, "own", ["glass", "felt"], 12, 4);
-    let recipe = lab.recipe(RecipeChange::default());
+    lab.recipe(RecipeChange::default());
     let data = lab.path("own").display().to_string();
-    let train = ["train", "--data", &data, "--rate", "750", "--epochs", "60"];
-    let mut training = tactnet(train);
-    training
-        .arg("--recipe")
-        .arg(&recipe)
-        .arg("--out")
-        .arg(lab.path("run"));
-    expect(0, training);
+    lab.run("train --data @own --rate 750 --epochs 60 --recipe @small.toml --out @run");
     own_sweeps(&lab, "cup", ["glass", "other"], 2, 4);
     own_sweeps(&lab, "cloth", ["other", "felt"], 2, 4);
     let [cup, cloth] = [("cup", "glass"), ("cloth", "felt")]
@@ -385,23 +327,20 @@ fn two_objects_are_of_one_material_or_of_two() {
         (same(&cloth, &cup) - apart).abs() < 1e-12,
         "either way round"
     );
-    let said = stdout(&expect(0, with(&lab, &["same"], "run", &[&cup, &cloth])));
+    let said = output_of(with(&lab, &["same"], "run", &[&cup, &cloth]));
     assert!(said.contains("probability of one material "), "{said}");
     expect(2, with(&lab, &["same"], "run", &[&cup, "nowhere.npz"]));
     assert_contradicting_labels_are_named(&lab);
     // The run can be named either way, and problems of the files are reported.
     let named = with(&lab, &["same", "--run"], "run", &[&cup, &cloth]);
-    assert_eq!(stdout(&expect(0, named)), said);
+    assert_eq!(output_of(named), said);
     expect(
         2,
         with(&lab, &["same", "--run"], "run", &[&cup, &cloth, &cup]),
     );
     expect(2, with(&lab, &["same"], "run", &[&cup]));
-    let several = stderr(&expect(2, with(&lab, &["same"], "run", &[&cup, &data])));
-    assert!(
-        several.contains("expected sweeps of one object, found 2 materials"),
-        "{several}"
-    );
-    let twice = stderr(&expect(0, with(&lab, &["same"], "run", &[&cup, &cup])));
+    let several = refusal(with(&lab, &["same"], "run", &[&cup, &data]));
+    assert_says!(several, "expected sweeps of one object, found 2 materials");
+    let twice = messages_of(with(&lab, &["same"], "run", &[&cup, &cup]));
     assert!(twice.contains("are the same sweeps"), "{twice}");
 }

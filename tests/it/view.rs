@@ -3,15 +3,10 @@
 #[cfg(not(feature = "rerun"))]
 #[test]
 fn a_build_without_the_viewer_names_what_is_missing() {
-    use crate::command::{Lab, expect, stderr, tactnet};
+    use crate::command::{Lab, assert_says};
     let lab = Lab::new();
-    let mut view = tactnet(["data", "view"]);
-    view.arg(lab.path("twin.h5"));
-    let said = stderr(&expect(2, view));
-    assert!(
-        said.contains("`cargo install --path . --features rerun`"),
-        "{said}"
-    );
+    let said = lab.refused("data view @twin.h5");
+    assert_says!(said, "`cargo install --path . --features rerun`");
 }
 
 #[cfg(feature = "rerun")]
@@ -21,12 +16,12 @@ mod with_rerun {
 
     use serde_json::Value;
 
-    use crate::command::{Lab, expect, json, stderr, stdout, tactnet};
+    use crate::command::{Lab, expect, json, output_of, refusal, stderr};
     use crate::robot::{Robot, Running};
 
     fn view(robot: &Robot, more: &[&str]) -> Command {
-        let mut view = tactnet(["view", "--json", "--table"]);
-        view.arg(robot.lab.path("robot.toml")).args(more);
+        let mut view = robot.lab.command("view --json --table @robot.toml");
+        view.args(more);
         view
     }
 
@@ -73,12 +68,11 @@ mod with_rerun {
         let lab = Lab::new();
         let file = lab.path("sweeps.rrd");
         let view = |more: &[&str]| {
-            let mut view = tactnet(["data", "view", "--json"]);
-            view.arg(lab.path("twin.h5"));
+            let mut view = lab.command("data view --json @twin.h5");
             view.arg("--save").arg(&file).args(more);
             view
         };
-        let unknown = stderr(&expect(2, view(&["--material", "kryptonite"])));
+        let unknown = refusal(view(&["--material", "kryptonite"]));
         assert!(unknown.contains("no material `kryptonite`"), "{unknown}");
         assert!(!file.exists());
         let told = json(view(&["--sweeps", "2"]));
@@ -88,7 +82,7 @@ mod with_rerun {
         );
         assert_eq!(told["frames"], 8 * 120);
         assert!(std::fs::read(&file).unwrap().starts_with(b"RRF2"));
-        let twice = stderr(&expect(2, view(&[])));
+        let twice = refusal(view(&[]));
         assert!(twice.contains("exists"), "{twice}");
     }
 
@@ -128,20 +122,18 @@ mod with_rerun {
             let mut check = Command::new(&python);
             check.arg("tests/check_view.py").args(what).arg(&pictures);
             // The script kills a hanging viewer.
-            let said = stdout(&expect(0, check));
+            let said = output_of(check);
             assert!(said.contains("fine"), "{said}");
         };
-        let mut npz = tactnet(["data", "export"]);
-        npz.args([path("data.h5"), "--out".into(), path("data.npz")]);
-        expect(0, npz);
-        let mut sweeps = tactnet(["data", "view", "--sweeps", "2", "--save"]);
-        sweeps.args([path("data.rrd"), path("data.h5")]);
-        expect(0, sweeps);
+        robot.lab.run("data export @data.h5 --out @data.npz");
+        robot
+            .lab
+            .run("data view --sweeps 2 --save @data.rrd @data.h5");
         check(&["sweeps", &path("data.npz"), &path("data.rrd")]);
 
-        let mut thrown = tactnet(["catch", "throw-series", "--throws", "1", "--view"]);
-        thrown.arg(path("throw.rrd"));
-        expect(0, thrown);
+        robot
+            .lab
+            .run("catch throw-series --throws 1 --view @throw.rrd");
         check(&["throw", &path("throw.rrd")]);
 
         let _hub = robot.start(&["channel", "hub"]);
@@ -168,9 +160,7 @@ mod with_rerun {
         assert_eq!(told["frames"], served["frames"], "{told} {served}");
         recorder.end();
 
-        let mut recorded = tactnet(["view", "--save"]);
-        recorded.args([path("a.rrd"), file.clone()]);
-        expect(0, recorded);
+        robot.lab.run("view --save @a.rrd @a.mcap");
         check(&["recording", &file, &path("a.rrd")]);
     }
 }

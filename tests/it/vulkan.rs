@@ -2,7 +2,7 @@
 
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_data::{Fold, Scheme, Seed};
 use tactnet_models::{
     Architecture, Compute, InputShape, Network, NetworkConfig, Spectra, Trunk, Weights,
@@ -80,13 +80,7 @@ fn trained(device: Compute, layers: &str, method: &str, threads: bool) -> (Vec<f
          [training]\nepochs = 5\nbatch = 8\nlearning_rate = 0.01\nmethod = {method}\n"
     );
     let recipe = NetworkRecipe::parse("small", &text).unwrap();
-    let twin = generate(&TwinConfig {
-        materials: 3,
-        sweeps: 5,
-        steps: 60,
-        ..TwinConfig::default()
-    })
-    .unwrap();
+    let twin = twin::small(3, 5, 60).unwrap();
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
     let setup = NetworkSetup::fit(&recipe, &fold.train);
     let model = ModelConfig::Network(setup.clone());

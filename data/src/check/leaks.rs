@@ -10,10 +10,9 @@ use crate::{DataError, Dataset, Finding, FindingKind, Scheme, Severity};
 ///
 /// ```
 /// use tactnet_data::shared_within_blocks;
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 5, steps: 100, ..TwinConfig::default() };
-/// assert!(shared_within_blocks(&twin::generate(&config)?).is_empty());
+/// assert!(shared_within_blocks(&twin::small(2, 5, 100)?).is_empty());
 /// # Ok::<(), tactnet_data::DataError>(())
 /// ```
 pub fn shared_within_blocks(dataset: &Dataset) -> Vec<Finding> {
@@ -44,11 +43,10 @@ fn is_within_block(finding: &Finding) -> bool {
 /// [`DataError::Leak`], with the remedy [`Remedy::LeaveBlocksOut`](crate::Remedy::LeaveBlocksOut).
 ///
 /// ```
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 /// use tactnet_data::{Scheme, refuse_errors, refuse_leaks};
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 5, steps: 100, ..TwinConfig::default() };
-/// let dataset = twin::generate(&config)?;
+/// let dataset = twin::small(2, 5, 100)?;
 /// let findings = refuse_errors(&dataset, "twin")?;
 /// refuse_leaks(&dataset, &findings, Scheme::default_for(&dataset), "twin")?;
 /// # Ok::<(), tactnet_data::DataError>(())

@@ -96,6 +96,23 @@ pub(super) struct ConditionColumns {
     pub(super) rows: usize,
 }
 
+impl ConditionColumns {
+    /// Returns the checksum of a data set with these columns; `sha256` is that of all but their meaning.
+    pub(super) fn digest(&self, sha256: String) -> String {
+        if self.conditions.is_empty() {
+            return sha256;
+        }
+        let mut hash = Sha256::new();
+        hash.update(sha256);
+        hash.update((self.rows as u64).to_le_bytes());
+        for condition in &self.conditions {
+            hash.update(condition.to_string());
+            hash.update([0]);
+        }
+        hex(hash.finalize())
+    }
+}
+
 impl Dataset {
     /// Returns the conditions, in the order of their columns behind the taxels.
     pub fn conditions(&self) -> &[Condition] {
@@ -139,11 +156,10 @@ impl Dataset {
     /// A value for another number of sweeps; a value that is not finite; a quantity that the data set has.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     /// use tactnet_data::{Condition, ConditionValues};
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?;
+    /// let twin = twin::small(2, 2, 100)?;
     /// let condition = Condition::of_name("speed [mm/s]").unwrap();
     /// let speed = ConditionValues { condition, values: vec![30.0, 25.0, 40.0, 35.0] };
     /// let known = twin.clone().with_conditions(&[speed])?;
@@ -181,8 +197,13 @@ impl Dataset {
         };
         let numbers: Vec<&[f32]> = added.iter().map(|of| of.values.as_slice()).collect();
         let samples = with_columns(&self, &numbers);
-        let name = self.name().to_owned();
-        self.rebuilt_with(name, shape, columns, |this| (this.records, samples))
+        let known = Self {
+            shape,
+            columns,
+            samples,
+            ..self
+        };
+        known.sealed()
     }
 
     /// Returns the data set without its conditions.
@@ -192,15 +213,7 @@ impl Dataset {
         }
         let shape = self.taxel_shape();
         let samples = self.samples.heads(self.shape.taxels(), shape.taxels());
-        let samples = samples.narrowed();
-        let sha256 = super::digest(
-            self.sample_rate_hz,
-            shape,
-            &self.labels,
-            &self.records,
-            &samples,
-        );
-        Cow::Owned(Self {
+        let plain = Self {
             name: self.name.clone(),
             sample_rate_hz: self.sample_rate_hz,
             rate_assumed: self.rate_assumed,
@@ -209,31 +222,13 @@ impl Dataset {
             shape,
             labels: self.labels.clone(),
             records: self.records.clone(),
-            samples,
-            sha256: match &self.lengths {
-                Some(lengths) => super::lengths::with_lengths(&sha256, lengths),
-                None => sha256,
-            },
+            samples: samples.narrowed(),
+            sha256: String::new(),
             origin: self.origin,
             lengths: self.lengths.clone(),
             columns: ConditionColumns::default(),
-        })
-    }
-
-    /// Declares the meaning of the last columns of a new data set; its checksum includes it.
-    pub(super) fn declared(mut self, columns: ConditionColumns) -> Self {
-        if !columns.conditions.is_empty() {
-            let mut hash = Sha256::new();
-            hash.update(&self.sha256);
-            hash.update((columns.rows as u64).to_le_bytes());
-            for condition in &columns.conditions {
-                hash.update(condition.to_string());
-                hash.update([0]);
-            }
-            self.sha256 = hex(hash.finalize());
-        }
-        self.columns = columns;
-        self
+        };
+        Cow::Owned(plain.with_checksum())
     }
 }
 

@@ -1,10 +1,9 @@
 //! Data sets that are derived from others.
 
-use super::conditions::ConditionColumns;
 use crate::format::{NamedSweeps, named_rate, records};
 use crate::twin::TwinVersion;
 use crate::{
-    DataError, Dataset, Finding, FindingKind, LabelSet, Samples, Seed, Severity, SweepRecord,
+    DataError, DataOrigin, Dataset, Finding, FindingKind, LabelSet, Seed, Severity, SweepRecord,
     SweepShape, shuffle,
 };
 
@@ -17,10 +16,9 @@ impl Dataset {
     ///
     /// ```
     /// use tactnet_data::FindingKind;
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?.with_named_rate(Some(100.0))?;
+    /// let twin = twin::small(2, 2, 100)?.with_named_rate(Some(100.0))?;
     /// assert_eq!(twin.sample_rate_hz(), 100.0);
     /// assert_eq!(twin.reading_findings()[0].kind, FindingKind::NamedRate);
     /// # Ok::<(), tactnet_data::DataError>(())
@@ -54,24 +52,24 @@ impl Dataset {
         let label = |material: &String| names.iter().position(|name| name == material);
         let of_sweep: Vec<usize> = materials.iter().filter_map(label).collect();
         let labels = LabelSet::new(names)?;
-        let cut = Self::new(
-            self.name.clone(),
-            sweeps.rate_hz.unwrap_or(self.sample_rate_hz),
-            sweeps.shape,
-            labels.clone(),
-            records(&of_sweep, labels.len(), sweeps.blocks, sweeps.test),
-            sweeps.samples,
-        )?
-        .with_known_lengths(sweeps.lengths)?;
         let mut reading_findings = self.reading_findings.clone();
         reading_findings.extend(sweeps.findings);
-        Ok(Self {
-            origin: self.origin,
+        let cut = Self {
+            name: self.name.clone(),
+            sample_rate_hz: sweeps.rate_hz.unwrap_or(self.sample_rate_hz),
             rate_assumed: self.rate_assumed && sweeps.rate_hz.is_none(),
             patch_assumed: self.patch_assumed,
             reading_findings,
-            ..cut.declared(self.columns.clone())
-        })
+            shape: sweeps.shape,
+            lengths: sweeps.lengths,
+            records: records(&of_sweep, labels.len(), sweeps.blocks, sweeps.test),
+            labels,
+            samples: sweeps.samples,
+            sha256: String::new(),
+            origin: self.origin,
+            columns: self.columns.clone(),
+        };
+        cut.sealed()
     }
 
     /// Sets the sample rate, in Hz.
@@ -79,32 +77,20 @@ impl Dataset {
     /// # Errors
     /// A rate that is not a positive number.
     pub fn with_sample_rate(self, sample_rate_hz: f64) -> Result<Self, DataError> {
-        let (origin, patch_assumed) = (self.origin, self.patch_assumed);
-        let (reading_findings, columns) = (self.reading_findings, self.columns);
-        let known = Self::new(
-            self.name,
+        let known = Self {
             sample_rate_hz,
-            self.shape,
-            self.labels,
-            self.records,
-            self.samples,
-        )?
-        .with_known_lengths(self.lengths)?;
-        Ok(Self {
-            origin,
-            patch_assumed,
-            reading_findings,
-            ..known.declared(columns)
-        })
+            rate_assumed: false,
+            ..self
+        };
+        known.sealed()
     }
 
     /// Sets the name.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// assert_eq!(twin::generate(&config)?.with_name("Monday").name(), "Monday");
+    /// assert_eq!(twin::small(2, 2, 100)?.with_name("Monday").name(), "Monday");
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
     #[must_use]
@@ -118,10 +104,9 @@ impl Dataset {
     /// Marks the sample rate as assumed.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// assert!(twin::generate(&config)?.with_assumed_rate().is_rate_assumed());
+    /// assert!(twin::small(2, 2, 100)?.with_assumed_rate().is_rate_assumed());
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
     #[must_use]
@@ -138,10 +123,9 @@ impl Dataset {
     /// Another number of taxels than `rows * cols`.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let flat = twin::generate(&config)?.with_patch(2, 8)?;
+    /// let flat = twin::small(2, 2, 100)?.with_patch(2, 8)?;
     /// assert_eq!((flat.shape().rows, flat.shape().cols), (2, 8));
     /// assert!(flat.with_patch(3, 3).is_err());
     /// # Ok::<(), tactnet_data::DataError>(())
@@ -164,12 +148,13 @@ impl Dataset {
         if !columns.conditions.is_empty() {
             (shape, columns.rows) = (self.shape, rows);
         }
-        let name = self.name.clone();
-        let named = self.rebuilt_with(name, shape, columns, |this| (this.records, this.samples))?;
-        Ok(Self {
+        let named = Self {
             patch_assumed: false,
-            ..named
-        })
+            shape,
+            columns,
+            ..self
+        };
+        named.sealed()
     }
 
     /// Marks the arrangement of the taxels in one row as assumed, because the file does not name one.
@@ -202,10 +187,9 @@ impl Dataset {
     /// No step, or more steps than a sweep has.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let short = twin::generate(&config)?.first_steps(40)?;
+    /// let short = twin::small(2, 2, 100)?.first_steps(40)?;
     /// assert_eq!(short.shape().steps, 40);
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
@@ -227,11 +211,14 @@ impl Dataset {
         };
         let samples = self.samples.heads(self.shape.values(), shape.values());
         let name = format!("{}, first {steps} steps", self.name);
-        let equal = Self {
+        let heads = Self {
+            name,
+            shape,
             lengths: None,
+            samples,
             ..self
         };
-        equal.rebuilt(name, shape, |this| (this.records.clone(), samples))
+        heads.sealed()
     }
 
     /// Permutes the labels at random among all sweeps. A sound experiment on the result scores chance; a better score
@@ -257,8 +244,12 @@ impl Dataset {
             })
             .collect();
         let name = format!("{}, labels permuted", self.name);
-        let shape = self.shape;
-        self.rebuilt(name, shape, |this| (records, this.samples))
+        let permuted = Self {
+            name,
+            records,
+            ..self
+        };
+        permuted.sealed()
     }
 
     /// Returns the sweeps of the materials with these labels, relabelled in the order of `labels`.
@@ -267,10 +258,9 @@ impl Dataset {
     /// No label, a duplicate or unknown label, or materials without sweeps.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 4, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let part = twin::generate(&config)?.of_materials(&[3, 1])?;
+    /// let part = twin::small(4, 2, 100)?.of_materials(&[3, 1])?;
     /// assert_eq!((part.len(), part.labels().len()), (4, 2));
     /// # Ok::<(), tactnet_data::DataError>(())
     /// ```
@@ -294,18 +284,8 @@ impl Dataset {
                 });
             }
         }
-        let samples = self.samples.gather(self.shape.values(), &indices);
         let name = format!("{}, {} materials", self.name, labels.len());
-        let lengths = self.lengths.as_ref();
-        let lengths = lengths.map(|all| indices.iter().map(|index| all[*index]).collect());
-        let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?
-            .with_known_lengths(lengths)?;
-        Ok(Self {
-            origin: self.origin,
-            rate_assumed: self.rate_assumed,
-            patch_assumed: self.patch_assumed,
-            ..part.declared(self.columns.clone())
-        })
+        self.part(name, set, records, &indices)
     }
 
     /// Returns the sweeps with these indices, in this order, with the materials that occur. Repetitions are allowed.
@@ -317,10 +297,9 @@ impl Dataset {
     /// If an index is out of range.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 4, sweeps: 2, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?;
+    /// let twin = twin::small(4, 2, 100)?;
     /// let part = twin.of_sweeps(&[6, 0, 7])?;
     /// assert_eq!((part.len(), part.labels().len()), (3, 2));
     /// assert_eq!(part.sweep(0), twin.sweep(6));
@@ -345,18 +324,35 @@ impl Dataset {
         });
         let records: Vec<SweepRecord> = records.collect();
         let set = LabelSet::new(labels.iter().map(|label| self.labels.name(*label)))?;
-        let samples = self.samples.gather(self.shape.values(), indices);
         let name = format!("{}, {} sweeps", self.name, indices.len());
+        self.part(name, set, records, indices)
+    }
+
+    /// Returns the sweeps with these indices, as `records` and `labels` describe them.
+    fn part(
+        &self,
+        name: String,
+        labels: LabelSet,
+        records: Vec<SweepRecord>,
+        indices: &[usize],
+    ) -> Result<Self, DataError> {
         let lengths = self.lengths.as_ref();
-        let lengths = lengths.map(|all| indices.iter().map(|index| all[*index]).collect());
-        let part = Self::new(name, self.sample_rate_hz, self.shape, set, records, samples)?
-            .with_known_lengths(lengths)?;
-        Ok(Self {
-            origin: self.origin,
+        let part = Self {
+            name,
+            sample_rate_hz: self.sample_rate_hz,
             rate_assumed: self.rate_assumed,
             patch_assumed: self.patch_assumed,
-            ..part.declared(self.columns.clone())
-        })
+            reading_findings: Vec::new(),
+            shape: self.shape,
+            lengths: lengths.map(|all| indices.iter().map(|index| all[*index]).collect()),
+            labels,
+            records,
+            samples: self.samples.gather(self.shape.values(), indices),
+            sha256: String::new(),
+            origin: self.origin,
+            columns: self.columns.clone(),
+        };
+        part.sealed()
     }
 
     /// Assigns all sweeps of an unlabelled file to one material.
@@ -371,21 +367,13 @@ impl Dataset {
             sweep,
             ..record.clone()
         });
-        let one = Self::new(
-            self.name,
-            self.sample_rate_hz,
-            self.shape,
+        let one = Self {
+            records: records.collect(),
+            origin: DataOrigin::of_recording(self.shape, &labels),
             labels,
-            records.collect(),
-            self.samples,
-        )?
-        .with_known_lengths(self.lengths)?;
-        Ok(Self {
-            rate_assumed: self.rate_assumed,
-            patch_assumed: self.patch_assumed,
-            reading_findings: self.reading_findings,
-            ..one.declared(self.columns)
-        })
+            ..self
+        };
+        one.sealed()
     }
 
     /// Reinterprets all values as one sweep of this shape with the first material, for a file of `[steps][rows][cols]`
@@ -402,48 +390,12 @@ impl Dataset {
                 found.to_string(),
             ));
         }
-        let name = self.name.clone();
-        let one = self.rebuilt(name, shape, |this| {
-            let record = SweepRecord::new(0, 0);
-            (vec![record], this.samples)
-        })?;
-        Ok(Self {
+        let one = Self {
             patch_assumed: false,
-            ..one
-        })
-    }
-
-    fn rebuilt(
-        self,
-        name: String,
-        shape: SweepShape,
-        parts: impl FnOnce(Self) -> (Vec<SweepRecord>, Samples),
-    ) -> Result<Self, DataError> {
-        let columns = self.columns.clone();
-        self.rebuilt_with(name, shape, columns, parts)
-    }
-
-    /// Returns a data set with other sweeps and conditions.
-    pub(super) fn rebuilt_with(
-        self,
-        name: String,
-        shape: SweepShape,
-        columns: ConditionColumns,
-        parts: impl FnOnce(Self) -> (Vec<SweepRecord>, Samples),
-    ) -> Result<Self, DataError> {
-        let (rate, labels, origin) = (self.sample_rate_hz, self.labels.clone(), self.origin);
-        let (rate_assumed, patch_assumed) = (self.rate_assumed, self.patch_assumed);
-        let reading_findings = self.reading_findings.clone();
-        let lengths = self.lengths.clone();
-        let (records, samples) = parts(self);
-        let rebuilt =
-            Self::new(name, rate, shape, labels, records, samples)?.with_known_lengths(lengths)?;
-        Ok(Self {
-            origin,
-            rate_assumed,
-            patch_assumed,
-            reading_findings,
-            ..rebuilt.declared(columns)
-        })
+            shape,
+            records: vec![SweepRecord::new(0, 0)],
+            ..self
+        };
+        one.sealed()
     }
 }

@@ -13,10 +13,9 @@ impl Dataset {
     /// A length out of range, or another number of lengths than of sweeps.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 1, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?.with_lengths(vec![90, 60])?;
+    /// let twin = twin::small(2, 1, 100)?.with_lengths(vec![90, 60])?;
     /// assert_eq!((twin.shape().steps, twin.steps_of(1), twin.frames()), (90, 60, 150));
     /// assert_eq!(twin.sweep(1).len(), 60 * 16);
     /// # Ok::<(), tactnet_data::DataError>(())
@@ -44,28 +43,9 @@ impl Dataset {
         self.samples = self.samples.heads(whole, self.shape.values());
         self.samples
             .repeat_last_frames(self.shape.values(), taxels, &lengths);
-        let kept = Self::new(
-            self.name,
-            self.sample_rate_hz,
-            self.shape,
-            self.labels,
-            self.records,
-            self.samples,
-        )?;
         let unequal = lengths.iter().any(|steps| *steps != longest);
-        Ok(Self {
-            rate_assumed: self.rate_assumed,
-            patch_assumed: self.patch_assumed,
-            reading_findings: self.reading_findings,
-            origin: self.origin,
-            sha256: match unequal {
-                true => with_lengths(&kept.sha256, &lengths),
-                false => kept.sha256,
-            },
-            lengths: unequal.then_some(lengths),
-            ..kept
-        }
-        .declared(self.columns))
+        self.lengths = unequal.then_some(lengths);
+        Ok(self.with_checksum())
     }
 
     /// Sets the number of frames of each sweep, if they are known; see [`Dataset::with_lengths`].
@@ -120,7 +100,7 @@ impl Dataset {
 }
 
 /// Returns the checksum of a data set whose sweeps have these lengths.
-pub(super) fn with_lengths(sha256: &str, lengths: &[usize]) -> String {
+pub(super) fn digest(sha256: &str, lengths: &[usize]) -> String {
     let mut hash = Sha256::new();
     hash.update(b"tactnet lengths 1\0");
     hash.update(sha256.as_bytes());

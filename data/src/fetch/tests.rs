@@ -18,6 +18,20 @@ const BLOB_ID: &str = "4b5aafc78e13e1979389caabe88bd0fbc339398e";
 /// Checksum of `hello` and a line feed.
 const HELLO: &str = "ce013625030ba8dba906f756967f9e9ca394464a";
 
+fn source(url: String) -> Source {
+    Source {
+        url,
+        page: PAGE.into(),
+        git_blob_id: BLOB_ID.into(),
+    }
+}
+
+/// Returns the answer to a request for bytes behind the end of the file.
+fn nothing() -> Reply {
+    let range = [("Content-Range", "bytes */200000")];
+    Reply::new("416 Range Not Satisfiable", &range, b"")
+}
+
 /// Folder to download into, and the content to download.
 struct Workplace {
     directory: tempfile::TempDir,
@@ -63,11 +77,7 @@ impl Workplace {
         address: &str,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Fetched, FetchError> {
-        let source = Source {
-            url: format!("http://{address}/data/tactmat.h5"),
-            page: PAGE.into(),
-            git_blob_id: BLOB_ID.into(),
-        };
+        let source = source(format!("http://{address}/data/tactmat.h5"));
         let patience = Patience {
             connect: Duration::from_secs(5),
             response: Duration::from_secs(5),
@@ -157,11 +167,7 @@ fn a_redirect_is_followed() {
 fn directories_are_made_on_the_way() {
     let work = Workplace::new();
     let server = Server::start(vec![Reply::whole(&work.content)]);
-    let source = Source {
-        url: format!("http://{}/tactmat.h5", server.address),
-        page: PAGE.into(),
-        git_blob_id: BLOB_ID.into(),
-    };
+    let source = source(format!("http://{}/tactmat.h5", server.address));
     let out = work.path("deep/er/tactmat.h5");
     let agent = Patience::default().config().proxy(None).build().new_agent();
     fetch_with(&agent, &source, &out, &mut |_| {}).unwrap();
@@ -299,12 +305,7 @@ fn a_rest_from_another_place_makes_the_download_start_over() {
 fn a_part_that_has_every_byte_needs_none() {
     let work = Workplace::new();
     work.leave_part(200_000, Some("\"v1\""));
-    let nothing = Reply::new(
-        "416 Range Not Satisfiable",
-        &[("Content-Range", "bytes */200000")],
-        b"",
-    );
-    work.fetch_all(vec![nothing.if_asked("range", "bytes=200000-")], 200_000);
+    work.fetch_all(vec![nothing().if_asked("range", "bytes=200000-")], 200_000);
 }
 
 #[test]
@@ -312,14 +313,9 @@ fn a_part_longer_than_the_file_makes_the_download_start_over() {
     let work = Workplace::new();
     work.leave_part(200_000, None);
     fs::write(work.path("tactmat.h5.part"), vec![0; 300_000]).unwrap();
-    let nothing = Reply::new(
-        "416 Range Not Satisfiable",
-        &[("Content-Range", "bytes */200000")],
-        b"",
-    );
     work.fetch_all(
         vec![
-            nothing.header("Content-Length", 0),
+            nothing().header("Content-Length", 0),
             Reply::whole(&work.content),
         ],
         0,
@@ -399,11 +395,8 @@ fn without_network_one_line_says_what_to_do() {
 fn a_server_that_cannot_prove_who_it_is_counts_as_none() {
     let work = Workplace::new();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let source = Source {
-        url: format!("https://{}/tactmat.h5", listener.local_addr().unwrap()),
-        page: PAGE.into(),
-        git_blob_id: BLOB_ID.into(),
-    };
+    let address = listener.local_addr().unwrap();
+    let source = source(format!("https://{address}/tactmat.h5"));
     let thread = std::thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
         stream

@@ -9,10 +9,9 @@ use std::collections::BTreeSet;
 ///
 /// ```
 /// use tactnet_data::Scheme;
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 10, steps: 100, ..TwinConfig::default() };
-/// let dataset = twin::generate(&config)?;
+/// let dataset = twin::small(2, 10, 100)?;
 /// assert_eq!(Scheme::default_for(&dataset).folds(&dataset)?, 5);
 /// assert_eq!(Scheme::hold_out().folds(&dataset)?, 1);
 /// # Ok::<(), tactnet_data::DataError>(())

@@ -11,10 +11,9 @@ use crate::{Dataset, Seed, SweepShape};
 ///
 /// ```
 /// use tactnet_data::SweepView;
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 3, steps: 100, ..TwinConfig::default() };
-/// let dataset = twin::generate(&config)?;
+/// let dataset = twin::small(2, 3, 100)?;
 /// let view = SweepView::new(&dataset, vec![4, 1]);
 /// assert_eq!(view.indices(), [1, 4]);
 /// assert_eq!(view.labels().collect::<Vec<_>>(), [0, 1]);
@@ -152,10 +151,9 @@ impl<'a> SweepView<'a> {
     ///
     /// ```
     /// use tactnet_data::SweepView;
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     ///
-    /// let config = TwinConfig { materials: 3, sweeps: 1, steps: 100, ..TwinConfig::default() };
-    /// let twin = twin::generate(&config)?.with_lengths(vec![100, 60, 100])?;
+    /// let twin = twin::small(3, 1, 100)?.with_lengths(vec![100, 60, 100])?;
     /// let parts = SweepView::all(&twin).by_length();
     /// assert_eq!(parts.len(), 2);
     /// assert_eq!((parts[0].0.as_slice(), parts[0].1.shape().steps), (&[1][..], 60));

@@ -66,11 +66,10 @@ impl<'a> TrainSplit<'a> {
     /// Another number of weights than sweeps; a weight that is not a positive number.
     ///
     /// ```
-    /// use tactnet_data::twin::{self, TwinConfig};
+    /// use tactnet_data::twin;
     /// use tactnet_data::{Seed, TrainSplit};
     ///
-    /// let config = TwinConfig { materials: 2, sweeps: 1, steps: 100, ..TwinConfig::default() };
-    /// let dataset = twin::generate(&config)?;
+    /// let dataset = twin::small(2, 1, 100)?;
     /// let train = TrainSplit::all(&dataset, Seed(1)).weighted(vec![3.0, 1.0])?;
     /// assert_eq!(train.weights(), Some(&[1.5, 0.5][..]));
     /// # Ok::<(), tactnet_data::DataError>(())

@@ -2,10 +2,9 @@
 //!
 //! ```
 //! use tactnet_data::format::{self, Format};
-//! use tactnet_data::twin::{self, TwinConfig};
+//! use tactnet_data::twin;
 //!
-//! let config = TwinConfig { materials: 2, sweeps: 2, steps: 100, ..TwinConfig::default() };
-//! let dataset = twin::generate(&config)?;
+//! let dataset = twin::small(2, 2, 100)?;
 //! let path = std::env::temp_dir().join(format!("tactnet-doc-{}.npz", std::process::id()));
 //! Format::from_extension(&path)?.write(&path, &dataset)?;
 //! let read = format::read(&path)?;

@@ -181,6 +181,24 @@ pub fn generate(config: &TwinConfig) -> Result<Dataset, DataError> {
     generate_with(config, &Construction::of(config.version))
 }
 
+/// Returns a small twin for tests and examples: `[materials][sweeps][steps]`.
+///
+/// # Errors
+/// As [`generate`].
+///
+/// ```
+/// assert_eq!(tactnet_data::twin::small(2, 3, 50)?.len(), 6);
+/// # Ok::<(), tactnet_data::DataError>(())
+/// ```
+pub fn small(materials: usize, sweeps: usize, steps: usize) -> Result<Dataset, DataError> {
+    generate(&TwinConfig {
+        materials,
+        sweeps,
+        steps,
+        ..TwinConfig::default()
+    })
+}
+
 /// Generates a twin with other parameters than those of its version, for calibration.
 ///
 /// # Errors

@@ -33,18 +33,12 @@ fn smaller_twin_is_a_part_of_the_larger_one() {
 
 #[test]
 fn values_do_not_depend_on_the_number_of_threads() {
-    let config = TwinConfig {
-        materials: 4,
-        sweeps: 3,
-        steps: 50,
-        ..TwinConfig::default()
-    };
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| generate(&config).unwrap().sha256().to_owned())
+        pool.install(|| small(4, 3, 50).unwrap().sha256().to_owned())
     };
     assert_eq!(with(1), with(3));
 }
@@ -148,13 +142,7 @@ fn seed_decides_the_sweeps() {
 
 #[test]
 fn records_say_material_sweep_and_block() {
-    let config = TwinConfig {
-        materials: 2,
-        sweeps: 11,
-        steps: 5,
-        ..TwinConfig::default()
-    };
-    let twin = generate(&config).unwrap();
+    let twin = small(2, 11, 5).unwrap();
     assert_eq!(
         (twin.name(), twin.sample_rate_hz(), twin.len()),
         ("twin", 750.0, 22)

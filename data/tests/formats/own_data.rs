@@ -12,6 +12,7 @@ use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
+use crate::hostile::{archive, npy};
 use crate::tables::write;
 use crate::written::is_same;
 use crate::{expected_materials, expected_samples, fixture, names};
@@ -243,20 +244,14 @@ fn not_read(file: &Path) -> Vec<String> {
 fn arrays_that_are_ignored_are_named_and_those_that_sound_like_blocks_with_advice() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("own.npz");
-    let mut zip = ZipWriter::new(File::create(&path).unwrap());
     let labels: Vec<u8> = (0..12).map(|sweep| sweep / 4).collect();
     let arrays = [
-        ("X", numpy("(12, 60, 16)", &expected_samples())),
-        ("y", numpy("(12,)", &labels)),
-        ("session", numpy("(12,)", &labels)),
-        ("room", numpy("(12,)", &labels)),
+        ("X", npy("|u1", "12, 60, 16", &expected_samples())),
+        ("y", npy("|u1", "12", &labels)),
+        ("session", npy("|u1", "12", &labels)),
+        ("room", npy("|u1", "12", &labels)),
     ];
-    for (name, array) in arrays {
-        zip.start_file(format!("{name}.npy"), SimpleFileOptions::default())
-            .unwrap();
-        std::io::Write::write_all(&mut zip, &array).unwrap();
-    }
-    zip.finish().unwrap();
+    archive(&path, &arrays);
     assert_eq!(
         not_read(&path),
         [
@@ -271,17 +266,12 @@ fn arrays_that_are_ignored_are_named_and_those_that_sound_like_blocks_with_advic
 fn a_sweep_without_a_name_is_said_in_the_words_of_the_array() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("own.npz");
-    let mut zip = ZipWriter::new(File::create(&path).unwrap());
     // Each name is a letter with a number, such as `S1`; the third has none.
-    let mut y = numpy("(12,)", b"aa\0abbbbcccc");
+    let mut y = npy("|u1", "12", b"aa\0abbbbcccc");
     let place = y.windows(3).position(|bytes| bytes == b"|u1").unwrap();
     y[place..place + 3].copy_from_slice(b"|S1");
-    for (name, array) in [("X", numpy("(12, 60, 16)", &expected_samples())), ("y", y)] {
-        zip.start_file(format!("{name}.npy"), SimpleFileOptions::default())
-            .unwrap();
-        std::io::Write::write_all(&mut zip, &array).unwrap();
-    }
-    zip.finish().unwrap();
+    let flat = npy("|u1", "12, 60, 16", &expected_samples());
+    archive(&path, &[("X", flat), ("y", y)]);
     let refused = refusal(&path);
     assert!(
         refused.ends_with("array `y`: expected a name for every sweep, found an empty one, `y[2]`"),
@@ -340,16 +330,12 @@ fn arrays_to_classify_need_no_materials() {
     assert_eq!(labelled.names[..3], ["0", "1", "2"]);
 
     // `X` is in an archive, or a single array; a single sweep has two axes.
-    let archive = dir.path().join("x.npz");
-    let mut zip = ZipWriter::new(File::create(&archive).unwrap());
-    zip.start_file("X.npy", SimpleFileOptions::default())
-        .unwrap();
-    let flat = numpy("(12, 60, 16)", &expected_samples());
-    std::io::Write::write_all(&mut zip, &flat).unwrap();
-    zip.finish().unwrap();
+    let whole = dir.path().join("x.npz");
+    let flat = npy("|u1", "12, 60, 16", &expected_samples());
+    archive(&whole, &[("X", flat)]);
     let single = dir.path().join("one.npy");
-    std::fs::write(&single, numpy("(60, 16)", &expected_samples()[..960])).unwrap();
-    let found = read_to_classify(&archive, None).unwrap();
+    std::fs::write(&single, npy("|u1", "60, 16", &expected_samples()[..960])).unwrap();
+    let found = read_to_classify(&whole, None).unwrap();
     assert!(!found.labelled);
     assert_line(&found.dataset);
     assert_eq!(names(&found.dataset), ["unlabelled"]);
@@ -359,7 +345,7 @@ fn arrays_to_classify_need_no_materials() {
         found.dataset.samples(),
         &Samples::U8(expected_samples()[..960].to_vec())
     );
-    let refused = format::read(&archive).unwrap_err().to_string();
+    let refused = format::read(&whole).unwrap_err().to_string();
     assert!(
         refused.contains("`labels` or `y`") || refused.contains("`y`"),
         "{refused}"
@@ -439,13 +425,4 @@ fn clocks_and_frame_counters_of_any_unit_are_no_taxels() {
         let named = (!found.is_rate_assumed()).then(|| found.sample_rate_hz());
         assert_eq!(named, rate, "{text}");
     }
-}
-
-/// Returns the bytes of a `.npy` file of digits.
-fn numpy(shape: &str, digits: &[u8]) -> Vec<u8> {
-    let mut header = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': {shape}, }}");
-    header.push_str(&" ".repeat(127 - 10 - header.len()));
-    header.push('\n');
-    let length = u16::try_from(header.len()).unwrap().to_le_bytes();
-    [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), digits].concat()
 }

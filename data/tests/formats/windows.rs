@@ -370,13 +370,7 @@ fn mistakes_in_a_table_of_intervals_are_named() {
 #[test]
 fn arrays_are_cut_and_resampled_too() {
     let dir = tempfile::tempdir().unwrap();
-    let config = tactnet_data::twin::TwinConfig {
-        materials: 3,
-        sweeps: 2,
-        steps: 400,
-        ..Default::default()
-    };
-    let twin = tactnet_data::twin::generate(&config).unwrap();
+    let twin = tactnet_data::twin::small(3, 2, 400).unwrap();
     let path = dir.path().join("twin.npz");
     npz::write(&path, &twin).unwrap();
     let options = ReadOptions {

@@ -54,7 +54,7 @@ fn place_of(task: &Task) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use tactnet_data::format::Format;
-    use tactnet_data::twin::{self, TwinConfig};
+    use tactnet_data::twin;
 
     use super::*;
     use crate::{ExperimentRecipe, Plan};
@@ -63,13 +63,7 @@ mod tests {
     fn tasks(settings: &[&str]) -> Vec<Task> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("twin.npz");
-        let config = TwinConfig {
-            materials: 3,
-            sweeps: 10,
-            steps: 100,
-            ..TwinConfig::default()
-        };
-        let twin = twin::generate(&config).unwrap();
+        let twin = twin::small(3, 10, 100).unwrap();
         Format::Npz.write(&path, &twin).unwrap();
         let data = format!("data=[{:?}]", path.display().to_string());
         let settings = settings.iter().map(|setting| setting.to_string());

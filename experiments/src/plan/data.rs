@@ -130,7 +130,7 @@ pub(super) fn absolute(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use tactnet_data::format::Format;
-    use tactnet_data::twin::{self, TwinConfig};
+    use tactnet_data::twin;
 
     use super::*;
     use crate::ExperimentDir;
@@ -152,14 +152,8 @@ mod tests {
     fn data_is_read_once() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("twin.npz");
-        let config = TwinConfig {
-            materials: 3,
-            sweeps: 6,
-            steps: 100,
-            ..TwinConfig::default()
-        };
         Format::Npz
-            .write(&path, &twin::generate(&config).unwrap())
+            .write(&path, &twin::small(3, 6, 100).unwrap())
             .unwrap();
         let settings = [
             format!("data=[{:?}]", path.display().to_string()),

@@ -86,14 +86,10 @@ impl Ask for Crossval {
     fn compared(&self, measure: Measure) -> Option<Compared> {
         (measure == Measure::Accuracy).then_some(Compared::WithEachOther { sweeps: 1 })
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 13] = [
+pub(super) const TERMS: [(&str, &str); 13] = [
     (
         "1 sweep",
         "The material is predicted from one stroke of the sensor over it.",

@@ -128,14 +128,10 @@ impl Ask for Differentiate {
     fn figures(&self) -> Vec<Figure> {
         vec![Figure::Bars(Measure::Accuracy)]
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 3] = [
+pub(super) const TERMS: [(&str, &str); 3] = [
     (
         "Siamese",
         "Two frozen networks, the Euclidean distance between their outputs, and a small network from it to the answer: as published. Every output: the small network takes the difference of every output instead.",

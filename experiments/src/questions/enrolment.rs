@@ -76,14 +76,10 @@ impl Ask for Enrolment {
             Figure::Bars(Measure::KnownAfter),
         ]
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 2] = [
+pub(super) const TERMS: [(&str, &str); 2] = [
     (
         "Known, before, after, lost",
         "Accuracy on test sweeps of the known materials before and after one more was added, and the difference.",

@@ -116,14 +116,10 @@ impl Ask for FeatureMaps {
     fn figures(&self) -> Vec<Figure> {
         vec![Figure::Bars(Measure::Purity)]
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 1] = [(
+pub(super) const TERMS: [(&str, &str); 1] = [(
     "Purity",
     "Share of the five nearest sweeps that are of the same material, in the complete space or in its t-SNE plane.",
 )];

@@ -126,10 +126,6 @@ impl Ask for Networks {
     fn figures(&self) -> Vec<Figure> {
         vec![Figure::Bars(Measure::Accuracy)]
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// Returns the network, condition and cost of each row of single-sweep accuracy, in the order of the rows.
@@ -160,7 +156,7 @@ pub(crate) fn costs(rows: &[Row]) -> Vec<Option<NetworkCost>> {
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 4] = [
+pub(super) const TERMS: [(&str, &str); 4] = [
     (
         "As trained",
         "Test sweeps under the same conditions as the training sweeps: a fold of the data.",

@@ -172,14 +172,10 @@ impl Ask for Nshot {
             },
         ]
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 5] = [
+pub(super) const TERMS: [(&str, &str); 5] = [
     (
         "OL, OL-FCL, OL-mean",
         "Fine-tuning of the output layer (OL) or of the last two layers (OL-FCL) of a network trained on the known materials, or an output layer with a prior at the known materials' weights (OL-mean; thesis, section 4.6). A prior mean that all classes share does not change the softmax, so OL-mean differs from OL only by the strength of the prior.",

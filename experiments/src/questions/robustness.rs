@@ -127,10 +127,6 @@ impl Ask for Robustness {
     fn figures(&self) -> Vec<Figure> {
         FIGURES.to_vec()
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// First words of the names of conditions; the strength follows.
@@ -172,7 +168,7 @@ const fn strengths(
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 4] = [
+pub(super) const TERMS: [(&str, &str); 4] = [
     (
         "Dead, masked taxels",
         "This number of taxels, drawn at random for each sixteenth of the test sweeps, reads 0. Masked: the classifier is told which, and \

@@ -119,14 +119,10 @@ impl Ask for Sequential {
     fn figures(&self) -> Vec<Figure> {
         vec![Figure::Sweeps]
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 1] = [(
+pub(super) const TERMS: [(&str, &str); 1] = [(
     "Until 0.99, fixed 3",
     "Sweeps are fused until the most probable material has this probability, at most ten. Fixed 3: always three sweeps.",
 )];

@@ -109,14 +109,10 @@ impl Ask for Unknown {
     fn figures(&self) -> Vec<Figure> {
         vec![Figure::Bars(Measure::Auroc)]
     }
-
-    fn terms(&self) -> &'static [(&'static str, &'static str)] {
-        &TERMS
-    }
 }
 
 /// Glossary of the report.
-const TERMS: [(&str, &str); 4] = [
+pub(super) const TERMS: [(&str, &str); 4] = [
     (
         "AUROC",
         "Probability that a sweep of an unknown material has a higher score than one of a known material.",

@@ -1,10 +1,10 @@
 //! Planned block, forward and backward.
 
 use super::batch_one::BatchOne;
-use super::buffers::{BYTES, Buffers, OCTETS, VALUES};
+use super::buffers::{BYTES, Buffers, VALUES};
 use super::cost::Tiling;
 use super::direct::{self, SavedDirect};
-use super::first_layer::{FirstLayer, SavedFirstLayer, WINNERS};
+use super::first_layer::{FirstLayer, SavedFirstLayer};
 use super::norm::{Normalizer, OutputGradient, Pooled};
 use super::pooling::{Goal, PoolBuffers, octets, signs};
 use super::shape::BlockShape;
@@ -16,11 +16,6 @@ use super::weight::Weight;
 
 /// Minimum number of output maps for which zero maps are added to the input.
 const MIN_PADDED_MAPS: usize = 16;
-
-/// Returns the bytes that all workspace pools keep between passes, without the results that [`crate::spare`] keeps.
-pub fn workspace_bytes() -> usize {
-    OCTETS.bytes() + VALUES.bytes() + BYTES.bytes() + WINNERS.bytes()
-}
 
 /// Block planned for one shape. All blocks share process-wide workspace pools.
 ///

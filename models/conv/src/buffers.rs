@@ -113,11 +113,6 @@ impl<B: Buffer> Buffers<B> {
         drop(freed);
     }
 
-    /// Returns the bytes in the pool.
-    pub(super) fn bytes(&self) -> usize {
-        self.kept().iter().map(|kept| kept.room() * B::BYTES).sum()
-    }
-
     fn kept(&self) -> MutexGuard<'_, Vec<B>> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -32,7 +32,7 @@ use super::weight::{Remembered, Weight};
 
 use stages::{Analyze, Scale, Synthesize};
 use taps::by_taps;
-pub(super) use winners::WINNERS;
+use winners::WINNERS;
 use winners::Winner;
 
 /// Maximum number of steps in a tile, unless one pooling window is longer.

@@ -76,7 +76,7 @@ mod trim;
 mod weight;
 
 pub use adam::AdamStep;
-pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved, workspace_bytes};
+pub use block::{Block, Candidate, ForwardTrain, Gradients, Saved};
 pub use plans::shared_block;
 pub use shape::BlockShape;
 pub use simd::Isa;

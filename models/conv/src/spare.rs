@@ -20,11 +20,6 @@ pub fn take(len: usize) -> Vec<f32> {
     }
 }
 
-/// Returns the bytes that are currently kept.
-pub fn bytes() -> usize {
-    SPARE.bytes()
-}
-
 /// Keeps memory for [`take`]; frees it if it has fewer than [`MIN_LEN`] values.
 pub fn give(values: Vec<f32>) {
     if values.len() >= MIN_LEN {

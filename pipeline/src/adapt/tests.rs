@@ -1,5 +1,5 @@
 use rand::RngExt;
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_data::{Dataset, Fold, Samples, Scheme, Seed, SweepView};
 use tactnet_models::Compute;
 
@@ -10,13 +10,7 @@ use crate::{
 };
 
 fn twin() -> Dataset {
-    let config = TwinConfig {
-        materials: 6,
-        sweeps: 40,
-        steps: 120,
-        ..TwinConfig::default()
-    };
-    generate(&config).unwrap()
+    twin::small(6, 40, 120).unwrap()
 }
 
 fn first_fold(dataset: &Dataset) -> Fold<'_> {

@@ -1,5 +1,5 @@
 use rand::RngExt;
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin::{self, TwinConfig, generate};
 use tactnet_data::{Dataset, Fold, Scheme, Seed};
 use tactnet_models::{Compute, Weights};
 
@@ -14,13 +14,10 @@ use crate::{
 
 /// Returns sweeps with permuted labels, so that nothing learnt from them generalises.
 fn meaningless() -> Dataset {
-    let config = TwinConfig {
-        materials: 3,
-        sweeps: 20,
-        steps: 200,
-        ..TwinConfig::default()
-    };
-    generate(&config).unwrap().permute_labels(Seed(5)).unwrap()
+    twin::small(3, 20, 200)
+        .unwrap()
+        .permute_labels(Seed(5))
+        .unwrap()
 }
 
 fn fit(classifier: ClassicalClassifier) -> BaselineFit {
@@ -92,13 +89,7 @@ fn neighbours_are_selected_on_held_out_sweeps() {
 /// A changed number in a weights file gives another classifier or an error, never a panic or a huge allocation.
 #[test]
 fn changed_weights_are_an_error_or_another_classifier() {
-    let twin = generate(&TwinConfig {
-        materials: 3,
-        sweeps: 10,
-        steps: 120,
-        ..TwinConfig::default()
-    })
-    .unwrap();
+    let twin = twin::small(3, 10, 120).unwrap();
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
     let device = Compute::Cpu.open().unwrap();
     let mut refused = 0;

@@ -27,13 +27,12 @@ pub struct FittedModel {
 /// fails.
 ///
 /// ```
-/// use tactnet_data::twin::{self, TwinConfig};
+/// use tactnet_data::twin;
 /// use tactnet_data::{Fold, Scheme, Seed};
 /// use tactnet_models::Compute;
 /// use tactnet_pipeline::{ModelRecipe, fit_model};
 ///
-/// let config = TwinConfig { materials: 2, sweeps: 10, steps: 100, ..TwinConfig::default() };
-/// let dataset = twin::generate(&config)?;
+/// let dataset = twin::small(2, 10, 100)?;
 /// let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0)?;
 /// let recipe = ModelRecipe::parse("two", "name = \"two\"\nmembers = [\"lda\", \"means\"]")?;
 /// let device = Compute::Cpu.open()?;
@@ -103,7 +102,7 @@ fn fit(
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::twin::{self, TwinConfig};
+    use tactnet_data::twin;
     use tactnet_data::{Fold, Scheme};
     use tactnet_models::Compute;
 
@@ -112,13 +111,7 @@ mod tests {
 
     #[test]
     fn weights_that_a_member_cannot_use_are_refused_by_its_name() {
-        let twin = twin::generate(&TwinConfig {
-            materials: 2,
-            sweeps: 4,
-            steps: 100,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(2, 4, 100).unwrap();
         let device = Compute::Cpu.open().unwrap();
         let fit = |text: &str| {
             let train = TrainSplit::all(&twin, Seed(1)).weighted(vec![1.0; 8]);
@@ -136,13 +129,7 @@ mod tests {
 
     #[test]
     fn a_committee_averages_the_probabilities_of_its_members() {
-        let twin = twin::generate(&TwinConfig {
-            materials: 3,
-            sweeps: 15,
-            steps: 100,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(3, 15, 100).unwrap();
         let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
         let device = Compute::Cpu.open().unwrap();
         let network = "{ name = \"net\", network = { maps = [4], hidden = 8 }, \

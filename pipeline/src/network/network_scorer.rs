@@ -267,7 +267,7 @@ impl NetworkScorer {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
     use tactnet_data::{Fold, Scheme};
     use tactnet_models::Compute;
 
@@ -276,13 +276,7 @@ mod tests {
 
     #[test]
     fn samples_have_masks_of_their_own_which_keep_the_stated_share() {
-        let twin = generate(&TwinConfig {
-            materials: 3,
-            sweeps: 10,
-            steps: 60,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(3, 10, 60).unwrap();
         let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
         let device = Compute::Cpu.open().unwrap();
         let trained = |keep: f64| {

@@ -169,7 +169,7 @@ fn numbers(positions: &[usize], device: &Device) -> Tensor<1, Int> {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
     use tactnet_data::{Dataset, Fold, Scheme, Seed};
     use tactnet_models::{Compute, values};
 
@@ -178,13 +178,7 @@ mod tests {
 
     /// Returns three materials with ten sweeps of 7 steps and 3 taxels, whose values do not fill the last word.
     fn sweeps(samples: impl Fn(Vec<f32>) -> Samples) -> Dataset {
-        let twin = generate(&TwinConfig {
-            materials: 3,
-            sweeps: 10,
-            steps: 60,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(3, 10, 60).unwrap();
         let shape = tactnet_data::SweepShape {
             steps: 7,
             rows: 1,

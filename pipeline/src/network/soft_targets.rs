@@ -123,7 +123,7 @@ impl SoftTargets {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::twin::{self, TwinConfig};
+    use tactnet_data::twin;
     use tactnet_data::{Fold, Scheme};
     use tactnet_models::Compute;
 
@@ -131,13 +131,7 @@ mod tests {
 
     #[test]
     fn targets_are_half_the_label_and_half_what_a_teacher_says_that_has_not_seen_the_sweep() {
-        let config = TwinConfig {
-            materials: 3,
-            sweeps: 15,
-            steps: 100,
-            ..TwinConfig::default()
-        };
-        let twin = twin::generate(&config).unwrap();
+        let twin = twin::small(3, 15, 100).unwrap();
         let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
         let (teacher, device) = (
             ModelRecipe::load("lda").unwrap(),

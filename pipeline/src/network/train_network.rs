@@ -96,7 +96,7 @@ fn train_whole(
 #[cfg(test)]
 mod tests {
     use rand::RngExt;
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
     use tactnet_data::{Dataset, Fold, Samples, Scheme};
     use tactnet_models::{Compute, Weights};
 
@@ -104,13 +104,7 @@ mod tests {
     use crate::PredictionMethod;
 
     fn twin() -> Dataset {
-        generate(&TwinConfig {
-            materials: 3,
-            sweeps: 6,
-            steps: 60,
-            ..TwinConfig::default()
-        })
-        .unwrap()
+        twin::small(3, 6, 60).unwrap()
     }
 
     /// Returns the weights after one step over all training sweeps; `training` is TOML.
@@ -177,13 +171,7 @@ mod tests {
 
     /// Returns sweeps with a pitch for each material, a random phase for each sweep, and noise.
     fn tones(materials: usize, sweeps: usize, steps: usize) -> Dataset {
-        let like = generate(&TwinConfig {
-            materials,
-            sweeps,
-            steps,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let like = twin::small(materials, sweeps, steps).unwrap();
         let mut rng = Seed(1).rng("tones");
         let mut digits = Vec::new();
         for index in 0..like.len() {

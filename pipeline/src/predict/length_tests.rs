@@ -1,7 +1,7 @@
 //! Sweeps of unequal length: every kind of model learns and predicts them, and nothing but their frames decides.
 
 use rand::RngExt;
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_data::{Dataset, Fold, Samples, Scheme, Seed, SweepRecord, SweepView, TrainSplit};
 use tactnet_models::{Compute, log_mean_exp_into};
 
@@ -14,13 +14,7 @@ use crate::{
 const STEPS: usize = 360;
 
 fn twin() -> Dataset {
-    generate(&TwinConfig {
-        materials: 4,
-        sweeps: 30,
-        steps: STEPS,
-        ..TwinConfig::default()
-    })
-    .unwrap()
+    twin::small(4, 30, STEPS).unwrap()
 }
 
 /// Returns lengths from half of the longest sweep on, at random.

@@ -1,7 +1,7 @@
 //! Masks of dead taxels: every kind of model predicts without them, and trained dropout of taxels pays.
 
 use rand::RngExt;
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_data::{Dataset, Fold, Samples, Scheme, Seed, SweepView, shuffle};
 use tactnet_models::Compute;
 
@@ -11,13 +11,7 @@ use crate::{
 };
 
 fn twin(sweeps: usize) -> Dataset {
-    let config = TwinConfig {
-        materials: 6,
-        sweeps,
-        steps: 120,
-        ..TwinConfig::default()
-    };
-    generate(&config).unwrap()
+    twin::small(6, sweeps, 120).unwrap()
 }
 
 fn baseline(fold: &Fold<'_>, name: &str) -> Classifier {

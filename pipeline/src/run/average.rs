@@ -165,7 +165,7 @@ mod tests {
     use std::path::Path;
 
     use tactnet_data::format::Format;
-    use tactnet_data::twin::{self, TwinConfig};
+    use tactnet_data::twin;
 
     use super::*;
     use crate::{Program, Provenance, TrainJob, TrainOutcome, TrainSpec};
@@ -204,12 +204,7 @@ mod tests {
     fn the_average_of_the_members_is_the_trained_committee() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path();
-        let twin = twin::generate(&TwinConfig {
-            materials: 3,
-            sweeps: 15,
-            steps: 100,
-            ..TwinConfig::default()
-        });
+        let twin = twin::small(3, 15, 100);
         Format::Npz
             .write(&path.join("twin.npz"), &twin.unwrap())
             .unwrap();

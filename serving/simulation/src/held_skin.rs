@@ -151,19 +151,13 @@ impl<'a> HeldSkin<'a> {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
 
     use super::*;
 
     #[test]
     fn it_feels_the_material_that_is_held_and_nothing_without_a_motion() {
-        let twin = generate(&TwinConfig {
-            materials: 3,
-            sweeps: 2,
-            steps: 40,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(3, 2, 40).unwrap();
         let names: Vec<String> = twin.labels().names().map(Into::into).collect();
         let all: Vec<usize> = (0..twin.len()).collect();
         let mut skin = HeldSkin::new(&twin, &all, &names[1..], 5).unwrap();

@@ -88,19 +88,13 @@ fn labels_of(
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
 
     use super::*;
 
     #[test]
     fn materials_take_turns_and_unknown_ones_are_named() {
-        let twin = generate(&TwinConfig {
-            materials: 3,
-            sweeps: 4,
-            steps: 60,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(3, 4, 60).unwrap();
         let all: Vec<usize> = (0..twin.len()).collect();
         let names: Vec<String> = twin.labels().names().map(Into::into).collect();
         let wanted = [names[2].clone(), names[0].clone()];

@@ -231,7 +231,7 @@ pub(crate) fn mirrored(at: usize, lead: usize, steps: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
     use tactnet_data::{LabelSet, Samples, SweepRecord, SweepShape};
 
     use super::*;
@@ -239,13 +239,7 @@ mod tests {
 
     #[test]
     fn the_segmenter_finds_the_recorded_sweeps_again() {
-        let twin = generate(&TwinConfig {
-            materials: 2,
-            sweeps: 2,
-            steps: 60,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(2, 2, 60).unwrap();
         let mut skin = SkinSimulator::new(&twin, vec![3, 1], 20, 5);
         let config = SegmenterConfig {
             skip: 20.into(),
@@ -277,13 +271,7 @@ mod tests {
 
     #[test]
     fn every_object_begins_with_a_reset_and_has_as_many_sweeps_as_asked_for() {
-        let twin = generate(&TwinConfig {
-            materials: 2,
-            sweeps: 4,
-            steps: 60,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(2, 4, 60).unwrap();
         let mut skin = SkinSimulator::new(&twin, vec![0, 1, 4, 5], 2, 1).with_objects_of(2);
         let mut commands = Vec::new();
         while skin.motions() < 5 {

@@ -143,24 +143,18 @@ fn write_materials(f: &mut Formatter<'_>, info: &Info) -> fmt::Result {
 #[cfg(test)]
 mod tests {
     use tactnet_data::info;
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
 
     use super::*;
 
     #[test]
     fn the_table_names_blocks_of_several_materials_and_values_that_are_not_finite() {
-        let config = TwinConfig {
-            materials: 2,
-            sweeps: 4,
-            steps: 30,
-            ..TwinConfig::default()
-        };
         let info = Info {
             element: "u16",
             block_numbers: Some(2),
             blocks: Some(4),
             not_finite: 2,
-            ..info(&generate(&config).unwrap())
+            ..info(&twin::small(2, 4, 30).unwrap())
         };
         let text = InfoTable(info).to_string();
         for line in [

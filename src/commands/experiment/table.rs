@@ -8,6 +8,8 @@ use tactnet_experiments::{
     name_in_comparison,
 };
 
+use crate::commands::evaluation_table::percent;
+
 /// Returns a summary as text: title, command, tables and comparisons.
 pub fn to_table(summary: &Summary) -> String {
     let mut text = String::new();
@@ -201,15 +203,8 @@ fn balanced(row: &Scored<'_>) -> Option<String> {
 /// Returns name and accuracy of a contender on the materials that do not coincide with recording blocks, if others do.
 fn unconfounded(row: &Scored<'_>) -> Option<String> {
     let found = row.confounded.as_ref().filter(|_| !row.probe)?;
-    let accuracy = found.unconfounded_one_sweep?;
-    Some(format!(
-        "{}, {} {:.1} ({:.1} to {:.1})",
-        row.name(),
-        row.split,
-        100.0 * accuracy.mean,
-        100.0 * accuracy.ci95_low,
-        100.0 * accuracy.ci95_high
-    ))
+    let accuracy = percent(found.unconfounded_one_sweep?);
+    Some(format!("{}, {} {accuracy}", row.name(), row.split))
 }
 
 /// Writes notes on missing and wide intervals.

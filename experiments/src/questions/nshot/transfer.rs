@@ -186,17 +186,11 @@ fn from_scratch(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
 
     #[test]
     fn new_materials_are_learnt_from_so_many_sweeps_and_no_more() {
-        let twin = generate(&TwinConfig {
-            materials: 3,
-            sweeps: 10,
-            steps: 20,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(3, 10, 20).unwrap();
         let folds: Vec<Fold<'_>> = (0..FOLDS)
             .map(|fold| Fold::new(&twin, Scheme::default(), Seed(1), 0, fold).unwrap())
             .collect();
@@ -216,13 +210,7 @@ mod tests {
     /// the widest margin; the prior of OL-mean, made very strong here, lets weights follow the means only.
     #[test]
     fn ol_has_the_networks_own_penalty_and_ol_mean_the_prior_of_knowledge() {
-        let twin = generate(&TwinConfig {
-            materials: 6,
-            sweeps: 10,
-            steps: 60,
-            ..TwinConfig::default()
-        })
-        .unwrap();
+        let twin = twin::small(6, 10, 60).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let recipe = ModelRecipe::parse("small", RECIPE).unwrap();
         let device = tactnet_models::Compute::Cpu.open().unwrap();

@@ -324,13 +324,7 @@ mod tests {
     /// The selection only depends on the held-out sweeps, not on the training sweeps.
     #[test]
     fn strengths_are_chosen_on_sweeps_that_the_network_was_not_trained_on() {
-        let twin = tactnet_data::twin::generate(&tactnet_data::twin::TwinConfig {
-            materials: 2,
-            sweeps: 1,
-            steps: 1,
-            ..Default::default()
-        })
-        .unwrap();
+        let twin = tactnet_data::twin::small(2, 1, 1).unwrap();
         let recipe = tactnet_pipeline::ModelRecipe::load("fast").unwrap();
         let folder = tempfile::tempdir().unwrap();
         let context = StudyContext {

@@ -1,4 +1,4 @@
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_data::{Fold, Scheme};
 use tactnet_models::{Compute, values};
 
@@ -24,13 +24,7 @@ fn every_batch_drops_other_features_and_every_epoch_has_an_order_of_its_own() {
     let text = "name = \"small\"\nnetwork = { maps = [3, 4], hidden = 8, keep_probability = 0.5 }\n\
                 [training]\nepochs = 2\nbatch = 8\nlearning_rate = 0.01\nmethod = { kind = \"base\" }\n";
     let recipe = NetworkRecipe::parse("small", text).unwrap();
-    let twin = generate(&TwinConfig {
-        materials: 3,
-        sweeps: 10,
-        steps: 60,
-        ..TwinConfig::default()
-    })
-    .unwrap();
+    let twin = twin::small(3, 10, 60).unwrap();
     let fold = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
     let setup = NetworkSetup::fit(&recipe, &fold.train);
     let model = ModelConfig::Network(setup.clone());
@@ -73,13 +67,7 @@ fn every_batch_drops_other_features_and_every_epoch_has_an_order_of_its_own() {
 
 #[test]
 fn batches_group_sweeps_of_about_one_length_and_are_cut_to_the_shortest() {
-    let twin = generate(&TwinConfig {
-        materials: 3,
-        sweeps: 32,
-        steps: 80,
-        ..TwinConfig::default()
-    })
-    .unwrap();
+    let twin = twin::small(3, 32, 80).unwrap();
     let lengths: Vec<usize> = (0..twin.len()).map(|sweep| 30 + sweep * 37 % 51).collect();
     let unequal = twin.with_lengths(lengths).unwrap();
     let train = TrainSplit::all(&unequal, Seed(1));

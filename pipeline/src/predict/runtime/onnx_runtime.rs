@@ -97,7 +97,7 @@ impl OnnxRuntime {
 mod tests {
     use std::collections::BTreeMap;
 
-    use tactnet_data::twin::{TwinConfig, generate};
+    use tactnet_data::twin;
     use tactnet_data::{Dataset, Fold, Samples, Scheme, Seed, SweepView};
     use tactnet_models::Compute;
 
@@ -137,13 +137,7 @@ mod tests {
             std::env::var_os(LIBRARY).is_some(),
             "{LIBRARY} names ONNX Runtime's shared library"
         );
-        let twin = TwinConfig {
-            materials: 6,
-            sweeps: 20,
-            steps: 125,
-            ..TwinConfig::default()
-        };
-        let dataset = generate(&twin).unwrap();
+        let dataset = twin::small(6, 20, 125).unwrap();
         let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
         let recipe = "name = \"small\"\nnetwork = { maps = [4], hidden = 8 }\ninput = { scaling = \"per-taxel\" }\n\
              [training]\nepochs = 1\nbatch = 16\nlearning_rate = 0.005\nmethod = { kind = \"base\" }\n";
@@ -178,13 +172,7 @@ mod tests {
     }
     #[test]
     fn the_file_of_a_committee_averages_the_probabilities_of_its_networks() {
-        let twin = TwinConfig {
-            materials: 3,
-            sweeps: 10,
-            steps: 60,
-            ..TwinConfig::default()
-        };
-        let dataset = generate(&twin).unwrap();
+        let dataset = twin::small(3, 10, 60).unwrap();
         let fold = Fold::new(&dataset, Scheme::default(), Seed(1), 0, 0).unwrap();
         let training = "training = { epochs = 1, batch = 8, learning_rate = 0.01, method = { kind = \"base\" } }";
         let members = format!(

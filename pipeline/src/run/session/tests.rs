@@ -33,14 +33,8 @@ fn program() -> Program {
 
 fn spec(folder: &Path) -> TrainSpec {
     let [data, recipe] = ["twin.h5", "small.toml"].map(|name| folder.join(name));
-    let config = TwinConfig {
-        materials: 3,
-        sweeps: 10,
-        steps: 60,
-        ..TwinConfig::default()
-    };
     Format::TactMat
-        .write(&data, &twin::generate(&config).unwrap())
+        .write(&data, &twin::small(3, 10, 60).unwrap())
         .unwrap();
     std::fs::write(&recipe, RECIPE).unwrap();
     TrainSpec {
@@ -92,13 +86,7 @@ fn a_session_that_is_stopped_after_every_batch_ends_with_the_same_bits() {
 
 /// Writes windows of 60 steps, each 30 steps after the one before; each material has four recordings.
 fn write_windows(path: &Path) {
-    let config = TwinConfig {
-        materials: 3,
-        sweeps: 4,
-        steps: 180,
-        ..TwinConfig::default()
-    };
-    let long = twin::generate(&config).unwrap();
+    let long = twin::small(3, 4, 180).unwrap();
     let (mut values, mut records) = (Vec::new(), Vec::new());
     for (sweep, record) in long.records().iter().enumerate() {
         for window in 0..5 {
@@ -366,13 +354,7 @@ fn fitted(folder: &Path, name: &str, dataset: &Dataset) -> Fitted {
 #[test]
 fn nothing_that_is_fitted_depends_on_the_test_sweeps() {
     let folder = tempfile::tempdir().unwrap();
-    let config = TwinConfig {
-        materials: 3,
-        sweeps: 20,
-        steps: 200,
-        ..TwinConfig::default()
-    };
-    let twin = twin::generate(&config).unwrap();
+    let twin = twin::small(3, 20, 200).unwrap();
     let tested = Fold::new(&twin, Scheme::default(), Seed(1), 0, 0).unwrap();
     let digits: Vec<f32> = (0..twin.len())
         .flat_map(|index| {
@@ -439,15 +421,9 @@ fn training_sweeps_are_left_out_wherever_the_data_lies_now() {
     std::fs::rename(&spec.data, &moved).unwrap();
     assert_eq!(unseen(&moved), (test.clone(), true));
     assert_eq!(unseen(&copied), (test, true));
-    let config = TwinConfig {
-        materials: 3,
-        sweeps: 9,
-        steps: 60,
-        ..TwinConfig::default()
-    };
     let others = folder.path().join("others.npz");
     Format::Npz
-        .write(&others, &twin::generate(&config).unwrap())
+        .write(&others, &twin::small(3, 9, 60).unwrap())
         .unwrap();
     assert_eq!(unseen(&others), ((0..27).collect(), false));
 }

@@ -4,7 +4,7 @@ use std::io::{Cursor, Read, Write};
 use std::path::{Path, PathBuf};
 
 use tactnet_data::format::{self, FileLayout, Format, ReadOptions, Span, Windows};
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
@@ -32,12 +32,7 @@ impl Place {
 }
 
 fn twin() -> anyhow::Result<tactnet_data::Dataset> {
-    Ok(generate(&TwinConfig {
-        materials: 2,
-        sweeps: 3,
-        steps: 12,
-        ..TwinConfig::default()
-    })?)
+    Ok(twin::small(2, 3, 12)?)
 }
 
 /// Returns small valid files of other writers.

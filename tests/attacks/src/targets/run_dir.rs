@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use tactnet_data::format::Format;
-use tactnet_data::twin::{TwinConfig, generate};
+use tactnet_data::twin;
 use tactnet_pipeline::{
     CalibrationTarget, Classifier, Device, Program, Provenance, RunDir, Session, TrainJob,
     TrainSpec,
@@ -26,12 +26,7 @@ pub(super) fn run() -> anyhow::Result<Target> {
     let place = tempfile::tempdir_in("/dev/shm")?;
     let data = place.path().join("data.h5");
     let folder: PathBuf = place.path().join("run");
-    let twin = generate(&TwinConfig {
-        materials: 3,
-        sweeps: 12,
-        steps: 60,
-        ..TwinConfig::default()
-    })?;
+    let twin = twin::small(3, 12, 60)?;
     Format::TactMat.write(&data, &twin)?;
     let recipe = place.path().join("small.toml");
     std::fs::write(
