@@ -1,6 +1,6 @@
 //! The exported network in other runtimes, evaluated on the same sweeps as in Burn.
 
-use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, assert_says, json};
+use crate::command::{CONVOLUTIONS, Lab, RecipeChange, SPECTRA, json};
 
 /// A small trained network with `layers`, `levels` removed or kept, and a number of steps that leaves a pool unfilled.
 fn trained(levels: &str, layers: &'static str) -> Lab {
@@ -59,6 +59,7 @@ fn onnx_runtime_agrees_with_burn() {
 #[cfg(not(feature = "candle"))]
 #[test]
 fn a_runtime_that_was_left_out_is_named() {
+    use crate::command::assert_says;
     let lab = trained("kept", CONVOLUTIONS);
     let said = lab.refused("eval --runtime candle @run");
     assert_says!(said, "`cargo install --path . --features candle`");

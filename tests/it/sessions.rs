@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::command::{Lab, assert_says, expect, output_of, stderr, stdout};
+use crate::command::{Lab, assert_says, expect, json, output_of, stderr, stdout};
 
 /// Sentence about the floors of one session each.
 const CONFOUNDED: &str = "8 of 10 materials were recorded in one session each: this accuracy cannot be told from recognising the session";
