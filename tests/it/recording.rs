@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde_json::Value;
 use tactnet_recording::{RecordedPacket, Recording};
 
-use crate::command::{expect, json, messages_of, output_of, refusal, signal, tactnet};
+use crate::command::{assert_says, expect, json, messages_of, output_of, refusal, signal, tactnet};
 use crate::robot::{Robot, Running, STEPS};
 
 fn recorder(robot: &Robot, file: &str, more: &[&str]) -> Running {
