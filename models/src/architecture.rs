@@ -102,7 +102,7 @@ impl Architecture {
     /// Returns the readable name of the kind of network.
     pub fn kind(&self) -> &'static str {
         match self.trunk {
-            Trunk::Convolutions(_) => "TactNet-II network",
+            Trunk::Convolutions(_) => "TactNet-II",
             Trunk::Spectra(_) => "network on spectra",
         }
     }
