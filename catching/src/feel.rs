@@ -54,7 +54,7 @@ pub struct Felt {
     pub duration_ns: u64,
 }
 
-/// What one step sends.
+/// Packets that one step sends.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FeelOutputs {
     /// Commands, in their order.

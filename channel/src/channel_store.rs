@@ -1,4 +1,4 @@
-//! Place of what the ports of a channel leave for others: memory of the process, or files in the bus's folder.
+//! Storage of packets that the ports of a channel leave for others: memory of the process, or files in the bus's folder.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};

@@ -44,7 +44,7 @@ pub(crate) fn run(
     })
 }
 
-/// What a step of the coordinator took from its channels.
+/// Packets that a step of the coordinator took from its channels.
 #[derive(Debug, Clone, Copy)]
 pub struct StepTaken {
     /// True if there were predictions.

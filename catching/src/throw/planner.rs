@@ -142,7 +142,7 @@ pub struct ThrowEffort {
     pub iterations: usize,
 }
 
-/// Reason why there is no throw.
+/// Reason why no throw can be planned.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum NoThrow {
     /// No hand holds a ball.
@@ -210,7 +210,7 @@ impl Thrower {
     /// request only.
     ///
     /// # Errors
-    /// Returns the reason if there is no throw.
+    /// Returns the planned throw, or the reason why none is possible.
     pub fn plan(&self, request: &ThrowRequest) -> Result<ThrowPlan, NoThrow> {
         let arm = self.check(request)?;
         let swing = Swing::new(&self.robot, arm, &self.robot.waiting());

@@ -1,4 +1,4 @@
-//! Where balls come from.
+//! Origins of the balls that were caught.
 
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{ArmPath, BallPredictions};

@@ -300,7 +300,7 @@ impl SteppedStack {
         self.holding = Some(holding);
     }
 
-    /// Forgets what was said and chosen.
+    /// Clears the recorded predictions and chosen paths.
     pub fn forget(&mut self) {
         self.said.clear();
         self.chosen.clear();

@@ -97,7 +97,7 @@ pub(super) struct ConditionColumns {
 }
 
 impl ConditionColumns {
-    /// Returns the checksum of a data set with these columns; `sha256` is that of all but their meaning.
+    /// Returns the checksum of a data set with these columns; `sha256` is that of everything except their meaning.
     pub(super) fn digest(&self, sha256: String) -> String {
         if self.conditions.is_empty() {
             return sha256;

@@ -26,7 +26,7 @@ const RESERVED: &str = "abstract alignas alignof and as asm assert async auto aw
     while with xor yield \
     Any ClassVar Described Description False IntEnum None Option Packet Self Some Text True";
 
-/// Checks that a name has the expected spelling and is no keyword.
+/// Returns an error if a name is misspelt or a keyword.
 pub(super) fn check(
     source: &Source,
     name: &Spanned<String>,

@@ -1,4 +1,4 @@
-//! Content of a description file as it is written.
+//! Parsed text of a description file, before names are resolved.
 
 use std::collections::{BTreeMap, BTreeSet};
 
