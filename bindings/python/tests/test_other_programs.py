@@ -81,12 +81,15 @@ def test_ctrl_c_stops_a_training_and_leaves_the_estimator_as_it_was(data):
     network = tactnet.TactNetClassifier(rate=750, epochs=1).fit(data.X, data.y)
     state = fitted_state(network)
     network.epochs = 100_000
+    # A background job of a shell starts with this signal ignored.
+    former = signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Timer(1.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     begun = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         network.fit(data.X[:, :150], np.where(data.y == data.y[0], "a", "b"))
     # A batch takes a fraction of a second; the limit is for busy machines.
     assert time.monotonic() - begun < 60
+    signal.signal(signal.SIGINT, former)
     network.epochs = 1
     assert {**fitted_state(network), "epochs": 0} == {**state, "epochs": 0}
 
