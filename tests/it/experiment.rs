@@ -194,12 +194,13 @@ fn a_task_that_cannot_succeed_is_named_and_not_tried_again() {
 fn mlflow_opens_the_export() {
     let lab = Lab::new();
     expect(0, experiment(&lab, "out"));
-    let export = |out: &str| lab.command(&format!("experiment export @out --mlflow @{out}"));
-    expect(0, export("ml runs"));
+    let store = lab.path("ml runs");
+    let more = [store.to_str().unwrap()];
+    let export = lab.command_with("experiment export @out --mlflow", &more);
+    expect(0, export);
     let python = std::env::var("TACTNET_PYTHON").unwrap_or("python3".into());
     let mut open = Command::new(python);
-    open.arg("tests/open_with_mlflow.py")
-        .arg(lab.path("ml runs"));
+    open.arg("tests/open_with_mlflow.py").arg(&store);
     let found = json(open);
     let runs = found["crossval_baselines"].as_object().unwrap();
     assert_eq!(runs.len(), TASKS.len());
