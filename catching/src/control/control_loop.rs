@@ -116,7 +116,7 @@ impl ControlLoop {
             let _ = controller.throw_path(effect_ns, path);
         }
         for path in inputs.bodies {
-            controller.body_path(path);
+            let _ = controller.body_path(path);
         }
         for gaze in inputs.gazes {
             controller.gaze(effect_ns, gaze);

@@ -239,41 +239,66 @@ impl Controller {
         Ok(arm)
     }
 
-    /// Accepts a motion of platform and torso if it starts at rest and keeps the limits. Returns false otherwise.
-    pub fn body_path(&mut self, path: &BodyPath) -> bool {
+    /// Accepts a motion of platform and torso.
+    ///
+    /// # Errors
+    /// Returns an error and changes nothing if the motion does not start at rest here and now or exceeds limits.
+    pub fn body_path(&mut self, path: &BodyPath) -> Result<(), PathError> {
         let motion = BodyMotion::of(path);
-        let follows = matches!(self.mode, ControllerMode::Ready | ControllerMode::Following);
-        let goes_on = [
-            (motion.platform, joint::PLATFORM),
-            (motion.turn, joint::TORSO.start),
-        ]
-        .iter()
-        .all(|(ramp, index)| {
-            let limits = &self.robot.joints()[*index];
+        let taken = self.check_body(path.start_ns, &motion);
+        match taken {
+            Ok(()) => {
+                // Start no earlier than now.
+                let start_ns = motion.start_ns.max(self.last.unwrap_or(0));
+                self.body = BodyMotion { start_ns, ..motion };
+                self.mode = ControllerMode::Following;
+            }
+            Err(error) => {
+                self.refused += 1;
+                self.why = Text::new(&error.to_string());
+            }
+        }
+        taken
+    }
+
+    fn check_body(&self, start_ns: u64, motion: &BodyMotion) -> Result<(), PathError> {
+        if !matches!(self.mode, ControllerMode::Ready | ControllerMode::Following) {
+            return Err(PathError::NotFollowing);
+        }
+        for (ramp, joint) in [
+            (&motion.platform, joint::PLATFORM),
+            (&motion.turn, joint::TORSO.start),
+        ] {
+            let limits = &self.robot.joints()[joint];
             let [low, high] = ramp.extent();
             let numbers = [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end];
-            numbers.iter().all(|number| number.is_finite())
-                && (ramp.q0 - self.q[*index]).abs() <= POSITION_TOLERANCE
-                && self.dq[*index].abs() <= SPEED_TOLERANCE
-                && ramp.w0.abs() <= SPEED_TOLERANCE
-                && low >= limits.range[0] - ROUNDING
-                && high <= limits.range[1] + ROUNDING
-                && ramp.top_speed() <= limits.speed * (1.0 + ROUNDING)
-                && ramp.a.abs() <= limits.acceleration * (1.0 + 1e-3)
-        });
-        let on_time = self.last.is_none_or(|last| {
-            // A start slightly in the past causes a small step; a larger delay would cause a jump.
-            path.start_ns + 3_000_000 >= last && path.start_ns <= last + MAX_AHEAD_NS
-        });
-        if !(follows && goes_on && on_time) {
-            self.refused += 1;
-            return false;
+            if !numbers.iter().all(|number| number.is_finite()) {
+                return Err(PathError::NotFinite);
+            }
+            if (ramp.q0 - self.q[joint]).abs() > POSITION_TOLERANCE
+                || self.dq[joint].abs() > SPEED_TOLERANCE
+                || ramp.w0.abs() > SPEED_TOLERANCE
+            {
+                return Err(PathError::Jump { joint });
+            }
+            if low < limits.range[0] - ROUNDING
+                || high > limits.range[1] + ROUNDING
+                || ramp.top_speed() > limits.speed * (1.0 + ROUNDING)
+                || ramp.a.abs() > limits.acceleration * (1.0 + 1e-3)
+            {
+                return Err(PathError::Limits { joint });
+            }
         }
-        // Start no earlier than now.
-        let start_ns = motion.start_ns.max(self.last.unwrap_or(0));
-        self.body = BodyMotion { start_ns, ..motion };
-        self.mode = ControllerMode::Following;
-        true
+        // A start slightly in the past causes a small step; a larger delay would cause a jump.
+        match self.last {
+            Some(last)
+                if start_ns.saturating_add(3_000_000) < last || start_ns > last + MAX_AHEAD_NS =>
+            {
+                let late_us = (last as i64).saturating_sub_unsigned(start_ns) / 1000;
+                Err(PathError::Time { late_us })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Sets the gaze target.

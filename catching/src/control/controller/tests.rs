@@ -113,7 +113,7 @@ proptest! {
                     body.platform = Ramp::standing(q[joint::PLATFORM]).packet();
                     let from = q[joint::TORSO.start];
                     body.turn = Ramp::between(from, 0.0, from + turn, 1.0, robot.joints()[joint::TORSO.start].speed).packet();
-                    controller.body_path(&body);
+                    let _ = controller.body_path(&body);
                 }
                 Event::Brake => controller.brake("asked"),
                 Event::GoBack => controller.go_back(),

@@ -71,7 +71,7 @@ impl Bench {
                 self.controller.arm_path(effect_ns, path).unwrap();
             }
             if let Some(path) = &self.outputs.body {
-                assert!(self.controller.body_path(path));
+                self.controller.body_path(path).unwrap();
             }
             if self.outputs.order.is_some() {
                 self.controller.go_back();
