@@ -16,6 +16,7 @@ Predictions, written before the measurement:
 3. On walking, where the domain is only other bouts, unlabelled sweeps of all bouts change the accuracy by less than 2 points; those of a single
    bout (one material) lower it by more than 20 points, and are refused.
 4. One label a material adds less than 3 points to unlabelled sweeps, five add 5. Training from scratch on five is worse than both.
+5. The committee loses less on another skin than its worst member, and unlabelled sweeps bring it within 3 points of its best member.
 """
 
 import argparse
@@ -34,6 +35,7 @@ MODELS = {
     "lda": lambda seed: tactnet.LdaClassifier(seed=seed),
     "svm-spectra": lambda seed: tactnet.SvmClassifier(features="spectra", seed=seed),
     "minirocket": lambda seed: tactnet.MiniRocketClassifier(seed=seed),
+    "committee": lambda seed: tactnet.TactNetCommittee(seed=seed),
 }
 FEW = 8
 

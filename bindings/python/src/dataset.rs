@@ -382,9 +382,9 @@ impl Dataset {
 
     /// Returns `(train, test)` indices of every fold of one repeat.
     ///
-    /// - `scheme`: "default" (the file's own test sweeps, otherwise up to 5 stratified folds), "k-fold",
-    ///   "leave-block-out"
-    /// - `folds`: number of folds of "k-fold" and "group-k-fold"; `None`: up to 5
+    /// - `scheme`: "default" (the file's own test sweeps, otherwise "group-k-fold" if materials have several blocks, otherwise
+    ///   "k-fold"), "k-fold", "group-k-fold" or "leave-block-out"
+    /// - `folds`: number of folds; `None`: up to 5
     #[pyo3(signature = (scheme="default", folds=None, seed=1, repeat=0))]
     fn folds<'py>(
         &self,
@@ -394,27 +394,29 @@ impl Dataset {
         seed: u64,
         repeat: usize,
     ) -> PyResult<Vec<Indices<'py>>> {
-        let or_usual = |usual: Scheme| match usual {
-            Scheme::StratifiedKFold { folds: usual, .. }
-            | Scheme::GroupKFold { folds: usual, .. } => folds.unwrap_or(usual),
-            _ => folds.unwrap_or_default(),
-        };
-        let scheme = match scheme {
-            "default" => Scheme::default_for(&self.inner),
-            "k-fold" => Scheme::StratifiedKFold {
-                folds: or_usual(Scheme::folds_for(&self.inner)),
-                repeats: repeat + 1,
-            },
-            "leave-block-out" => Scheme::LeaveBlockOut,
-            "group-k-fold" => Scheme::GroupKFold {
-                folds: or_usual(Scheme::group_folds_for(&self.inner)),
-                repeats: repeat + 1,
-            },
-            other => {
+        let scheme = match (scheme, folds) {
+            ("default", None) => Scheme::default_for(&self.inner),
+            ("default", Some(_)) => Scheme::cross_validation_for(&self.inner),
+            ("k-fold", _) => Scheme::folds_for(&self.inner),
+            ("group-k-fold", _) => Scheme::group_folds_for(&self.inner),
+            ("leave-block-out", _) => Scheme::LeaveBlockOut,
+            (other, _) => {
                 return Err(TactnetError::new_err(format!(
                     "scheme: expected default, k-fold, group-k-fold or leave-block-out, found {other}"
                 )));
             }
+        };
+        let repeats = repeat + 1;
+        let scheme = match scheme {
+            Scheme::StratifiedKFold { folds: usual, .. } => Scheme::StratifiedKFold {
+                folds: folds.unwrap_or(usual),
+                repeats,
+            },
+            Scheme::GroupKFold { folds: usual, .. } => Scheme::GroupKFold {
+                folds: folds.unwrap_or(usual),
+                repeats,
+            },
+            other => other,
         };
         let count = scheme.folds(&self.inner).map_err(raised)?;
         let mut found = Vec::with_capacity(count);

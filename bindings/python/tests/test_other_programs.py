@@ -379,6 +379,8 @@ def test_groups_stay_together(data):
         assert not set(blocks[train]) & set(blocks[test]) and len(test)
     named = tactnet.Dataset.from_arrays(data.X, data.y, rate=750, blocks=np.array(["mon", "tue", "wed", "thu"])[blocks])
     assert len(named.folds("group-k-fold")) == 4, "as many folds as blocks"
+    for train, test in named.folds(folds=2):
+        assert not set(blocks[train]) & set(blocks[test]), "the default scheme holds out whole blocks"
     with pytest.raises(tactnet.TactnetError, match="blocks: expected a name or a whole number"):
         tactnet.Dataset.from_arrays(data.X, data.y, rate=750, blocks=[0.5] * len(data))
 

@@ -123,18 +123,24 @@ impl Default for Scheme {
 }
 
 impl Scheme {
-    /// Returns the author's split if the data set has one, otherwise folds of whole blocks if its materials were recorded
-    /// in several, otherwise [`Scheme::folds_for`].
-    ///
-    /// TactMat and its twins have random folds, as their published numbers do.
+    /// Returns the author's split if the data set has one, otherwise [`Scheme::cross_validation_for`].
     pub fn default_for(dataset: &Dataset) -> Self {
         if dataset.has_test_flag() {
             Self::TestFlag
-        } else if dataset.origin().is_comparable_to_published() {
-            Self::folds_for(dataset)
         } else {
-            Self::group_folds_of(dataset).unwrap_or_else(|| Self::folds_for(dataset))
+            Self::cross_validation_for(dataset)
         }
+    }
+
+    /// Returns folds of whole blocks if the materials were recorded in several, otherwise [`Scheme::folds_for`].
+    ///
+    /// TactMat and its twins have random folds, as their published numbers do.
+    pub fn cross_validation_for(dataset: &Dataset) -> Self {
+        let random = Self::folds_for(dataset);
+        if dataset.origin().is_comparable_to_published() {
+            return random;
+        }
+        Self::group_folds_of(dataset).unwrap_or(random)
     }
 
     /// Returns folds of whole blocks, if each material was recorded in at least two and a fold has training sweeps of all.

@@ -2,6 +2,7 @@
 
 use tactnet_models::{Features, NearestMean, Whitening};
 
+use super::directions::direction;
 use crate::PipelineError;
 
 /// Weight of the mean variance in the covariance within materials.
@@ -59,8 +60,7 @@ impl Distances {
 
     /// Returns the distance of every description, without the taxels that do not change.
     pub fn of(&self, descriptions: &Features) -> Vec<Distance> {
-        let whitened = self.whitening.apply(&scaled(descriptions, &self.scale));
-        let rows = self.means.scores(&whitened).into_iter();
+        let rows = self.means.scores(&self.whitened(descriptions)).into_iter();
         rows.map(|row| {
             // Scores are minus half the squared distances. A value that is not finite is as far as possible.
             let far = |score: f64| {
@@ -79,6 +79,27 @@ impl Distances {
             }
         })
         .collect()
+    }
+
+    /// Returns descriptions after scaling and whitening.
+    pub fn whitened(&self, descriptions: &Features) -> Features {
+        self.whitening.apply(&scaled(descriptions, &self.scale))
+    }
+
+    /// Returns the directions in which descriptions differ from their nearest materials, `[sweeps][width]`.
+    pub fn directions(&self, descriptions: &Features, distances: &[Distance]) -> Vec<Vec<f64>> {
+        let whitened = self.whitened(descriptions);
+        let rows = whitened.rows().zip(distances);
+        rows.map(|(row, of)| direction(self.mean_of(of.nearest), row))
+            .collect()
+    }
+
+    /// Returns the mean of a material after scaling and whitening.
+    ///
+    /// # Panics
+    /// If no training sweep has the label.
+    pub fn mean_of(&self, label: usize) -> &[f64] {
+        &self.means()[self.labels.partition_point(|of| *of < label)]
     }
 
     /// Returns the difference of a description from the mean of a material, in standard deviations within materials.

@@ -14,6 +14,7 @@ mod constant_taxels;
 mod dead;
 mod descriptor;
 mod difference;
+mod directions;
 mod distances;
 mod moved;
 mod reference;
@@ -32,6 +33,7 @@ use tactnet_models::{Features, NamedTensor, Weights};
 use crate::PipelineError;
 use constant_taxels::{ConstantTaxels, constant_taxels};
 use descriptor::Descriptor;
+use directions::KnownDirections;
 use distances::{Distance, Distances};
 use reference::{ReferenceScores, ReferenceSweep};
 
@@ -131,6 +133,8 @@ impl Likeness {
         let flags = flags.values.chunks_exact(taxels);
         let flags = flags.map(|of| of.iter().map(|flag| *flag != 0.0).collect());
         let constant = ConstantTaxels::new(flags.collect());
+        let fitted = Distances::fit(&known, &labels).map_err(|error| error.to_string())?;
+        let directions = KnownDirections::new(&fitted, &known, &labels);
         let scores = |kind: &str| -> Result<Option<ReferenceScores>, String> {
             let name = |of: &str| format!("{kind}.{of}");
             let Some(distances) = weights.0.get(&name("distance")) else {
@@ -146,7 +150,19 @@ impl Likeness {
             {
                 return Err(format!("`{}`: no sweep {sweep}", name("sweep")));
             }
+            if let Some(label) = nearest
+                .iter()
+                .find(|label| fitted.labels().binary_search(&(**label as usize)).is_err())
+            {
+                return Err(format!("`{}`: no material {label}", name("nearest")));
+            }
+            // Other recording blocks differ in a common direction, too, so directions say nothing about them.
+            let direction = |at: usize| match kind {
+                "within" => directions.of(sweeps[at] as usize, nearest[at] as usize),
+                _ => Vec::new(),
+            };
             let scores = (0..held_out).map(|at| ReferenceSweep {
+                direction: direction(at),
                 distance: Distance {
                     log: f64::from(distances.values[at]),
                     nearest: nearest[at] as usize,
@@ -157,10 +173,12 @@ impl Likeness {
             });
             Ok(Some(ReferenceScores::new(scores.collect())))
         };
+        let within = scores("within")?.ok_or("no tensor `within.distance`")?;
+        let between = scores("between")?;
         Ok(Self {
-            distances: Distances::fit(&known, &labels).map_err(|error| error.to_string())?,
-            within: scores("within")?.ok_or("no tensor `within.distance`")?,
-            between: scores("between")?,
+            within,
+            between,
+            distances: fitted,
             constant,
             descriptor,
             weights,

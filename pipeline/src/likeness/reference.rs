@@ -17,6 +17,8 @@ pub(super) struct ReferenceSweep {
     pub distance: Distance,
     /// How many standard deviations a taxel is more constant than in the other training sweeps, `[taxels]`.
     pub constant: Vec<f64>,
+    /// Direction in which it differs from the nearest material, of length 1; empty if directions are not compared.
+    pub direction: Vec<f64>,
     /// Unit of sweeps that are resampled together.
     pub unit: usize,
 }
@@ -27,6 +29,8 @@ pub(super) struct SweepSet<'a> {
     pub distances: &'a [Distance],
     /// How many standard deviations a taxel is more constant than in training sweeps, `[sweeps][taxels]`.
     pub constant: Vec<Vec<f64>>,
+    /// Directions in which sweeps differ from the nearest material, of length 1: `[sweeps][width]`.
+    pub directions: Vec<Vec<f64>>,
 }
 
 /// Statistics of a set of sweeps; large ones are evidence of a difference.
@@ -36,6 +40,8 @@ struct Statistics {
     surprise: f64,
     /// Largest mean score over taxels of being constant.
     constant: f64,
+    /// Squared length of the sum of the directions, over the number of sweeps; 1 on average for independent directions.
+    agreement: f64,
 }
 
 /// Scores of held-out training sweeps.
@@ -54,6 +60,8 @@ pub(super) struct ReferenceScores {
     surprises: Vec<f64>,
     /// Scores of being constant: `[sweeps][taxels]`.
     constant: Vec<Vec<f64>>,
+    /// Directions: `[sweeps][width]`.
+    directions: Vec<Vec<f64>>,
     /// Positions of the sweeps of every unit that is resampled as a whole.
     units: Vec<Vec<usize>>,
     /// Number of sweeps by nearest material.
@@ -96,6 +104,7 @@ impl ReferenceScores {
             smaller: Vec::new(),
             surprises: Vec::new(),
             constant: Vec::new(),
+            directions: Vec::new(),
             units: Vec::new(),
             sweeps: sums.into_iter().map(|(label, (_, n))| (label, n)).collect(),
         };
@@ -111,6 +120,7 @@ impl ReferenceScores {
         for (at, sweep) in reference.into_iter().enumerate() {
             by_unit.entry(sweep.unit).or_default().push(at);
             scores.constant.push(sweep.constant);
+            scores.directions.push(sweep.direction);
         }
         scores.units = by_unit.into_values().collect();
         scores
@@ -150,28 +160,30 @@ impl ReferenceScores {
     }
 
     /// Returns the p-value of all sweeps together: the share of equally large sets of reference sweeps of which the mean
-    /// surprise, or the taxel that is constant most often, is as unusual.
+    /// surprise, the taxel that is constant most often, or the common direction is as unusual.
     pub fn p_of_all(&self, set: &SweepSet<'_>, rng: &mut impl Rng) -> f64 {
         let found = self.statistics_of(set);
         let resamples: Vec<Statistics> = (0..RESAMPLES)
             .map(|_| self.statistics_of_resample(set.distances.len(), rng))
             .collect();
-        // Rank by rank, so that the two count alike; the resamples say how small the smaller rank is by chance.
-        let ranks = |value: &dyn Fn(&Statistics) -> f64| -> Vec<usize> {
+        // Rank by rank, so that the statistics count alike; the resamples say how small the smallest rank is by chance.
+        let ranks = |value: fn(&Statistics) -> f64| -> Vec<usize> {
             let mut sorted: Vec<f64> = resamples.iter().map(value).collect();
             sorted.sort_unstable_by(f64::total_cmp);
             let as_large = |of: f64| RESAMPLES - sorted.partition_point(|other| *other < of);
             let all = resamples.iter().map(value).chain([value(&found)]);
             all.map(as_large).collect()
         };
-        let surprise = ranks(&|of| of.surprise);
-        let constant = ranks(&|of| of.constant);
-        let smaller: Vec<usize> = surprise
-            .into_iter()
-            .zip(constant)
-            .enumerate()
+        let ranks = [
+            ranks(|of| of.surprise),
+            ranks(|of| of.constant),
+            ranks(|of| of.agreement),
+        ];
+        let smaller: Vec<usize> = (0..=RESAMPLES)
             // A resample counts itself.
-            .map(|(at, (a, b))| a.min(b) + usize::from(at == RESAMPLES))
+            .map(|at| {
+                ranks.iter().map(|of| of[at]).min().unwrap_or(0) + usize::from(at == RESAMPLES)
+            })
             .collect();
         let as_small = smaller[..RESAMPLES]
             .iter()
@@ -197,6 +209,11 @@ impl ReferenceScores {
                 score if score > 0.0 => uncertain(score),
                 score => score,
             },
+            agreement: if self.directions[0].is_empty() {
+                0.0
+            } else {
+                agreement(set.directions.iter()) / (1.0 + sweeps / reference)
+            },
         }
     }
 
@@ -213,6 +230,7 @@ impl ReferenceScores {
         Statistics {
             surprise: surprises.sum::<f64>() / sweeps as f64,
             constant: largest_mean(drawn.iter().map(|at| &self.constant[*at])),
+            agreement: agreement(drawn.iter().map(|at| &self.directions[*at])),
         }
     }
 
@@ -229,12 +247,22 @@ impl ReferenceScores {
 /// Returns the largest over the taxels of the mean score over the sweeps.
 fn largest_mean<'a>(scores: impl ExactSizeIterator<Item = &'a Vec<f64>>) -> f64 {
     let sweeps = scores.len() as f64;
+    sum_of(scores).into_iter().fold(f64::NEG_INFINITY, f64::max) / sweeps
+}
+
+/// Returns the squared length of the sum of directions, over their number.
+fn agreement<'a>(directions: impl ExactSizeIterator<Item = &'a Vec<f64>>) -> f64 {
+    let sweeps = directions.len() as f64;
+    sum_of(directions).iter().map(|sum| sum * sum).sum::<f64>() / sweeps
+}
+
+fn sum_of<'a>(rows: impl Iterator<Item = &'a Vec<f64>>) -> Vec<f64> {
     let mut sums: Vec<f64> = Vec::new();
-    for of in scores {
-        sums.resize(of.len(), 0.0);
+    for row in rows {
+        sums.resize(row.len(), 0.0);
         sums.iter_mut()
-            .zip(of)
-            .for_each(|(sum, score)| *sum += score);
+            .zip(row)
+            .for_each(|(sum, value)| *sum += value);
     }
-    sums.into_iter().fold(f64::NEG_INFINITY, f64::max) / sweeps
+    sums
 }

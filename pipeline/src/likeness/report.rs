@@ -52,6 +52,7 @@ impl LikenessReport {
         let scores = constant.iter().map(|of| likeness.constant.scores(of));
         let set = SweepSet {
             constant: scores.collect(),
+            directions: likeness.distances.directions(&descriptions, &distances),
             distances: &distances,
         };
         let p = likeness.within.p_of_all(&set, &mut rng);

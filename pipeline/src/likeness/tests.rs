@@ -109,6 +109,30 @@ fn p_values_hold_their_level_on_held_out_sweeps() {
     assert!(few <= 20, "{few} of {repeats} small files");
 }
 
+/// The levels of all taxels change, each by less than they vary from sweep to sweep.
+#[test]
+fn a_small_change_that_all_sweeps_share_is_found() {
+    let likeness = fitted(&sweeps(plain(40), 3));
+    let (mut files, mut unlike_sweeps) = (0, 0);
+    let repeats = 20;
+    for seed in 10..10 + repeats {
+        let shifted = changed(&sweeps(plain(3), seed), |sweep| {
+            let values = sweep.iter().enumerate();
+            values
+                .map(|(at, value)| value + if at % 2 == 0 { 0.2 } else { -0.2 })
+                .collect()
+        });
+        let report = likeness.assess(&SweepView::all(&shifted), Seed(seed));
+        files += usize::from(report.verdict == LikenessVerdict::Unlike);
+        unlike_sweeps += report.unlike_sweeps;
+    }
+    assert!(files >= 18, "{files} of {repeats} files");
+    assert!(
+        unlike_sweeps < 12 * repeats as usize / 2,
+        "{unlike_sweeps} sweeps alone"
+    );
+}
+
 /// Returns what differs in sweeps that are changed.
 fn found(likeness: &Likeness, sweeps: &Dataset, change: &dyn Fn(&[f32]) -> Vec<f32>) -> Difference {
     let report = likeness.assess(&SweepView::all(&changed(sweeps, change)), Seed(3));

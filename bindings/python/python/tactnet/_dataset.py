@@ -200,17 +200,15 @@ class Dataset:
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Returns ``(train, test)`` indices of every fold, usable as ``cv`` in scikit-learn. Equal seeds give the folds of the command line.
 
-        scheme: ``default`` (the file's own test sweeps, otherwise stratified folds), ``k-fold``, ``group-k-fold`` (the sweeps of a block
-            stay together) or ``leave-block-out``.
-        folds: number of folds; implies ``k-fold`` for the default scheme; None: 5, or fewer where sweeps or blocks are fewer.
+        scheme: ``k-fold`` (random folds), ``group-k-fold`` (the sweeps of a block stay together), ``leave-block-out``, or ``default``: the
+            file's own test sweeps, otherwise ``group-k-fold`` if materials have several blocks, otherwise ``k-fold``.
+        folds: number of folds; None: 5, or fewer where sweeps or blocks are fewer. The default scheme then ignores the file's own test sweeps.
         """
         if not isinstance(scheme, str):
             raise TactnetError(
                 f"scheme: expected default, k-fold, group-k-fold or leave-block-out, found {scheme!r}; pass a number of folds as `folds={scheme!r}`"
             )
-        if folds is not None and scheme == "default":
-            scheme = "k-fold"
-        if folds is not None and scheme not in ("k-fold", "group-k-fold"):
+        if folds is not None and scheme == "leave-block-out":
             raise TactnetError(f"folds: expected None with {scheme}, whose folds follow from the data, found {folds}")
         return self._native.folds(scheme, folds, seed, repeat)
 
