@@ -109,7 +109,7 @@ pub struct CheckArgs {
 
 #[derive(Args)]
 pub struct ConvertArgs {
-    /// Data set to read: .h5, .npz, .mat, .csv, .parquet, a folder of .csv or .npy, or `twin`
+    /// Data set or recording to read: .h5, .npz, .mat, .csv, .parquet, .mcap, a folder of .csv or .npy, or `twin`
     #[arg(value_name = "FILE|twin")]
     data: String,
     /// Output file; its extension selects the format

@@ -31,7 +31,7 @@ pub(super) enum FileKind {
 }
 
 /// First bytes of files without data, and the names of their kinds.
-const PRETENDED: [(&[u8], &str); 10] = [
+const PRETENDED: [(&[u8], &str); 12] = [
     (
         b"version https://git-lfs.github.com/",
         "a Git LFS pointer, which stands for the file; `git lfs pull` downloads it",
@@ -44,6 +44,14 @@ const PRETENDED: [(&[u8], &str); 10] = [
         "a file packed by zstd; unpack it with `zstd -d`",
     ),
     (b"BZh", "a bzip2 archive; unpack it with `bunzip2`"),
+    (
+        b"#ROSBAG V",
+        "a ROS 1 bag; convert it with `mcap convert IN.bag OUT.mcap`",
+    ),
+    (
+        b"SQLite format 3\0",
+        "an SQLite database; convert a ROS 2 bag with `mcap convert IN.db3 OUT.mcap`",
+    ),
     (b"%PDF", "a PDF document"),
     (b"\x89PNG", "a PNG picture"),
     (b"\xff\xd8\xff", "a JPEG picture"),
@@ -209,6 +217,8 @@ mod tests {
             (b"\x1f\x8b\x08", "gunzip"),
             (b"PK\x03\x04..........[Content_Types].xml", "Excel"),
             (b"%PDF-1.7", "PDF"),
+            (b"#ROSBAG V2.0\n", "mcap convert"),
+            (b"SQLite format 3\0\x10\0", "mcap convert"),
         ] {
             let FileKind::Pretended(found) = of_bytes(head) else {
                 panic!("{}", head.escape_ascii());
