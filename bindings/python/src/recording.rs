@@ -95,8 +95,9 @@ impl Recording {
         ))
     }
 
-    /// Returns `(channel, time_ns, JSON document)` of every packet except frames.
-    fn packets_json(&self) -> Vec<(String, u64, String)> {
+    /// Returns `(channel, time_ns, sender, JSON document)` of every packet except frames. The sender is the number of its put-port, `None` in
+    /// recordings that do not tell.
+    fn packets_json(&self) -> Vec<(String, u64, Option<u64>, String)> {
         let mut found = Vec::new();
         let mut network = None;
         for entry in &self.inner.entries {
@@ -112,7 +113,8 @@ impl Recording {
                 RecordedPacket::Plain(packet) => serde_json::to_value(packet).ok(),
             };
             if let Some(words) = words {
-                found.push((entry.channel.to_string(), entry.time_ns, words.to_string()));
+                let channel = entry.channel.to_string();
+                found.push((channel, entry.time_ns, entry.sender, words.to_string()));
             }
         }
         found

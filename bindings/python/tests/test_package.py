@@ -348,6 +348,8 @@ def test_frames_go_in_and_beliefs_come_out(data, network, robot):
     assert frames["sequence"][known].tolist() == list(range(1000, 1330))
     assert (frames["digits"][known][:300] == sweep.reshape(300, 16)).all()
     assert recording.beliefs()[-1]["posterior"] == belief["posterior"]
+    senders = {(packet.channel, packet.sender) for packet in recording.packets()}
+    assert all(sender is not None for _, sender in senders) and len({sender for _, sender in senders}) == len(senders)
     sweeps = recording.sweeps()
     assert sweeps.y.tolist() == ["cork"] and (sweeps.X[0] == sweep).all()
     pandas = pytest.importorskip("pandas")

@@ -21,6 +21,8 @@ class Packet:
     """Time of the put, in nanoseconds since 1970."""
     content: dict[str, Any]
     """Fields by name; beliefs also have their complete posteriors."""
+    sender: int | None = None
+    """Number of the put-port that the packet came from, as ``sender`` of received packets; None in recordings that do not tell."""
 
 
 class Recording:
@@ -44,7 +46,10 @@ class Recording:
 
     def packets(self) -> list[Packet]:
         """Returns commands, beliefs, events and models, ordered by time."""
-        return [Packet(channel, time_ns, json.loads(text)) for channel, time_ns, text in self._native.packets_json()]
+        return [
+            Packet(channel, time_ns, json.loads(text), sender)
+            for channel, time_ns, sender, text in self._native.packets_json()
+        ]
 
     def beliefs(self) -> list[dict[str, Any]]:
         """Returns the beliefs, each with ``time_ns``, ordered by time. ``pandas.json_normalize`` turns them into a table."""
