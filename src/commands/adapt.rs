@@ -26,7 +26,8 @@ use crate::{GIT, output, source};
     tactnet eval runs/today --data labelled.npz                                   evaluate it on the new skin\n\n\
     Unlabelled sweeps set the scaling and the running statistics of a network, or the scaling of a baseline's features; a change counts as far as it \
     exceeds chance. The sweeps must be of all materials in about equal numbers, 16 or more. Fewer than 8, or sweeps of few materials, are refused: \
-    what is special about these materials would be taken for a change of the skin.\n\n\
+    what is special about these materials would be taken for a change of the skin. Sweeps like another recording on the skin of training are \
+    refused, too: on such sweeps only labels help.\n\n\
     Labelled sweeps also fit the output layer of a network, of linear discriminants or of a ridge classifier, with the old layer as prior. \
     All other weights are unchanged bit for bit. The members of a committee adapt one by one; those that cannot are left out and named.")]
 pub struct AdaptArgs {
@@ -47,7 +48,7 @@ pub struct AdaptArgs {
     /// Number of time steps of each sweep to use, from its start [default: as in training]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     steps: Option<u32>,
-    /// Adapt to few sweeps, or to sweeps of few materials
+    /// Adapt to few sweeps, to sweeps of few materials, or to another recording on the same skin
     #[arg(long)]
     accept_risk: bool,
     /// New folder for the adapted classifier

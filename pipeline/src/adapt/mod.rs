@@ -26,8 +26,8 @@ pub use shift::Shift;
 
 use crate::features::scaler::Scaler;
 use crate::{
-    Classifier, ClassifierConfig, LeftOutMember, Likeness, ModelConfig, PipelineError,
-    PredictionMethod,
+    Classifier, ClassifierConfig, LeftOutMember, Likeness, LikenessVerdict, ModelConfig,
+    PipelineError, PredictionMethod,
 };
 use head::{check_head, fit_head};
 use network::adapt_network;
@@ -115,7 +115,13 @@ pub fn adapt(
         (None, Some(labelled)) => presence_by_labels(&adapted, labelled)?,
         _ => presence_by_predictions(&adapted, likeness, sweeps)?,
     };
-    let found = Risks::of(&presence, new.unlabelled.is_none());
+    let mut found = Risks::of(&presence, new.unlabelled.is_none());
+    if let (Some(likeness), Some(sweeps)) = (likeness, new.unlabelled) {
+        let report = likeness.assess(sweeps, classifier.config().seed);
+        if let (LikenessVerdict::OtherBlock, Some(p)) = (report.verdict, report.p_other_block) {
+            found.refused.push(AdaptRisk::OtherRecording { p });
+        }
+    }
     if policy == RiskPolicy::Refuse && !found.refused.is_empty() {
         return Err(PipelineError::AdaptRefused {
             risks: found.refused,

@@ -51,6 +51,12 @@ pub enum AdaptRisk {
         /// See [`Presence::diversity`].
         diversity: Option<f64>,
     },
+    /// The sweeps differ from the training sweeps as their recording blocks differ from one another. Adapting without labels lowered the
+    /// accuracy on such sweeps in all experiments.
+    OtherRecording {
+        /// See [`LikenessReport::p_other_block`](crate::LikenessReport::p_other_block).
+        p: f64,
+    },
 }
 
 impl fmt::Display for AdaptRisk {
@@ -59,6 +65,11 @@ impl fmt::Display for AdaptRisk {
             Self::FewSweeps { found, wanted } => write!(
                 f,
                 "{found} sweeps are too few to tell a change of the skin from chance; {wanted} or more of mixed materials are recommended"
+            ),
+            Self::OtherRecording { p } => write!(
+                f,
+                "the sweeps are like another recording on the skin of training (p = {p:.2}), to which adapting without labels lowers the \
+                 accuracy"
             ),
             Self::FewMaterials {
                 found,

@@ -193,6 +193,52 @@ fn few_sweeps_and_few_materials_are_refused() {
     assert!(risks(six).contains(&wanted));
 }
 
+/// Returns the sweeps with other levels of the taxels in every recording block.
+fn with_levels_of_blocks(dataset: &Dataset) -> Dataset {
+    let (shape, records) = (dataset.shape(), dataset.records().to_vec());
+    let level = |block: u32, taxel: usize| {
+        let mut rng = Seed(u64::from(block) * 1000 + taxel as u64).rng("level");
+        rng.random_range(-30.0_f32..30.0)
+    };
+    let mut values = Vec::new();
+    for (index, record) in records.iter().enumerate() {
+        let block = record.block.unwrap();
+        let sweep = dataset.sweep(index).into_iter().enumerate();
+        values.extend(sweep.map(|(at, value)| value + level(block, at % shape.taxels())));
+    }
+    let (rate, labels) = (dataset.sample_rate_hz(), dataset.labels().clone());
+    Dataset::new("blocks", rate, shape, labels, records, Samples::F32(values)).unwrap()
+}
+
+#[test]
+fn another_recording_on_the_same_skin_is_refused_without_labels() {
+    let dataset = with_levels_of_blocks(&twin());
+    let mut refused = 0;
+    for block in 0..4 {
+        let fold = Fold::new(&dataset, Scheme::LeaveBlockOut, Seed(1), 0, block).unwrap();
+        let likeness = Likeness::fit(&fold.train, Seed(1)).unwrap().unwrap();
+        let classifier = baseline(&fold, "lda");
+        let labels = NewSweeps {
+            unlabelled: None,
+            labelled: Some(&fold.test),
+        };
+        let adapted = |new| adapt(&classifier, Some(&likeness), new, RiskPolicy::Refuse);
+        assert!(adapted(labels).is_ok());
+        let verdict = likeness.assess(&fold.test, Seed(1)).verdict;
+        let risks = match adapted(unlabelled(&fold.test)) {
+            Ok(found) => found.risks,
+            Err(PipelineError::AdaptRefused { risks }) => risks,
+            Err(error) => panic!("{error}"),
+        };
+        let is_listed = risks
+            .iter()
+            .any(|risk| matches!(risk, AdaptRisk::OtherRecording { .. }));
+        assert_eq!(is_listed, verdict == LikenessVerdict::OtherBlock);
+        refused += usize::from(is_listed);
+    }
+    assert!(refused >= 2, "{refused} of 4");
+}
+
 #[test]
 fn labels_improve_on_unlabelled_sweeps_where_materials_are_renamed() {
     // Names of two materials are exchanged on the new skin: only labels can tell.
