@@ -258,7 +258,8 @@ class SweepClassifier(ClassifierMixin, BaseEstimator):
 
         The scaling (and a network's running statistics) follow the sweeps, which must be of all materials in about equal numbers, 16 or more.
         With y, a material per sweep, the output layer is fitted, too, with the old one as prior.
-        accept_risk: adapts to fewer than 8 sweeps, to sweeps of few materials, or to another recording on the same skin, with a warning in place of a TactnetError.
+        accept_risk: adapts to fewer than 8 sweeps, to sweeps of few materials, or to another recording on the same skin, with a warning in
+            place of a TactnetError.
         """
         classifier, risks = self.classifier_.adapt(self._dataset(X, y), y is not None, accept_risk)
         adapted = copy_with_classifier(self, classifier)
