@@ -2,14 +2,13 @@
 
 use std::time::Instant;
 
-use nalgebra::Vector3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
-use tactnet_catching::safety::{Bodies, Hull, Monitor, MonitorConfig, PAIRS, distance};
+use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig, PAIRS, distance};
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{JOINTS, Joint};
 
@@ -62,19 +61,6 @@ pub struct SafetyReport {
     pub swept_us: f64,
 }
 
-/// Points of two hulls, their radii and distance, for other implementations.
-#[derive(Debug, Clone, Serialize)]
-pub struct PeerHulls {
-    /// Points of the first hull, in m.
-    pub a: Vec<[f64; 3]>,
-    /// Points of the second hull, in m.
-    pub b: Vec<[f64; 3]>,
-    /// Radii of both hulls, in m.
-    pub radii: [f64; 2],
-    /// Distance according to this project, in m.
-    pub distance: f64,
-}
-
 /// Result of a random motion.
 struct Judged {
     /// True if the distances at the start exceed the margin.
@@ -122,34 +108,6 @@ impl SafetyBench {
             free: begun().filter(free).count(),
             ..times
         }
-    }
-
-    /// Returns hulls of random motions, at rest and swept.
-    pub fn peer_hulls(&self, robot: &Robot) -> Vec<PeerHulls> {
-        let bodies = Bodies::new(robot.description());
-        let peers = (0..self.motions).map(|number| {
-            let command = self.command(robot.joints(), number);
-            let monitor = Monitor::new(bodies.clone(), *robot.joints(), self.config, &command.q);
-            let pair = number % PAIRS;
-            let [a, b] = if number % 2 == 0 {
-                bodies.placed(pair, &command.q)
-            } else {
-                bodies.swept(pair, &monitor.intervals(&command))
-            };
-            let points = |hull: &Hull| {
-                hull.points()
-                    .iter()
-                    .map(|p: &Vector3<f64>| (*p).into())
-                    .collect()
-            };
-            PeerHulls {
-                a: points(&a),
-                b: points(&b),
-                radii: [a.radius, b.radius],
-                distance: distance(&a, &b),
-            }
-        });
-        peers.collect()
     }
 
     fn judge(&self, robot: &Robot, bodies: &Bodies, number: usize) -> Judged {
@@ -249,21 +207,4 @@ fn swing(joints: &[Joint; JOINTS], tick: usize) -> JointCommand {
         half * pace * (pace * t).cos()
     };
     JointCommand::of(std::array::from_fn(q), std::array::from_fn(dq))
-}
-
-#[cfg(test)]
-mod tests {
-
-    use super::*;
-
-    #[test]
-    fn every_motion_gives_a_pair_of_hulls() {
-        let bench = SafetyBench {
-            motions: 1000,
-            seed: 1,
-            config: MonitorConfig::default(),
-        };
-        let robot = Robot::nominal();
-        assert_eq!(bench.peer_hulls(&robot).len(), 1000);
-    }
 }
