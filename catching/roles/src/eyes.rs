@@ -11,15 +11,17 @@ use tactnet_channel::{Bus, Start, now_ns};
 
 use crate::channels::{CAMERA_LEFT, CAMERA_RIGHT, CIRCLES, HEAD_POSE, PREDICTION};
 use crate::latest_value::{PATIENCE, drain};
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{PictureHead, RoleError, RoleReport, RoleSettings};
+use crate::{PictureHead, RoleError, RoleReport};
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &(dyn Fn() -> bool + Sync),
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let Shell {
+        bus,
+        settings,
+        ready,
+        stopped,
+    } = shell;
     let corrections = settings.corrections()?;
     let failed = AtomicBool::new(false);
     let ends = || stopped() || failed.load(Ordering::Relaxed);

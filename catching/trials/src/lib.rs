@@ -53,7 +53,7 @@ pub use safety_bench::{SafetyBench, SafetyReport};
 pub use series::{ObstaclesReport, Series, SeriesReport, WithoutMap, series_page};
 pub use stepped_stack::StepObserver;
 pub use throw_aim::{AimRound, ThrowAim, ThrowAimReport};
-pub use throw_bench::{Goal, ThrowBench, ThrowBenchConfig, ThrowReport};
+pub use throw_bench::{Goal, ThrowBench, ThrowReport};
 pub use throw_config::{Mapping, ThrowConfig};
 pub use throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 pub use trace::{Trace, TracePlan, TraceTick};

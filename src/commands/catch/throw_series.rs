@@ -7,9 +7,7 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use tactnet_catching::ChainDelays;
 use tactnet_catching::plan::Objective;
-use tactnet_catching_trials::{
-    Ablation, Mapping, Series, ThrowConfig, picture_file, series_page,
-};
+use tactnet_catching_trials::{Ablation, Mapping, Series, ThrowConfig, picture_file, series_page};
 use tactnet_catching_world::ObstaclesConfig;
 
 use super::throw_progress::throw_progress;

@@ -8,7 +8,6 @@ fn rally(config: RallyConfig, rallies: usize) -> Rally {
         config,
         robot: Robot::nominal(),
         world: WorldConfig::default(),
-        timing: ChainDelays::ours(),
         rallies,
         seed: 3,
     }

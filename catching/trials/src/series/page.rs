@@ -110,12 +110,11 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<Markup> {
 
 /// Returns the bound of a throw from 5 m with 7 m/s.
 fn typical_bound(robot: &Robot) -> Vec<Bound> {
-    let release = Flight {
-        p: Vector3::new(5.6, 0.0, 1.5),
-        v: Vector3::new(-6.6, 0.1, 2.6),
-        k: DRAG,
-        lift: Vector3::zeros(),
-    };
+    let release = Flight::without_spin(
+        Vector3::new(5.6, 0.0, 1.5),
+        Vector3::new(-6.6, 0.1, 2.6),
+        DRAG,
+    );
     let zeros = [0.0; tactnet_catching_packets::JOINTS];
     let head = robot.chest(&zeros) * robot.head(&zeros);
     bounds(&release, 0.02, 0.8, &head, &robot.description().cameras)
