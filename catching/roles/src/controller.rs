@@ -12,12 +12,7 @@ use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let mut control = ControlLoop::new(settings.corrections()?, settings.control());
     let mut joints = JOINT_STATE.latest(bus)?;
     let mut verdict = SAFETY_STATE.latest(bus)?;
@@ -30,7 +25,7 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let mut ticker = Ticker::aligned(1000.0, 0);
     let mut times = Times::at(1000);
     let mut slowest_ns = 0;
-    ready();
+    (shell.ready)();
     while !stopped() {
         let beat_ns = ticker.next_ns();
         ticker.wait();

@@ -20,17 +20,12 @@ const BEAT: Wait = Wait::Block {
 };
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let mut coordinator = settings.new_coordinator()?;
     let (mut group, mut step) = coordinator_shell(bus)?;
     let mut times = Times::at(25);
     let mut lost = 0;
-    ready();
+    (shell.ready)();
     while !stopped() {
         group.wait(BEAT)?;
         let begun = now_ns();

@@ -16,12 +16,7 @@ use crate::times::Times;
 use crate::{PictureHead, RoleError, RoleReport};
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let corrections = settings.corrections()?;
     let failed = AtomicBool::new(false);
     let ends = || stopped() || failed.load(Ordering::Relaxed);
@@ -34,7 +29,7 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
                 seen
             })
         });
-        ready();
+        (shell.ready)();
         let mut whole = RoleReport::default();
         for side in sides {
             let seen = side

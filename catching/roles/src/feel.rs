@@ -27,12 +27,7 @@ const LOOK: Wait = Wait::Block {
 };
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let config = ServeConfig::of(bus.table())?;
     // Stage of the belief that concludes a sweep, which the fusion uses.
     let last_stage = match config.mc_samples {
@@ -48,7 +43,7 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let commands = bus.put_port(config.command.as_str(), Priority::High)?;
     let results = CATCH_FELT.put(bus)?;
     let mut times = Times::at(1);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let motion = task.motion();
         let is_of = |belief: &&TactileBelief| {

@@ -17,19 +17,14 @@ const AGAIN: Wait = Wait::Block {
 };
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        ready,
-        stopped,
-        ..
-    } = shell;
+    let (bus, stopped) = (shell.bus, shell.stopped);
     let commands = HAND_COMMAND.get(bus)?;
     let mut releases = HAND_RELEASE.new_packets(bus)?;
     let (targets, openings) = (HAND_TARGET.put(bus)?, HAND_OPEN.put(bus)?);
     let mut relay = HandRelay::default();
     let mut times = Times::at(200);
     let mut told = Vec::new();
-    ready();
+    (shell.ready)();
     while !stopped() {
         told.clear();
         let mut next = commands.get(AGAIN)?;

@@ -24,18 +24,13 @@ pub fn planning_ends_ns(question: &PlanRequest, phases: &PhaseConfig) -> u64 {
 }
 
 pub(crate) fn run(shell: &Shell<'_>, arm: usize) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let corrections = settings.corrections()?;
     let (requests, results) = (PLAN_REQUEST.get(bus)?, PLAN_RESULT.put(bus)?);
     let mut times = Times::at(100);
     let planner = Planner::new(corrections.robot(), arm, settings.planner);
     let phases = settings.phases();
-    ready();
+    (shell.ready)();
     while !stopped() {
         let Some(packet) = requests.get(PATIENCE)? else {
             continue;

@@ -11,17 +11,12 @@ use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let (samples, poses) = (IMU.get(bus)?, HEAD_POSE.put(bus)?);
     let (mut joints, mut status) = (JOINT_STATE.latest(bus)?, CATCH_STATE.latest(bus)?);
     let mut estimator = HeadEstimator::new(settings.corrections()?, TORSO_RESTS)?;
     let mut times = Times::at(512);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let Some(packet) = samples.get(PATIENCE)? else {
             continue;

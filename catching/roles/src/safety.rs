@@ -10,16 +10,11 @@ use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let mut watch = SafetyWatch::new(settings.corrections()?);
     let (commands, states) = (JOINT_COMMAND.get(bus)?, SAFETY_STATE.put(bus)?);
     let mut times = Times::at(1000);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let Some(packet) = commands.get(PATIENCE)? else {
             continue;

@@ -17,19 +17,14 @@ const LOOK: Wait = Wait::Block {
 };
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let kept = settings.kept()?.ok_or(RoleError::NoCalibration)?;
     let mut watch = MarkerWatch::new(&settings.robot()?, &kept, settings.slip)?;
     let mut features = MARKER_FEATURES.new_packets(bus)?;
     let mut joints = JOINT_STATE.new_packets(bus)?;
     let states = CALIBRATION_STATE.put(bus)?;
     let mut times = Times::at(25);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let seen = features.wait(LOOK)?;
         let now = now_ns();

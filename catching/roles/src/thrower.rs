@@ -20,12 +20,7 @@ const BEAT: Wait = Wait::Block {
 };
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let corrections = settings.corrections()?;
     let existence = settings.coordinator.existence;
     let mut task = ThrowTask::new(corrections.robot(), settings.throw, existence);
@@ -36,7 +31,7 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let releases = HAND_RELEASE.put(bus)?;
     let states = THROW_STATE.put(bus)?;
     let mut times = Times::at(1);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let controller = controller.wait(BEAT)?;
         let felt = felt.look()?.map_or(0, |felt| felt.grip);

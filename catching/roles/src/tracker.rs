@@ -10,17 +10,12 @@ use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let Shell {
-        bus,
-        settings,
-        ready,
-        stopped,
-    } = shell;
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let (circles, poses) = (CIRCLES.get(bus)?, HEAD_POSE.get(bus)?);
     let predictions = PREDICTION.put(bus)?;
     let mut tracker = PairTracker::new(settings.corrections()?, settings.track())?;
     let mut times = Times::at(25);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let got = circles.get(PATIENCE)?;
         drain(&poses, |pose| tracker.pose(pose))?;
