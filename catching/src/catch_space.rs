@@ -105,12 +105,7 @@ mod tests {
 
     /// Returns the flight of a ball that passes `aim` after `time`, in s.
     fn thrown_to(aim: Vector3<f64>, time: f64) -> Vec<Flight> {
-        let ball = Flight {
-            p: aim,
-            v: Vector3::new(-5.5, 0.0, -2.0),
-            k: 0.03,
-            lift: Vector3::zeros(),
-        };
+        let ball = Flight::without_spin(aim, Vector3::new(-5.5, 0.0, -2.0), 0.03);
         (0..120)
             .map(|i| ball.after(f64::from(i) * STEP - time))
             .collect()
@@ -142,7 +137,6 @@ mod tests {
         };
         let standing = farthest(&CatchSpace::new(&robot, false));
         let moving = farthest(&CatchSpace::new(&robot, true));
-        println!("{standing:?} {moving:?}");
         assert!(standing.is_some() && moving > standing.map(|y| y + 0.1));
     }
 }

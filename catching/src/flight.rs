@@ -28,12 +28,16 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// Returns a ball without spin at position `p`, in m, with velocity `v`, in m/s, and drag [`DRAG`].
-    pub fn with_usual_drag(p: Vector3<f64>, v: Vector3<f64>) -> Self {
+    /// Returns a ball without spin.
+    ///
+    /// - `p`: position, in m
+    /// - `v`: velocity, in m/s
+    /// - `k`: drag coefficient, in 1/m
+    pub fn without_spin(p: Vector3<f64>, v: Vector3<f64>, k: f64) -> Self {
         Self {
             p,
             v,
-            k: DRAG,
+            k,
             lift: Vector3::zeros(),
         }
     }
@@ -226,12 +230,11 @@ mod tests {
     fn air_costs_a_throw_of_five_metres_more_than_twenty_centimetres() {
         let angle = 0.5f64;
         let range = |k: f64| {
-            let path = FlightPath::new(Flight {
-                p: Vector3::zeros(),
-                v: Vector3::new(7.0 * angle.cos(), 0.0, 7.0 * angle.sin()),
+            let path = FlightPath::new(Flight::without_spin(
+                Vector3::zeros(),
+                Vector3::new(7.0 * angle.cos(), 0.0, 7.0 * angle.sin()),
                 k,
-                lift: Vector3::zeros(),
-            });
+            ));
             let landing = (1..2000)
                 .map(|i| path.at(f64::from(i) * 1e-3))
                 .find(|b| b.p.z < 0.0);

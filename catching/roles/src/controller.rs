@@ -1,21 +1,18 @@
 //! Controller process: the control loop of the stack on its channels, at 1 kHz.
 
 use tactnet_catching::control::{ControlInputs, ControlLoop};
-use tactnet_channel::{Bus, Ticker, now_ns};
+use tactnet_channel::{Ticker, now_ns};
 
 use crate::channels::{
     ARM_PATH, BODY_PATH, CONTROLLER_COMMAND, CONTROLLER_STATE, HEAD_GAZE, JOINT_COMMAND,
     JOINT_STATE, SAFETY_STATE, THROW_PATH,
 };
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{RoleError, RoleReport, RoleSettings};
+use crate::{RoleError, RoleReport};
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let mut control = ControlLoop::new(settings.corrections()?, settings.control());
     let mut joints = JOINT_STATE.latest(bus)?;
     let mut verdict = SAFETY_STATE.latest(bus)?;
@@ -28,7 +25,7 @@ pub(crate) fn run(
     let mut ticker = Ticker::aligned(1000.0, 0);
     let mut times = Times::at(1000);
     let mut slowest_ns = 0;
-    ready();
+    (shell.ready)();
     while !stopped() {
         let beat_ns = ticker.next_ns();
         ticker.wait();

@@ -10,25 +10,22 @@ use crate::channels::{
     HAND_COMMAND, HEAD_GAZE, HEAD_POSE, JOINT_STATE, PLAN_REQUEST, PLAN_RESULT, PREDICTION,
 };
 use crate::latest_value::send;
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{RoleError, RoleReport, RoleSettings};
+use crate::{RoleError, RoleReport};
 
 /// Maximum sleep, which bounds the reaction time to closing times and phase changes.
 const BEAT: Wait = Wait::Block {
     timeout: Duration::from_millis(2),
 };
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let mut coordinator = settings.new_coordinator()?;
     let (mut group, mut step) = coordinator_shell(bus)?;
     let mut times = Times::at(25);
     let mut lost = 0;
-    ready();
+    (shell.ready)();
     while !stopped() {
         group.wait(BEAT)?;
         let begun = now_ns();

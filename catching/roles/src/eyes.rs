@@ -11,15 +11,12 @@ use tactnet_channel::{Bus, Start, now_ns};
 
 use crate::channels::{CAMERA_LEFT, CAMERA_RIGHT, CIRCLES, HEAD_POSE, PREDICTION};
 use crate::latest_value::{PATIENCE, drain};
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{PictureHead, RoleError, RoleReport, RoleSettings};
+use crate::{PictureHead, RoleError, RoleReport};
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &(dyn Fn() -> bool + Sync),
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let corrections = settings.corrections()?;
     let failed = AtomicBool::new(false);
     let ends = || stopped() || failed.load(Ordering::Relaxed);
@@ -32,7 +29,7 @@ pub(crate) fn run(
                 seen
             })
         });
-        ready();
+        (shell.ready)();
         let mut whole = RoleReport::default();
         for side in sides {
             let seen = side

@@ -9,7 +9,7 @@ use std::time::Duration;
 use bytemuck::Zeroable;
 use tactnet_catching::feel::{Exploration, FeelInputs, Felt, FusedBelief, SweepOrder};
 use tactnet_catching_packets::packets::{FeltMaterial, Text};
-use tactnet_channel::{Bus, Priority, Start, Wait, now_ns};
+use tactnet_channel::{Priority, Start, Wait, now_ns};
 use tactnet_skin::ServeConfig;
 use tactnet_skin::packets::{
     Command, Event, ModelNames, Stage, SweepCommand, TactileBelief, TactileStatus,
@@ -17,20 +17,17 @@ use tactnet_skin::packets::{
 
 use crate::channels::{CATCH_FELT, CATCH_STATE, HAND_STATE};
 use crate::latest_value::{LatestValue, NewPackets, send};
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{RoleError, RoleReport, RoleSettings};
+use crate::{RoleError, RoleReport};
 
 /// Maximum sleep between two polls.
 const LOOK: Wait = Wait::Block {
     timeout: Duration::from_millis(10),
 };
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let config = ServeConfig::of(bus.table())?;
     // Stage of the belief that concludes a sweep, which the fusion uses.
     let last_stage = match config.mc_samples {
@@ -46,7 +43,7 @@ pub(crate) fn run(
     let commands = bus.put_port(config.command.as_str(), Priority::High)?;
     let results = CATCH_FELT.put(bus)?;
     let mut times = Times::at(1);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let motion = task.motion();
         let is_of = |belief: &&TactileBelief| {

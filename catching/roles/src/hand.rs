@@ -3,10 +3,11 @@
 use std::time::Duration;
 
 use tactnet_catching::hand::{HandInputs, HandRelay};
-use tactnet_channel::{Bus, Wait, now_ns};
+use tactnet_channel::{Wait, now_ns};
 
 use crate::channels::{HAND_COMMAND, HAND_OPEN, HAND_RELEASE, HAND_TARGET};
 use crate::latest_value::send;
+use crate::role::Shell;
 use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
@@ -15,18 +16,15 @@ const AGAIN: Wait = Wait::Block {
     timeout: Duration::from_millis(5),
 };
 
-pub(crate) fn run(
-    bus: &Bus,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, stopped) = (shell.bus, shell.stopped);
     let commands = HAND_COMMAND.get(bus)?;
     let mut releases = HAND_RELEASE.new_packets(bus)?;
     let (targets, openings) = (HAND_TARGET.put(bus)?, HAND_OPEN.put(bus)?);
     let mut relay = HandRelay::default();
     let mut times = Times::at(200);
     let mut told = Vec::new();
-    ready();
+    (shell.ready)();
     while !stopped() {
         told.clear();
         let mut next = commands.get(AGAIN)?;

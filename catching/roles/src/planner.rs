@@ -3,12 +3,13 @@
 use tactnet_catching::coordinate::{Answering, PhaseConfig, answer};
 use tactnet_catching::plan::Planner;
 use tactnet_catching_packets::packets::PlanRequest;
-use tactnet_channel::{Bus, now_ns};
+use tactnet_channel::now_ns;
 
 use crate::channels::{PLAN_REQUEST, PLAN_RESULT};
 use crate::latest_value::PATIENCE;
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{RoleError, RoleReport, RoleSettings};
+use crate::{RoleError, RoleReport};
 
 /// Time from the publication of a plan to that of its path, in ns.
 const TO_COORDINATOR_NS: u64 = 1_000_000;
@@ -22,19 +23,14 @@ pub fn planning_ends_ns(question: &PlanRequest, phases: &PhaseConfig) -> u64 {
         .saturating_sub(phases.path_lead_ns() + TO_COORDINATOR_NS)
 }
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    arm: usize,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>, arm: usize) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let corrections = settings.corrections()?;
     let (requests, results) = (PLAN_REQUEST.get(bus)?, PLAN_RESULT.put(bus)?);
     let mut times = Times::at(100);
     let planner = Planner::new(corrections.robot(), arm, settings.planner);
     let phases = settings.phases();
-    ready();
+    (shell.ready)();
     while !stopped() {
         let Some(packet) = requests.get(PATIENCE)? else {
             continue;

@@ -90,22 +90,37 @@ impl Role {
         ready: &dyn Fn(),
         stopped: &(dyn Fn() -> bool + Sync),
     ) -> Result<RoleReport, RoleError> {
-        let settings = RoleSettings::of(bus.table())?;
+        let shell = &Shell {
+            bus,
+            settings: RoleSettings::of(bus.table())?,
+            ready,
+            stopped,
+        };
         match self {
-            Self::Eyes => eyes::run(bus, &settings, ready, stopped),
-            Self::Pose => pose::run(bus, &settings, ready, stopped),
-            Self::Tracker => tracker::run(bus, &settings, ready, stopped),
-            Self::Coordinator => coordinator::run(bus, &settings, ready, stopped),
-            Self::PlannerLeft => planner::run(bus, &settings, 0, ready, stopped),
-            Self::PlannerRight => planner::run(bus, &settings, 1, ready, stopped),
-            Self::Controller => controller::run(bus, &settings, ready, stopped),
-            Self::Safety => safety::run(bus, &settings, ready, stopped),
-            Self::Hand => hand::run(bus, ready, stopped),
-            Self::Feel => feel::run(bus, &settings, ready, stopped),
-            Self::Thrower => thrower::run(bus, &settings, ready, stopped),
-            Self::SlipWatch => slip_watch::run(bus, &settings, ready, stopped),
+            Self::Eyes => eyes::run(shell),
+            Self::Pose => pose::run(shell),
+            Self::Tracker => tracker::run(shell),
+            Self::Coordinator => coordinator::run(shell),
+            Self::PlannerLeft => planner::run(shell, 0),
+            Self::PlannerRight => planner::run(shell, 1),
+            Self::Controller => controller::run(shell),
+            Self::Safety => safety::run(shell),
+            Self::Hand => hand::run(shell),
+            Self::Feel => feel::run(shell),
+            Self::Thrower => thrower::run(shell),
+            Self::SlipWatch => slip_watch::run(shell),
         }
     }
+}
+
+/// Surroundings of a running process.
+pub(crate) struct Shell<'a> {
+    pub bus: &'a Bus,
+    pub settings: RoleSettings,
+    /// Called once, when all channels are open.
+    pub ready: &'a dyn Fn(),
+    /// Returns true once the process has to end.
+    pub stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl FromStr for Role {

@@ -1,23 +1,20 @@
 //! Safety process: the monitor of self-collisions on its channels.
 
 use tactnet_catching::safety::SafetyWatch;
-use tactnet_channel::{Bus, now_ns};
+use tactnet_channel::now_ns;
 
 use crate::channels::{JOINT_COMMAND, SAFETY_STATE};
 use crate::latest_value::PATIENCE;
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{RoleError, RoleReport, RoleSettings};
+use crate::{RoleError, RoleReport};
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let mut watch = SafetyWatch::new(settings.corrections()?);
     let (commands, states) = (JOINT_COMMAND.get(bus)?, SAFETY_STATE.put(bus)?);
     let mut times = Times::at(1000);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let Some(packet) = commands.get(PATIENCE)? else {
             continue;

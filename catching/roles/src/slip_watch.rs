@@ -3,31 +3,28 @@
 use std::time::Duration;
 
 use tactnet_catching::calibrate::MarkerWatch;
-use tactnet_channel::{Bus, Wait, now_ns};
+use tactnet_channel::{Wait, now_ns};
 
 use crate::channels::{CALIBRATION_STATE, JOINT_STATE, MARKER_FEATURES};
 use crate::latest_value::send;
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{RoleError, RoleReport, RoleSettings};
+use crate::{RoleError, RoleReport};
 
 /// Maximum sleep, short enough that no joint state is lost.
 const LOOK: Wait = Wait::Block {
     timeout: Duration::from_millis(20),
 };
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let kept = settings.kept()?.ok_or(RoleError::NoCalibration)?;
     let mut watch = MarkerWatch::new(&settings.robot()?, &kept, settings.slip)?;
     let mut features = MARKER_FEATURES.new_packets(bus)?;
     let mut joints = JOINT_STATE.new_packets(bus)?;
     let states = CALIBRATION_STATE.put(bus)?;
     let mut times = Times::at(25);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let seen = features.wait(LOOK)?;
         let now = now_ns();

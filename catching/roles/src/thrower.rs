@@ -3,27 +3,24 @@
 use std::time::Duration;
 
 use tactnet_catching::throw_back::{ThrowInputs, ThrowTask};
-use tactnet_channel::{Bus, Wait, now_ns};
+use tactnet_channel::{Wait, now_ns};
 
 use crate::channels::{
     ARM_PATH, CATCH_FELT, CATCH_STATE, CONTROLLER_STATE, HAND_RELEASE, HAND_STATE, PREDICTION,
     THROW_PATH, THROW_STATE,
 };
 use crate::latest_value::send;
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{RoleError, RoleReport, RoleSettings};
+use crate::{RoleError, RoleReport};
 
 /// Maximum sleep, which is also the period of repeated commands to the hand.
 const BEAT: Wait = Wait::Block {
     timeout: Duration::from_millis(4),
 };
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let corrections = settings.corrections()?;
     let existence = settings.coordinator.existence;
     let mut task = ThrowTask::new(corrections.robot(), settings.throw, existence);
@@ -34,7 +31,7 @@ pub(crate) fn run(
     let releases = HAND_RELEASE.put(bus)?;
     let states = THROW_STATE.put(bus)?;
     let mut times = Times::at(1);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let controller = controller.wait(BEAT)?;
         let felt = felt.look()?.map_or(0, |felt| felt.grip);

@@ -1,24 +1,21 @@
 //! Tracker process: predicts balls from the circles of both cameras and the head pose.
 
 use tactnet_catching::track::PairTracker;
-use tactnet_channel::{Bus, now_ns};
+use tactnet_channel::now_ns;
 
 use crate::channels::{CIRCLES, HEAD_POSE, PREDICTION};
 use crate::latest_value::{PATIENCE, drain};
+use crate::role::Shell;
 use crate::times::Times;
-use crate::{RoleError, RoleReport, RoleSettings};
+use crate::{RoleError, RoleReport};
 
-pub(crate) fn run(
-    bus: &Bus,
-    settings: &RoleSettings,
-    ready: &dyn Fn(),
-    stopped: &dyn Fn() -> bool,
-) -> Result<RoleReport, RoleError> {
+pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
+    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
     let (circles, poses) = (CIRCLES.get(bus)?, HEAD_POSE.get(bus)?);
     let predictions = PREDICTION.put(bus)?;
     let mut tracker = PairTracker::new(settings.corrections()?, settings.track())?;
     let mut times = Times::at(25);
-    ready();
+    (shell.ready)();
     while !stopped() {
         let got = circles.get(PATIENCE)?;
         drain(&poses, |pose| tracker.pose(pose))?;

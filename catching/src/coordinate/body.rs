@@ -184,7 +184,7 @@ mod tests {
             let robot = Robot::nominal();
             let mut q = [0.0; JOINTS];
             q[joint::TORSO.start] = turned;
-            let ball = Flight { p: Vector3::new(0.6, aside, 0.2), v: Vector3::new(-6.0, 0.0, -2.0), k: 0.03, lift: Vector3::zeros() }.after(-time);
+            let ball = Flight::without_spin(Vector3::new(0.6, aside, 0.2), Vector3::new(-6.0, 0.0, -2.0), 0.03).after(-time);
             let path = FlightPath::new(ball);
             let motion = BodyMotion::towards(&robot, &q, &path, 0);
             for (ramp, index) in [(motion.platform, joint::PLATFORM), (motion.turn, joint::TORSO.start)] {

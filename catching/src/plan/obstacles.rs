@@ -202,11 +202,11 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::flight::Flight;
     use crate::map::VoxelGrid;
     use crate::plan::bodies::Body;
     use crate::plan::clearance::Clearance;
     use crate::plan::problem::Problem;
+    use crate::plan::problem::tests::passing;
     use crate::plan::{CatchRequest, NoPlan, Objective, PlanConditions, PlanConfig, Planner};
     use crate::robot::Robot;
 
@@ -243,19 +243,8 @@ mod tests {
 
     fn request(robot: &Robot, objective: Objective) -> CatchRequest {
         CatchRequest {
-            ball: Flight {
-                p: Vector3::new(0.6, 0.45, 0.05),
-                v: Vector3::new(-5.5, 0.0, -2.0),
-                k: 0.03,
-                lift: Vector3::zeros(),
-            }
-            .after(-0.8),
-            q0: robot.ready(0),
-            w0: [0.0; 7],
-            earliest: 0.0,
-            latest: 1.8,
             objective,
-            other: None,
+            ..passing(robot, [0.6, 0.45, 0.05])
         }
     }
 
@@ -329,7 +318,6 @@ mod tests {
         let among = among(&field);
         let plan = planner.plan(&request, &among, || false).unwrap();
         let with = least_on_the_way(&robot, &field, &plan.ramps);
-        println!("nearest {without:.3} m without the map, {with:.3} m with it");
         let begin = least_on_the_way(&robot, &field, &robot.ready(0).map(Ramp::standing));
         assert!(
             with >= begin.min(PlanConfig::default().obstacles.hard) - 3e-3,

@@ -187,6 +187,7 @@ pub(super) fn is_throw(state: &BallState, config: &TrackConfig) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bytemuck::Zeroable;
     use proptest::prelude::*;
     use tactnet_catching_packets::RobotDescription;
     use tactnet_catching_packets::packets::HeadPose;
@@ -197,13 +198,9 @@ mod tests {
 
     fn head() -> Head {
         Head::new(&HeadPose {
-            t_ns: 0,
             position: [0.1, 0.0, 1.45],
             quaternion: [0.0, 0.0, 0.0, 1.0],
-            velocity: [0.0; 3],
-            accelerometer_bias: [0.0; 3],
-            gyroscope_bias: [0.0; 3],
-            covariance: [[0.0; 15]; 15],
+            ..HeadPose::zeroed()
         })
         .unwrap()
     }

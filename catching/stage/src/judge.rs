@@ -4,7 +4,7 @@
 use std::sync::mpsc::Receiver;
 
 use nalgebra::Vector3;
-use tactnet_catching::flight::Flight;
+use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching::{CatchSpace, ChainDelays, Robot};
 use tactnet_catching_packets::packets::{CatchOutcome, FeltMaterial, Text, ThrownBack};
 use tactnet_catching_packets::{ARMS, JOINTS};
@@ -51,7 +51,7 @@ pub(crate) fn judge(
         match judged {
             Judged::Over(over) => {
                 let flight = over.flight.iter().map(|sample| {
-                    Flight::with_usual_drag(sample.state.position, sample.state.velocity)
+                    Flight::without_spin(sample.state.position, sample.state.velocity, DRAG)
                 });
                 let arms = oracle.arms_of(flight, reaction, ready);
                 outcomes.put_copy(&[outcome(&over, arms)])?;

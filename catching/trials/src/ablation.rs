@@ -19,17 +19,3 @@ pub enum Ablation {
     /// Near misses: without an exact catch, the arm continues its current path.
     NearMiss,
 }
-
-impl Ablation {
-    /// Returns the name, such as `lower-body`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Imu => "imu",
-            Self::Drag => "drag",
-            Self::Replan => "replan",
-            Self::Multistart => "multistart",
-            Self::LowerBody => "lower-body",
-            Self::NearMiss => "near-miss",
-        }
-    }
-}

@@ -80,12 +80,11 @@ pub fn bounds(
 type State = SVector<f64, 7>;
 
 fn flight_of(state: &State) -> Flight {
-    Flight {
-        p: state.fixed_rows::<3>(0).into_owned(),
-        v: state.fixed_rows::<3>(3).into_owned(),
-        k: state[6],
-        lift: Vector3::zeros(),
-    }
+    Flight::without_spin(
+        state.fixed_rows::<3>(0).into_owned(),
+        state.fixed_rows::<3>(3).into_owned(),
+        state[6],
+    )
 }
 
 /// Returns centre and radius of a ball in the pictures of both cameras, in standard deviations.
@@ -131,12 +130,11 @@ mod tests {
     #[test]
     fn bounds_are_near_those_that_others_found() {
         let cameras = RobotDescription::nominal().cameras;
-        let release = Flight {
-            p: Vector3::new(5.6, 0.0, 1.5),
-            v: Vector3::new(-6.6, 0.1, 3.3),
-            k: 0.032,
-            lift: Vector3::zeros(),
-        };
+        let release = Flight::without_spin(
+            Vector3::new(5.6, 0.0, 1.5),
+            Vector3::new(-6.6, 0.1, 3.3),
+            0.032,
+        );
         let bounds = bounds(
             &release,
             0.02,

@@ -37,8 +37,6 @@ pub struct DetectBench {
     pub seed: u64,
     /// Settings of the world.
     pub world: WorldConfig,
-    /// Settings of the detector.
-    pub config: CircleConfig,
 }
 
 /// Results. Everything except the times is reproducible bit by bit.
@@ -117,7 +115,7 @@ impl DetectBench {
         mut progress: impl FnMut(usize),
     ) -> Result<DetectReport, TrialError> {
         let description = robot.description();
-        let mut detector = CircleDetector::new(&description.cameras, self.config);
+        let mut detector = CircleDetector::new(&description.cameras, CircleConfig::default());
         let (mut search, mut gated) = (Kept::default(), Kept::default());
         let mut size = [0, 0];
         for throw in 0..self.throws {

@@ -1,7 +1,7 @@
 //! Errors of predictions, compared with the true ball at the hand.
 
 use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, Vector3};
-use tactnet_catching::flight::Flight;
+use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching_packets::packets::BallPrediction;
 use tactnet_catching_world::{FlightSample, TICK_NS};
 
@@ -130,7 +130,7 @@ impl TimedPrediction {
 
 /// Returns the ball of a sample with the usual drag.
 pub(crate) fn as_flight(sample: &FlightSample) -> Flight {
-    Flight::with_usual_drag(sample.state.position, sample.state.velocity)
+    Flight::without_spin(sample.state.position, sample.state.velocity, DRAG)
 }
 
 /// Returns the ball of a true flight, sampled every millisecond, at a time; `None` before its first sample.

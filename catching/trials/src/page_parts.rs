@@ -1,27 +1,81 @@
-//! Common parts of the pages: tables, figures, shares with their intervals.
+//! Pages of reports: the report's text, figures, and all numbers of its JSON document.
 
-use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use maud::{Markup, PreEscaped, html};
-use tactnet_plot::{Axes, Axis, Scale, Series as Curve, Tick, figure};
+use serde::Serialize;
+use serde_json::Value;
+use tactnet_plot::{Axes, Axis, Page, Scale, Series as Curve, Tick, figure};
 
 /// Width of figures, in user units.
 const WIDTH: f64 = 640.0;
 /// Space for labels left of the axes, in user units.
 pub(crate) const LEFT: f64 = 56.0;
 
-/// Returns a table of counts, or nothing if there are none.
-pub(crate) fn counts_table(head: [&str; 2], counts: &BTreeMap<String, usize>) -> Markup {
-    let rows: Vec<[String; 2]> = counts
-        .iter()
-        .map(|(name, count)| [name.clone(), count.to_string()])
-        .collect();
-    html! { @if !rows.is_empty() { (table(head, &rows)) } }
+/// Returns a self-contained page of a report.
+///
+/// - `text`: the report in words; the first line is the headline
+pub(crate) fn report_page(
+    title: &str,
+    text: &str,
+    figures: Markup,
+    report: &impl Serialize,
+) -> String {
+    let mut rows = Vec::new();
+    let numbers = serde_json::to_value(report).unwrap_or_default();
+    add_rows("", &numbers, &mut rows);
+    let (headline, rest) = text.split_once('\n').unwrap_or((text, ""));
+    let content = html! {
+        p.headline { (headline) }
+        @for line in rest.lines() { p { (line) } }
+        (figures)
+        h2 { "All numbers" }
+        (table(["What", "Value"], &rows))
+    };
+    Page::new(title, content).to_html()
+}
+
+/// Adds a row for each number or text in a JSON value, with the path to it.
+fn add_rows(path: &str, value: &Value, rows: &mut Vec<[String; 2]>) {
+    let below = |name: &str| match path {
+        "" => name.replace('_', " "),
+        path => format!("{path}, {}", name.replace('_', " ")),
+    };
+    match value {
+        Value::Null => {}
+        Value::Object(fields) => {
+            for (name, field) in fields {
+                add_rows(&below(name), field, rows);
+            }
+        }
+        Value::Array(all) if all.iter().any(|one| one.is_object() || one.is_array()) => {
+            for (number, one) in (1..).zip(all) {
+                add_rows(&below(&format!("{number}")), one, rows);
+            }
+        }
+        Value::Array(all) => {
+            let all: Vec<String> = all.iter().map(short).collect();
+            rows.push([path.into(), all.join("; ")]);
+        }
+        one => rows.push([path.into(), short(one)]),
+    }
+}
+
+/// Returns a scalar as text, numbers with four digits.
+fn short(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Number(number) if number.is_f64() => {
+            let number = number.as_f64().unwrap_or_default();
+            let digits = number.abs().max(1e-9).log10().floor();
+            format!("{number:.0$}", (3.0 - digits).clamp(0.0, 9.0) as usize)
+        }
+        other => other.to_string(),
+    }
 }
 
 /// Returns a table that scrolls on narrow screens.
-pub(crate) fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> Markup {
+fn table<const N: usize>(head: [&str; N], rows: &[[String; N]]) -> Markup {
     html! {
         div.scroll tabindex="0" {
             table {
@@ -156,8 +210,6 @@ fn steps(values: &[f64]) -> Vec<(f64, f64)> {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use tactnet_plot::Page;
-
     use super::*;
 
     /// Elements without content, in the head of a page.
@@ -213,22 +265,28 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_page_is_whole_and_text_stays_text() {
-        let rows = [["a < b".to_string(), "1".to_string()]];
-        let page = |content| Page::new("Hands & balls", content).to_html();
-        let whole = page(table(["what", "mm"], &rows));
-        assert_page(&whole);
-        assert!(whole.contains("<h1>Hands &amp; balls</h1>"));
-        assert!(whole.contains("<th scope=\"row\">a &lt; b</th><td>1</td>"));
-        for wrong in [
-            "<p></h2>",
-            "<p>a & b</p>",
-            "<img src=\"http:\"/>",
-            "<p>NaN</p>",
-            "<h1></h1>",
-            HEAD[1],
+    fn a_page_has_all_numbers_of_its_report_and_text_stays_text() {
+        let report = serde_json::json!({
+            "mean_mm": 1.234567, "throws": 12, "rate": null, "mode": "soft", "ci95": [0.5, 1.0],
+            "misses": {"a < b": 3}, "worst": [{"left": 1e-3, "axes": [["tilt", -20.0]]}],
+        });
+        let page = report_page("Hands & balls", "First.\nSecond.", html! {}, &report);
+        assert_page(&page);
+        for expected in [
+            "<h1>Hands &amp; balls</h1><p class=\"headline\">First.</p><p>Second.</p>",
+            "<th scope=\"row\">mean mm</th><td>1.235</td>",
+            "<th scope=\"row\">throws</th><td>12</td>",
+            "<th scope=\"row\">mode</th><td>soft</td>",
+            "<th scope=\"row\">ci95</th><td>0.5000; 1.000</td>",
+            "<th scope=\"row\">misses, a &lt; b</th><td>3</td>",
+            "<th scope=\"row\">worst, 1, left</th><td>0.001000</td>",
+            "<th scope=\"row\">worst, 1, axes, 1</th><td>tilt; -20.00</td>",
         ] {
-            let wrong = page(PreEscaped(wrong.into()));
+            assert!(page.contains(expected), "{expected}: {page}");
+        }
+        assert!(!page.contains(">rate<"));
+        for wrong in ["<p></h2>", "<p>a & b</p>", "<p>NaN</p>", "<h1></h1>"] {
+            let wrong = report_page("t", "", PreEscaped(wrong.into()), &report);
             assert!(
                 std::panic::catch_unwind(|| assert_page(&wrong)).is_err(),
                 "{wrong}"

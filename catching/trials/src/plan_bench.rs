@@ -26,8 +26,6 @@ pub struct PlanBench {
     pub seed: u64,
     /// Objective of the plans.
     pub objective: Objective,
-    /// Settings of the planner.
-    pub config: PlanConfig,
 }
 
 /// Results.
@@ -136,10 +134,10 @@ impl PlanBench {
             first: grid,
             starts: 32,
             iterations: 100,
-            ..self.config
+            ..PlanConfig::default()
         };
         Planners {
-            own: std::array::from_fn(|arm| Planner::new(robot, arm, self.config)),
+            own: std::array::from_fn(|arm| Planner::new(robot, arm, PlanConfig::default())),
             oracles: std::array::from_fn(|arm| Planner::new(robot, arm, oracle)),
             grid,
         }

@@ -46,13 +46,7 @@ pub fn plan_problem(robot: &Robot, objective: Objective, seed: u64, number: u64)
             w0[i] = between(-0.5, 0.5) * joints[i].speed;
         }
     }
-    let ball = Flight {
-        p: release,
-        v,
-        k,
-        lift: Vector3::zeros(),
-    }
-    .after(seen);
+    let ball = Flight::without_spin(release, v, k).after(seen);
     PlanProblem {
         arm,
         request: CatchRequest {
@@ -75,12 +69,7 @@ fn aim(release: &Vector3<f64>, target: &Vector3<f64>, speed: f64, k: f64) -> Vec
     let velocity =
         |angle: f64| heading * (speed * angle.cos()) + Vector3::z() * (speed * angle.sin());
     let height_at_target = |angle: f64| {
-        let mut ball = Flight {
-            p: *release,
-            v: velocity(angle),
-            k,
-            lift: Vector3::zeros(),
-        };
+        let mut ball = Flight::without_spin(*release, velocity(angle), k);
         for _ in 0..300 {
             let next = ball.after(0.01);
             if (next.p - release).dot(&heading) >= level.norm() {

@@ -30,7 +30,6 @@ use flight::profile;
 pub use page::rally_page;
 pub(crate) use player::{Player, Throw};
 use tactnet_catching::CatchSpace;
-use tactnet_catching::ChainDelays;
 use tactnet_catching_world::down_to;
 use tactnet_plot::wilson_of_counts;
 
@@ -78,8 +77,6 @@ pub struct Rally {
     pub robot: Robot,
     /// Settings of the worlds.
     pub world: WorldConfig,
-    /// Delays of the stack.
-    pub timing: ChainDelays,
     /// Number of games.
     pub rallies: usize,
     /// Seed of all random numbers.
@@ -204,10 +201,7 @@ impl Rally {
     }
 
     fn player(&self, seed: u64) -> Result<Player, TrialError> {
-        let config = ThrowConfig {
-            timing: self.timing,
-            ..ThrowConfig::new(self.robot.clone(), self.world.clone())
-        };
+        let config = ThrowConfig::new(self.robot.clone(), self.world.clone());
         let description = with_turn(self.robot.description(), self.config.wheels)?;
         let throws = ThrowBack {
             at: Some(self.across(&self.config.target.into()).into()),

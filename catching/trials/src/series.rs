@@ -27,7 +27,7 @@ use tactnet_catching::ChainDelays;
 use tactnet_catching::plan::Objective;
 use tactnet_plot::wilson_of_counts;
 
-pub use obstacles::{ObstaclesReport, WithoutMap, obstacles_page};
+pub use obstacles::{ObstaclesReport, WithoutMap};
 pub use page::series_page;
 
 /// A series of throws.

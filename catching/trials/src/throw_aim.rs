@@ -4,9 +4,9 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::Serialize;
+use tactnet_catching::Robot;
 use tactnet_catching::throw::ThrowPlanConfig;
 use tactnet_catching::throw_back::ThrowBack;
-use tactnet_catching::{ChainDelays, Robot};
 use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{WorldConfig, down_to};
 
@@ -23,9 +23,7 @@ pub struct ThrowAim {
     pub robot: Robot,
     /// Settings of the world.
     pub world: WorldConfig,
-    /// Delays.
-    pub timing: ChainDelays,
-    /// Same as [`ThrowBenchConfig::wheels`](crate::ThrowBenchConfig::wheels).
+    /// Same as [`ThrowBench::wheels`](crate::ThrowBench::wheels).
     pub wheels: Option<f64>,
     /// Landing point in the inertial frame, in m.
     pub target: [f64; 3],
@@ -137,10 +135,7 @@ impl ThrowAim {
         beside: [[f64; 3]; ARMS],
         seed: u64,
     ) -> Result<(Player, Throw), TrialError> {
-        let config = ThrowConfig {
-            timing: self.timing,
-            ..ThrowConfig::new(self.robot.clone(), self.world.clone())
-        };
+        let config = ThrowConfig::new(self.robot.clone(), self.world.clone());
         let throws = ThrowBack {
             at: Some(self.target),
             beside,
@@ -174,7 +169,6 @@ mod tests {
         ThrowAim {
             robot: Robot::nominal(),
             world: WorldConfig::default(),
-            timing: ChainDelays::ours(),
             wheels: None,
             target: [4.2, 0.0, 1.2],
             beside: [[0.0; 3]; ARMS],

@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{
@@ -19,8 +19,9 @@ use crate::quantiles::Quantiles;
 use crate::rally::{Player, lost, with_turn};
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
-use tactnet_catching::ChainDelays;
 
+/// Goal for the length, in m.
+const GOAL: f64 = 7.0;
 /// Delay or advance of the release, in s.
 const LATE: f64 = 2e-3;
 /// Maximum factor in the search for speeds that reach the goal.
@@ -30,43 +31,18 @@ const AT_LIMIT: f64 = 0.999;
 /// Contribution below which a joint is ignored, in m/s.
 const GIVES: f64 = 0.05;
 
-/// Settings of throws of maximum distance.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ThrowBenchConfig {
+/// Settings of the benchmark.
+#[derive(Debug, Clone)]
+pub struct ThrowBench {
+    /// Robot.
+    pub robot: Robot,
+    /// Settings of the world.
+    pub world: WorldConfig,
     /// Height at which flights end, in m.
     pub height: f64,
     /// Distance of the wheels from the centre of the platform in m, which turns with its own speed. `None`: the
     /// vertical axis of the torso turns with its own limits.
     pub wheels: Option<f64>,
-    /// Settings of the planner of throws.
-    pub throws: ThrowPlanConfig,
-    /// Goal for the length, in m.
-    pub goal: f64,
-}
-
-impl Default for ThrowBenchConfig {
-    fn default() -> Self {
-        Self {
-            height: 1.1,
-            wheels: None,
-            throws: ThrowPlanConfig::default(),
-            goal: 7.0,
-        }
-    }
-}
-
-/// Settings of the benchmark.
-#[derive(Debug, Clone)]
-pub struct ThrowBench {
-    /// Settings of the throws.
-    pub config: ThrowBenchConfig,
-    /// Robot.
-    pub robot: Robot,
-    /// Settings of the world.
-    pub world: WorldConfig,
-    /// Delays.
-    pub timing: ChainDelays,
     /// Number of throws in the world, alternating between both arms.
     pub throws: usize,
     /// Seed of all random numbers.
@@ -128,9 +104,15 @@ impl ThrowBench {
     /// # Errors
     /// Invalid settings, or an impossible throw.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<ThrowReport, TrialError> {
-        self.check()?;
-        let height = self.config.height;
-        let description = with_turn(self.robot.description(), self.config.wheels)?;
+        let height = self.height;
+        if !(height.is_finite() && height > 0.0) {
+            return Err(TrialError::Setting {
+                setting: "height",
+                expected: "a number greater than 0, m",
+                found: height.to_string(),
+            });
+        }
+        let description = with_turn(self.robot.description(), self.wheels)?;
         let robot = Robot::new(description.clone());
         let plan = self.plan(&description, ARMS - 1)?;
         let (shares, given) = (plan.shares_of_speed(&robot), by_joint(&plan, &robot));
@@ -177,23 +159,9 @@ impl ThrowBench {
         })
     }
 
-    fn check(&self) -> Result<(), TrialError> {
-        let ThrowBenchConfig { height, goal, .. } = self.config;
-        for (setting, value) in [("height", height), ("goal", goal)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(TrialError::Setting {
-                    setting,
-                    expected: "a number greater than 0, m",
-                    found: value.to_string(),
-                });
-            }
-        }
-        Ok(())
-    }
-
     fn goal(&self, description: &RobotDescription) -> Goal {
         Goal {
-            goal_m: self.config.goal,
+            goal_m: GOAL,
             arm_times: self.times_for_goal(|times| faster_arms(description, times)),
             turn_deg_s: self
                 .times_for_goal(|times| faster_turn(description, times))
@@ -203,7 +171,7 @@ impl ThrowBench {
 
     fn plan(&self, description: &RobotDescription, arm: usize) -> Result<ThrowPlan, TrialError> {
         let robot = Robot::new(description.clone());
-        let thrower = Thrower::new(&robot, self.config.throws);
+        let thrower = Thrower::new(&robot, ThrowPlanConfig::default());
         Ok(thrower.plan(&ThrowRequest {
             holding: Some(arm),
             aim: self.aim(),
@@ -215,7 +183,7 @@ impl ThrowBench {
     fn aim(&self) -> Aim {
         Aim::Farthest {
             heading: 0.0,
-            height: self.config.height,
+            height: self.height,
         }
     }
 
@@ -231,13 +199,10 @@ impl ThrowBench {
         };
         // The last three are the same throw.
         let (draw, arm) = (number.min(self.throws), number.min(self.throws) % ARMS);
-        let config = ThrowConfig {
-            timing: self.timing,
-            ..ThrowConfig::new(self.robot.clone(), world)
-        };
+        let config = ThrowConfig::new(self.robot.clone(), world);
         let throws = ThrowBack {
             tries: 1,
-            planner: self.config.throws,
+            planner: ThrowPlanConfig::default(),
             ..ThrowBack::default()
         };
         let begun = Instant::now();
@@ -251,7 +216,7 @@ impl ThrowBench {
         let throw = player.throw(arm)?;
         let flight = player.world.flight_of(&throw.released);
         let start = throw.released.state;
-        let down = down_to(&flight, self.config.height).unwrap_or(start.position.xy());
+        let down = down_to(&flight, self.height).unwrap_or(start.position.xy());
         Ok(Flown {
             length: (down - start.position.xy()).norm(),
             down,
@@ -265,7 +230,7 @@ impl ThrowBench {
     fn times_for_goal(&self, with: impl Fn(f64) -> RobotDescription) -> Option<f64> {
         let reaches = |times: f64| {
             self.plan(&with(times), ARMS - 1)
-                .is_ok_and(|plan| plan.distance() >= self.config.goal)
+                .is_ok_and(|plan| plan.distance() >= GOAL)
         };
         let (mut low, mut high) = (0.0, FASTEST);
         if !reaches(high) {
@@ -327,10 +292,10 @@ mod tests {
 
     fn bench() -> ThrowBench {
         ThrowBench {
-            config: ThrowBenchConfig::default(),
             robot: Robot::nominal(),
             world: WorldConfig::default(),
-            timing: ChainDelays::ours(),
+            height: 1.1,
+            wheels: None,
             throws: 2,
             seed: 4,
         }
@@ -343,7 +308,6 @@ mod tests {
         bench.world.torso.stiffness = Stiffness::Rigid;
         let report = bench.run(|| ()).unwrap();
         let [mean, ..] = report.distance_m;
-        println!("{mean} of {}", report.planned_m);
         assert!((mean / report.planned_m - 1.0).abs() < 0.1, "{report:?}");
         assert!((report.speed_m_s / report.planned_speed_m_s - 1.0).abs() < 0.05);
         assert!(
@@ -370,7 +334,7 @@ mod tests {
     #[test]
     fn settings_that_make_no_sense_are_named() {
         let mut bench = bench();
-        bench.config.height = f64::NAN;
+        bench.height = f64::NAN;
         let error = bench.run(|| ()).unwrap_err().to_string();
         assert!(error.contains("`height`"), "{error}");
     }

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_catching::circles::CircleConfig;
 use tactnet_catching_trials::{DetectBench, DetectFigures, DetectReport};
 
 use crate::commands::catch::{self, progress_of};
@@ -38,7 +37,6 @@ pub fn run(arguments: &DetectBenchArgs) -> anyhow::Result<ExitCode> {
         throws: arguments.throws as usize,
         seed: arguments.seed,
         world: catch::world(arguments.world.as_deref())?,
-        config: CircleConfig::default(),
     };
     let progress = progress_of(bench.throws, "throws");
     let report = bench.run(&robot, progress)?;

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_catching::plan::PlanConfig;
 use tactnet_catching_trials::{PlanBench, PlanReport};
 
 use crate::commands::catch::{self, ObjectiveChoice, progress_of};
@@ -40,7 +39,6 @@ pub fn run(arguments: &PlanBenchArgs) -> anyhow::Result<ExitCode> {
         problems,
         seed: arguments.seed,
         objective: arguments.objective.into(),
-        config: PlanConfig::default(),
     };
     let report = bench.run(&robot, progress_of(problems, "problems"));
     OutputFormat::from_flag(arguments.json).report(&report, print)

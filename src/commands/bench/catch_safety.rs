@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_catching::safety::MonitorConfig;
 use tactnet_catching_trials::{SafetyBench, SafetyReport};
 
 use crate::commands::catch;
@@ -36,7 +35,6 @@ pub fn run(arguments: &SafetyBenchArgs) -> anyhow::Result<ExitCode> {
     let bench = SafetyBench {
         motions: arguments.motions as usize,
         seed: arguments.seed,
-        config: MonitorConfig::default(),
     };
     let report = bench.run(&robot, |done| {
         if done.is_multiple_of(50_000) {
@@ -62,20 +60,5 @@ fn print(report: &SafetyReport) -> anyhow::Result<()> {
     output::print(format_args!(
         "braked in vain: {} of {} motions in which bodies stay apart",
         report.braked_in_vain, report.free
-    ))?;
-    for (name, times) in [
-        ("in a motion", report.judge_us),
-        ("anew", report.judge_anew_us),
-    ] {
-        if let Some(times) = times {
-            output::print(format_args!(
-                "a judgement {name}: median {:.0} us, 99 % {:.0} us, longest {:.0} us",
-                times.p50, times.p99, times.max
-            ))?;
-        }
-    }
-    output::print(format_args!(
-        "a pair: distance {:.2} us, swept hulls and distance {:.0} us",
-        report.distance_us, report.swept_us
     ))
 }

@@ -4,8 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use tactnet_catching::ChainDelays;
-use tactnet_catching_trials::{ThrowBench, ThrowBenchConfig, ThrowReport};
+use tactnet_catching_trials::{ThrowBench, ThrowReport};
 
 use crate::commands::catch::{self, throw_progress};
 use crate::output::{self, OutputFormat};
@@ -21,9 +20,9 @@ pub struct ThrowBenchArgs {
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Height at which flights end, in m [default: 1.1]
-    #[arg(long, value_name = "M")]
-    height: Option<f64>,
+    /// Height at which flights end, in m
+    #[arg(long, value_name = "M", default_value_t = 1.1)]
+    height: f64,
     /// Distance of the wheels from the centre of the turning platform, in m [default: the vertical axis of the torso turns]
     #[arg(long, value_name = "M")]
     wheels: Option<f64>,
@@ -40,16 +39,11 @@ pub struct ThrowBenchArgs {
 
 /// Runs the command.
 pub fn run(arguments: &ThrowBenchArgs) -> anyhow::Result<ExitCode> {
-    let defaults = ThrowBenchConfig::default();
     let bench = ThrowBench {
-        config: ThrowBenchConfig {
-            height: arguments.height.unwrap_or(defaults.height),
-            wheels: arguments.wheels,
-            ..defaults
-        },
+        height: arguments.height,
+        wheels: arguments.wheels,
         robot: catch::robot(arguments.robot.as_ref())?,
         world: catch::world(arguments.world.as_deref())?,
-        timing: ChainDelays::ours(),
         throws: arguments.throws as usize,
         seed: arguments.seed,
     };

@@ -5,7 +5,6 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use clap::Args;
-use tactnet_catching::ChainDelays;
 use tactnet_catching_trials::{Rally, RallyConfig, RallyReport, rally_page};
 
 use super::throw_progress::every_two_seconds;
@@ -76,7 +75,6 @@ pub fn run(arguments: &RallyArgs) -> anyhow::Result<ExitCode> {
         config,
         robot: super::robot(arguments.robot.as_ref())?,
         world: super::world(arguments.world.as_deref())?,
-        timing: ChainDelays::ours(),
         rallies: arguments.rallies as usize,
         seed: arguments.seed,
     };

@@ -5,7 +5,6 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
-use tactnet_catching::ChainDelays;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_trials::{ThrowAim, ThrowAimReport};
 
@@ -53,7 +52,6 @@ pub fn run(arguments: &ThrowArgs) -> anyhow::Result<ExitCode> {
     let aim = ThrowAim {
         robot: super::robot(arguments.robot.as_ref())?,
         world: super::world(arguments.world.as_deref())?,
-        timing: ChainDelays::ours(),
         wheels: arguments.wheels,
         target: arguments.at,
         beside: hands(&arguments.aim_beside)?,

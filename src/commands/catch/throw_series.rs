@@ -7,9 +7,7 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use tactnet_catching::ChainDelays;
 use tactnet_catching::plan::Objective;
-use tactnet_catching_trials::{
-    Ablation, Mapping, Series, ThrowConfig, obstacles_page, picture_file, series_page,
-};
+use tactnet_catching_trials::{Ablation, Mapping, Series, ThrowConfig, picture_file, series_page};
 use tactnet_catching_world::ObstaclesConfig;
 
 use super::throw_progress::throw_progress;
@@ -167,11 +165,8 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
         series.run(throw_progress(arguments.throws))?
     };
     if let Some(path) = &arguments.page {
-        let page = match arguments.obstacles {
-            true => obstacles_page(&series, &report)?,
-            false => series_page(&series, &report)?,
-        };
-        std::fs::write(path, page).with_context(|| path.display().to_string())?;
+        std::fs::write(path, series_page(&series, &report)?)
+            .with_context(|| path.display().to_string())?;
     }
     if let Some(path) = &arguments.picture
         && let Some((_, trace)) = series.drawn(&report)?

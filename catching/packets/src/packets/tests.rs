@@ -14,6 +14,10 @@ fn sizes_are_as_documented() {
     assert_eq!(size_of::<CatchStatus>(), 96);
     assert_eq!(size_of::<CatchOutcome>(), 200);
     assert_eq!(size_of::<JointState>(), 496);
+    assert_eq!(size_of::<ThrowPath>(), 832);
+    assert_eq!(size_of::<HandOpening>(), 16);
+    assert_eq!(size_of::<ThrowStatus>(), 96);
+    assert_eq!(size_of::<ThrownBack>(), 112);
 }
 
 #[test]
@@ -29,6 +33,16 @@ fn modes_and_phases_that_are_none_are_refused() {
         ..CatchStatus::zeroed()
     };
     assert_eq!(status.phase(), Some(CatchPhase::Stuck));
+    let throws = ThrowStatus {
+        phase: 5,
+        ..ThrowStatus::zeroed()
+    };
+    assert_eq!(throws.phase(), None);
+    let calibration = CalibrationState {
+        hold: 3,
+        ..CalibrationState::zeroed()
+    };
+    assert_eq!(calibration.hold(), Some(CalibrationHold::Lost));
 }
 
 /// A duplicate field number would lose a field in recordings. Nested packets must precede the packets that contain

@@ -71,12 +71,7 @@ impl Coordinator {
         let neck = Vector3::new(0.0, 0.0, robot.description().neck.height);
         let farther = (AHEAD / wrist.x.max(0.05)).max(1.0);
         let place = chest * Point3::from(neck + (wrist - neck) * farther);
-        let stands = Flight {
-            p: place.coords,
-            v: Vector3::zeros(),
-            k: 0.0,
-            lift: Vector3::zeros(),
-        };
+        let stands = Flight::without_spin(place.coords, Vector3::zeros(), 0.0);
         let mut gaze = Gaze::zeroed();
         (gaze.count, gaze.flights[0]) = (1, stands.packet(now_ns));
         outputs.gaze = Some(gaze);

@@ -135,12 +135,11 @@ impl Bench {
 
 /// Returns exact predictions of a ball that comes within reach of the left arm.
 fn prediction(now_ns: u64) -> BallPredictions {
-    let there = Flight {
-        p: Vector3::new(0.6, 0.35, 1.1),
-        v: Vector3::new(-5.5, 0.0, -2.5),
-        k: 0.03,
-        lift: Vector3::zeros(),
-    };
+    let there = Flight::without_spin(
+        Vector3::new(0.6, 0.35, 1.1),
+        Vector3::new(-5.5, 0.0, -2.5),
+        0.03,
+    );
     let now = there.after((now_ns as f64 - ARRIVAL_NS as f64) * 1e-9);
     let mut predictions = BallPredictions {
         count: 1,

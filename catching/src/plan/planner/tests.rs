@@ -5,6 +5,7 @@ use tactnet_catching_packets::RobotDescription;
 use super::*;
 use crate::flight::Flight;
 use crate::plan::Objective;
+use crate::plan::problem::tests::passing;
 
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
@@ -32,25 +33,14 @@ fn request() -> impl Strategy<Value = CatchRequest> {
         .prop_map(|(aim, time, speed)| {
             let target = Vector3::new(0.6 + 0.4 * aim[0], 1.2 * aim[1], 0.6 * aim[2]);
             let v = Vector3::new(-5.5 + speed[0], speed[1], -2.0 + 2.0 * speed[2]);
-            Flight {
-                p: target,
-                v,
-                k: 0.03,
-                lift: Vector3::zeros(),
-            }
-            .after(-time)
+            Flight::without_spin(target, v, 0.03).after(-time)
         });
     let hostile = (
         proptest::array::uniform3(number()),
         proptest::array::uniform3(number()),
         number(),
     )
-        .prop_map(|(p, v, k)| Flight {
-            p: p.into(),
-            v: v.into(),
-            k,
-            lift: Vector3::zeros(),
-        });
+        .prop_map(|(p, v, k)| Flight::without_spin(p.into(), v.into(), k));
     (
         prop_oneof![9 => sensible, 1 => hostile],
         proptest::array::uniform7(-1.0..1.0f64),
@@ -114,8 +104,8 @@ proptest! {
     fn a_near_miss_is_no_farther_off_than_carrying_on(aside in -0.5..0.5f64, rise in -0.3..0.3f64, heard in 0.1..0.45f64) {
         let robot = Robot::nominal();
         let planner = Planner::new(&robot, 0, PlanConfig::default());
-        let ball = Flight { p: Vector3::new(0.6, 0.4, 0.1), v: Vector3::new(-5.5, 0.0, -2.0), k: 0.03, lift: Vector3::zeros() }.after(-0.6);
-        let first = CatchRequest { ball, q0: robot.ready(0), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
+        let first = CatchRequest { ball: caught(&robot).ball.after(0.2), ..caught(&robot) };
+        let ball = first.ball;
         let plan = planner.plan(&first, &PlanConditions::default(), || false).unwrap();
         let mut elsewhere = ball.after(heard);
         elsewhere.v += Vector3::new(0.0, aside, rise);
@@ -171,21 +161,7 @@ fn misses_at(q: &[f64; 7], ball: &Flight, robot: &Robot) -> [f64; 2] {
 }
 
 fn caught(robot: &Robot) -> CatchRequest {
-    CatchRequest {
-        ball: Flight {
-            p: Vector3::new(0.6, 0.4, 0.1),
-            v: Vector3::new(-5.5, 0.0, -2.0),
-            k: 0.03,
-            lift: Vector3::zeros(),
-        }
-        .after(-0.8),
-        q0: robot.ready(0),
-        w0: [0.0; 7],
-        earliest: 0.0,
-        latest: 1.8,
-        objective: Objective::Soft,
-        other: None,
-    }
+    passing(robot, [0.6, 0.4, 0.1])
 }
 
 #[test]
@@ -204,44 +180,26 @@ fn reasons_are_told_apart() {
         },
         ..caught
     };
-    assert_eq!(
-        planner
-            .plan(&away, &PlanConditions::default(), || false)
-            .unwrap_err(),
-        NoPlan::OutOfReach
-    );
+    let why = |request: &CatchRequest, out_of_time: bool| {
+        let plan = planner.plan(request, &PlanConditions::default(), || out_of_time);
+        plan.unwrap_err()
+    };
+    assert_eq!(why(&away, false), NoPlan::OutOfReach);
+    let mut q0 = caught.q0;
+    q0[0] += 1.5;
     let soon = CatchRequest {
         ball: caught.ball.after(0.78),
-        q0: std::array::from_fn(|i| {
-            if i == 0 {
-                caught.q0[0] + 1.5
-            } else {
-                caught.q0[i]
-            }
-        }),
+        q0,
         ..caught
     };
-    assert_eq!(
-        planner
-            .plan(&soon, &PlanConditions::default(), || false)
-            .unwrap_err(),
-        NoPlan::NoCatch
-    );
-    assert_eq!(
-        planner
-            .plan(&caught, &PlanConditions::default(), || true)
-            .unwrap_err(),
-        NoPlan::OutOfTime
-    );
+    assert_eq!(why(&soon, false), NoPlan::NoCatch);
+    assert_eq!(why(&caught, true), NoPlan::OutOfTime);
     let numbers = CatchRequest {
         w0: [f64::NAN; 7],
         ..caught
     };
-    let error = planner
-        .plan(&numbers, &PlanConditions::default(), || false)
-        .unwrap_err();
     assert_eq!(
-        error.to_string(),
+        why(&numbers, false).to_string(),
         "the request has values that are not finite"
     );
 }
@@ -254,16 +212,9 @@ fn a_repeated_plan_is_not_worse_and_needs_fewer_iterations() {
     let plan = planner
         .plan(&caught, &PlanConditions::default(), || false)
         .unwrap();
-    let again = planner
-        .plan(
-            &caught,
-            &after(Some(CatchPoint {
-                q: plan.q,
-                t: plan.t,
-            })),
-            || false,
-        )
-        .unwrap();
+    let CatchPlan { q, t, .. } = plan;
+    let conditions = after(Some(CatchPoint { q, t }));
+    let again = planner.plan(&caught, &conditions, || false).unwrap();
     assert!(again.cost <= plan.cost + 1e-9);
     assert!(again.effort.iterations <= plan.effort.iterations);
 }

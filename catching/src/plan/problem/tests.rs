@@ -15,14 +15,22 @@ pub(crate) fn thrown() -> impl Strategy<Value = Flight> {
             // Towards the chest's front after `time` seconds, at about 6 m/s.
             let target = Vector3::new(0.6 + 0.3 * aim[0], 0.9 * aim[1], 0.5 * aim[2]);
             let v = Vector3::new(-5.5 + 0.5 * speed[0], 0.4 * speed[1], -2.5 + speed[2]);
-            Flight {
-                p: target,
-                v,
-                k,
-                lift: Vector3::zeros(),
-            }
-            .after(-time)
+            Flight::without_spin(target, v, k).after(-time)
         })
+}
+
+/// Returns a request of the resting left arm for a ball that passes `p`, in m, after 0.8 s.
+pub(crate) fn passing(robot: &Robot, p: [f64; 3]) -> CatchRequest {
+    let v = Vector3::new(-5.5, 0.0, -2.0);
+    CatchRequest {
+        ball: Flight::without_spin(p.into(), v, 0.03).after(-0.8),
+        q0: robot.ready(0),
+        w0: [0.0; ARM_JOINTS],
+        earliest: 0.0,
+        latest: 1.8,
+        objective: Objective::Soft,
+        other: None,
+    }
 }
 
 #[test]

@@ -3,26 +3,12 @@ use proptest::prelude::*;
 use super::super::bodies::Body as ThesisBody;
 use super::super::clearance::Clearance;
 use super::super::problem::Problem;
+use super::super::problem::tests::passing;
 use super::*;
-use crate::flight::Flight;
-use crate::plan::{CatchRequest, Objective, PlanConditions, PlanConfig, Planner};
+use crate::plan::{CatchRequest, PlanConditions, PlanConfig, Planner};
 
 fn request(robot: &Robot) -> CatchRequest {
-    CatchRequest {
-        ball: Flight {
-            p: Vector3::new(0.6, 0.45, 0.05),
-            v: Vector3::new(-5.5, 0.0, -2.0),
-            k: 0.03,
-            lift: Vector3::zeros(),
-        }
-        .after(-0.8),
-        q0: robot.ready(0),
-        w0: [0.0; ARM_JOINTS],
-        earliest: 0.0,
-        latest: 1.8,
-        objective: Objective::Soft,
-        other: None,
-    }
+    passing(robot, [0.6, 0.45, 0.05])
 }
 
 proptest! {

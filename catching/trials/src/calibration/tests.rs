@@ -2,6 +2,7 @@ use tactnet_catching::calibrate::{CalibrationError, Slip, SlipConfig, SlipWatch}
 use tactnet_catching_world::PlantedErrors;
 
 use super::*;
+use crate::page_parts::tests::assert_page;
 
 fn trial(seed: u64, throws: u64) -> CalibrationTrial {
     CalibrationTrial {
@@ -63,6 +64,12 @@ fn a_calibrated_robot_catches_what_it_missed_whatever_the_number_of_threads() {
     assert!(report.in_catch_space >= 5, "{}", report.in_catch_space);
     assert!(report.catch_rate_before.unwrap() < 0.5, "{report:?}");
     assert!(report.catch_rate_after.unwrap() >= 0.8, "{report:?}");
+    let page = calibration_page(&report);
+    assert_page(&page);
+    // Hands, markers and catches.
+    assert_eq!(page.matches("<svg class=\"figure\"").count(), 3);
+    let found = format!("Hands are {:.2} mm from where", report.mean_mm);
+    assert!(page.contains(&found) && page.contains("mm is met"));
     let text = |report: &CalibrationReport| serde_json::to_string(report).unwrap();
     assert_eq!(text(&report), text(&run(1)));
 }

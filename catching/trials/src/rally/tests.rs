@@ -1,13 +1,13 @@
 use tactnet_catching::throw::NoThrow;
 
 use super::*;
+use crate::page_parts::tests::assert_page;
 
 fn rally(config: RallyConfig, rallies: usize) -> Rally {
     Rally {
         config,
         robot: Robot::nominal(),
         world: WorldConfig::default(),
-        timing: ChainDelays::ours(),
         rallies,
         seed: 3,
     }
@@ -29,10 +29,14 @@ fn robots_play_catch_and_games_repeat_to_the_bit_whatever_the_number_of_threads(
             .build()
             .unwrap();
         let report = pool.install(|| rally(short(), 2).run(|| ())).unwrap();
-        (serde_json::to_value(&report).unwrap(), report.flights)
+        let page = rally_page(&report);
+        (serde_json::to_value(&report).unwrap(), report.flights, page)
     };
-    let (report, flights) = run(2);
-    assert_eq!((report.clone(), flights.clone()), run(1));
+    let (report, flights, page) = run(2);
+    assert_eq!((report.clone(), flights.clone(), page.clone()), run(1));
+    assert_page(&page);
+    let title = format!("{} flights from the side, up to 4.", flights.len());
+    assert!(page.contains(&title) && page.contains("throws were caught"));
     assert_eq!(Some(flights.len() as u64), report["throws"].as_u64());
     assert!(report["flights"].is_null());
     for flight in flights {

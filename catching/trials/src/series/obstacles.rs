@@ -13,7 +13,7 @@ use crate::quantiles::Quantiles;
 use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 use tactnet_plot::wilson_of_counts;
 
-pub use page::obstacles_page;
+pub(super) use page::scene_figures;
 
 /// Additional results of a series among obstacles.
 #[derive(Debug, Clone, Serialize)]
@@ -55,12 +55,6 @@ pub struct WithoutMap {
     pub untouched_catches_without_map: usize,
     /// Deepest contact, in mm.
     pub contact_mm_max_without_map: f64,
-    /// Number of throws in the catch space. It may differ, since raised arms wait elsewhere.
-    #[serde(skip)]
-    pub in_catch_space: usize,
-    /// Number of caught throws in the catch space.
-    #[serde(skip)]
-    pub caught: usize,
     /// Numbers of the throws with a contact.
     #[serde(skip)]
     pub touched: Vec<u64>,
@@ -146,8 +140,6 @@ impl WithoutMap {
             rate_without_map: report.rate,
             untouched_catches_without_map: untouched_catches(outcomes),
             contact_mm_max_without_map: deepest_mm(outcomes),
-            in_catch_space: report.in_catch_space,
-            caught: report.caught,
             touched,
         }
     }

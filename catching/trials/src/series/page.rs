@@ -7,13 +7,14 @@ use nalgebra::Vector3;
 use tactnet_catching::Robot;
 use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching_packets::joint;
-use tactnet_plot::{Axes, Axis, Page, Series as Curve};
+use tactnet_plot::{Axes, Axis, Series as Curve};
 
+use super::obstacles::scene_figures;
 use super::{Series, SeriesReport};
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
 use crate::look_ahead::LookAhead;
-use crate::page_parts::{axes, captioned, chart, counts_table, legend, percent};
+use crate::page_parts::{axes, captioned, chart, legend, report_page};
 use crate::picture::picture;
 use crate::trace::{Trace, TraceTick};
 
@@ -25,9 +26,19 @@ const NEAR_MISS: f64 = 10.0;
 /// # Errors
 /// Same as the series, because the drawn throw is simulated again.
 pub fn series_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
+    let (title, figures) = match &report.obstacles {
+        Some(obstacles) => (
+            "Catching among obstacles",
+            scene_figures(series, report, obstacles)?,
+        ),
+        None => ("Balls caught", flight_figures(series, report)?),
+    };
+    Ok(report_page(title, &report.to_string(), figures, report))
+}
+
+fn flight_figures(series: &Series, report: &SeriesReport) -> Result<Markup, TrialError> {
     let drawn = series.drawn(report)?;
-    let content = html! {
-        (headline(report))
+    Ok(html! {
         @if let Some(errors) = errors(series, report) {
             h2 { "How well flights are predicted" }
             (errors)
@@ -36,45 +47,7 @@ pub fn series_page(series: &Series, report: &SeriesReport) -> Result<String, Tri
             h2 { "Throw " (number) }
             (throw(&trace, &series.config.robot))
         }
-    };
-    Ok(Page::new("Balls caught", content).to_html())
-}
-
-fn headline(report: &SeriesReport) -> Markup {
-    let what = if report.balls == 1 {
-        "balls"
-    } else {
-        "pairs of balls"
-    };
-    let rate = percent(report.rate, [report.ci95_low, report.ci95_high]);
-    let over_all = format!("{:.1} %", 100.0 * report.over_all_throws);
-    let delay = report.timing.to_prediction() + report.timing.to_path();
-    let delay = format!("{:.0} ms", 1e3 * delay);
-    let without: Vec<&str> = report.without.iter().map(|part| part.name()).collect();
-    html! {
-        p.headline {
-            (report.caught) " of " (report.in_catch_space) " " (what) " in the catch space were caught: " (rate) "."
-        }
-        p {
-            "That is " (over_all) " of all " (report.throws) " throws (seed " (report.seed) "); a simulation in stepped time, "
-            (delay) " from exposure to path. The interval is Wilson's, 95 %."
-            @if report.perfect_perception { " Head and balls were known from the truth." }
-        }
-        @if let (Some(across), Some(along), Some(least), Some(least_along)) = (
-            report.across_mm_rms_200ms,
-            report.along_ms_rms_200ms,
-            report.across_mm_bound,
-            report.along_ms_bound,
-        ) {
-            p {
-                "Predicted 200 ms before the catch: " (format!("{across:.1} mm")) " across the flight and " (format!("{along:.2} ms"))
-                " along it (root mean squares). No filter could do better than " (format!("{least:.1} mm")) " and "
-                (format!("{least_along:.2} ms")) " with a head that stands still and balls without spin."
-            }
-        }
-        @if !without.is_empty() { p { "Left out: " (without.join(", ")) "." } }
-        (counts_table(["Missed because", "Balls"], &report.misses))
-    }
+    })
 }
 
 /// Draws the root mean square errors over the time to the catch, those according to the filter, and the bound.
@@ -137,12 +110,11 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<Markup> {
 
 /// Returns the bound of a throw from 5 m with 7 m/s.
 fn typical_bound(robot: &Robot) -> Vec<Bound> {
-    let release = Flight {
-        p: Vector3::new(5.6, 0.0, 1.5),
-        v: Vector3::new(-6.6, 0.1, 2.6),
-        k: DRAG,
-        lift: Vector3::zeros(),
-    };
+    let release = Flight::without_spin(
+        Vector3::new(5.6, 0.0, 1.5),
+        Vector3::new(-6.6, 0.1, 2.6),
+        DRAG,
+    );
     let zeros = [0.0; tactnet_catching_packets::JOINTS];
     let head = robot.chest(&zeros) * robot.head(&zeros);
     bounds(&release, 0.02, 0.8, &head, &robot.description().cameras)

@@ -1,139 +1,34 @@
-//! HTML page of throws among obstacles: with and without the map, one catch in the map, times.
+//! Figures of throws among obstacles: one catch in the map.
 
 use maud::{Markup, html};
-use tactnet_plot::{Page, wilson_of_counts};
 
 use super::scene::Scene;
 use super::{ObstaclesReport, touched};
 use crate::error::TrialError;
-use crate::page_parts::{captioned, counts_table, legend, percent, table};
+use crate::page_parts::{captioned, legend};
 use crate::series::{Series, SeriesReport};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 
-/// Goal for the time from depth pictures to plans, in ms.
-const GOAL_MS: f64 = 1000.0;
-
-/// Returns a self-contained page.
-///
-/// - `report`: result of [`Series::run_with_and_without_map`]; if the robot did not look around, the page reports
-///   that
+/// Returns the figures of the most instructive throw of a series; nothing without throws.
 ///
 /// # Errors
 /// Same as the series, because the drawn throw is simulated again.
-pub fn obstacles_page(series: &Series, report: &SeriesReport) -> Result<String, TrialError> {
-    let content = match &report.obstacles {
-        Some(obstacles) => content(series, report, obstacles)?,
-        None => html! {
-            p.headline { "The robot did not look about in any of " (report.throws) " throws." }
-        },
-    };
-    Ok(Page::new("Catching among obstacles", content).to_html())
-}
-
-fn content(
+pub(in crate::series) fn scene_figures(
     series: &Series,
     report: &SeriesReport,
     obstacles: &ObstaclesReport,
 ) -> Result<Markup, TrialError> {
-    let drawn = telling(report, obstacles)
-        .map(|number| {
-            let config = ThrowConfig {
-                mapping: Mapping::Depth,
-                ..series.config.clone()
-            };
-            let trace = Series { config, ..*series }.again(number)?;
-            let scene = Scene::of(&trace, &series.config.robot);
-            Ok::<_, TrialError>(scene.map(|scene| draw(number, &scene)))
-        })
-        .transpose()?
-        .flatten();
-    Ok(html! {
-        (headline(report, obstacles))
-        h2 { "With and without the map" }
-        (side_by_side(report, obstacles))
-        @if let Some(drawn) = drawn { (drawn) }
-        (counts_table(["Missed because", "Balls"], &report.misses))
-        (counts_table(["Touched deepest by", "Throws"], &obstacles.contact_parts))
-    })
-}
-
-fn headline(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
-    let rate = obstacles.contacts as f64 / report.throws.max(1) as f64;
-    html! {
-        p.headline {
-            "With a map the robot touched something in " (obstacles.contacts) " of " (report.throws) " throws"
-            @if let Some(without) = &obstacles.without_map { ", without a map in " (without.contacts_without_map) }
-            "; it caught " (report.caught) " of " (report.in_catch_space) " balls in the catch space."
-        }
-        p {
-            "Touched: " (percent(rate, obstacles.contacts_ci95)) ". Caught: "
-            (percent(report.rate, [report.ci95_low, report.ci95_high])) ". Intervals are Wilson's, 95 %; seed " (report.seed)
-            ". A simulation in stepped time: what stands about is put elsewhere before each throw, the robot looks with a depth camera in "
-            "its head, and the same throws are then thrown to a robot that does not look."
-        }
-    }
-}
-
-/// Returns the table of all results, compared with those without the map and the goals.
-fn side_by_side(report: &SeriesReport, obstacles: &ObstaclesReport) -> Markup {
-    let throws = report.throws;
-    let without = obstacles.without_map.as_ref();
-    let of = |count: usize, of: usize| {
-        let share = count as f64 / of.max(1) as f64;
-        let share = percent(share, wilson_of_counts(count, of));
-        format!("{count} of {of}: {share}")
+    let Some(number) = telling(report, obstacles) else {
+        return Ok(html! {});
     };
-    let plans = obstacles.look_to_plan_ms;
-    let missing = || "not run".to_string();
-    let rows = [
-        [
-            "Throws in which anything was touched".into(),
-            of(obstacles.contacts, throws),
-            without.map_or_else(missing, |w| of(w.contacts_without_map, throws)),
-            "0 of 500; the thesis has none".into(),
-        ],
-        [
-            "The deepest contact [mm]".into(),
-            format!("{:.0}", obstacles.contact_mm_max),
-            without.map_or_else(missing, |w| format!("{:.0}", w.contact_mm_max_without_map)),
-            "0".into(),
-        ],
-        [
-            "Caught of those in the catch space".into(),
-            of(report.caught, report.in_catch_space),
-            without.map_or_else(missing, |w| of(w.caught, w.in_catch_space)),
-            "reported; the thesis has none".into(),
-        ],
-        [
-            "Caught and nothing touched, of all throws".into(),
-            of(obstacles.untouched_catches, throws),
-            without.map_or_else(missing, |w| of(w.untouched_catches_without_map, throws)),
-            "reported; the thesis has none".into(),
-        ],
-        [
-            "Throws with obstacles in every way of a plan".into(),
-            of(obstacles.obstructed, throws),
-            "no map, no such plan".into(),
-            "reported".into(),
-        ],
-        [
-            "Arms that stayed up, their way down not clear".into(),
-            obstacles.arms_held_up.to_string(),
-            "no map: none".into(),
-            "reported".into(),
-        ],
-        [
-            "Four depth pictures to the first plans of both arms [ms]".into(),
-            plans.map_or_else(missing, |ms| {
-                let [p50, p99, max] = [ms.p50, ms.p99, ms.max];
-                format!("median {p50:.0}, 99 % {p99:.0}, longest {max:.0}")
-            }),
-            "no map".into(),
-            format!("less than {GOAL_MS:.0}; in the thesis 3000, on graphics processors"),
-        ],
-    ];
-    table(["What", "With the map", "Without", "Goal"], &rows)
+    let config = ThrowConfig {
+        mapping: Mapping::Depth,
+        ..series.config.clone()
+    };
+    let trace = Series { config, ..*series }.again(number)?;
+    let scene = Scene::of(&trace, &series.config.robot);
+    Ok(scene.map_or_else(|| html! {}, |scene| draw(number, &scene)))
 }
 
 /// Returns the most instructive throw: caught without contact with the map, contact without it, both arms lowered.
@@ -183,6 +78,7 @@ mod tests {
 
     use super::*;
     use crate::page_parts::tests::assert_page;
+    use crate::series::series_page;
 
     fn series(throws: u64) -> Series {
         let world = WorldConfig {
@@ -211,15 +107,11 @@ mod tests {
     fn the_page_of_a_series_shows_both_and_a_cut_through_the_map() {
         let series = series(1);
         let report = series.run_with_and_without_map(|| ()).unwrap();
-        let page = obstacles_page(&series, &report).unwrap();
+        let page = series_page(&series, &report).unwrap();
         assert_page(&page);
-        let obstacles = report.obstacles.as_ref().unwrap();
-        let touched = format!("touched something in {} of 1 throws", obstacles.contacts);
-        let without = obstacles.without_map.as_ref().unwrap();
-        let blind = format!("without a map in {}", without.contacts_without_map);
         for expected in [
-            touched.as_str(),
-            blind.as_str(),
+            "obstacles touched in",
+            "without the map: touched in",
             "<h2>Throw 0</h2>",
             "from an obstacle</title>",
             "inside an obstacle",
@@ -233,15 +125,6 @@ mod tests {
         let json = serde_json::to_string(&report).unwrap();
         assert!(json.len() < 4000 && !json.contains("\"touched\""), "{json}");
         assert!(page.len() < 1_500_000, "{}", page.len());
-    }
-
-    #[test]
-    fn the_page_of_no_throws_says_so() {
-        let series = series(0);
-        let report = series.run_with_and_without_map(|| ()).unwrap();
-        let page = obstacles_page(&series, &report).unwrap();
-        assert_page(&page);
-        assert!(page.contains("did not look about in any of 0 throws"));
     }
 
     #[test]
