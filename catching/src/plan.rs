@@ -31,6 +31,7 @@ mod seeds;
 mod sqp;
 mod way;
 
+pub use bodies::{BODIES, Body};
 pub use catch_motion::{OtherArm, UNKNOWNS};
 pub use no_plan::{NoPlan, RequestError};
 pub use objective::Objective;

@@ -390,6 +390,24 @@ impl Planner {
         }
     }
 
+    /// Returns the start points of a first plan, sorted by quality.
+    ///
+    /// # Errors
+    /// Returns an error if the request is invalid.
+    pub fn starts(&self, request: &CatchRequest) -> Result<Vec<CatchPoint>, RequestError> {
+        self.check(request)?;
+        let request = &self.within_limits(request);
+        let problem = self.problem(request, None);
+        let seeds = Seeds::search(&problem, self.config.first, || false);
+        let starts = seeds.best().iter().take(self.config.starts);
+        Ok(starts
+            .map(|seed| CatchPoint {
+                q: std::array::from_fn(|i| seed.x[i]),
+                t: seed.x[ARM_JOINTS],
+            })
+            .collect())
+    }
+
     /// Clamps joint positions and velocities that exceed their limits by rounding.
     fn within_limits(&self, request: &CatchRequest) -> CatchRequest {
         let mut request = *request;

@@ -277,6 +277,18 @@ impl Thrower {
         })
     }
 
+    /// Returns the start points of the descents as `(angles, fractions of speeds, time)`, for other planners.
+    ///
+    /// # Errors
+    /// Same as [`Thrower::plan`].
+    pub fn starts(&self, request: &ThrowRequest) -> Result<Vec<Vec<f64>>, NoThrow> {
+        let arm = self.check(request)?;
+        let swing = Swing::new(&self.robot, arm, &self.robot.waiting());
+        let problem = self.problem(&swing, request);
+        let starts = starts(&problem, self.config.candidates, self.config.starts);
+        Ok(starts.into_iter().map(|x| x.to_vec()).collect())
+    }
+
     fn problem<'a>(&'a self, swing: &'a Swing, request: &ThrowRequest) -> Problem<'a> {
         Problem {
             clearance: &self.clearances[swing.number()],

@@ -19,8 +19,9 @@
 //! E`.
 
 use nalgebra::{Cholesky, Matrix3, SMatrix, SVector, Vector3};
+use tactnet_catching_packets::RobotDescription;
 
-use super::camera::View;
+use super::camera::{CAMERAS, Camera, View};
 use super::config::TrackConfig;
 use super::head::{HEAD, Head, HeadDrift, HeadMatrix};
 use super::triangular::{add, lower, subtract};
@@ -215,6 +216,29 @@ impl BallState {
         self.head = joint.fixed_view::<HEAD, HEAD>(0, 0).into_owned();
         self.shared = joint.fixed_view::<STATES, HEAD>(HEAD, 0).into_owned();
         self.own = joint.fixed_view::<STATES, STATES>(HEAD, HEAD).into_owned();
+    }
+
+    /// Predicts from one head pose to the next and processes circles that are known to belong to this ball, like the
+    /// tracker after its assignment. Returns `None` if the ball is not in front of a camera or the filter is invalid.
+    ///
+    /// - `heads`: pose at the time of this state, and at the pictures
+    /// - `circles`: u, v, r in the left and the right picture, in pixels; `None` if not detected
+    pub fn follow(
+        &mut self,
+        robot: &RobotDescription,
+        config: &TrackConfig,
+        heads: [&Head; 2],
+        circles: [Option<&Vector3<f64>>; CAMERAS],
+    ) -> Option<()> {
+        let [before, now] = heads;
+        let dt = (now.t_ns as f64 - before.t_ns as f64) * 1e-9;
+        self.predict(dt, &now.drift(before), config)?;
+        for (camera, circle) in Camera::pair(&robot.cameras).into_iter().zip(circles) {
+            let Some(circle) = circle else { continue };
+            let sight = self.sight(&View::new(camera, now), config, robot.cameras.exposure)?;
+            self.update(&sight, circle)?;
+        }
+        Some(())
     }
 
     /// Returns the predicted circle of a camera, or `None` if the ball is not visible.

@@ -15,6 +15,7 @@ mod eyes;
 mod look;
 mod look_ahead;
 mod page_parts;
+mod peer_circles;
 mod perception;
 mod picture;
 mod plan_bench;
@@ -45,11 +46,16 @@ pub use calibration::{
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass};
 pub use error::TrialError;
 pub use look_ahead::{AHEAD, LookAhead};
+pub use peer_circles::{
+    PeerCameras, PeerCircles, PeerFilter, PeerPair, PeerPrediction, PeerState, PeerStep, PeerThrow,
+    PeerTrack, peer_circles,
+};
 pub use picture::picture_file;
 pub use plan_bench::{PlanBench, PlanReport};
+pub use problems::{PlanProblem, plan_problem};
 pub use quantiles::Quantiles;
 pub use rally::{Rally, RallyConfig, RallyFlight, RallyReport, rally_page};
-pub use safety_bench::{SafetyBench, SafetyReport};
+pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
 pub use series::{ObstaclesReport, Series, SeriesReport, WithoutMap, series_page};
 pub use stepped_stack::StepObserver;
 pub use throw_aim::{AimRound, ThrowAim, ThrowAimReport};

@@ -1,12 +1,13 @@
 //! Benchmark of the self-collision monitor: missed collisions and false stops.
 
+use nalgebra::Vector3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
-use tactnet_catching::safety::{Bodies, Monitor, MonitorConfig};
+use tactnet_catching::safety::{Bodies, Hull, Monitor, MonitorConfig, PAIRS, distance};
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{JOINTS, Joint};
 
@@ -40,6 +41,19 @@ pub struct SafetyReport {
     pub braked_in_vain: usize,
     /// Number of motions in which all distances exceed the margin.
     pub free: usize,
+}
+
+/// Points of two hulls, their radii and distance, for other implementations.
+#[derive(Debug, Clone, Serialize)]
+pub struct PeerHulls {
+    /// Points of the first hull, in m.
+    pub a: Vec<[f64; 3]>,
+    /// Points of the second hull, in m.
+    pub b: Vec<[f64; 3]>,
+    /// Radii of both hulls, in m.
+    pub radii: [f64; 2],
+    /// Distance according to this project, in m.
+    pub distance: f64,
 }
 
 /// Result of a random motion.
@@ -87,6 +101,39 @@ impl SafetyBench {
             braked_in_vain: begun().filter(free).filter(|judged| !judged.go).count(),
             free: begun().filter(free).count(),
         }
+    }
+
+    /// Returns hulls of random motions, at rest and swept.
+    pub fn peer_hulls(&self, robot: &Robot) -> Vec<PeerHulls> {
+        let bodies = Bodies::new(robot.description());
+        let peers = (0..self.motions).map(|number| {
+            let command = self.command(robot.joints(), number);
+            let monitor = Monitor::new(
+                bodies.clone(),
+                *robot.joints(),
+                MonitorConfig::default(),
+                &command.q,
+            );
+            let pair = number % PAIRS;
+            let [a, b] = if number % 2 == 0 {
+                bodies.placed(pair, &command.q)
+            } else {
+                bodies.swept(pair, &monitor.intervals(&command))
+            };
+            let points = |hull: &Hull| {
+                hull.points()
+                    .iter()
+                    .map(|p: &Vector3<f64>| (*p).into())
+                    .collect()
+            };
+            PeerHulls {
+                a: points(&a),
+                b: points(&b),
+                radii: [a.radius, b.radius],
+                distance: distance(&a, &b),
+            }
+        });
+        peers.collect()
     }
 
     fn judge(&self, robot: &Robot, bodies: &Bodies, number: usize) -> Judged {

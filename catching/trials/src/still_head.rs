@@ -132,8 +132,8 @@ impl StillThrow {
     ///
     /// # Errors
     /// A pair that the tracker refuses.
-    pub fn track(&self, robot: &Robot) -> Result<Tracked, TrialError> {
-        let mut tracker = BallTracker::new(robot.description(), TrackConfig::default())?;
+    pub fn track(&self, robot: &Robot, config: TrackConfig) -> Result<Tracked, TrialError> {
+        let mut tracker = BallTracker::new(robot.description(), config)?;
         let (mut said, mut micros) = (Vec::new(), Vec::with_capacity(self.pairs.len()));
         for pair in &self.pairs {
             let begun = Instant::now();
@@ -152,16 +152,27 @@ impl StillThrow {
         Ok(Tracked { said, micros })
     }
 
-    /// Returns the error of the prediction after the last pair that showed the ball at least [`AHEAD`] before the catch,
-    /// if there is one.
-    pub fn ahead(&self, tracked: &Tracked) -> Option<LookAhead> {
+    /// Returns the time of the last pair at least [`AHEAD`] before the catch in ns; `None` if no picture showed the
+    /// ball by then.
+    pub fn judged_ns(&self) -> Option<u64> {
         let latest = self.catch_ns.checked_sub(nanoseconds(AHEAD))?;
-        let shown = self.pairs.iter().filter(|pair| self.shows_ball(pair));
-        let judged_ns = shown.map(Pair::t_ns).rfind(|t_ns| *t_ns <= latest)?;
-        let mut said = tracked.said.iter();
-        let said = said.rfind(|said| said.exposure_ns == judged_ns)?;
+        self.pairs
+            .iter()
+            .filter(|pair| self.shows_ball(pair))
+            .map(Pair::t_ns)
+            .rfind(|t_ns| *t_ns <= latest)
+    }
+
+    /// Returns the prediction after that pair and its error, if there is one.
+    pub fn ahead<'a>(&self, tracked: &'a Tracked) -> Option<(&'a TimedPrediction, LookAhead)> {
+        let judged_ns = self.judged_ns()?;
+        let said = tracked
+            .said
+            .iter()
+            .rfind(|said| said.exposure_ns == judged_ns)?;
         let still = Isometry3::identity();
-        Some(said.judge(&still, self.catch_ns, &self.catch.p, &self.catch.v))
+        let ahead = said.judge(&still, self.catch_ns, &self.catch.p, &self.catch.v);
+        Some((said, ahead))
     }
 }
 

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
+use tactnet_catching::track::TrackConfig;
 
 use crate::error::TrialError;
 use crate::look_ahead::{Errors, LookAhead};
@@ -19,6 +20,8 @@ pub struct TrackBench {
     pub throws: usize,
     /// Seed of throws, noise and clutter.
     pub seed: u64,
+    /// Settings of the tracker.
+    pub config: TrackConfig,
 }
 
 /// Results. Everything except the times is reproducible bit by bit.
@@ -93,7 +96,7 @@ impl TrackBench {
             // Sequential, because it is timed.
             for throws in &thrown? {
                 for (throw, kept) in throws.iter().zip(&mut kept) {
-                    kept.add(throw, robot)?;
+                    kept.add(throw, robot, self.config)?;
                 }
             }
             done += wanted;
@@ -110,10 +113,15 @@ impl TrackBench {
 }
 
 impl Kept {
-    fn add(&mut self, throw: &StillThrow, robot: &Robot) -> Result<(), TrialError> {
-        let tracked = throw.track(robot)?;
+    fn add(
+        &mut self,
+        throw: &StillThrow,
+        robot: &Robot,
+        config: TrackConfig,
+    ) -> Result<(), TrialError> {
+        let tracked = throw.track(robot, config)?;
         match throw.ahead(&tracked) {
-            Some(ahead) => self.ahead.push(ahead),
+            Some((_, ahead)) => self.ahead.push(ahead),
             None => self.lost += 1,
         }
         let timed = throw.pairs.iter().zip(&tracked.micros);
@@ -149,7 +157,11 @@ mod tests {
     use super::*;
 
     fn run(throws: usize, threads: usize) -> TrackReport {
-        let bench = TrackBench { throws, seed: 5 };
+        let bench = TrackBench {
+            throws,
+            seed: 5,
+            config: TrackConfig::default(),
+        };
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
+use tactnet_catching::track::TrackConfig;
 use tactnet_catching_trials::{TrackBench, TrackFigures, TrackReport};
 
 use crate::commands::catch::{self, progress_of};
@@ -32,9 +33,11 @@ pub struct TrackBenchArgs {
 pub fn run(arguments: &TrackBenchArgs) -> anyhow::Result<ExitCode> {
     let robot = catch::robot(arguments.robot.as_ref())?;
     let throws = arguments.throws as usize;
+    let config = TrackConfig::default();
     let bench = TrackBench {
         throws,
         seed: arguments.seed,
+        config,
     };
     let report = bench.run(&robot, progress_of(throws, "throws"))?;
     OutputFormat::from_flag(arguments.json).report(&report, print)
