@@ -46,6 +46,8 @@ pub use report::{LikenessReport, LikenessVerdict};
 const MIN_SWEEPS: usize = 20;
 /// Number of parts of the training sweeps, each of which is compared with the others.
 const PARTS: usize = 10;
+/// Name of the tensor that marks a description of other sweeps than those whose scores it has.
+const MOVED: &str = "moved";
 /// Minimum number of recording blocks for a comparison of whole blocks.
 const MIN_BLOCKS: usize = 3;
 
@@ -157,9 +159,12 @@ impl Likeness {
                 return Err(format!("`{}`: no material {label}", name("nearest")));
             }
             // Other recording blocks differ in a common direction, too, so directions say nothing about them.
-            let direction = |at: usize| match kind {
-                "within" => directions.of(sweeps[at] as usize, nearest[at] as usize),
-                _ => Vec::new(),
+            let has_directions = kind == "within"
+                && constant.sweeps() == known.len()
+                && !weights.0.contains_key(MOVED);
+            let direction = |at: usize| match has_directions {
+                true => directions.of(sweeps[at] as usize, nearest[at] as usize),
+                false => Vec::new(),
             };
             let scores = (0..held_out).map(|at| ReferenceSweep {
                 direction: direction(at),

@@ -6,7 +6,7 @@ use tactnet_models::Features;
 use super::constant_taxels::constant_taxels;
 use super::descriptor::DescriptionPart;
 use super::distances::{Distance, Distances};
-use super::{Likeness, MIN_SWEEPS, PARTS, flags, matrix, vector};
+use super::{Likeness, MIN_SWEEPS, MOVED, PARTS, flags, matrix, vector};
 use crate::PipelineError;
 use crate::adapt::shift::{Moment, believed};
 
@@ -81,6 +81,8 @@ impl Likeness {
             for name in ["within.sweep", "within.unit"] {
                 set(name, of(|(at, _)| *at as f64));
             }
+            // The scored sweeps are not those of the descriptions.
+            set(MOVED, vector(vec![1.0]));
             for name in ["distance", "nearest", "sweep", "unit"] {
                 weights.0.remove(&format!("between.{name}"));
             }
