@@ -68,8 +68,8 @@ impl fmt::Display for AdaptRisk {
             ),
             Self::OtherRecording { p } => write!(
                 f,
-                "the sweeps are like another recording on the skin of training (p = {p:.2}), to which adapting without labels lowers the \
-                 accuracy"
+                "the sweeps are like another recording on the skin of training (p = {p:.2}): adapting without labels lowers the accuracy, \
+                 labelled sweeps raise it"
             ),
             Self::FewMaterials {
                 found,
