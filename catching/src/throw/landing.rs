@@ -99,7 +99,7 @@ impl State {
             h -= (there.p.z - height) / there.v.z;
         }
         let there = self.step(k, h);
-        // If the apex is just below the height, there is no landing.
+        // A flight whose apex is just below the height does not land.
         if there.v.z >= -1e-6 || (there.p.z - height).abs() > 1e-9 {
             return None;
         }

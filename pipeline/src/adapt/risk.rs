@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Minimum number of sweeps to adapt to.
 pub(super) const MIN_SWEEPS: usize = 8;
-/// Number of sweeps from which the shift is told from chance well enough.
+/// Number of sweeps from which a shift differs clearly from chance.
 const ENOUGH_SWEEPS: usize = 16;
 /// Minimum diversity of the sweeps.
 pub(super) const MIN_DIVERSITY: f64 = 0.4;
@@ -35,7 +35,7 @@ pub struct Presence {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum AdaptRisk {
-    /// Fewer sweeps than a shift can be told from chance by.
+    /// Too few sweeps to distinguish a shift from chance.
     FewSweeps {
         /// Number of sweeps.
         found: usize,
