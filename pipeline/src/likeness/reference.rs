@@ -266,3 +266,57 @@ fn sum_of<'a>(rows: impl Iterator<Item = &'a Vec<f64>>) -> Vec<f64> {
     }
     sums
 }
+
+#[cfg(test)]
+mod tests {
+    use tactnet_data::Seed;
+
+    use super::*;
+
+    const SWEEPS: usize = 200;
+    const WIDTH: usize = 5;
+    const DISTANCE: Distance = Distance {
+        log: 0.0,
+        nearest: 0,
+        stuck: 0.0,
+    };
+
+    /// Returns the vector of length 1 along an axis, or against it.
+    fn along(axis: usize, sign: f64) -> Vec<f64> {
+        let mut direction = vec![0.0; WIDTH];
+        direction[axis] = sign;
+        direction
+    }
+
+    /// Returns the p-value of sweeps in `directions`, each as far away as every training sweep.
+    fn p_of(directions: Vec<Vec<f64>>) -> f64 {
+        let sign = |at: usize| if at / WIDTH % 2 == 0 { 1.0 } else { -1.0 };
+        let sweep = |at: usize| ReferenceSweep {
+            distance: DISTANCE,
+            constant: vec![0.0],
+            direction: along(at % WIDTH, sign(at)),
+            unit: at,
+        };
+        let scores = ReferenceScores::new((0..SWEEPS).map(sweep).collect());
+        let set = SweepSet {
+            distances: &vec![DISTANCE; directions.len()],
+            constant: vec![vec![0.0]; directions.len()],
+            directions,
+        };
+        scores.p_of_all(&set, &mut Seed(1).rng("directions"))
+    }
+
+    #[test]
+    fn sweeps_that_differ_in_one_direction_are_unusual_together() {
+        let p = p_of(vec![along(2, 1.0); 10]);
+        // At most the most unusual of the 999 resamples is as unusual.
+        assert!(p <= 0.002, "{p}");
+    }
+
+    #[test]
+    fn sweeps_that_differ_in_opposite_directions_are_usual() {
+        let signs = [1.0, -1.0].into_iter().cycle();
+        let p = p_of(signs.take(10).map(|sign| along(2, sign)).collect());
+        assert!(p > 0.5, "{p}");
+    }
+}
