@@ -35,6 +35,9 @@ ROWS = [
     ("hands 4 cm beside", [], {"errors": {"arm_mount": 0.04}}, 0.2),
     ("balls without air, drag believed", [], {"ball": {"air": 0.0}}, 0.2),
     ("balls without air, no drag believed", ["--without", "drag"], {"ball": {"air": 0.0}}, 0.2),
+    ("from pictures", ["--pixels"], {}, 0.1),
+    ("from pictures, seed 2", ["--pixels", "--seed", "2"], {}, 0.1),
+    ("from pictures, seed 3", ["--pixels", "--seed", "3"], {}, 0.1),
 ]
 
 
