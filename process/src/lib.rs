@@ -8,15 +8,21 @@
 //!
 //! The first two are in separate process groups, so Ctrl-C reaches only the program that started them, and are killed
 //! when they are dropped. They are asked to end with SIGTERM, which exists only on Unix.
+//!
+//! [`VirtualNetwork`] runs them on several hosts: network namespaces of Linux.
 
 mod child_process;
 mod error;
 mod last_lines;
 mod ready_process;
 mod run_to_end;
+#[cfg(target_os = "linux")]
+mod virtual_network;
 
 pub use child_process::ChildProcess;
 pub use error::ProcessError;
 pub use last_lines::without_prefix;
 pub use ready_process::ReadyProcess;
 pub use run_to_end::run_to_end;
+#[cfg(target_os = "linux")]
+pub use virtual_network::{NetworkError, VirtualNetwork};

@@ -1,60 +1,31 @@
-//! Two hosts on this machine: one hub process in each of two network namespaces, connected by a virtual cable.
+//! Two hosts on this machine: one hub process in each of two network namespaces.
 
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::process::{Child, Stdio};
 
 use tactnet_channel::{Congestion, Hub, Network, Table};
+use tactnet_process::VirtualNetwork;
 
 /// Environment variable with the table for the hub process.
 const TABLE: &str = "TACTNET_CONFORMANCE_HUB";
-const ADDRESSES: [&str; 2] = ["10.78.0.1", "10.78.0.2"];
 
-/// Removes hubs, namespaces and cable when dropped.
+/// Ends the hubs and removes the namespaces when dropped.
 pub struct Namespaces {
-    names: [String; 2],
-    hubs: Vec<Child>,
+    hubs: [Child; 2],
+    _network: VirtualNetwork,
 }
 
-/// Returns true if this process can create network namespaces.
+/// Returns true if this process can create network namespaces; otherwise prints why.
 pub fn are_allowed() -> bool {
-    let name = format!("tactnet-try-{}-{}", std::process::id(), number());
-    let added = ip(&format!("netns add {name}"));
-    added && ip(&format!("netns del {name}"))
-}
-
-fn number() -> u32 {
-    static NUMBERS: AtomicU32 = AtomicU32::new(0);
-    NUMBERS.fetch_add(1, Ordering::Relaxed)
-}
-
-fn ip(arguments: &str) -> bool {
-    let mut ip = Command::new("ip");
-    ip.args(arguments.split(' ')).stderr(Stdio::null());
-    ip.status().is_ok_and(|status| status.success())
+    VirtualNetwork::new(1)
+        .inspect_err(|error| eprintln!("SKIPPED: {error}"))
+        .is_ok()
 }
 
 impl Namespaces {
     /// Starts both hubs. Returns the table of each host; all its channels are distributed.
     pub fn with_hubs(table: &Table) -> (Self, [Table; 2]) {
-        let number = number();
-        let names = ["a", "b"].map(|end| format!("{}{number}{end}", std::process::id()));
-        let mut made = Self {
-            names: names.clone(),
-            hubs: Vec::new(),
-        };
-        for name in &names {
-            assert!(ip(&format!("netns add {name}")));
-        }
-        let [a, b] = &names;
-        assert!(ip(&format!(
-            "link add cable netns {a} type veth peer name cable netns {b}"
-        )));
-        for (name, address) in names.iter().zip(ADDRESSES) {
-            assert!(ip(&format!("-n {name} addr add {address}/24 dev cable")));
-            assert!(ip(&format!("-n {name} link set cable up")));
-        }
-        let endpoint = vec![format!("tcp/{}:7447", ADDRESSES[0])];
+        let endpoint = vec![format!("tcp/{}:7447", VirtualNetwork::address(0))];
         let networks = [
             Network {
                 host: "a".into(),
@@ -80,18 +51,20 @@ impl Namespaces {
             }
             table
         });
-        for (name, table) in names.iter().zip(&tables) {
-            made.hubs.push(start_hub(name, table));
-        }
+        let network = VirtualNetwork::new(2).unwrap();
+        let hubs = [0, 1].map(|host| start_hub(&network, host, &tables[host]));
+        let made = Self {
+            hubs,
+            _network: network,
+        };
         (made, tables)
     }
 }
 
-/// Starts this test program in the namespace, to run [`hub_of_a_namespace`] only.
-fn start_hub(namespace: &str, table: &Table) -> Child {
-    let mut hub = Command::new("ip")
-        .args(["netns", "exec", namespace])
-        .arg(std::env::current_exe().unwrap())
+/// Starts this test program on a host, to run [`hub_of_a_namespace`] only.
+fn start_hub(network: &VirtualNetwork, host: usize, table: &Table) -> Child {
+    let mut hub = network
+        .command(host, std::env::current_exe().unwrap())
         .args(["--ignored", "--exact", "--nocapture"])
         .arg("namespaces::hub_of_a_namespace")
         .env(TABLE, toml::to_string(table).unwrap())
@@ -122,9 +95,6 @@ impl Drop for Namespaces {
         for hub in &mut self.hubs {
             drop(hub.stdin.take());
             let _ = hub.wait();
-        }
-        for name in &self.names {
-            ip(&format!("netns del {name}"));
         }
     }
 }

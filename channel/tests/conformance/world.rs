@@ -72,11 +72,7 @@ impl World {
     /// Returns `None`, with a message, if network namespaces are not allowed.
     #[cfg(feature = "zenoh")]
     pub fn distributed() -> Option<Self> {
-        if !super::namespaces::are_allowed() {
-            eprintln!("SKIPPED: network namespaces need root and iproute2");
-            return None;
-        }
-        Some(Self {
+        super::namespaces::are_allowed().then_some(Self {
             kind: Kind::Distributed,
         })
     }
