@@ -45,9 +45,9 @@ pub enum ChannelCommand {
     Packets(packets::PacketsArgs),
     /// Measure round trips of packets, compared with other transports
     Stress(stress::StressArgs),
-    /// Run a client of the stress test (started by `stress`)
+    /// Run a hub or client of the stress test (started by `stress`)
     #[command(hide = true)]
-    StressClient,
+    StressChild,
 }
 
 #[derive(Args)]
@@ -77,7 +77,7 @@ pub fn run(command: ChannelCommand) -> anyhow::Result<ExitCode> {
         ChannelCommand::Put(arguments) => put::put(&arguments),
         ChannelCommand::Packets(arguments) => packets::packets(&arguments),
         ChannelCommand::Stress(arguments) => stress::run(arguments),
-        ChannelCommand::StressClient => stress::client(),
+        ChannelCommand::StressChild => stress::child(),
     }
 }
 

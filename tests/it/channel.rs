@@ -325,6 +325,7 @@ fn too_little_shared_memory_is_an_error_and_no_crash() {
 fn the_stress_test_measures_every_requested_transport() {
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("stress.html");
+    let picture = folder.path().join("stress.svg");
     let mut stress = tactnet([
         "channel",
         "stress",
@@ -336,7 +337,9 @@ fn the_stress_test_measures_every_requested_transport() {
     ]);
     stress
         .args(["--clients", "1,3", "--against", "iceoryx2", "--html"])
-        .arg(&page);
+        .arg(&page)
+        .arg("--picture")
+        .arg(&picture);
     let result = json(stress);
     let rows = result["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 2 * 2 * 2);
@@ -351,6 +354,9 @@ fn the_stress_test_measures_every_requested_transport() {
         page.contains("figure 2.6") && page.contains("figure 2.7"),
         "two sizes and two numbers of clients"
     );
+    let picture = std::fs::read_to_string(picture).unwrap();
+    // Figures 2.6 and 2.7, left and right, each with two lines and their samples in the legend.
+    assert_eq!(picture.matches("<polyline").count(), 3 * 2 * 2);
 
     let mut configurations = tactnet([
         "channel",

@@ -1,25 +1,37 @@
-//! Channels between hosts: network namespaces of this machine, each with its own `/dev/shm`, connected by virtual cables.
-//!
-//! ```text
-//! a (putter, listens) ─┬─ b
-//!                      └─ c
-//! ```
+//! Channels between hosts: network namespaces of this machine, joined by a bridge.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tactnet_channel::MEMORY_FOLDER_VARIABLE;
+use tactnet_process::VirtualNetwork;
 use tempfile::TempDir;
 
 /// Size of a packet, in bytes.
 const PACKET: usize = 100_000;
 
+/// Network with three hosts: `a`, which puts and listens, `b` and `c`.
+struct Hosts {
+    network: Rc<VirtualNetwork>,
+    /// Tables, certificates and shared memory.
+    folder: TempDir,
+}
+
+#[derive(Clone, Copy)]
+enum Name {
+    A,
+    B,
+    C,
+}
+
 struct Host {
-    /// Keeps the namespaces alive.
-    anchor: Child,
+    network: Rc<VirtualNetwork>,
+    name: Name,
     table: String,
+    memory: String,
 }
 
 struct Running(Child);
@@ -31,13 +43,6 @@ impl Drop for Running {
     }
 }
 
-impl Drop for Host {
-    fn drop(&mut self) {
-        let _ = self.anchor.kill();
-        let _ = self.anchor.wait();
-    }
-}
-
 fn sh(command: &str) -> String {
     let output = Command::new("sh").args(["-c", command]).output().unwrap();
     let error = String::from_utf8_lossy(&output.stderr);
@@ -45,41 +50,45 @@ fn sh(command: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-impl Host {
-    fn new(folder: &TempDir, name: &str, network: &str) -> Self {
-        Self::with_rights(folder, name, network, "")
+impl Hosts {
+    /// Returns `None`, with a message, if network namespaces are not allowed.
+    fn new() -> Option<Self> {
+        let network = VirtualNetwork::new(3)
+            .inspect_err(|error| eprintln!("SKIPPED: {error}"))
+            .ok()?;
+        Some(Self {
+            network: Rc::new(network),
+            folder: TempDir::new_in("/dev/shm").unwrap(),
+        })
+    }
+
+    /// - `network`: lines of the table about the network
+    fn host(&self, name: Name, network: &str) -> Host {
+        self.host_with_rights(name, network, "")
     }
 
     /// - `rights`: settings of the channel
-    fn with_rights(folder: &TempDir, name: &str, network: &str, rights: &str) -> Self {
-        let script =
-            "mount -t tmpfs shm /dev/shm && ip link set lo up && echo ready && exec sleep 1000";
-        let mut anchor = Command::new("unshare")
-            .args(["--net", "--mount", "sh", "-c", script])
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut lines = BufReader::new(anchor.stdout.take().unwrap()).lines();
-        assert_eq!(lines.next().unwrap().unwrap(), "ready");
-        let table = folder.path().join(format!("{name}.toml"));
+    fn host_with_rights(&self, name: Name, network: &str, rights: &str) -> Host {
+        let table = self.folder.path().join(format!("{}.toml", name as usize));
         let text = format!(
             "bus = \"hosts\"\n[network]\n{network}\n[channels.a]\npacket = \"u8\"\nitem_bytes = 1\nitems = {PACKET}\n\
              get_ports = 6\ndepth = 64\ndistributed = true\ncongestion = \"block\"\n{rights}"
         );
         std::fs::write(&table, text).unwrap();
-        Self {
-            anchor,
+        let memory = self.folder.path().join(format!("memory{}", name as usize));
+        Host {
+            network: Rc::clone(&self.network),
+            name,
             table: table.display().to_string(),
+            memory: memory.display().to_string(),
         }
     }
+}
 
+impl Host {
     fn run(&self, program: &str) -> Command {
-        let mut command = Command::new("nsenter");
-        command
-            .arg(format!("--target={}", self.anchor.id()))
-            .args(["--net", "--mount", "--"])
-            .arg(program)
-            .env(MEMORY_FOLDER_VARIABLE, "/dev/shm/tactnet");
+        let mut command = self.network.command(self.name as usize, program);
+        command.env(MEMORY_FOLDER_VARIABLE, &self.memory);
         command
     }
 
@@ -125,24 +134,15 @@ impl Host {
         }
     }
 
-    /// Returns the number of bytes received over a cable.
-    fn received(&self, cable: &str) -> u64 {
+    /// Returns the number of bytes that arrived over the network.
+    fn received(&self) -> u64 {
         let output = self
             .run("ip")
-            .args(["-s", "-j", "link", "show", cable])
+            .args(["-s", "-j", "link", "show", "cable"])
             .output()
             .unwrap();
         let link: Value = serde_json::from_slice(&output.stdout).unwrap();
         link[0]["stats64"]["rx"]["bytes"].as_u64().unwrap()
-    }
-
-    fn configure(&self, cable: &str, address: &str) {
-        for arguments in [
-            vec!["addr", "add", address, "dev", cable],
-            vec!["link", "set", cable, "up"],
-        ] {
-            assert!(self.run("ip").args(arguments).status().unwrap().success());
-        }
     }
 }
 
@@ -150,39 +150,13 @@ fn found(hz: Child) -> Value {
     serde_json::from_slice(&hz.wait_with_output().unwrap().stdout).unwrap()
 }
 
-fn three_hosts(folder: &TempDir) -> [Host; 3] {
-    let a = Host::new(
-        folder,
-        "a",
-        "plain_text = true\nlisten = [\"tcp/10.77.1.1:7447\", \"tcp/10.77.2.1:7447\"]",
-    );
-    let b = Host::new(
-        folder,
-        "b",
-        "plain_text = true\nconnect = [\"tcp/10.77.1.1:7447\"]",
-    );
-    let c = Host::new(
-        folder,
-        "c",
-        "plain_text = true\nconnect = [\"tcp/10.77.2.1:7447\"]",
-    );
-    connect(&a, &b, &c);
-    [a, b, c]
-}
-
-/// Cables from `a` to both other hosts.
-fn connect(a: &Host, b: &Host, c: &Host) {
-    for (number, other) in [(1, b), (2, c)] {
-        let (near, far) = (
-            format!("tn{number}a{}", a.anchor.id()),
-            format!("tn{number}b{}", a.anchor.id()),
-        );
-        sh(&format!("ip link add {near} type veth peer name {far}"));
-        for (cable, host, end) in [(&near, a, 1), (&far, other, 2)] {
-            sh(&format!("ip link set {cable} netns {}", host.anchor.id()));
-            host.configure(cable, &format!("10.77.{number}.{end}/24"));
-        }
-    }
+/// Returns the table line of host `a`, or of a host that connects to it.
+///
+/// - `key`: `listen` or `connect`
+/// - `protocol`: `tcp` or `tls`
+fn endpoint(key: &str, protocol: &str) -> String {
+    let address = VirtualNetwork::address(Name::A as usize);
+    format!("{key} = [\"{protocol}/{address}:7447\"]")
 }
 
 /// Certificate authorities and certificates in a folder, created by openssl.
@@ -206,9 +180,12 @@ impl Certificates<'_> {
             "req -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN={name} -keyout {name}.key -out {name}.csr"
         ));
         let extensions = self.0.path().join(format!("{name}.ext"));
+        let address = VirtualNetwork::address(Name::A as usize);
         std::fs::write(
             extensions,
-            "subjectAltName = IP:10.77.1.1, IP:10.77.2.1\nextendedKeyUsage = serverAuth, clientAuth\nbasicConstraints = CA:FALSE\n",
+            format!(
+                "subjectAltName = IP:{address}\nextendedKeyUsage = serverAuth, clientAuth\nbasicConstraints = CA:FALSE\n"
+            ),
         )
         .unwrap();
         self.openssl(&format!(
@@ -224,50 +201,32 @@ impl Certificates<'_> {
     }
 }
 
-fn may_have_namespaces() -> bool {
-    let may = Command::new("unshare")
-        .args(["--net", "--mount", "true"])
-        .output();
-    let may = may.is_ok_and(|output| output.status.success());
-    if !may {
-        eprintln!("SKIPPED: network namespaces need root");
-    }
-    may
-}
-
 /// A second hub without credentials could send and receive everything.
 #[test]
 fn a_host_puts_and_gets_only_what_its_certificate_allows() {
-    if !may_have_namespaces() {
+    let Some(hosts) = Hosts::new() else {
         return;
-    }
-    let folder = TempDir::new().unwrap();
-    let certificates = Certificates(&folder);
+    };
+    let certificates = Certificates(&hosts.folder);
     certificates.authority("robot");
     certificates.authority("stranger");
     let arm = certificates.host("arm", "robot");
-    let a = Host::with_rights(
-        &folder,
-        "a",
-        &format!("listen = [\"tls/10.77.1.1:7447\", \"tls/10.77.2.1:7447\"]\n{arm}"),
+    let a = hosts.host_with_rights(
+        Name::A,
+        &format!("{}\n{arm}", endpoint("listen", "tls")),
         "put_from = [\"head\"]\nget_from = [\"head\"]\nput_ports = 3\n",
     );
     let head = certificates.host("head", "robot");
-    let b = Host::new(
-        &folder,
-        "b",
-        &format!("connect = [\"tls/10.77.1.1:7447\"]\n{head}"),
-    );
+    let tls = endpoint("connect", "tls");
+    let b = hosts.host(Name::B, &format!("{tls}\n{head}"));
     // One host with a valid certificate but without rights, one of another authority, one without TLS.
     let leg = certificates.host("leg", "robot");
     let other = certificates.host("other", "stranger");
     let intruders = [
-        format!("connect = [\"tls/10.77.2.1:7447\"]\n{leg}"),
-        format!("connect = [\"tls/10.77.2.1:7447\"]\n{other}"),
-        "plain_text = true\nconnect = [\"tcp/10.77.2.1:7447\"]".to_owned(),
+        format!("{tls}\n{leg}"),
+        format!("{tls}\n{other}"),
+        format!("plain_text = true\n{}", endpoint("connect", "tcp")),
     ];
-    let c = Host::new(&folder, "c", &intruders[0]);
-    connect(&a, &b, &c);
     let _hubs = [a.hub(), b.hub()];
     let put = |host: &Host, count: usize| {
         let mut put = host.channel(&["put", "a", "--rate", "100"]);
@@ -275,11 +234,7 @@ fn a_host_puts_and_gets_only_what_its_certificate_allows() {
         assert!(put.output().unwrap().status.success());
     };
     for intruder in &intruders {
-        let table = std::fs::read_to_string(&c.table).unwrap();
-        let begin = table.find("[network]").unwrap() + "[network]\n".len();
-        let end = table.find("[channels.a]").unwrap();
-        let table = format!("{}{intruder}\n{}", &table[..begin], &table[end..]);
-        std::fs::write(&c.table, table).unwrap();
+        let c = hosts.host(Name::C, intruder);
         let _hub = c.hub();
         let heard = [a.hz(1, "6"), b.hz(1, "6"), c.hz(1, "6")].map(|mut hz| hz.remove(0));
         settle();
@@ -291,10 +246,6 @@ fn a_host_puts_and_gets_only_what_its_certificate_allows() {
     }
 }
 
-fn cable(a: &Host, number: usize) -> String {
-    format!("tn{number}b{}", a.anchor.id())
-}
-
 /// Waits until the hubs have exchanged their subscribers.
 fn settle() {
     std::thread::sleep(Duration::from_secs(2));
@@ -302,17 +253,17 @@ fn settle() {
 
 #[test]
 fn packets_cross_the_wire_once_for_a_host_that_listens_and_a_killed_hub_comes_back() {
-    if !may_have_namespaces() {
+    let Some(hosts) = Hosts::new() else {
         return;
-    }
-    let folder = TempDir::new().unwrap();
-    let [a, b, c] = three_hosts(&folder);
+    };
+    let plain = |key| format!("plain_text = true\n{}", endpoint(key, "tcp"));
+    let a = hosts.host(Name::A, &plain("listen"));
+    let [b, c] = [Name::B, Name::C].map(|name| hosts.host(name, &plain("connect")));
     let (_hub_a, hub_b, _hub_c) = (a.hub(), b.hub(), c.hub());
     let local = a.hz(1, "20");
     let listening = b.hz(5, "9");
     settle();
-    let (cable_b, cable_c) = (cable(&a, 1), cable(&a, 2));
-    let before = (b.received(&cable_b), c.received(&cable_c));
+    let before = (b.received(), c.received());
     let put = |rate: &str, count: usize| {
         let put = a
             .channel(&["put", "a", "--rate", rate, "--count", &count.to_string()])
@@ -321,7 +272,7 @@ fn packets_cross_the_wire_once_for_a_host_that_listens_and_a_killed_hub_comes_ba
         assert!(put.status.success());
     };
     put("100", 300);
-    let after = (b.received(&cable_b), c.received(&cable_c));
+    let after = (b.received(), c.received());
     for hz in listening {
         let rate = found(hz);
         assert_eq!(
@@ -360,20 +311,62 @@ fn packets_cross_the_wire_once_for_a_host_that_listens_and_a_killed_hub_comes_ba
 
 #[test]
 fn answers_of_two_hosts_at_once_all_arrive() {
-    let mut stress = crate::command::tactnet(["channel", "stress", "--json", "--seconds", "0.5"]);
-    stress.args([
-        "--domain",
-        "distributed",
-        "--sizes",
-        "65536",
-        "--clients",
-        "6",
-    ]);
-    let output = crate::command::stdout(&crate::command::expect(0, stress));
-    let result: Value = serde_json::from_str(&output).unwrap();
-    assert_eq!(result["rows"][0]["failures"], 0, "{output}");
-    assert!(
-        result["rows"][0]["rounds"].as_u64().unwrap() > 10,
-        "{output}"
-    );
+    let mut domains = vec!["distributed"];
+    domains.extend(VirtualNetwork::new(1).is_ok().then_some("namespaces"));
+    for domain in domains {
+        let mut stress =
+            crate::command::tactnet(["channel", "stress", "--json", "--seconds", "0.5"]);
+        stress.args(["--against", "zenoh", "--domain", domain]);
+        // Packets of 4 B: more than the 10 000 a second that a channel accepts from other hosts by default.
+        stress.args(["--sizes", "4,65536", "--clients", "10"]);
+        let output = crate::command::stdout(&crate::command::expect(0, stress));
+        let result: Value = serde_json::from_str(&output).unwrap();
+        let rows = result["rows"].as_array().unwrap();
+        assert_eq!(rows.len(), 2 * 2, "{output}");
+        for row in rows {
+            assert_eq!(row["domain"], domain);
+            assert_eq!(row["failures"], 0, "{output}");
+            assert!(row["rounds"].as_u64().unwrap() > 10, "{output}");
+        }
+    }
+}
+
+/// Returns the processes in the network namespace of a process, including itself.
+fn in_namespace_of(process: u32) -> Vec<u32> {
+    let namespace = |process: u32| std::fs::read_link(format!("/proc/{process}/ns/net")).ok();
+    let wanted = namespace(process);
+    let entries = std::fs::read_dir("/proc").unwrap().flatten();
+    let processes = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    processes
+        .filter(|other| namespace(*other) == wanted)
+        .collect()
+}
+
+#[test]
+fn a_killed_stress_test_leaves_no_network_namespace() {
+    if VirtualNetwork::new(1).is_err() {
+        return eprintln!("SKIPPED: network namespaces are not allowed");
+    }
+    let mut stress = crate::command::tactnet(["channel", "stress", "--domain", "namespaces"]);
+    stress.args(["--sizes", "4", "--clients", "2", "--seconds", "60"]);
+    let mut stress = stress.spawn().unwrap();
+    let begun = Instant::now();
+    // The master, the sleeping process that keeps its namespace, and its hub.
+    let namespace = loop {
+        let found = in_namespace_of(stress.id());
+        if found.len() == 3 {
+            break found;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(20), "{found:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    stress.kill().unwrap();
+    stress.wait().unwrap();
+    while namespace
+        .iter()
+        .any(|process| std::path::Path::new(&format!("/proc/{process}")).exists())
+    {
+        assert!(begun.elapsed() < Duration::from_secs(40), "{namespace:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }

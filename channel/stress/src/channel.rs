@@ -4,12 +4,13 @@ use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
 use tactnet_channel::{
-    Bus, ChannelConfig, Congestion, Domain, GetPort, GetSide, Hub, HubThread, Network, Packet,
-    Priority, PutPort, Start, SyncGroup, Table, Wait, remove_bus,
+    Bus, ChannelConfig, Congestion, Domain, GetPort, GetSide, Hub, Network, Packet, Priority,
+    PutPort, Start, SyncGroup, Table, Wait, remove_bus,
 };
+use tactnet_process::ReadyProcess;
 
 use crate::plan::{Cell, Configuration, StressDomain};
-use crate::{Client, Failure, Master};
+use crate::{ChildProgram, ChildTask, Client, Failure, Master, Role};
 
 /// Four bytes of a packet. The first word holds the round, the others are not written, as in the thesis.
 #[repr(C)]
@@ -21,12 +22,14 @@ impl Packet for Word {
     const VERSION: u32 = 1;
 }
 
-/// First TCP port of the hubs in the distributed domain.
-const FIRST_PORT: u16 = 17_440;
+/// First TCP port of the hubs in the distributed domains.
+const FIRST_PORT: usize = 17_440;
+/// Interval between two calls of a hub.
+const TICK: Duration = Duration::from_millis(20);
 
 /// Returns the channels of a cell for one host.
 fn table(cell: &Cell, name: &str, host: usize) -> Table {
-    let distributed = cell.domain == StressDomain::Distributed;
+    let distributed = cell.domain.is_distributed();
     let channel = |put_ports, get_ports| ChannelConfig {
         put_ports,
         get_ports,
@@ -34,6 +37,8 @@ fn table(cell: &Cell, name: &str, host: usize) -> Table {
         held: 1,
         distributed,
         congestion: Congestion::Block,
+        // The answers of ten clients exceed the default.
+        remote_rate: u32::MAX,
         ..ChannelConfig::of::<Word>(cell.size.div_ceil(4))
     };
     let mut table = Table::new(name).with("there", channel(1, cell.clients));
@@ -53,11 +58,12 @@ fn table(cell: &Cell, name: &str, host: usize) -> Table {
         );
     }
     if distributed {
-        let port = |host: usize| format!("tcp/127.0.0.1:{}", FIRST_PORT + host as u16);
+        let endpoint = |host| format!("tcp/{}:{}", cell.domain.address(host), FIRST_PORT + host);
         table.network = Network {
             host: format!("h{host}"),
-            listen: vec![port(host)],
-            connect: (0..host).map(port).collect(),
+            listen: vec![endpoint(host)],
+            connect: (0..host).map(endpoint).collect(),
+            plain_text: true,
             ..Network::default()
         };
     }
@@ -79,30 +85,35 @@ fn back(cell: &Cell, client: usize) -> String {
     }
 }
 
-/// Returns the host of a client: in the distributed domain the second or third.
-fn host_of(cell: &Cell, client: usize) -> usize {
-    match cell.domain {
-        StressDomain::Distributed => 1 + client % 2,
-        _ => 0,
-    }
+/// Hub processes of a cell; their buses are removed when dropped.
+pub(super) struct Hubs {
+    tables: Vec<Table>,
+    processes: Vec<ReadyProcess>,
 }
 
-/// Hubs of a cell; their buses are removed when dropped.
-pub(super) struct Hubs(Vec<(Table, HubThread)>);
-
 impl Hubs {
-    /// Starts no hub for a process, one for a host, and three for a master and clients on two other hosts.
-    pub(super) fn start(cell: &Cell, name: &str) -> Result<Self, Failure> {
-        let hosts = match cell.domain {
-            StressDomain::Process => 0,
-            StressDomain::Host => 1,
-            StressDomain::Distributed => 3,
+    /// Starts the hubs of all hosts.
+    pub(super) fn start(
+        cell: &Cell,
+        name: &str,
+        program: ChildProgram<'_>,
+    ) -> Result<Self, Failure> {
+        let hosts = 0..cell.domain.hubs();
+        let mut hubs = Self {
+            tables: hosts.clone().map(|host| table(cell, name, host)).collect(),
+            processes: Vec::new(),
         };
-        let mut hubs = Self(Vec::new());
-        for host in 0..hosts {
-            let table = table(cell, name, host);
-            let hub = Hub::spawn(&table)?;
-            hubs.0.push((table, hub));
+        // One after the other: a hub that connects before the other listens tries again only after a second.
+        for host in hosts {
+            let task = ChildTask {
+                cell: *cell,
+                role: Role::Hub { host },
+                name: name.into(),
+            };
+            let mut hub = program.start(&task)?;
+            hub.wait_until_ready()
+                .map_err(|error| format!("hub {host} {error}"))?;
+            hubs.processes.push(hub);
         }
         Ok(hubs)
     }
@@ -110,18 +121,33 @@ impl Hubs {
 
 impl Drop for Hubs {
     fn drop(&mut self) {
-        for (table, hub) in self.0.drain(..) {
-            drop(hub);
-            // The next cell has another name.
-            let _ = remove_bus(&table);
+        self.processes.clear();
+        for table in &self.tables {
+            // A bus that cannot be removed does no harm.
+            let _ = remove_bus(table);
         }
+    }
+}
+
+/// Holds the channels of a host until this process is killed.
+pub(super) fn run_hub(
+    cell: &Cell,
+    name: &str,
+    host: usize,
+    ready: impl FnOnce(),
+) -> Result<(), Failure> {
+    let mut hub = Hub::start(&table(cell, name, host))?;
+    ready();
+    loop {
+        hub.tick()?;
+        std::thread::sleep(TICK);
     }
 }
 
 fn open_bus(cell: &Cell, name: &str, host: usize) -> Result<Bus, Failure> {
     let domain = match cell.domain {
         StressDomain::Process => Domain::Process,
-        StressDomain::Host | StressDomain::Distributed => Domain::Host,
+        StressDomain::Host | StressDomain::Distributed | StressDomain::Namespaces => Domain::Host,
     };
     Ok(Bus::open(domain, &table(cell, name, host))?)
 }
@@ -228,7 +254,7 @@ impl ChannelClient {
     ) -> Result<Self, Failure> {
         let bus = match bus {
             Some(bus) => bus,
-            None => open_bus(cell, name, host_of(cell, number))?,
+            None => open_bus(cell, name, cell.host_of(number))?,
         };
         let there = bus.get_port::<Word>("there", Start::Now)?;
         let group = match cell.configuration {

@@ -1,7 +1,5 @@
 //! The clients of a cell: threads in the process domain, otherwise processes.
 
-use std::path::Path;
-use std::process::Command;
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -11,21 +9,12 @@ use tactnet_process::ReadyProcess;
 
 use crate::channel::ChannelClient;
 use crate::plan::{Cell, StressDomain};
-use crate::{ClientTask, Failure, serve};
+use crate::{ChildProgram, ChildTask, Failure, Role, serve};
 
 /// Timeout for the start of a client thread.
 const START: Duration = Duration::from_secs(60);
 /// Time that clients get to end before they are killed.
 const END: Duration = Duration::from_secs(2);
-
-/// Program that runs a client process.
-#[derive(Debug, Clone, Copy)]
-pub struct ClientProgram<'a> {
-    /// Path of the program. It reads a [`ClientTask`] from its standard input and calls [`crate::run_client`].
-    pub path: &'a Path,
-    /// Arguments of the program.
-    pub arguments: &'a [&'a str],
-}
 
 /// Running clients; processes are killed when this is dropped.
 #[derive(Default)]
@@ -42,32 +31,23 @@ impl Clients {
         cell: &Cell,
         name: &str,
         bus: Option<&Bus>,
-        program: ClientProgram<'_>,
+        program: ChildProgram<'_>,
     ) -> Result<Self, Failure> {
-        let task = |number| ClientTask {
-            cell: *cell,
-            number,
-            name: name.into(),
-        };
-        let tasks = (0..cell.clients).map(task);
         if cell.domain == StressDomain::Process {
-            Self::start_threads(tasks, bus)
+            Self::start_threads(cell, name, bus)
         } else {
-            Self::start_processes(tasks, program)
+            Self::start_processes(cell, name, program)
         }
     }
 
-    fn start_threads(
-        tasks: impl ExactSizeIterator<Item = ClientTask>,
-        bus: Option<&Bus>,
-    ) -> Result<Self, Failure> {
+    fn start_threads(cell: &Cell, name: &str, bus: Option<&Bus>) -> Result<Self, Failure> {
         let mut clients = Self::default();
-        let count = tasks.len();
         let (ready, is_ready) = channel::<Result<(), Failure>>();
-        for task in tasks {
+        for number in 0..cell.clients {
+            let (cell, name) = (*cell, name.to_owned());
             let (ready, bus) = (ready.clone(), bus.cloned());
             let run = move || {
-                let served = ChannelClient::open(&task.cell, &task.name, task.number, bus)
+                let served = ChannelClient::open(&cell, &name, number, bus)
                     .and_then(|mut client| serve(&mut client, || drop(ready.send(Ok(())))));
                 if let Err(failure) = served {
                     let _ = ready.send(Err(failure));
@@ -75,22 +55,25 @@ impl Clients {
             };
             clients.threads.push(std::thread::spawn(run));
         }
-        for _ in 0..count {
+        for _ in 0..cell.clients {
             is_ready.recv_timeout(START)??;
         }
         Ok(clients)
     }
 
     fn start_processes(
-        tasks: impl Iterator<Item = ClientTask>,
-        program: ClientProgram<'_>,
+        cell: &Cell,
+        name: &str,
+        program: ChildProgram<'_>,
     ) -> Result<Self, Failure> {
         let mut clients = Self::default();
-        for task in tasks {
-            let task = serde_json::to_string(&task)?;
-            let mut command = Command::new(program.path);
-            let client = ReadyProcess::start_with_input(command.args(program.arguments), &task)?;
-            clients.processes.push(client);
+        for number in 0..cell.clients {
+            let task = ChildTask {
+                cell: *cell,
+                role: Role::Client { number },
+                name: name.into(),
+            };
+            clients.processes.push(program.start(&task)?);
         }
         for (number, client) in clients.processes.iter_mut().enumerate() {
             client

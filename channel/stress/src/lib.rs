@@ -13,7 +13,9 @@
 
 mod channel;
 mod chart;
+mod child;
 mod clients;
+mod figures;
 mod iceoryx;
 mod measure;
 mod plan;
@@ -25,11 +27,12 @@ mod zenoh;
 
 use std::time::Duration;
 
-pub use clients::ClientProgram;
+pub(crate) use child::Role;
+pub use child::{ChildProgram, ChildTask, enter_namespaces, run_child};
 pub use measure::{RoundTrips, round_trips};
 pub use plan::{Cell, Configuration, Plan, PlanError, StressDomain, Transport};
 pub use put_numbered::put_numbered;
-pub use report::{Origin, page};
+pub use report::{Origin, page, picture};
 pub use row::{Row, Rows};
 
 /// An error of a stress test, with a text of one line.
@@ -68,34 +71,6 @@ pub trait Client {
     /// # Errors
     /// Errors of the transport.
     fn answer(&mut self, round: u32) -> Result<(), Failure>;
-}
-
-/// Task of a client process, from its standard input.
-#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
-pub struct ClientTask {
-    cell: Cell,
-    number: usize,
-    /// Name of this test, to separate it from others on the machine.
-    name: String,
-}
-
-/// Runs a client in this process until the master ends it or is silent for a minute.
-///
-/// - `ready`: called when the client is connected
-///
-/// # Errors
-/// Errors of the transport.
-pub fn run_client(task: &ClientTask, ready: impl FnOnce()) -> Result<(), Failure> {
-    let ClientTask { cell, number, name } = task;
-    let mut client: Box<dyn Client> = match cell.transport {
-        Transport::Tactnet => Box::new(channel::ChannelClient::open(cell, name, *number, None)?),
-        Transport::Iceoryx2 => Box::new(iceoryx::IceoryxClient::open(cell, name)?),
-        #[cfg(feature = "zenoh")]
-        Transport::Zenoh | Transport::ZenohShm => Box::new(zenoh::ZenohClient::open(cell, name)?),
-        #[cfg(not(feature = "zenoh"))]
-        Transport::Zenoh | Transport::ZenohShm => return Err(PlanError::WithoutZenoh.into()),
-    };
-    serve(&mut *client, ready)
 }
 
 /// Answers the master's packets until it ends the client or is silent for a minute.

@@ -6,7 +6,7 @@ use tactnet_channel::temporary_bus_name;
 
 use crate::clients::Clients;
 use crate::plan::{Cell, Transport};
-use crate::{ClientProgram, END, Failure, Master, PATIENCE, Row, channel, iceoryx};
+use crate::{ChildProgram, END, Failure, Master, PATIENCE, Row, channel, iceoryx};
 
 /// Number of rounds before the measurement starts.
 const WARM_UP: u32 = 20;
@@ -86,8 +86,8 @@ fn one_round(
 }
 
 impl Cell {
-    /// Measures the cell for about `time`, with new clients.
-    pub fn measure(&self, time: Duration, program: ClientProgram<'_>) -> Row {
+    /// Measures the cell for about `time`, with new hubs and clients.
+    pub fn measure(&self, time: Duration, program: ChildProgram<'_>) -> Row {
         match self.try_measure(time, program) {
             Ok(trips) => Row::measured(self, trips),
             Err(failure) => Row::failed(self, failure.to_string()),
@@ -97,10 +97,10 @@ impl Cell {
     fn try_measure(
         &self,
         time: Duration,
-        program: ClientProgram<'_>,
+        program: ChildProgram<'_>,
     ) -> Result<RoundTrips, Failure> {
         let name = temporary_bus_name("stress");
-        let mut ends = MasterEnd::open(self, &name)?;
+        let mut ends = MasterEnd::open(self, &name, program)?;
         let mut clients = Clients::start(self, &name, ends.bus.as_ref(), program)?;
         let trips = round_trips(&mut *ends.master, self.clients, time, || clients.check())?;
         clients.end();
@@ -117,11 +117,11 @@ struct MasterEnd {
 }
 
 impl MasterEnd {
-    fn open(cell: &Cell, name: &str) -> Result<Self, Failure> {
+    fn open(cell: &Cell, name: &str, program: ChildProgram<'_>) -> Result<Self, Failure> {
         let (mut bus, mut hubs) = (None, None);
         let master: Box<dyn Master> = match cell.transport {
             Transport::Tactnet => {
-                hubs = Some(channel::Hubs::start(cell, name)?);
+                hubs = Some(channel::Hubs::start(cell, name, program)?);
                 let master = channel::ChannelMaster::open(cell, name)?;
                 bus = Some(master.bus());
                 Box::new(master)

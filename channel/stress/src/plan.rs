@@ -1,6 +1,7 @@
 //! Plan of the stress test: the cells to measure.
 
 use serde::{Deserialize, Serialize};
+use tactnet_process::VirtualNetwork;
 
 /// Error in the plan of a stress test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -22,6 +23,9 @@ pub enum PlanError {
     WithoutZenoh,
 }
 
+/// Number of hosts of the distributed domains: the master's and two for the clients.
+pub(crate) const HOSTS: usize = 3;
+
 /// Location of master and clients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -32,15 +36,48 @@ pub enum StressDomain {
     Host,
     /// A master on one host and clients on two others; all three share this machine and use TCP over loopback.
     Distributed,
+    /// Like `Distributed`, but each host is a network namespace; they use TCP over a bridge.
+    Namespaces,
 }
 
 impl StressDomain {
+    /// All domains, in the order of the thesis.
+    pub const ALL: [Self; 4] = [
+        Self::Process,
+        Self::Host,
+        Self::Distributed,
+        Self::Namespaces,
+    ];
+
     /// Returns the name in results.
     pub fn name(self) -> &'static str {
         match self {
             Self::Process => "process",
             Self::Host => "host",
             Self::Distributed => "distributed",
+            Self::Namespaces => "namespaces",
+        }
+    }
+
+    /// Returns the number of hosts with a hub; a process needs none.
+    pub(crate) fn hubs(self) -> usize {
+        match self {
+            Self::Process => 0,
+            Self::Host => 1,
+            Self::Distributed | Self::Namespaces => HOSTS,
+        }
+    }
+
+    /// Returns true if the clients are on other hosts than the master.
+    pub(crate) fn is_distributed(self) -> bool {
+        self.hubs() > 1
+    }
+
+    /// Returns the address of a host.
+    pub(crate) fn address(self, host: usize) -> String {
+        match self {
+            Self::Namespaces => VirtualNetwork::address(host),
+            Self::Process | Self::Host | Self::Distributed => "127.0.0.1".into(),
         }
     }
 }
@@ -126,6 +163,17 @@ pub struct Cell {
     pub spin: bool,
 }
 
+impl Cell {
+    /// Returns the host of a client: the second or third, if there are several.
+    pub(crate) fn host_of(&self, client: usize) -> usize {
+        if self.domain.is_distributed() {
+            1 + client % (HOSTS - 1)
+        } else {
+            0
+        }
+    }
+}
+
 /// Lists of everything to measure.
 #[derive(Debug, Clone)]
 pub struct Plan {
@@ -156,9 +204,8 @@ impl Plan {
             return Err(PlanError::Clients { found });
         }
         let zenoh = |t: &Transport| matches!(t, Transport::Zenoh | Transport::ZenohShm);
-        if !cfg!(feature = "zenoh")
-            && (self.against.iter().any(zenoh) || self.domains.contains(&StressDomain::Distributed))
-        {
+        let distributed = self.domains.iter().any(|domain| domain.is_distributed());
+        if !cfg!(feature = "zenoh") && (self.against.iter().any(zenoh) || distributed) {
             return Err(PlanError::WithoutZenoh);
         }
         let mut cells = Vec::new();

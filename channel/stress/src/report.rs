@@ -1,16 +1,19 @@
-//! Page with the figures of the stress test.
+//! Page and picture with the figures of the stress test.
+
+use std::collections::BTreeSet;
 
 use maud::{Markup, PreEscaped, html};
-use tactnet_plot::Page;
+use tactnet_plot::{Page, escape, figure, stand_alone, text_width};
 
 use crate::Row;
-use crate::chart::{Line, log_log};
-use crate::plan::{Configuration, StressDomain};
+use crate::figures::{FigureKind, figures};
 
 const TITLE: &str = "Stress test of the channels";
 
-/// Largest packet of the bandwidth figure, in bytes.
-const LARGE: usize = 1 << 20;
+/// Height of the title of a figure in the picture, user units.
+const TITLE_HEIGHT: f64 = 24.0;
+/// Left edge of the title, which is that of the axes, user units.
+const TITLE_LEFT: f64 = 52.0;
 
 /// Origin of the measurements, as text.
 #[derive(Debug, Clone, Copy)]
@@ -30,16 +33,46 @@ pub fn page(rows: &[Row], origin: Origin<'_>) -> String {
         }
         p { code { (origin.command) } }
         p { (origin.machine) }
-        @for figure in figures(rows) {
-            @if let Some(chart) = figure.chart {
-                h2 { (figure.title) }
-                figure { (PreEscaped(chart)) }
-            }
+        @for drawn in figures(rows).into_iter().flatten() {
+            h2 { (drawn.title) }
+            figure { (PreEscaped(figure(drawn.chart.width, drawn.chart.height, &drawn.chart.title, &drawn.chart.content))) }
         }
         h2 { "All cells" }
         (table(rows))
     };
     Page::new(TITLE, content).to_html()
+}
+
+/// Returns figures 2.6 to 2.9 of the thesis, as far as `rows` has the data, as one SVG file: a column for each domain, a row for each
+/// figure. `None` if there are too few measurements for a line.
+pub fn picture(rows: &[Row]) -> Option<String> {
+    let columns = figures(rows);
+    let drawn = || columns.iter().flatten();
+    let title_end = |title: &String| TITLE_LEFT + 1.2 * text_width(&[title]);
+    let column_width = drawn()
+        .map(|figure| figure.chart.width.max(title_end(&figure.title)))
+        .reduce(f64::max)?;
+    let kinds: BTreeSet<FigureKind> = drawn().map(|figure| figure.kind).collect();
+    let (mut content, mut height) = (String::new(), 0.0);
+    for kind in kinds {
+        let mut bottom = height;
+        for (number, column) in columns.iter().enumerate() {
+            for figure in column.iter().filter(|figure| figure.kind == kind) {
+                let chart = &figure.chart;
+                content.push_str(&format!(
+                    "<g transform=\"translate({:.0} {:.0})\"><text x=\"{TITLE_LEFT}\" y=\"0\">{}</text>\n{}</g>\n",
+                    number as f64 * column_width,
+                    height + TITLE_HEIGHT,
+                    escape(&figure.title),
+                    chart.content
+                ));
+                bottom = f64::max(bottom, height + TITLE_HEIGHT + chart.height);
+            }
+        }
+        height = bottom;
+    }
+    let width = column_width * columns.len() as f64;
+    Some(stand_alone(width, height, TITLE, &content))
 }
 
 fn table(rows: &[Row]) -> Markup {
@@ -76,178 +109,74 @@ fn table(rows: &[Row]) -> Markup {
     }
 }
 
-/// A figure of the thesis.
-struct Figure {
-    title: String,
-    /// `None` if there are too few measurements.
-    chart: Option<String>,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Configuration, StressDomain};
 
-fn figures(rows: &[Row]) -> Vec<Figure> {
-    let domains = [
-        StressDomain::Process,
-        StressDomain::Host,
-        StressDomain::Distributed,
-    ];
-    domains
-        .iter()
-        .filter_map(|&domain| DomainRows::new(domain, rows))
-        .flat_map(|rows| {
-            let figures = [rows.over_size(), rows.over_clients(), rows.bandwidth()];
-            let rest = rows.configurations().into_iter().chain([rows.extremes()]);
-            figures.into_iter().chain(rest).collect::<Vec<_>>()
-        })
-        .collect()
-}
-
-/// Measurements of one domain.
-struct DomainRows<'a> {
-    domain: &'static str,
-    rows: Vec<&'a Row>,
-    min_clients: usize,
-    min_size: usize,
-}
-
-impl<'a> DomainRows<'a> {
-    /// Returns `None` for a domain without measurements.
-    fn new(domain: StressDomain, rows: &'a [Row]) -> Option<Self> {
-        let measured = |row: &&Row| row.domain == domain && row.rounds > 0;
-        let rows: Vec<&Row> = rows.iter().filter(measured).collect();
-        Some(Self {
-            domain: domain.name(),
-            min_clients: rows.iter().map(|row| row.clients).min()?,
-            min_size: rows.iter().map(|row| row.size).min()?,
-            rows,
-        })
-    }
-
-    fn filtered(&self, is_shown: impl Fn(&Row) -> bool) -> Vec<&'a Row> {
-        let rows = self.rows.iter().copied();
-        rows.filter(|row| is_shown(row)).collect()
-    }
-
-    /// Figure 2.6.
-    fn over_size(&self) -> Figure {
-        let rows = self.filtered(|row| is_standard(row) && row.clients == self.min_clients);
-        Figure {
-            title: format!(
-                "Round trip over packet size, {} domain, C = {} (figure 2.6)",
-                self.domain, self.min_clients
-            ),
-            chart: log_log(
-                "packet size [B]",
-                "round trip [µs]",
-                &lines(&rows, |row| row.transport, |row| row.size, median),
-            ),
+    /// Measurements of 1, 10 and 100 clients in two domains, two turns each.
+    fn rows() -> Vec<Row> {
+        let mut rows = Vec::new();
+        for domain in [StressDomain::Process, StressDomain::Namespaces] {
+            let own = Configuration::ALL.map(|configuration| ("tactnet", configuration.name()));
+            for (transport, configuration) in own.into_iter().chain([("zenoh", "standard")]) {
+                for (turn, clients) in [(1.0, 1), (1.0, 10), (1.0, 100), (2.0, 1)] {
+                    rows.push(Row {
+                        transport,
+                        domain,
+                        configuration,
+                        size: 4,
+                        clients,
+                        rounds: 7,
+                        min_us: 10.0 * turn,
+                        median_us: 50.0 * turn,
+                        p99_us: 80.0 * turn,
+                        max_us: 90.0 * turn,
+                        failures: 0,
+                        bandwidth_mb_s: 1.0,
+                        failure: None,
+                    });
+                }
+            }
         }
+        rows
     }
 
-    /// Figure 2.7, left.
-    fn over_clients(&self) -> Figure {
-        let rows = self.filtered(|row| is_standard(row) && row.size == self.min_size);
-        Figure {
-            title: format!(
-                "Round trip over clients, {} domain, {} B (figure 2.7, left)",
-                self.domain, self.min_size
-            ),
-            chart: log_log(
-                "clients C",
-                "round trip [µs]",
-                &lines(&rows, |row| row.transport, |row| row.clients, median),
-            ),
+    /// Returns the numbers of points of all lines, without those of the legends.
+    fn points(svg: &str) -> Vec<usize> {
+        svg.split("<polyline points=\"")
+            .skip(1)
+            .map(|line| line.split('"').next().unwrap_or_default())
+            .map(|points| points.split(' ').count())
+            .filter(|count| *count != 2)
+            .collect()
+    }
+
+    #[test]
+    fn the_picture_has_a_line_for_each_configuration_and_transport_of_a_domain() {
+        let rows = rows();
+        let svg = picture(&rows).unwrap();
+        // Of each domain: two transports (figure 2.7), five configurations (2.8), sync on N (2.9); repeated turns are one point.
+        assert_eq!(points(&svg), [3; 2 * (2 + 5 + 1)]);
+        for name in ["process domain", "namespaces domain", "zenoh", "1 sync"] {
+            assert!(svg.contains(name), "{name}");
         }
+        let bars = svg.matches("class=\"range\"").count();
+        assert_eq!(bars, 2 * 4, "a bar for each measurement of figure 2.9");
+
+        let without = |name: &str| {
+            let kept = rows
+                .iter()
+                .filter(|row| row.transport != name && row.configuration != name);
+            points(&picture(&kept.cloned().collect::<Vec<_>>()).unwrap()).len()
+        };
+        assert_eq!(without("zenoh"), 2 * (1 + 5 + 1));
+        assert_eq!(without("N sync"), 2 * (2 + 4 + 1));
     }
 
-    /// Figure 2.7, right.
-    fn bandwidth(&self) -> Figure {
-        let sizes = self.rows.iter().map(|row| row.size);
-        let large = sizes.filter(|size| *size <= LARGE).max();
-        let rows = self.filtered(|row| is_standard(row) && Some(row.size) == large);
-        let bandwidth = |row: &Row| row.bandwidth_mb_s;
-        Figure {
-            title: format!(
-                "Effective bandwidth over clients, {} domain, {} B (figure 2.7, right)",
-                self.domain,
-                large.unwrap_or(0)
-            ),
-            chart: log_log(
-                "clients C",
-                "bandwidth [MB/s]",
-                &lines(&rows, |row| row.transport, |row| row.clients, bandwidth),
-            ),
-        }
+    #[test]
+    fn one_number_of_clients_and_one_size_make_no_picture() {
+        let rows: Vec<Row> = rows().into_iter().filter(|row| row.clients == 1).collect();
+        assert_eq!(picture(&rows), None);
     }
-
-    /// Figure 2.8; `None` if only the standard configuration was measured.
-    fn configurations(&self) -> Option<Figure> {
-        let rows = self.filtered(|row| self.is_small_and_own(row));
-        rows.iter().any(|row| !is_standard(row)).then(|| Figure {
-            title: format!(
-                "Channels and sync groups, {} domain, {} B (figure 2.8)",
-                self.domain, self.min_size
-            ),
-            chart: log_log(
-                "clients C",
-                "round trip [µs]",
-                &lines(&rows, |row| row.configuration, |row| row.clients, median),
-            ),
-        })
-    }
-
-    /// Figure 2.9.
-    fn extremes(&self) -> Figure {
-        let is_sync_on_n = |row: &Row| row.configuration == Configuration::SyncOnN.name();
-        let rows = self.filtered(|row| self.is_small_and_own(row) && is_sync_on_n(row));
-        let mut lines = lines(&rows, |row| row.configuration, |row| row.clients, median);
-        let bars = rows
-            .iter()
-            .map(|row| (row.clients as f64, row.min_us, row.max_us));
-        for line in &mut lines {
-            line.bars = bars.clone().collect();
-        }
-        Figure {
-            title: format!(
-                "Fastest, median and slowest round trip, {} domain, sync on N (figure 2.9)",
-                self.domain
-            ),
-            chart: log_log("clients C", "round trip [µs]", &lines),
-        }
-    }
-
-    fn is_small_and_own(&self, row: &Row) -> bool {
-        row.size == self.min_size && row.transport == "tactnet"
-    }
-}
-
-fn is_standard(row: &Row) -> bool {
-    row.configuration == Configuration::Standard.name()
-}
-
-fn median(row: &Row) -> f64 {
-    row.median_us
-}
-
-/// Returns one line per value of `name`.
-fn lines(
-    rows: &[&Row],
-    name: fn(&Row) -> &'static str,
-    x: fn(&Row) -> usize,
-    y: fn(&Row) -> f64,
-) -> Vec<Line> {
-    let mut lines: Vec<Line> = Vec::new();
-    for row in rows {
-        let point = (x(row) as f64, y(row));
-        match lines.iter_mut().find(|line| line.name == name(row)) {
-            Some(line) => line.points.push(point),
-            None => lines.push(Line {
-                name: name(row).into(),
-                points: vec![point],
-                bars: Vec::new(),
-            }),
-        }
-    }
-    for line in &mut lines {
-        line.points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    }
-    lines
 }

@@ -16,7 +16,7 @@ use crate::{Client, Failure, Master};
 const PORT: u16 = 17_480;
 
 fn session(cell: &Cell, role: &str) -> Result<zenoh::Session, Failure> {
-    let endpoint = format!("[\"tcp/127.0.0.1:{PORT}\"]");
+    let endpoint = format!("[\"tcp/{}:{PORT}\"]", cell.domain.address(0));
     let mut config = zenoh::Config::default();
     let shared = cell.transport == Transport::ZenohShm;
     for (key, value) in [

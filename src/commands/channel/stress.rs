@@ -1,14 +1,16 @@
 //! `tactnet channel stress`: the stress test of the thesis, compared with other transports.
 
 use std::io::BufRead as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
-use tactnet_channel_stress::{ClientProgram, Origin, Plan, PlanError, Row, Rows, page, run_client};
+use tactnet_channel_stress::{
+    ChildProgram, Origin, Plan, PlanError, Row, Rows, enter_namespaces, page, picture, run_child,
+};
 use tactnet_models::MissingFeature;
 use tactnet_pipeline::{Provenance, write_whole};
 
@@ -22,8 +24,9 @@ use crate::{GIT, output};
 #[command(after_help = "Examples:\n  \
     tactnet channel stress                                              4 B to 1 MB, 1 and 10 clients, on this host\n  \
     tactnet channel stress --against iceoryx2 --json                    compared with plain iceoryx2\n  \
-    tactnet channel stress --domain process --clients 1,10,100,200 --configurations all --html stress.html\n\n\
-    Every cell starts new clients. Packets of 100 MB need some gigabytes of /dev/shm.")]
+    tactnet channel stress --domain process --clients 1,10,100,200 --configurations all --html stress.html\n  \
+    sudo tactnet channel stress --domain namespaces --against zenoh --picture stress.svg   three hosts on this machine\n\n\
+    Every cell starts new hubs and clients. Packets of 100 MB need some gigabytes of /dev/shm.")]
 pub struct StressArgs {
     /// Location of master and clients
     #[arg(long, value_enum, value_delimiter = ',', default_value = "host")]
@@ -57,6 +60,9 @@ pub struct StressArgs {
     /// Write figures 2.6 to 2.9 of the thesis as an HTML page
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    /// Write the same figures as an SVG picture, a column for each domain
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
     /// Print one JSON document instead of a table
     #[arg(long)]
     json: bool,
@@ -91,10 +97,18 @@ impl StressArgs {
 pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
     let stop = Stop::listen_saying("stopping")?;
     let cells = arguments.plan().cells().map_err(with_feature)?;
+    anyhow::ensure!(
+        arguments.picture.is_none() || arguments.sizes.len() + arguments.clients.len() > 2,
+        "a picture needs at least two sizes (`--sizes`) or two numbers of clients (`--clients`)"
+    );
+    let network = enter_namespaces(&cells).map_err(|error| {
+        anyhow::anyhow!("{error}; `--domain distributed` uses loopback instead")
+    })?;
     let program = std::env::current_exe().context("cannot find this program")?;
-    let client = ClientProgram {
+    let child = ChildProgram {
         path: &program,
-        arguments: &["channel", "stress-client"],
+        arguments: &["channel", "stress-child"],
+        network: network.as_ref(),
     };
     let time = Duration::from_secs_f64(arguments.seconds.clamp(0.01, 3600.0));
     let total = cells.len() * arguments.repeat as usize;
@@ -105,13 +119,14 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
                 say!("stopped; the results so far follow");
                 break;
             }
-            let row = cell.measure(time, client);
+            let row = cell.measure(time, child);
             let result = row.failure.clone().unwrap_or_else(|| {
                 format!("{:.1} us, 99 % below {:.1}", row.median_us, row.p99_us)
             });
             say!(
-                "{}/{total} {:<10} {:<12} {:>10} B {:>4} clients: {result}",
+                "{}/{total} {:<11} {:<10} {:<12} {:>10} B {:>4} clients: {result}",
                 rows.len() + 1,
+                row.domain.name(),
                 row.transport,
                 row.configuration,
                 row.size,
@@ -129,10 +144,19 @@ pub fn run(arguments: StressArgs) -> anyhow::Result<ExitCode> {
             threads: provenance.threads,
             rows: &rows,
         })?;
-        return write_page(&arguments, &rows, &provenance);
+    } else {
+        print_table(&rows)?;
     }
-    print_table(&rows)?;
-    write_page(&arguments, &rows, &provenance)
+    // After everything else: a file that cannot be written must not lose results.
+    if let Some(file) = &arguments.html {
+        write_page(file, &rows, &provenance)?;
+    }
+    if let Some(file) = &arguments.picture {
+        let picture = picture(&rows).context("too few cells were measured for a picture")?;
+        write_whole(file, picture.as_bytes())?;
+        say!("{} written", file.display());
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Adds the build flag of a missing feature.
@@ -146,7 +170,8 @@ fn with_feature(error: PlanError) -> anyhow::Error {
 /// Prints rows as a table, with a heading.
 fn print_table(rows: &[Row]) -> anyhow::Result<()> {
     output::print(format_args!(
-        "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10} {:>10} {:>10} {:>10}",
+        "{:<11} {:<10} {:<12} {:>10} {:>7} {:>8} {:>10} {:>10} {:>10} {:>10}",
+        "domain",
         "transport",
         "channels",
         "size [B]",
@@ -160,7 +185,8 @@ fn print_table(rows: &[Row]) -> anyhow::Result<()> {
     for row in rows {
         let failure = row.failure.as_ref();
         output::print(format_args!(
-            "{:<10} {:<12} {:>10} {:>7} {:>8} {:>10.1} {:>10.1} {:>10.1} {:>10.1}{}",
+            "{:<11} {:<10} {:<12} {:>10} {:>7} {:>8} {:>10.1} {:>10.1} {:>10.1} {:>10.1}{}",
+            row.domain.name(),
             row.transport,
             row.configuration,
             row.size,
@@ -176,15 +202,8 @@ fn print_table(rows: &[Row]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the page, after everything else: its failure must not lose results.
-fn write_page(
-    arguments: &StressArgs,
-    rows: &Rows,
-    provenance: &Provenance,
-) -> anyhow::Result<ExitCode> {
-    let Some(file) = &arguments.html else {
-        return Ok(ExitCode::SUCCESS);
-    };
+/// Writes the page with figures and table.
+fn write_page(file: &Path, rows: &Rows, provenance: &Provenance) -> anyhow::Result<()> {
     let words: Vec<String> = std::env::args_os()
         .skip(1)
         .map(|word| word.to_string_lossy().into_owned())
@@ -200,17 +219,17 @@ fn write_page(
     let page = page(rows, origin);
     write_whole(file, page.as_bytes())?;
     say!("{} written", file.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
-/// Runs a client process: reads its task from standard input and prints `ready` or an error.
-pub fn client() -> anyhow::Result<ExitCode> {
+/// Runs a hub or client: reads its task from standard input and prints `ready` or an error.
+pub fn child() -> anyhow::Result<ExitCode> {
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line)?;
     let task = serde_json::from_str(&line).context(
-        "expected the task of a client on standard input; `tactnet channel stress` starts clients",
+        "expected a task on standard input; `tactnet channel stress` starts hubs and clients",
     )?;
-    let served = run_client(&task, || drop(output::print(format_args!("ready"))));
+    let served = run_child(&task, || drop(output::print(format_args!("ready"))));
     if let Err(failure) = served {
         output::print(format_args!("{failure}"))?;
         return Ok(ExitCode::FAILURE);

@@ -11,6 +11,8 @@ pub(super) enum DomainChoice {
     Host,
     /// Three hosts on this machine, connected over loopback (needs a build with `--features zenoh`)
     Distributed,
+    /// Three hosts on this machine in network namespaces, connected by a bridge (needs root, `ip`, and a build with `--features zenoh`)
+    Namespaces,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -44,6 +46,7 @@ impl DomainChoice {
             Self::Process => StressDomain::Process,
             Self::Host => StressDomain::Host,
             Self::Distributed => StressDomain::Distributed,
+            Self::Namespaces => StressDomain::Namespaces,
         }
     }
 }
