@@ -21,7 +21,7 @@ mod room;
 pub use answer::{Answering, answer};
 pub use assign::{Assignment, assign};
 pub use body::BodyMotion;
-pub use config::{CoordinatorConfig, PhaseConfig};
+pub use config::{CoordinatorConfig, NextPose, PhaseConfig};
 pub use coordinator::{Coordinator, CoordinatorInputs, CoordinatorOutputs};
 pub use neck::{GazeTargets, Neck};
 pub use room::Room;

@@ -42,6 +42,4 @@ pub mod track;
 
 pub use catch_space::CatchSpace;
 pub use chain_delays::ChainDelays;
-pub use robot::{
-    ArmKinematics, ElbowCircle, HandPose, LinkFrame, Robot, angle_between, rotation_towards,
-};
+pub use robot::{ArmKinematics, ElbowCircle, HandPose, LinkFrame, Robot, rotation_towards};

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Joint, RobotDescription, joint};
 
 mod arm;
@@ -193,11 +193,6 @@ pub fn rotation_towards(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     let (sin, cos) = angle.sin_cos();
     turn_z(&mut rotation, sin, cos);
     rotation
-}
-
-/// Returns the angle between two rotations, in rad.
-pub fn angle_between(a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
-    Rotation3::from_matrix_unchecked(a.transpose() * b).angle()
 }
 
 #[cfg(test)]

@@ -44,6 +44,75 @@ fn a_series_is_the_same_for_any_number_of_cores_and_its_page_needs_no_network() 
     assert!(report["caught"].as_u64() <= report["in_catch_space"].as_u64());
 }
 
+/// Returns a stand-alone picture without its frame.
+fn content(path: &std::path::Path) -> String {
+    let picture = std::fs::read_to_string(path).unwrap();
+    let (_, content) = picture.split_once("height=\"100%\"/>").unwrap();
+    content.trim().trim_end_matches("</svg>").to_string()
+}
+
+#[test]
+fn each_mode_moves_the_robot_differently_and_the_picture_of_the_modes_shows_all() {
+    let lab = Lab::new();
+    let (all, ramps) = (lab.path("modes.svg"), lab.path("ramps.svg"));
+    let mut pictures = Vec::new();
+    for mode in ["soft", "latest", "cool"] {
+        let picture = lab.path(mode);
+        let mut one = tactnet(["catch", "throw-series", "--throws", "1", "--seed", "11"]);
+        one.args(["--json", "--mode", mode]);
+        one.arg("--picture").arg(&picture);
+        if mode == "soft" {
+            one.arg("--modes-picture").arg(&all);
+            one.arg("--ramps-picture").arg(&ramps);
+        }
+        assert_eq!(json(one)["mode"], mode);
+        pictures.push(content(&picture));
+    }
+    let all = content(&all);
+    let rows: Vec<&str> = all.split("<g transform=\"translate(0 ").skip(1).collect();
+    assert_eq!(rows.len(), 3);
+    for ((row, picture), mode) in rows.iter().zip(&pictures).zip(["soft", "latest", "cool"]) {
+        assert!(row.contains(picture), "{mode}: another throw");
+        assert!(row.contains(&format!(">{mode}, at ")), "{mode}");
+        // Commanded and measured rates of seven joints.
+        assert_eq!(row.matches("<polyline").count(), 14, "{mode}");
+    }
+    assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2] && pictures[0] != pictures[2]);
+    let ramps = content(&ramps);
+    for label in [
+        "arm, desired [rad/s]",
+        "arm, measured [rad/s]",
+        "torso [rad/s]",
+        "head [rad/s]",
+        "platform [m/s]",
+    ] {
+        assert_eq!(ramps.matches(label).count(), 1, "{label}");
+    }
+    // Two arms' panels with 7 joints, and three with 6 joints both desired and measured; a legend with all.
+    assert_eq!(
+        ramps.matches("<polyline").count(),
+        2 * 7 + 2 * 6 + (2 * 7 + 6)
+    );
+}
+
+#[test]
+fn balls_in_a_row_are_counted_one_by_one_and_drawn_together() {
+    let lab = Lab::new();
+    let picture = lab.path("row.svg");
+    let mut row = series(&["--in-a-row", "3", "--picture"]);
+    row.arg(&picture);
+    let report = json(row);
+    // Four throws are rounded up to two rows.
+    assert_eq!(
+        (&report["throws"], &report["in_a_row"]),
+        (&6.into(), &3.into())
+    );
+    let picture = content(&picture);
+    assert!((1..=3).all(|ball| picture.contains(&format!(">ball {ball}, "))));
+    let refused = stderr(&expect(2, series(&["--in-a-row", "3", "--watch"])));
+    assert!(refused.contains("--watch"), "{refused}");
+}
+
 #[test]
 fn the_detector_finds_most_balls() {
     let bench = tactnet(["bench", "catch-detect", "--throws", "1", "--json"]);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{Corrections, KeptCalibration, SlipConfig};
 use tactnet_catching::control::ControlConfig;
-use tactnet_catching::coordinate::{Coordinator, CoordinatorConfig, PhaseConfig};
+use tactnet_catching::coordinate::{Coordinator, CoordinatorConfig, NextPose, PhaseConfig};
 use tactnet_catching::plan::PlanConfig;
 use tactnet_catching::throw_back::ThrowBack;
 use tactnet_catching::track::TrackConfig;
@@ -106,6 +106,7 @@ impl RoleSettings {
         PhaseConfig {
             drives: self.drives,
             after_catch: self.after_catch,
+            next: NextPose::Waiting,
             looks_at_hand: self.calibration.is_some(),
         }
     }

@@ -115,6 +115,21 @@ impl CatchAttempt {
         }
     }
 
+    /// Returns the next attempt, which starts in the current pose. All joints must be at rest.
+    pub fn next(&self, now_ns: u64) -> Self {
+        let mut ready = self.body_at(now_ns);
+        for (arm, motion) in self.arms.iter().enumerate() {
+            let elapsed = (now_ns as f64 - motion.start_ns as f64) * 1e-9;
+            for (i, ramp) in motion.ramps.iter().enumerate() {
+                ready[joint::ARM[arm].start + i] = ramp.at(elapsed).0;
+            }
+        }
+        Self {
+            arms: self.arms,
+            ..Self::new(self.robot.clone(), self.config, ready, self.room.clone())
+        }
+    }
+
     /// Returns the planned motion of the chest from `start_ns` on, in the frame of its measurement.
     pub fn chest_way(&self, start_ns: u64) -> ChestWay {
         self.body

@@ -41,13 +41,25 @@ impl Default for CoordinatorConfig {
 /// Margin of a path's way to the controller, in s: a cycle of the coordinator and one of the controller.
 const PATH_MARGIN: f64 = 0.002;
 
+/// Pose in which the robot waits for the next ball.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum NextPose {
+    /// The waiting pose. The robot retraces its path.
+    #[default]
+    Waiting,
+    /// The pose of the last catch (thesis, figure 3.10).
+    LastCatch,
+}
+
 /// Settings of the phases of the coordinator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhaseConfig {
     /// Delay of the drives, from a cycle of the controller to the time that its command applies to, in s.
     pub drives: f64,
-    /// Time after a catch at which the robot returns to its waiting pose, in s.
+    /// Time after a catch at which the robot prepares for the next ball, in s.
     pub after_catch: f64,
+    /// Pose for the next ball.
+    pub next: NextPose,
     /// True if the head looks at the hand after a catch, for the slip watch.
     pub looks_at_hand: bool,
 }

@@ -5,15 +5,15 @@ mod packets;
 mod plan_requests;
 
 use bytemuck::Zeroable;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use tactnet_catching_packets::packets::{
     BallPredictions, CatchPhase, CatchStatus, ControllerCommand, ControllerMode, ControllerOrder,
-    ControllerState, HandCommand, HeadPose, JointState, PlanResult, Text,
+    ControllerState, Gaze, HandCommand, HeadPose, JointState, PlanResult, Text,
 };
 use tactnet_catching_packets::{ARMS, JOINTS};
 
 use super::attempt::{CatchAttempt, CatchState, MAX_REQUESTS};
-use super::config::{CoordinatorConfig, PhaseConfig};
+use super::config::{CoordinatorConfig, NextPose, PhaseConfig};
 use super::room::Room;
 use crate::calibrate::Corrections;
 use crate::plan::ChestWay;
@@ -77,6 +77,23 @@ struct Armed {
     hands: [Option<HandCommand>; ARMS],
     /// Time of the last valid prediction, in ns.
     seen_ns: u64,
+    /// Place where the first ball was seen first, in m.
+    came_from: Option<Vector3<f64>>,
+}
+
+impl Armed {
+    fn new(attempt: CatchAttempt, now_ns: u64) -> Self {
+        Self {
+            attempt,
+            pending: None,
+            answers: Vec::with_capacity(MAX_REQUESTS),
+            predictions: None,
+            sent: [0; ARMS],
+            hands: [None; ARMS],
+            seen_ns: now_ns,
+            came_from: None,
+        }
+    }
 }
 
 /// Coordinator of one robot. Its only inputs are packets and the time, so it runs the same live, simulated and
@@ -202,15 +219,8 @@ impl Coordinator {
     fn arm(&mut self, now_ns: u64) {
         let robot = self.corrections.robot().clone();
         let room = self.room.clone();
-        self.armed = Some(Armed {
-            attempt: CatchAttempt::new(robot, self.config, self.waiting, room),
-            pending: None,
-            answers: Vec::with_capacity(MAX_REQUESTS),
-            predictions: None,
-            sent: [0; ARMS],
-            hands: [None; ARMS],
-            seen_ns: now_ns,
-        });
+        let attempt = CatchAttempt::new(robot, self.config, self.waiting, room);
+        self.armed = Some(Armed::new(attempt, now_ns));
     }
 
     /// Ends the current attempt.
@@ -287,7 +297,7 @@ impl Coordinator {
         }
     }
 
-    /// Publishes the progress of the attempt, and orders the robot back after it.
+    /// Publishes the progress of the attempt, and prepares for the next one after it.
     fn end_attempt(&mut self, now_ns: u64, outputs: &mut CoordinatorOutputs) {
         let Some(armed) = &mut self.armed else {
             return;
@@ -308,17 +318,39 @@ impl Coordinator {
             0.0
         };
         let after_ns = ((self.phases.after_catch + looking) * 1e9) as u64;
-        let over = catch_ns.is_some_and(|at| now_ns > at + after_ns);
-        let gone = catch_ns.is_none() && now_ns > armed.seen_ns + GONE_NS;
+        let (end_ns, end) = match catch_ns {
+            Some(at) => (at + after_ns, "the catch is over"),
+            None => (armed.seen_ns + GONE_NS, "the ball is gone"),
+        };
         self.enter(now_ns, phase, why, outputs);
-        if state == CatchState::Armed {
+        if state == CatchState::Armed || now_ns <= end_ns {
             return;
         }
-        if over {
-            self.order_back(now_ns, "the catch is over", outputs);
-        } else if gone {
-            self.order_back(now_ns, "the ball is gone", outputs);
+        match self.phases.next {
+            NextPose::Waiting => self.order_back(now_ns, end, outputs),
+            NextPose::LastCatch => self.stay(now_ns, end_ns, outputs),
         }
+    }
+
+    /// Turns the head back to where the ball came from, and then waits for the next ball in the current pose.
+    fn stay(&mut self, now_ns: u64, end_ns: u64, outputs: &mut CoordinatorOutputs) {
+        let Some(armed) = &self.armed else {
+            return;
+        };
+        let turned_ns = end_ns + (LOOKING * 1e9) as u64;
+        // A missed ball that still bounces is not the next one.
+        if now_ns <= turned_ns.max(armed.seen_ns + GONE_NS) {
+            if let Some(place) = armed.came_from {
+                self.look_at(now_ns, &place, outputs);
+            }
+            return;
+        }
+        let next = armed.attempt.next(now_ns);
+        self.disarm();
+        self.armed = Some(Armed::new(next, now_ns));
+        outputs.gaze = Some(Gaze::zeroed());
+        let why = "stands where it caught";
+        self.enter(now_ns, CatchPhase::Armed, why, outputs);
     }
 }
 

@@ -52,7 +52,8 @@ impl Neck {
     ///
     /// - `q`: positions of all joints, of which platform and torso are used
     pub fn turn(&mut self, now_ns: u64, robot: &Robot, q: &[f64; JOINTS]) {
-        if self.looked == [None; MAX_BALLS] {
+        let stands = self.joints.iter().all(|(_, rate)| *rate == 0.0);
+        if self.looked == [None; MAX_BALLS] && stands {
             return;
         }
         let dt = (now_ns.saturating_sub(self.turned_ns)) as f64 * 1e-9;

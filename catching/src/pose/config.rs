@@ -26,12 +26,6 @@ pub struct PoseConfig {
     pub rest_velocity: f64,
     /// Correlation time of kinematic errors at rest, in s.
     pub rest_correlation: f64,
-    /// Standard deviation of the kinematic position in motion, in m.
-    pub motion_position: f64,
-    /// Standard deviation of the kinematic attitude in motion, in rad.
-    pub motion_attitude: f64,
-    /// Correlation time of kinematic errors in motion, in s.
-    pub motion_correlation: f64,
     /// Maximum time between two samples, in s.
     pub longest_gap: f64,
     /// Time for which poses are stored, in s.
@@ -51,9 +45,6 @@ impl Default for PoseConfig {
             rest_attitude: 0.2f64.to_radians(),
             rest_velocity: 0.002,
             rest_correlation: 10.0,
-            motion_position: 0.02,
-            motion_attitude: 2.0f64.to_radians(),
-            motion_correlation: 0.3,
             longest_gap: 0.05,
             ring: 0.3,
         }
@@ -73,9 +64,6 @@ impl PoseConfig {
             ("rest_attitude", self.rest_attitude),
             ("rest_velocity", self.rest_velocity),
             ("rest_correlation", self.rest_correlation),
-            ("motion_position", self.motion_position),
-            ("motion_attitude", self.motion_attitude),
-            ("motion_correlation", self.motion_correlation),
             ("longest_gap", self.longest_gap),
             ("ring", self.ring),
         ];

@@ -85,25 +85,6 @@ impl PoseEstimator {
         Ok(pose)
     }
 
-    /// Corrects the pose weakly with the kinematic head pose at the time of the last sample: 2 cm and 2 deg per
-    /// correlation time.
-    ///
-    /// # Errors
-    /// Returns an error if the pose is not finite or the estimate is unknown.
-    pub fn correct(&mut self, kinematics: &Isometry3<f64>) -> Result<HeadPose, PoseError> {
-        if !finite(kinematics) {
-            return Err(PoseError::Kinematics);
-        }
-        let last = self.last.ok_or(PoseError::Unknown)?;
-        let share = (self.config.motion_correlation * self.rate).sqrt().max(1.0);
-        self.place(
-            kinematics,
-            self.config.motion_position * share,
-            self.config.motion_attitude * share,
-        );
-        Ok(self.pose(&last))
-    }
-
     /// Returns the pose at a time in the last 0.3 s ([`PoseConfig::ring`]), interpolated between samples.
     ///
     /// # Errors

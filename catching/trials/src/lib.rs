@@ -12,6 +12,7 @@ mod chi_square;
 mod detect_bench;
 mod error;
 mod eyes;
+mod in_a_row;
 mod look;
 mod look_ahead;
 mod page_parts;
@@ -24,7 +25,6 @@ mod quantiles;
 mod rally;
 mod safety_bench;
 mod series;
-
 mod stepped_stack;
 mod stepped_time;
 mod still_head;

@@ -3,6 +3,8 @@
 mod modes;
 mod obstacles;
 mod page;
+mod ramps;
+mod row;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -57,6 +59,9 @@ pub struct SeriesReport {
     pub mode: Objective,
     /// Disabled parts.
     pub without: Vec<Ablation>,
+    /// Number of throws without a return to the waiting pose; `None` if the robot returns after each.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_a_row: Option<u64>,
     /// True if head and balls were taken from the true state.
     pub perfect_perception: bool,
     /// True if circles were detected in rendered pictures.
@@ -114,6 +119,15 @@ pub struct SeriesReport {
     /// Individual throws.
     #[serde(skip)]
     pub outcomes: Vec<ThrowOutcome>,
+}
+
+impl SeriesReport {
+    /// Returns the number of the first completely caught throw, or of the first throw.
+    fn drawn(&self) -> Option<u64> {
+        let mut outcomes = self.outcomes.iter();
+        let caught = outcomes.find(|outcome| outcome.balls.iter().all(BallOutcome::caught));
+        Some(caught.or(self.outcomes.first())?.number)
+    }
 }
 
 impl fmt::Display for SeriesReport {
@@ -184,22 +198,20 @@ impl Series {
     /// # Errors
     /// Same as [`Series::run`].
     pub fn drawn(&self, report: &SeriesReport) -> Result<Option<(u64, Trace)>, TrialError> {
-        let mut outcomes = report.outcomes.iter();
-        let caught = outcomes.find(|outcome| outcome.balls.iter().all(|ball| ball.caught()));
-        let Some(outcome) = caught.or(report.outcomes.first()) else {
-            return Ok(None);
-        };
-        Ok(Some((outcome.number, self.again(outcome.number)?)))
+        let number = report.drawn();
+        let drawn = number.map(|number| Ok((number, self.again(number, 0.0)?)));
+        drawn.transpose()
     }
 
-    /// Simulates a throw again and returns the trace of its ticks.
+    /// Simulates a throw again and returns the trace of its ticks, until `after` seconds after the last verdict.
     ///
     /// # Errors
     /// Same as [`Series::run`].
-    pub fn again(&self, number: u64) -> Result<Trace, TrialError> {
+    pub fn again(&self, number: u64, after: f64) -> Result<Trace, TrialError> {
         let oracle = CatchSpace::new(&self.config.robot, self.config.moves_lower_body());
         let ready = self.config.ready();
-        let (_, trace) = self.config.trace(self.seed, number, &ready, &oracle)?;
+        let (seed, config) = (self.seed, &self.config);
+        let (_, trace) = config.trace(seed, number, &ready, &oracle, after)?;
         Ok(trace)
     }
 
@@ -273,6 +285,7 @@ impl Series {
             timing: self.config.timing,
             mode: self.config.objective,
             without: self.config.without.clone(),
+            in_a_row: None,
             perfect_perception: self.config.perfect_perception,
             pixels: self.config.pixels,
             in_catch_space: counts.in_space,

@@ -33,8 +33,10 @@ use crate::perception::{Perception, Seen};
 use crate::stepped_time::nanoseconds;
 use crate::throw_config::ThrowConfig;
 
-/// Time after a catch at which the robot returns to its waiting pose, in s, as in the live settings.
+/// Time after a catch at which the robot prepares for the next ball, in s, as in the live settings.
 const AFTER_CATCH: f64 = 0.4;
+/// Standstill after which a robot is ready to catch, in s, because the torso oscillates.
+const SETTLES: f64 = 3.0;
 /// Timeout of the controller without verdicts of the safety monitor, in ns, as in the live settings.
 const PATIENCE_NS: u64 = 50_000_000;
 
@@ -101,6 +103,7 @@ impl SteppedStack {
         let phases = PhaseConfig {
             drives: config.timing.drives,
             after_catch: AFTER_CATCH,
+            next: config.next,
             looks_at_hand: config.calibration.is_some(),
         };
         let apart = ObstacleConfig::default().hard;
@@ -165,10 +168,11 @@ impl SteppedStack {
         &self.safety
     }
 
-    /// Returns the phase of the coordinator, and the time of its start in ns.
-    pub fn phase(&self) -> (CatchPhase, u64) {
+    /// Returns true if the robot waits for a ball and its torso is at rest.
+    pub fn waits_at_rest(&self, now_ns: u64) -> bool {
         let since_ns = self.status.map_or(0, |status| status.since_ns);
-        (self.coordinator.phase(), since_ns)
+        let rested = now_ns >= since_ns + nanoseconds(SETTLES);
+        rested && self.coordinator.phase() == CatchPhase::Armed
     }
 
     /// Returns the mode of the controller.

@@ -1,5 +1,7 @@
 //! One throw in stepped time: world and stack tick by tick, with all delays.
 
+use std::ops::Range;
+
 use tactnet_catching::CatchSpace;
 use tactnet_catching_packets::packets::{ControllerMode, PlanResult};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
@@ -9,7 +11,7 @@ use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
 use crate::look::{Looked, begin};
 use crate::look_ahead::{AHEAD, LookAhead, SAME_BALL, TimedPrediction, as_flight, true_at};
-use crate::stepped_stack::{StepObserver, SteppedStack};
+use crate::stepped_stack::{StackCommands, StepObserver, SteppedStack};
 use crate::stepped_time::{ticks, world_seed};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
@@ -21,27 +23,33 @@ const REST: f64 = 1.0;
 /// Standstill after the robot has looked around in s, until the torso is at rest.
 const REST_AFTER_LOOK: f64 = 2.5;
 /// Maximum time after a throw until its verdict, in s.
-const LONGEST: f64 = 2.5;
-/// Maximum time after a throw until the robot is back in its waiting pose, in s.
-const LONGEST_BACK: f64 = 20.0;
+pub(crate) const LONGEST: f64 = 2.5;
+/// Maximum time after a throw until the robot waits for the next one, in s.
+pub(crate) const LONGEST_BACK: f64 = 20.0;
 
 /// World and stack during a throw.
-struct SimulatedThrow<'a> {
-    config: &'a ThrowConfig,
-    world: World,
+pub(crate) struct SimulatedThrow<'a> {
+    pub config: &'a ThrowConfig,
+    pub world: World,
     /// Result of looking around.
     looked: Looked,
     /// Joint positions before the throw.
-    ready: [f64; JOINTS],
-    stack: SteppedStack,
-    watching: Watching<'a>,
+    pub ready: [f64; JOINTS],
+    pub stack: SteppedStack,
+    pub watching: Watching<'a>,
+    /// Time of the last throw, in ns.
+    thrown_ns: Option<u64>,
+    /// Numbers of its balls.
+    balls: Range<u64>,
 }
 
 /// Observers of a throw.
 #[derive(Default)]
-struct Watching<'a> {
-    trace: Option<&'a mut Trace>,
-    steps: Option<&'a mut StepObserver<'a>>,
+pub(crate) struct Watching<'a> {
+    pub trace: Option<Trace>,
+    pub steps: Option<&'a mut StepObserver<'a>>,
+    /// Time for which the trace continues after the last verdict, in s.
+    pub after: f64,
 }
 
 impl ThrowConfig {
@@ -56,10 +64,11 @@ impl ThrowConfig {
         ready: &[f64; JOINTS],
         oracle: &CatchSpace,
     ) -> Result<ThrowOutcome, TrialError> {
-        self.simulate(seed, number, ready, oracle, Watching::default())
+        let simulated = self.simulate(seed, number, ready, oracle, Watching::default());
+        simulated.map(|(outcome, _)| outcome)
     }
 
-    /// Simulates a throw and returns the trace of its ticks.
+    /// Simulates a throw and returns the trace of its ticks, until `after` seconds after the last verdict.
     ///
     /// # Errors
     /// Same as [`ThrowConfig::run`].
@@ -69,14 +78,15 @@ impl ThrowConfig {
         number: u64,
         ready: &[f64; JOINTS],
         oracle: &CatchSpace,
+        after: f64,
     ) -> Result<(ThrowOutcome, Trace), TrialError> {
-        let mut trace = Trace::default();
         let watching = Watching {
-            trace: Some(&mut trace),
-            steps: None,
+            trace: Some(Trace::default()),
+            after,
+            ..Watching::default()
         };
-        let outcome = self.simulate(seed, number, ready, oracle, watching)?;
-        Ok((outcome, trace))
+        let simulated = self.simulate(seed, number, ready, oracle, watching);
+        simulated.map(|(outcome, trace)| (outcome, trace.unwrap_or_default()))
     }
 
     /// Simulates a throw and calls `steps` after each step of the coordinator.
@@ -92,10 +102,11 @@ impl ThrowConfig {
         steps: &mut StepObserver<'_>,
     ) -> Result<ThrowOutcome, TrialError> {
         let watching = Watching {
-            trace: None,
             steps: Some(steps),
+            ..Watching::default()
         };
-        self.simulate(seed, number, ready, oracle, watching)
+        let simulated = self.simulate(seed, number, ready, oracle, watching);
+        simulated.map(|(outcome, _)| outcome)
     }
 
     fn simulate<'a>(
@@ -105,25 +116,24 @@ impl ThrowConfig {
         ready: &[f64; JOINTS],
         oracle: &CatchSpace,
         watching: Watching<'a>,
-    ) -> Result<ThrowOutcome, TrialError> {
+    ) -> Result<(ThrowOutcome, Option<Trace>), TrialError> {
         let mut throw = SimulatedThrow::new(self, world_seed(seed, number), ready, watching)?;
         let braked = throw.run();
-        Ok(ThrowOutcome {
+        let outcome = ThrowOutcome {
             number,
-            balls: (0..self.balls as u64)
-                .map(|ball| throw.outcome(ball, oracle))
-                .collect(),
+            balls: throw.outcomes(oracle),
             no_plans: throw.stack.no_plans(),
             obstacles: (self.mapping != Mapping::Off).then(|| throw.among_obstacles()),
             stops: throw.stack.safety().brakes(),
             braked,
-        })
+        };
+        Ok((outcome, throw.end_trace()))
     }
 }
 
 impl<'a> SimulatedThrow<'a> {
     /// Creates the world and lets the robot look around if required.
-    fn new(
+    pub fn new(
         config: &'a ThrowConfig,
         seed: u64,
         ready: &[f64; JOINTS],
@@ -145,6 +155,8 @@ impl<'a> SimulatedThrow<'a> {
             looked,
             ready,
             watching,
+            thrown_ns: None,
+            balls: 0..0,
         })
     }
 
@@ -159,38 +171,73 @@ impl<'a> SimulatedThrow<'a> {
         let rest_ticks = first_tick + ticks(rest);
         let mut watch = config.watch.then(Watch::default);
         let longest = if config.watch { LONGEST_BACK } else { LONGEST };
+        let mut judged_tick = None;
         for tick in first_tick..rest_ticks + ticks(longest) {
             if tick == rest_ticks {
-                self.world.throw(config.balls);
+                self.throw_now();
             }
-            let since = (tick - first_tick) as f64 * 1e-3 - rest;
-            let steps = self.watching.steps.as_deref_mut();
-            let mut commands = self.stack.step(tick * TICK_NS, steps);
-            let (command, mode) = (&commands.joints, self.stack.mode());
+            let commands = self.tick();
+            let mode = self.stack.mode();
             if let Some(watch) = &mut watch {
-                let safety = self.stack.safety();
-                watch.look(safety, command, &commands.verdict, mode, since);
+                let since = (tick as f64 - rest_ticks as f64) * 1e-3;
+                let (safety, verdict) = (self.stack.safety(), &commands.verdict);
+                watch.look(safety, &commands.joints, verdict, mode, since);
             }
-            for hand in commands.hands.iter_mut().flatten() {
-                let late_ns = (config.closing_error * 1e9) as i64;
-                hand.catch_ns = hand.catch_ns.saturating_add_signed(late_ns);
+            if tick > rest_ticks && self.is_judged() {
+                let judged_tick = *judged_tick.get_or_insert(tick);
+                let shown = tick >= judged_tick + ticks(self.watching.after);
+                if shown && (watch.is_none() || mode == Some(ControllerMode::Ready)) {
+                    break;
+                }
             }
-            let sensed = *self.world.step(command, &commands.hands);
-            let truth = self.world.truth();
-            let trace = self.watching.trace.as_mut();
-            if let Some(trace) = trace.filter(|_| tick >= rest_ticks) {
-                trace.tick(since, &config.robot, &truth, command, &sensed);
-            }
-            self.stack.sense(&sensed, &truth);
-            let judged = tick > rest_ticks && self.world.verdicts().len() == config.balls;
-            if judged && (watch.is_none() || mode == Some(ControllerMode::Ready)) {
-                break;
-            }
-        }
-        if let Some(trace) = &mut self.watching.trace {
-            trace.plans = traced(&self.stack.chosen, rest_ticks * TICK_NS);
         }
         watch.and_then(|watch| watch.braked)
+    }
+
+    /// Throws the next balls.
+    pub fn throw_now(&mut self) {
+        self.balls = self.balls.end..self.balls.end + self.config.balls as u64;
+        self.thrown_ns = Some(self.world.time_ns());
+        self.world.throw(self.config.balls);
+    }
+
+    /// Returns true if all thrown balls are judged.
+    pub fn is_judged(&self) -> bool {
+        let judged = |ball| self.world.verdicts().iter().any(|one| one.ball == ball);
+        self.balls.clone().all(judged)
+    }
+
+    /// Advances by a tick.
+    pub fn tick(&mut self) -> StackCommands {
+        let (config, now_ns) = (self.config, self.world.time_ns());
+        let steps = self.watching.steps.as_deref_mut();
+        let mut commands = self.stack.step(now_ns, steps);
+        for hand in commands.hands.iter_mut().flatten() {
+            let late_ns = (config.closing_error * 1e9) as i64;
+            hand.catch_ns = hand.catch_ns.saturating_add_signed(late_ns);
+        }
+        let command = &commands.joints;
+        let sensed = *self.world.step(command, &commands.hands);
+        let truth = self.world.truth();
+        if let (Some(trace), Some(thrown_ns)) = (&mut self.watching.trace, self.thrown_ns) {
+            let since = (now_ns - thrown_ns) as f64 * 1e-9;
+            trace.tick(since, &config.robot, &truth, command, &sensed);
+        }
+        self.stack.sense(&sensed, &truth);
+        commands
+    }
+
+    /// Returns the trace since the last throw, with the executed plans.
+    pub fn end_trace(&mut self) -> Option<Trace> {
+        let mut trace = self.watching.trace.take()?;
+        trace.plans = traced(&self.stack.chosen, self.thrown_ns?);
+        Some(trace)
+    }
+
+    /// Returns the results of the balls of the last throw.
+    pub fn outcomes(&self, oracle: &CatchSpace) -> Vec<BallOutcome> {
+        let balls = self.balls.clone();
+        balls.map(|ball| self.outcome(ball, oracle)).collect()
     }
 
     fn among_obstacles(&self) -> AmongObstacles {

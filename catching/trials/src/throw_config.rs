@@ -1,7 +1,7 @@
 //! Settings of throws in stepped time.
 
 use tactnet_catching::calibrate::{Calibration, Corrections};
-use tactnet_catching::coordinate::CoordinatorConfig;
+use tactnet_catching::coordinate::{CoordinatorConfig, NextPose};
 use tactnet_catching::plan::{Objective, PlanConfig, Planner};
 use tactnet_catching::{ChainDelays, Robot};
 use tactnet_catching_packets::{ARMS, JOINTS};
@@ -46,6 +46,8 @@ pub struct ThrowConfig {
     pub watch: bool,
     /// Objective of the planners.
     pub objective: Objective,
+    /// Pose in which the robot waits for the next ball.
+    pub next: NextPose,
     /// Time at rest after which the torso counts as still, in s; 0 for a simulation that begins at rest.
     pub still: f64,
     /// Use of a map of the obstacles.
@@ -68,6 +70,7 @@ impl ThrowConfig {
             pixels: false,
             watch: false,
             objective: Objective::default(),
+            next: NextPose::Waiting,
             still: 0.0,
             mapping: Mapping::Off,
             closing_error: 0.0,

@@ -7,7 +7,9 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 use tactnet_catching::ChainDelays;
 use tactnet_catching::plan::Objective;
-use tactnet_catching_trials::{Ablation, Mapping, Series, ThrowConfig, picture_file, series_page};
+use tactnet_catching_trials::{
+    Ablation, Mapping, Series, SeriesReport, ThrowConfig, picture_file, series_page,
+};
 use tactnet_catching_world::ObstaclesConfig;
 
 use super::throw_progress::throw_progress;
@@ -21,6 +23,7 @@ use crate::output::{self, OutputFormat};
     tactnet catch throw-series --throws 1 --view                     that throw in the Rerun viewer\n  \
     tactnet catch throw-series --without imu --without replan        what they are worth\n  \
     tactnet catch throw-series --mode latest                         the latest catch instead of the smoothest\n  \
+    tactnet catch throw-series --in-a-row 5                          without a return between five balls\n  \
     tactnet catch throw-series --balls 2\n  \
     tactnet catch throw-series --throws 20 --pixels                  from pictures, not from circles\n  \
     tactnet catch throw-series --throws 50 --obstacles               among a table and a box, mapped by a depth camera\n  \
@@ -38,6 +41,11 @@ pub struct ThrowSeriesArgs {
     /// Number of simultaneous balls
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     balls: u8,
+    /// Throw N balls one after the other before the robot returns to its waiting pose; rounds `--throws` up to whole
+    /// rows
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=10),
+        conflicts_with_all = ["obstacles", "watch", "page", "modes_picture", "ramps_picture", "view"])]
+    in_a_row: Option<u64>,
     /// Delays of the stack
     #[arg(long, value_enum, default_value_t = TimingChoice::Ours)]
     timing: TimingChoice,
@@ -85,12 +93,15 @@ pub struct ThrowSeriesArgs {
     /// map
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
-    /// Draw that throw alone from the side as an SVG file
+    /// Draw that throw alone from the side as an SVG file; with `--in-a-row`, all catches of the first row
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// Draw the first throw with each `--mode` as an SVG file
     #[arg(long, value_name = "FILE")]
     modes_picture: Option<PathBuf>,
+    /// Draw the desired and measured joint velocities of the page's throw as an SVG file
+    #[arg(long, value_name = "FILE")]
+    ramps_picture: Option<PathBuf>,
     #[command(flatten)]
     viewer: ViewerArgs,
     /// Print one JSON document
@@ -153,36 +164,59 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
         &arguments.page,
         &arguments.picture,
         &arguments.modes_picture,
+        &arguments.ramps_picture,
     ];
     for file in files.into_iter().flatten() {
         super::check_folder(file)?;
     }
     let series = series(arguments)?;
-    let report = if arguments.obstacles {
+    let report = match arguments.in_a_row {
+        Some(length) => {
+            let throws = arguments.throws.next_multiple_of(length);
+            series.run_in_a_row(length, throw_progress(throws))?
+        }
         // Every throw is simulated twice.
-        series.run_with_and_without_map(throw_progress(2 * arguments.throws))?
-    } else {
-        series.run(throw_progress(arguments.throws))?
+        None if arguments.obstacles => {
+            series.run_with_and_without_map(throw_progress(2 * arguments.throws))?
+        }
+        None => series.run(throw_progress(arguments.throws))?,
     };
-    if let Some(path) = &arguments.page {
-        std::fs::write(path, series_page(&series, &report)?)
-            .with_context(|| path.display().to_string())?;
-    }
-    if let Some(path) = &arguments.picture
-        && let Some((_, trace)) = series.drawn(&report)?
-        && let Some(picture) = picture_file(&trace)
-    {
-        std::fs::write(path, picture).with_context(|| path.display().to_string())?;
-    }
-    if let Some(path) = &arguments.modes_picture {
-        std::fs::write(path, series.modes_picture(0)?)
-            .with_context(|| path.display().to_string())?;
-    }
+    write_pictures(arguments, &series, &report)?;
     #[cfg(feature = "rerun")]
     if let Some(target) = arguments.viewer.target() {
         super::view_throw::view(&series, &report, &target)?;
     }
     OutputFormat::from_flag(arguments.json).report(&report, |report| output::print(report))
+}
+
+fn write_pictures(
+    arguments: &ThrowSeriesArgs,
+    series: &Series,
+    report: &SeriesReport,
+) -> anyhow::Result<()> {
+    let write = |path: &PathBuf, text: Option<String>| match text {
+        Some(text) => std::fs::write(path, text).with_context(|| path.display().to_string()),
+        None => Ok(()),
+    };
+    if let Some(path) = &arguments.page {
+        write(path, Some(series_page(series, report)?))?;
+    }
+    if let Some(path) = &arguments.picture {
+        let picture = match arguments.in_a_row {
+            Some(length) => Some(series.row_picture(length)?),
+            None => series
+                .drawn(report)?
+                .and_then(|(_, trace)| picture_file(&trace)),
+        };
+        write(path, picture)?;
+    }
+    if let Some(path) = &arguments.modes_picture {
+        write(path, Some(series.modes_picture(0)?))?;
+    }
+    if let Some(path) = &arguments.ramps_picture {
+        write(path, series.ramps_picture(report)?)?;
+    }
+    Ok(())
 }
 
 fn series(arguments: &ThrowSeriesArgs) -> anyhow::Result<Series> {

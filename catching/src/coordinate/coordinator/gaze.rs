@@ -56,10 +56,6 @@ impl Coordinator {
         let Some(arm) = self.hand_to_look_at(now_ns) else {
             return;
         };
-        if now_ns < self.looked_ns + LOOK_AGAIN_NS {
-            return;
-        }
-        self.looked_ns = now_ns;
         let links = self.corrections.joints(pose.joints).q;
         let chest = pose.chest(&self.corrections);
         let robot = self.corrections.robot();
@@ -71,7 +67,21 @@ impl Coordinator {
         let neck = Vector3::new(0.0, 0.0, robot.description().neck.height);
         let farther = (AHEAD / wrist.x.max(0.05)).max(1.0);
         let place = chest * Point3::from(neck + (wrist - neck) * farther);
-        let stands = Flight::without_spin(place.coords, Vector3::zeros(), 0.0);
+        self.look_at(now_ns, &place.coords, outputs);
+    }
+
+    /// Turns the head to a fixed place. Must be called until it is turned.
+    pub(super) fn look_at(
+        &mut self,
+        now_ns: u64,
+        place: &Vector3<f64>,
+        outputs: &mut CoordinatorOutputs,
+    ) {
+        if now_ns < self.looked_ns + LOOK_AGAIN_NS {
+            return;
+        }
+        self.looked_ns = now_ns;
+        let stands = Flight::without_spin(*place, Vector3::zeros(), 0.0);
         let mut gaze = Gaze::zeroed();
         (gaze.count, gaze.flights[0]) = (1, stands.packet(now_ns));
         outputs.gaze = Some(gaze);

@@ -49,8 +49,10 @@ impl Coordinator {
             armed.seen_ns = now_ns;
         }
         let body = armed.attempt.body();
-        if before == CatchState::Armed && body.start_ns > 0 {
-            outputs.body = Some(body.packet());
+        if before == CatchState::Armed {
+            outputs.body = (body.start_ns > 0).then(|| body.packet());
+            let [first, _] = armed.attempt.looked_at();
+            armed.came_from = first.map(|(_, flight)| flight.p);
         }
         let requests = requests.map(|request| {
             request.map(|request| PlanRequest {

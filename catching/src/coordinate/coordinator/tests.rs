@@ -9,7 +9,7 @@ use crate::plan::{PlanConfig, Planner};
 use crate::robot::Robot;
 
 const TICK_NS: u64 = 1_000_000;
-/// Time at which the ball is 0.6 m in front of the robot, in ns.
+/// Time after the throw at which the ball is 0.6 m in front of the robot, in ns.
 const ARRIVAL_NS: u64 = 850_000_000;
 
 /// A coordinator with planners, a controller, and exact measurements, in ticks of 1 ms.
@@ -19,7 +19,9 @@ struct Bench {
     planners: [Planner; ARMS],
     /// True while planners answer.
     plans: bool,
-    /// Period in which the ball is predicted, in ms.
+    /// Time of the throw, in ms.
+    thrown_ms: u64,
+    /// Period after the throw in which the ball is predicted, in ms.
     seen_ms: std::ops::Range<u64>,
     tick: u64,
     q: [f64; JOINTS],
@@ -37,6 +39,7 @@ impl Bench {
         let phases = PhaseConfig {
             drives: 0.003,
             after_catch: 0.4,
+            next: NextPose::Waiting,
             looks_at_hand,
         };
         let waiting = robot.waiting();
@@ -49,6 +52,7 @@ impl Bench {
             ),
             planners: [0, 1].map(|arm| Planner::new(&robot, arm, PlanConfig::default())),
             plans: true,
+            thrown_ms: 0,
             seen_ms: 40..840,
             tick: 0,
             q: waiting,
@@ -98,8 +102,9 @@ impl Bench {
             quaternion: head.rotation.coords.into(),
             ..HeadPose::zeroed()
         };
-        let seen = self.seen_ms.contains(&self.tick) && self.tick.is_multiple_of(40);
-        let predictions = seen.then(|| prediction(now_ns));
+        let since_ms = self.tick - self.thrown_ms;
+        let seen = self.seen_ms.contains(&since_ms) && self.tick.is_multiple_of(40);
+        let predictions = seen.then(|| prediction(now_ns, ARRIVAL_NS + self.thrown_ms * TICK_NS));
         let due = |(due_ns, _): &mut (u64, PlanResult)| *due_ns <= now_ns;
         let results: Vec<PlanResult> = self.results.extract_if(.., due).map(|it| it.1).collect();
         self.outputs = self.coordinator.step(
@@ -134,13 +139,13 @@ impl Bench {
 }
 
 /// Returns exact predictions of a ball that comes within reach of the left arm.
-fn prediction(now_ns: u64) -> BallPredictions {
+fn prediction(now_ns: u64, arrival_ns: u64) -> BallPredictions {
     let there = Flight::without_spin(
         Vector3::new(0.6, 0.35, 1.1),
         Vector3::new(-5.5, 0.0, -2.5),
         0.03,
     );
-    let now = there.after((now_ns as f64 - ARRIVAL_NS as f64) * 1e-9);
+    let now = there.after((now_ns as f64 - arrival_ns as f64) * 1e-9);
     let mut predictions = BallPredictions {
         count: 1,
         exposure_ns: now_ns,
@@ -192,6 +197,31 @@ fn a_catch_passes_all_phases_and_ends_in_the_waiting_pose() {
         "{:?}",
         bench.told
     );
+}
+
+#[test]
+fn a_robot_that_stays_catches_the_next_ball_from_the_pose_of_the_last_catch() {
+    let mut bench = Bench::new(false);
+    bench.coordinator.phases.next = NextPose::LastCatch;
+    bench.run(2400);
+    let attempt = [
+        CatchPhase::Armed,
+        CatchPhase::Tracking,
+        CatchPhase::Reaching,
+        CatchPhase::Closed,
+    ];
+    assert_eq!(bench.phases()[..4], attempt);
+    assert_eq!(bench.phases()[4..], [CatchPhase::Armed]);
+    // Armed 400 ms after the catch and 600 ms of turning the head; closed 10 ms before the catch.
+    let stood_ms = bench.told[4].0 - bench.told[3].0;
+    assert!((1010..=1015).contains(&stood_ms), "{:?}", bench.told);
+    let caught_at = bench.q;
+    assert_ne!(caught_at, bench.coordinator.waiting);
+    // `run` checks that the controller accepts all paths.
+    bench.thrown_ms = 2400;
+    bench.run(4800);
+    assert_eq!(bench.phases()[4..8], attempt);
+    assert!(bench.orders.is_empty());
 }
 
 #[test]

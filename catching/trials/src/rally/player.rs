@@ -4,17 +4,15 @@ use tactnet_catching::Robot;
 use tactnet_catching::pose::TORSO_RESTS;
 use tactnet_catching::throw::{NoThrow, THROW_JOINTS, ThrowJoints, ThrowPlan, throw_joint};
 use tactnet_catching::throw_back::{ThrowBack, ThrowTask};
-use tactnet_catching_packets::packets::{CatchPhase, ControllerMode, HandState};
+use tactnet_catching_packets::packets::{ControllerMode, HandState};
 use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{Released, Sensed, World};
 
 use crate::error::TrialError;
 use crate::stepped_stack::SteppedStack;
-use crate::stepped_time::{nanoseconds, ticks};
+use crate::stepped_time::ticks;
 use crate::throw_config::ThrowConfig;
 
-/// Standstill in the waiting pose after which a robot is ready to catch, in s, because the torso oscillates.
-const SETTLES: f64 = 3.0;
 /// Maximum time of a throw with the return before it, and of a return with the rest after it, in s.
 const LONGEST: f64 = 60.0;
 
@@ -122,9 +120,7 @@ impl Player {
     /// A robot that does not get there.
     pub fn rest(&mut self) -> Result<(), TrialError> {
         for _ in 0..ticks(LONGEST) {
-            let (phase, since_ns) = self.stack.phase();
-            let rested = self.world.time_ns() >= since_ns + nanoseconds(SETTLES);
-            if phase == CatchPhase::Armed && rested {
+            if self.stack.waits_at_rest(self.world.time_ns()) {
                 return Ok(());
             }
             self.tick();

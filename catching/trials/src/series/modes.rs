@@ -33,7 +33,7 @@ impl Series {
                 objective,
                 ..self.config.clone()
             };
-            let trace = Self { config, ..*self }.again(number)?;
+            let trace = Self { config, ..*self }.again(number, 0.0)?;
             let plan = trace.plans.last();
             let catch = plan.map_or(String::new(), |plan| format!(", at {:.2} s", plan.catch));
             let arm = plan.map_or(0, |plan| plan.arm);

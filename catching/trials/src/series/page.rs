@@ -213,23 +213,32 @@ pub(super) fn rates(trace: &Trace, joints: Range<usize>) -> (Axes, String) {
         time_axis(trace),
         Axis::linear("joint rate [rad/s]", -3.0..=3.0, 1.0),
     );
-    let mut lines = String::new();
-    for (i, index) in joints.enumerate() {
-        let of = |rates: fn(&TraceTick) -> &[f64]| -> Vec<(f64, f64)> {
-            trace
-                .ticks
-                .iter()
-                .step_by(4)
-                .map(|tick| (tick.t, rates(tick)[index]))
-                .collect()
-        };
-        lines += &axes.path(Curve::nth(i), &of(|tick| &tick.commanded));
-        lines += &format!(
-            "<g class=\"faint\">{}</g>",
-            axes.path(Curve::nth(i), &of(|tick| &tick.measured))
-        );
-    }
+    let all = 0.0..f64::INFINITY;
+    let lines =
+        |of: fn(&TraceTick) -> &[f64]| rate_lines(&axes, trace, joints.clone(), all.clone(), of);
+    let commanded = lines(|tick| &tick.commanded);
+    let measured = lines(|tick| &tick.measured);
+    let lines = format!("{commanded}<g class=\"faint\">{measured}</g>");
     (axes, lines)
+}
+
+/// Returns lines of the rates of joints over the time since the start of `times`, until its end.
+pub(super) fn rate_lines(
+    axes: &Axes,
+    trace: &Trace,
+    joints: Range<usize>,
+    times: Range<f64>,
+    of: fn(&TraceTick) -> &[f64],
+) -> String {
+    let ticks = trace.ticks.iter().step_by(4);
+    let ticks: Vec<&TraceTick> = ticks.filter(|tick| tick.t < times.end).collect();
+    let line = |(i, index): (usize, usize)| {
+        let points = ticks
+            .iter()
+            .map(|tick| (tick.t - times.start, of(tick)[index]));
+        axes.path(Curve::nth(i), &points.collect::<Vec<_>>())
+    };
+    joints.enumerate().map(line).collect()
 }
 
 /// Draws the costs of the exact plans of an arm; `None` for fewer than two.

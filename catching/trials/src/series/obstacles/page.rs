@@ -26,7 +26,7 @@ pub(in crate::series) fn scene_figures(
         mapping: Mapping::Depth,
         ..series.config.clone()
     };
-    let trace = Series { config, ..*series }.again(number)?;
+    let trace = Series { config, ..*series }.again(number, 0.0)?;
     let scene = Scene::of(&trace, &series.config.robot);
     Ok(scene.map_or_else(|| html! {}, |scene| draw(number, &scene)))
 }

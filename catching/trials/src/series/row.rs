@@ -1,0 +1,84 @@
+//! Series of rows: balls one after the other, without a return to the waiting pose (thesis, figure 3.10).
+
+use std::fmt::Write;
+
+use rayon::prelude::*;
+use tactnet_catching::CatchSpace;
+use tactnet_plot::stand_alone;
+
+use super::{Series, SeriesReport};
+use crate::error::TrialError;
+use crate::in_a_row::RowThrow;
+use crate::picture::{HEIGHT, WIDTH, content};
+use crate::throw_outcome::BallOutcome;
+
+/// Number of drawn catches side by side.
+const COLUMNS: usize = 2;
+
+impl Series {
+    /// Runs whole rows of `length` throws, at least as many throws as [`Series::throws`]; `done` is called after each
+    /// throw.
+    ///
+    /// # Errors
+    /// Invalid settings, or a robot that does not get to rest.
+    pub fn run_in_a_row(
+        &self,
+        length: u64,
+        done: impl Fn() + Sync,
+    ) -> Result<SeriesReport, TrialError> {
+        let rows: Result<Vec<Vec<RowThrow>>, TrialError> = (0..self.throws.div_ceil(length))
+            .into_par_iter()
+            .map(|number| {
+                let row = self.row(number, length);
+                (0..length).for_each(|_| done());
+                row
+            })
+            .collect();
+        let outcomes = rows?.into_iter().flatten().map(|(outcome, _)| outcome);
+        Ok(SeriesReport {
+            in_a_row: Some(length),
+            ..self.report(outcomes.collect())
+        })
+    }
+
+    fn row(&self, number: u64, length: u64) -> Result<Vec<RowThrow>, TrialError> {
+        let config = &self.config;
+        let oracle = CatchSpace::new(&config.robot, config.moves_lower_body());
+        config.row(self.seed, number, length, &oracle)
+    }
+
+    /// Simulates the first row and returns a file that draws the robot from the side at the end of each flight, and
+    /// faintly at the throw, in the pose of the catch before.
+    ///
+    /// # Errors
+    /// Same as [`Series::run_in_a_row`].
+    pub fn row_picture(&self, length: u64) -> Result<String, TrialError> {
+        let mut svg = String::new();
+        for (place, (outcome, trace)) in self.row(0, length)?.iter().enumerate() {
+            let caught = outcome.balls.iter().all(BallOutcome::caught);
+            let arm = trace
+                .plans
+                .last()
+                .map_or("no", |plan| ["left", "right"][plan.arm]);
+            let (x, y) = (
+                (place % COLUMNS) as f64 * WIDTH,
+                (place / COLUMNS) as f64 * HEIGHT,
+            );
+            let _ = write!(
+                svg,
+                "<g transform=\"translate({x:.0} {y:.0})\">{}<text x=\"12\" y=\"20\">ball {}, {arm} arm, {}</text></g>",
+                content(trace).unwrap_or_default(),
+                place + 1,
+                if caught { "caught" } else { "missed" }
+            );
+        }
+        let rows = (length as usize).div_ceil(COLUMNS) as f64;
+        let title = "Balls caught one after the other";
+        Ok(stand_alone(
+            COLUMNS as f64 * WIDTH,
+            rows * HEIGHT,
+            title,
+            &svg,
+        ))
+    }
+}
