@@ -301,6 +301,21 @@ impl LeastTime {
     }
 }
 
+/// Returns ramps from rest to rest that start and end together, as soon as the limits permit, and their duration in s.
+pub fn together<const N: usize>(
+    from: &[f64; N],
+    to: &[f64; N],
+    limits: &[Joint; N],
+) -> ([Ramp; N], f64) {
+    let least = |i: usize| LeastTime::exact(to[i] - from[i], 0.0, &limits[i]).t;
+    let end = (0..N).map(least).fold(0.0, f64::max);
+    let ramp = |i: usize| match end > 0.0 {
+        true => Ramp::between(from[i], 0.0, to[i], end, limits[i].speed),
+        false => Ramp::standing(to[i]),
+    };
+    (std::array::from_fn(ramp), end)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -20,8 +20,6 @@ mod head;
 mod mht;
 pub mod murty;
 mod pair_tracker;
-#[cfg(test)]
-mod throws;
 mod tracker;
 mod triangular;
 mod ukf;

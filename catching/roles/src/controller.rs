@@ -50,8 +50,5 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
             states.put_copy(&[state])?;
         }
     }
-    Ok(RoleReport {
-        lost: paths.lost() + throws.lost() + orders.lost(),
-        ..times.report()
-    })
+    Ok(times.report(paths.lost() + throws.lost() + orders.lost()))
 }

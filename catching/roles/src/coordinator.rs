@@ -1,7 +1,5 @@
 //! Coordinator process: the step function of the stack on its channels.
 
-use std::time::Duration;
-
 use tactnet_catching::coordinate::{Coordinator, CoordinatorInputs};
 use tactnet_channel::{Bus, SyncGroup, Wait, now_ns};
 
@@ -9,15 +7,13 @@ use crate::channels::{
     ARM_PATH, BODY_PATH, CATCH_STATE, CONTROLLER_COMMAND, CONTROLLER_STATE, COORDINATOR_STEP,
     HAND_COMMAND, HEAD_GAZE, HEAD_POSE, JOINT_STATE, PLAN_REQUEST, PLAN_RESULT, PREDICTION,
 };
-use crate::latest_value::send;
+use crate::latest_value::{at_most, send};
 use crate::role::Shell;
 use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 /// Maximum sleep, which bounds the reaction time to closing times and phase changes.
-const BEAT: Wait = Wait::Block {
-    timeout: Duration::from_millis(2),
-};
+const BEAT: Wait = at_most(2);
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
@@ -35,10 +31,7 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
         }
         lost = taken.lost;
     }
-    Ok(RoleReport {
-        lost,
-        ..times.report()
-    })
+    Ok(times.report(lost))
 }
 
 /// Packets that a step of the coordinator took from its channels.

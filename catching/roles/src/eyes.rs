@@ -96,8 +96,5 @@ fn look(
         found.put_copy(&[circles])?;
         times.push(now_ns() - begun);
     }
-    Ok(RoleReport {
-        lost: pictures.lost(),
-        ..times.report()
-    })
+    Ok(times.report(pictures.lost()))
 }

@@ -4,8 +4,6 @@
 //! hand/state, catch/state ─> feel ─ sweep/command ─> skin, classifier ─ tactile/belief ─> feel ─ catch/felt ─> judge
 //! ```
 
-use std::time::Duration;
-
 use bytemuck::Zeroable;
 use tactnet_catching::feel::{Exploration, FeelInputs, Felt, FusedBelief, SweepOrder};
 use tactnet_catching_packets::packets::{FeltMaterial, Text};
@@ -16,15 +14,13 @@ use tactnet_skin::packets::{
 };
 
 use crate::channels::{CATCH_FELT, CATCH_STATE, HAND_STATE};
-use crate::latest_value::{LatestValue, NewPackets, send};
+use crate::latest_value::{LatestValue, NewPackets, at_most, send};
 use crate::role::Shell;
 use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 /// Maximum sleep between two polls.
-const LOOK: Wait = Wait::Block {
-    timeout: Duration::from_millis(10),
-};
+const LOOK: Wait = at_most(10);
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
@@ -67,10 +63,7 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
             times.push(felt.duration_ns);
         }
     }
-    Ok(RoleReport {
-        lost: beliefs.lost() + events.lost(),
-        ..times.report()
-    })
+    Ok(times.report(beliefs.lost() + events.lost()))
 }
 
 fn fused(belief: &TactileBelief) -> Option<FusedBelief> {

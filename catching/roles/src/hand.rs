@@ -1,20 +1,16 @@
 //! Hand process: the relay of commands to the hands on its channels.
 
-use std::time::Duration;
-
 use tactnet_catching::hand::{HandInputs, HandRelay};
 use tactnet_channel::{Wait, now_ns};
 
 use crate::channels::{HAND_COMMAND, HAND_OPEN, HAND_RELEASE, HAND_TARGET};
-use crate::latest_value::send;
+use crate::latest_value::{at_most, send};
 use crate::role::Shell;
 use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 /// Period at which closing times are repeated.
-const AGAIN: Wait = Wait::Block {
-    timeout: Duration::from_millis(5),
-};
+const AGAIN: Wait = at_most(5);
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let (bus, stopped) = (shell.bus, shell.stopped);
@@ -41,8 +37,5 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
         send(&openings, outputs.openings)?;
         send(&targets, outputs.targets)?;
     }
-    Ok(RoleReport {
-        lost: commands.lost() + releases.lost(),
-        ..times.report()
-    })
+    Ok(times.report(commands.lost() + releases.lost()))
 }

@@ -5,9 +5,7 @@ use std::time::Duration;
 use tactnet_channel::{ChannelError, GetPort, Packet, PutPort, Wait};
 
 /// Maximum sleep of a process, which bounds its reaction time to a stop request.
-pub(crate) const PATIENCE: Wait = Wait::Block {
-    timeout: Duration::from_millis(50),
-};
+pub(crate) const PATIENCE: Wait = at_most(50);
 /// Number of packets since the last look that are taken without allocation.
 const NEW: usize = 16;
 
@@ -31,6 +29,13 @@ pub(crate) fn send<T: Packet + Copy, const MOST: usize>(
         port.put_copy(&[packet])?;
     }
     Ok(())
+}
+
+/// Returns a wait that ends after the given number of milliseconds.
+pub(crate) const fn at_most(ms: u64) -> Wait {
+    Wait::Block {
+        timeout: Duration::from_millis(ms),
+    }
 }
 
 /// Latest packet of a channel.

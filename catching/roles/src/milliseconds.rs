@@ -1,6 +1,7 @@
 //! Percentiles of durations.
 
 use serde::Serialize;
+use tactnet_channel::percentile;
 
 /// Percentiles of durations, in ms.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -22,15 +23,13 @@ impl Milliseconds {
     pub fn of(values: &[f64]) -> Option<Self> {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| {
-            sorted[((share * sorted.len() as f64).ceil() as usize).clamp(1, sorted.len()) - 1]
-        };
-        (!sorted.is_empty()).then(|| Self {
+        let at = |share| percentile(&sorted, share);
+        Some(Self {
             count: sorted.len(),
-            p50: at(0.5),
-            p99: at(0.99),
-            p999: at(0.999),
-            max: at(1.0),
+            p50: at(0.5)?,
+            p99: at(0.99)?,
+            p999: at(0.999)?,
+            max: at(1.0)?,
         })
     }
 }

@@ -49,8 +49,5 @@ pub(crate) fn run(shell: &Shell<'_>, arm: usize) -> Result<RoleReport, RoleError
         results.put_copy(&[plan])?;
         times.push(plan.computing_ns);
     }
-    Ok(RoleReport {
-        lost: requests.lost(),
-        ..times.report()
-    })
+    Ok(times.report(requests.lost()))
 }

@@ -35,8 +35,5 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
         }
         times.push(now_ns() - now);
     }
-    Ok(RoleReport {
-        lost: samples.lost(),
-        ..times.report()
-    })
+    Ok(times.report(samples.lost()))
 }

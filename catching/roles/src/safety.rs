@@ -30,9 +30,8 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
         watch.count(command, &verdict);
     }
     Ok(RoleReport {
-        lost: commands.lost(),
         brakes: watch.brakes(),
         brakes_in_vain: watch.brakes_in_vain(),
-        ..times.report()
+        ..times.report(commands.lost())
     })
 }

@@ -1,20 +1,16 @@
 //! Slip watch: checks the calibration from markers and joint states.
 
-use std::time::Duration;
-
 use tactnet_catching::calibrate::MarkerWatch;
 use tactnet_channel::{Wait, now_ns};
 
 use crate::channels::{CALIBRATION_STATE, JOINT_STATE, MARKER_FEATURES};
-use crate::latest_value::send;
+use crate::latest_value::{at_most, send};
 use crate::role::Shell;
 use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 /// Maximum sleep, short enough that no joint state is lost.
-const LOOK: Wait = Wait::Block {
-    timeout: Duration::from_millis(20),
-};
+const LOOK: Wait = at_most(20);
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
@@ -34,8 +30,5 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
         }
         send(&states, [state])?;
     }
-    Ok(RoleReport {
-        lost: features.lost() + joints.lost(),
-        ..times.report()
-    })
+    Ok(times.report(features.lost() + joints.lost()))
 }

@@ -1,7 +1,5 @@
 //! Thrower process: throwing back on its channels.
 
-use std::time::Duration;
-
 use tactnet_catching::throw_back::{ThrowInputs, ThrowTask};
 use tactnet_channel::{Wait, now_ns};
 
@@ -9,15 +7,13 @@ use crate::channels::{
     ARM_PATH, CATCH_FELT, CATCH_STATE, CONTROLLER_STATE, HAND_RELEASE, HAND_STATE, PREDICTION,
     THROW_PATH, THROW_STATE,
 };
-use crate::latest_value::send;
+use crate::latest_value::{at_most, send};
 use crate::role::Shell;
 use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 /// Maximum sleep, which is also the period of repeated commands to the hand.
-const BEAT: Wait = Wait::Block {
-    timeout: Duration::from_millis(4),
-};
+const BEAT: Wait = at_most(4);
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
@@ -52,8 +48,5 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
         send(&releases, [outputs.release])?;
         send(&states, [outputs.status])?;
     }
-    Ok(RoleReport {
-        lost: predictions.lost() + paths.lost(),
-        ..times.report()
-    })
+    Ok(times.report(predictions.lost() + paths.lost()))
 }

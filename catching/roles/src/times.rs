@@ -29,7 +29,10 @@ impl Times {
         }
     }
 
-    pub fn report(mut self) -> RoleReport {
+    /// Returns the statistics.
+    ///
+    /// - `lost`: number of packets that the process lost
+    pub fn report(mut self, lost: u64) -> RoleReport {
         self.ns.sort_unstable();
         let at = |share| percentile(&self.ns, share).map_or(0.0, |ns| f64::from(ns) / 1e3);
         RoleReport {
@@ -38,6 +41,7 @@ impl Times {
             p99_us: at(0.99),
             p999_us: at(0.999),
             max_us: at(1.0),
+            lost,
             ..RoleReport::default()
         }
     }
@@ -73,11 +77,11 @@ mod tests {
     fn percentiles_are_of_what_was_pushed() {
         let mut times = Times::at(1);
         (1..=1000).for_each(|ns| times.push(ns * 1000));
-        let report = times.report();
+        let report = times.report(0);
         assert_eq!(
             (report.count, report.p50_us, report.max_us),
             (1000, 500.0, 1000.0)
         );
-        assert_eq!(Times::at(1).report(), RoleReport::default());
+        assert_eq!(Times::at(1).report(0), RoleReport::default());
     }
 }

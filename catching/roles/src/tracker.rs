@@ -28,8 +28,5 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
         }
         times.push(now_ns() - begun);
     }
-    Ok(RoleReport {
-        lost: circles.lost(),
-        ..times.report()
-    })
+    Ok(times.report(circles.lost()))
 }

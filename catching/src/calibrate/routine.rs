@@ -8,7 +8,7 @@ use tactnet_catching_packets::{ARMS, JOINTS, Joint, joint};
 
 use super::choose::Candidate;
 use super::session::NeckMotion;
-use crate::ramp::{LeastTime, Ramp};
+use crate::ramp::{Ramp, together};
 use crate::robot::Robot;
 
 /// Resting positions of pan and tilt for the IMU, in rad.
@@ -247,13 +247,10 @@ impl Routine {
 
     /// Moves all joints straight to `q` such that they arrive at the same time.
     fn go(&mut self, q: &[f64; JOINTS], limits: &[Joint; JOINTS]) {
-        let least = |i: usize| LeastTime::exact(q[i] - self.q[i], 0.0, &limits[i]).t;
-        let seconds = (0..JOINTS).map(least).fold(0.0, f64::max);
+        let (ramps, seconds) = together(&self.q, q, limits);
         if seconds <= 0.0 {
             return;
         }
-        let ramps =
-            std::array::from_fn(|i| Ramp::between(self.q[i], 0.0, q[i], seconds, limits[i].speed));
         self.push(seconds, Motion::Ramps(Box::new(ramps)), Phase::Way);
         self.q = *q;
     }

@@ -2,7 +2,7 @@
 
 use tactnet_catching_packets::{JOINTS, Joint};
 
-use crate::safety::{Bodies, Interval, PAIRS, distance};
+use crate::safety::Bodies;
 
 /// Maximum number of ticks in the trail: 20 s of motion.
 const MAX_POINTS: usize = 20_000;
@@ -131,7 +131,8 @@ impl Trail {
         let at = |part: f64| -> [f64; JOINTS] { std::array::from_fn(|i| ready[i] + way[i] * part) };
         let longest = way.iter().fold(0.0, |most: f64, part| most.max(part.abs()));
         let looks = (longest / CHECK_STEP).ceil() as usize + 1;
-        let free = (0..=looks).all(|look| is_free(&at(look as f64 / looks as f64), bodies));
+        let apart = |look: usize| bodies.least(&at(look as f64 / looks as f64));
+        let free = (0..=looks).all(|look| apart(look) >= MARGIN);
         if !free {
             return false;
         }
@@ -154,13 +155,4 @@ impl Trail {
         }));
         true
     }
-}
-
-/// Returns true if all pairs of bodies keep the margin.
-fn is_free(q: &[f64; JOINTS], bodies: &Bodies) -> bool {
-    let still = q.map(|q| Interval { low: q, high: q });
-    (0..PAIRS).all(|pair| {
-        let [a, b] = bodies.swept(pair, &still);
-        distance(&a, &b) >= MARGIN
-    })
 }

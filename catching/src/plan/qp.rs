@@ -315,6 +315,41 @@ fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// Returns the step that minimises violations of rows in the least-squares sense without violating the others.
+///
+/// - `lack`: violation of a row, by its number; `None` for rows that must hold
+/// - `equalities`: number of equations at the beginning of the rows that must hold
+pub(crate) fn least_violation<const N: usize, const R: usize>(
+    rows: &[Row<N>],
+    lack: impl Fn(usize, &Row<N>) -> Option<f64>,
+    equalities: usize,
+) -> Option<[f64; N]> {
+    let mut b = [[0.0; N]; N];
+    let mut g = [0.0; N];
+    for (i, line) in b.iter_mut().enumerate() {
+        line[i] = 1e-3;
+    }
+    let none = Row {
+        normal: [0.0; N],
+        bound: 0.0,
+    };
+    let (mut held, mut count) = ([none; R], 0);
+    for (i, row) in rows.iter().enumerate() {
+        let Some(lack) = lack(i, row) else {
+            held[count] = *row;
+            count += 1;
+            continue;
+        };
+        for k in 0..N {
+            g[k] -= lack * row.normal[k];
+            for m in 0..N {
+                b[k][m] += row.normal[k] * row.normal[m];
+            }
+        }
+    }
+    Some(solve::<N, R>(&b, &g, &held[..count], equalities).ok()?.x)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

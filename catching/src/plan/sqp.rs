@@ -194,33 +194,13 @@ fn keep(problem: &Problem, best: &mut Option<Solution>, here: &Iterate) {
 
 /// Returns the step that minimises the violations of inequalities in the least-squares sense without violating others.
 fn restoring_step(problem: &Problem, here: &Linearised, x: &Point) -> Option<Point> {
-    let mut b = [[0.0; UNKNOWNS]; UNKNOWNS];
-    let mut g = [0.0; UNKNOWNS];
-    for (i, line) in b.iter_mut().enumerate() {
-        line[i] = 1e-3;
-    }
-    let mut rows = [qp::Row {
-        normal: [0.0; UNKNOWNS],
-        bound: 0.0,
-    }; ROWS];
-    let mut count = 0;
-    for (i, row) in here.rows[..here.count].iter().enumerate() {
-        // A positive bound is the violation.
-        if i < EQUALITIES || row.bound <= 0.0 {
-            rows[count] = *row;
-            count += 1;
-            continue;
-        }
-        let lack = row.bound + MARGIN;
-        for k in 0..UNKNOWNS {
-            g[k] -= lack * row.normal[k];
-            for m in 0..UNKNOWNS {
-                b[k][m] += row.normal[k] * row.normal[m];
-            }
-        }
-    }
-    let step = qp::solve::<UNKNOWNS, ROWS>(&b, &g, &rows[..count], EQUALITIES).ok()?;
-    let mut next: Point = std::array::from_fn(|i| x[i] + step.x[i]);
+    // A positive bound is the violation.
+    let lack = |i: usize, row: &qp::Row<UNKNOWNS>| {
+        (i >= EQUALITIES && row.bound > 0.0).then_some(row.bound + MARGIN)
+    };
+    let rows = &here.rows[..here.count];
+    let step = qp::least_violation::<UNKNOWNS, ROWS>(rows, lack, EQUALITIES)?;
+    let mut next: Point = std::array::from_fn(|i| x[i] + step[i]);
     // Limits may still be violated, but the time must stay valid.
     next[ARM_JOINTS] = next[ARM_JOINTS].max(problem.times[0]);
     Some(next)

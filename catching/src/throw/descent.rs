@@ -135,30 +135,8 @@ fn keep(best: &mut Option<ThrowSolution>, x: &Point, here: &Linearised) {
 
 /// Returns the step that minimises the violations in the least-squares sense without violating other rows.
 fn restoring_step(here: &Linearised, equalities: usize) -> Option<Point> {
-    let mut b = [[0.0; THROW_UNKNOWNS]; THROW_UNKNOWNS];
-    let mut g = [0.0; THROW_UNKNOWNS];
-    for (i, line) in b.iter_mut().enumerate() {
-        line[i] = 1e-3;
-    }
-    let mut rows = [Row {
-        normal: [0.0; THROW_UNKNOWNS],
-        bound: 0.0,
-    }; ROWS];
-    let mut count = 0;
-    for (i, row) in here.rows[..here.count].iter().enumerate() {
-        if i >= equalities && row.bound <= 0.0 {
-            rows[count] = *row;
-            count += 1;
-            continue;
-        }
-        for k in 0..THROW_UNKNOWNS {
-            g[k] -= row.bound * row.normal[k];
-            for m in 0..THROW_UNKNOWNS {
-                b[k][m] += row.normal[k] * row.normal[m];
-            }
-        }
-    }
-    qp::solve::<THROW_UNKNOWNS, ROWS>(&b, &g, &rows[..count], 0)
-        .ok()
-        .map(|step| step.x)
+    let lack = |i: usize, row: &Row<THROW_UNKNOWNS>| {
+        (i < equalities || row.bound > 0.0).then_some(row.bound)
+    };
+    qp::least_violation::<THROW_UNKNOWNS, ROWS>(&here.rows[..here.count], lack, 0)
 }

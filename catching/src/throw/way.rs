@@ -2,7 +2,7 @@
 
 use tactnet_catching_packets::JOINTS;
 
-use crate::ramp::{LeastTime, Ramp};
+use crate::ramp::{Ramp, together};
 use crate::robot::Robot;
 use crate::safety::{Bodies, PAIRS, distance};
 
@@ -23,16 +23,7 @@ pub(super) fn straight(
         joint.acceleration *= pace * pace;
         joint
     });
-    let least = (0..JOINTS).map(|i| LeastTime::exact(to[i] - from[i], 0.0, &gentle[i]).t);
-    let end = least.fold(0.0, f64::max);
-    let ramps = std::array::from_fn(|i| {
-        if end > 0.0 {
-            Ramp::between(from[i], 0.0, to[i], end, gentle[i].speed)
-        } else {
-            Ramp::standing(to[i])
-        }
-    });
-    (ramps, end)
+    together(from, to, &gentle)
 }
 
 /// Returns the first pair of bodies that comes closer than `margin` and closer than at the start.

@@ -241,12 +241,6 @@ impl Hypotheses {
         self.hypotheses.iter().map(existence).sum()
     }
 
-    /// Returns the numbers of hypotheses and tracks.
-    #[cfg(test)]
-    pub fn counts(&self) -> [usize; 2] {
-        [self.hypotheses.len(), self.tracks.len()]
-    }
-
     fn drop_tracks(&mut self, keep: impl Fn(&Track) -> bool) {
         let Self {
             tracks, hypotheses, ..

@@ -224,12 +224,6 @@ impl BallTracker {
             balls,
         }
     }
-
-    /// Returns the numbers of hypotheses and tracks.
-    #[cfg(test)]
-    pub(super) fn counts(&self) -> [usize; 2] {
-        self.hypotheses.counts()
-    }
 }
 
 /// Returns the number of a ball: its own, that of a lost ball expected at this position, or a new one.

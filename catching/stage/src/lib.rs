@@ -27,7 +27,7 @@ mod world_settings;
 
 pub use error::StageError;
 pub use held_report::HeldReport;
-pub use pairs::PairReport;
+pub use pairs::{CatchCounts, PairReport};
 pub use run::{CatchRun, Feel, RunEvent};
 pub use run_report::{RecordingReport, RunReport, cause};
 pub use throw_report::{Misses, ThrowBackReport};

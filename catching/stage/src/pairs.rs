@@ -1,27 +1,54 @@
-//! Throws of two balls, counted as in stepped time. A throw counts once. It is in the catch space if each ball has an
-//! arm that can catch it, and caught if both balls are.
+//! Catches of balls, and of throws of two balls, counted as in stepped time. Such a throw counts once. It is in the catch
+//! space if each ball has an arm that can catch it, and caught if both balls are.
 
 use serde::Serialize;
 use tactnet_catching_packets::packets::CatchOutcome;
 use tactnet_plot::wilson_of_counts;
+
+/// Catches of balls or of throws.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CatchCounts {
+    /// Number in the catch space.
+    pub catchable: usize,
+    /// Number of caught ones in the catch space.
+    pub caught: usize,
+    /// Catch rate in the catch space; `null` if none is.
+    pub rate: Option<f64>,
+    /// Lower end of the 95 % Wilson interval of the rate.
+    pub ci95_low: f64,
+    /// Upper end of the interval.
+    pub ci95_high: f64,
+    /// Number of caught ones, in the catch space or not.
+    pub caught_of_all: usize,
+}
+
+impl CatchCounts {
+    /// Computes the statistics.
+    ///
+    /// - `all`: for each, true if it was in the catch space, and true if it was caught
+    pub(crate) fn of(all: &[[bool; 2]]) -> Self {
+        let count = |wanted: fn(&[bool; 2]) -> bool| all.iter().filter(|one| wanted(one)).count();
+        let (catchable, caught) = (count(|[space, _]| *space), count(|both| *both == [true; 2]));
+        let [ci95_low, ci95_high] = wilson_of_counts(caught, catchable);
+        Self {
+            catchable,
+            caught,
+            rate: (catchable > 0).then(|| caught as f64 / catchable as f64),
+            ci95_low,
+            ci95_high,
+            caught_of_all: count(|[_, caught]| *caught),
+        }
+    }
+}
 
 /// Statistics of throws of two balls.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PairReport {
     /// Number of throws with two judged balls.
     pub thrown: usize,
-    /// Number of throws in the catch space: each ball can be caught by a separate arm.
-    pub catchable: usize,
-    /// Number of caught throws in the catch space.
-    pub caught: usize,
-    /// Catch rate in the catch space; `null` without such throws.
-    pub rate: Option<f64>,
-    /// Lower end of the 95 % Wilson interval of the rate.
-    pub ci95_low: f64,
-    /// Upper end of the interval.
-    pub ci95_high: f64,
-    /// Number of caught throws, in the catch space or not.
-    pub caught_of_all: usize,
+    /// Catches. A throw is in the catch space if each ball can be caught by a separate arm.
+    #[serde(flatten)]
+    pub counts: CatchCounts,
 }
 
 impl PairReport {
@@ -29,21 +56,15 @@ impl PairReport {
     ///
     /// - `outcomes`: outcomes in temporal order; returns `None` for throws of one ball
     pub(crate) fn of(outcomes: &[CatchOutcome]) -> Option<Self> {
-        let same_throw = |a: &CatchOutcome, b: &CatchOutcome| a.throw == b.throw;
-        let throws = outcomes.chunk_by(same_throw);
-        let pairs: Vec<&[CatchOutcome]> = throws.filter(|balls| balls.len() == 2).collect();
-        let is_caught = |balls: &&&[CatchOutcome]| balls.iter().all(|outcome| outcome.caught == 1);
-        let catchable: Vec<_> = pairs.iter().filter(|balls| have_arms(balls)).collect();
-        let caught = catchable.iter().copied().filter(is_caught).count();
-        let [ci95_low, ci95_high] = wilson_of_counts(caught, catchable.len());
+        let throws = outcomes.chunk_by(|a, b| a.throw == b.throw);
+        let pairs = throws.filter(|balls| balls.len() == 2);
+        let is_caught = |balls: &[CatchOutcome]| balls.iter().all(|one| one.caught == 1);
+        let pairs: Vec<_> = pairs
+            .map(|balls| [have_arms(balls), is_caught(balls)])
+            .collect();
         (!pairs.is_empty()).then(|| Self {
             thrown: pairs.len(),
-            catchable: catchable.len(),
-            caught,
-            rate: (!catchable.is_empty()).then(|| caught as f64 / catchable.len() as f64),
-            ci95_low,
-            ci95_high,
-            caught_of_all: pairs.iter().filter(is_caught).count(),
+            counts: CatchCounts::of(&pairs),
         })
     }
 }
@@ -85,16 +106,18 @@ mod tests {
             outcome(5, 3, 1),
         ];
         let pairs = PairReport::of(&outcomes).unwrap();
+        let CatchCounts {
+            catchable,
+            caught,
+            rate,
+            caught_of_all,
+            ..
+        } = pairs.counts;
         assert_eq!(
-            (
-                pairs.thrown,
-                pairs.catchable,
-                pairs.caught,
-                pairs.caught_of_all
-            ),
+            (pairs.thrown, catchable, caught, caught_of_all),
             (4, 2, 1, 2)
         );
-        assert_eq!(pairs.rate, Some(0.5));
+        assert_eq!(rate, Some(0.5));
         assert_eq!(PairReport::of(&outcomes[8..]), None);
     }
 }

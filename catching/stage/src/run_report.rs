@@ -5,11 +5,10 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use tactnet_catching_packets::packets::CatchOutcome;
 use tactnet_catching_roles::{CatchTimes, Milliseconds, RoleReport};
-use tactnet_plot::wilson_of_counts;
 
 use crate::held_report::HeardHold;
 use crate::world_role::WorldReport;
-use crate::{HeldReport, PairReport, ThrowBackReport};
+use crate::{CatchCounts, HeldReport, PairReport, ThrowBackReport};
 
 /// Packets that the report summarises.
 #[derive(Debug, Default)]
@@ -71,18 +70,9 @@ pub(crate) struct FinishedRun {
 pub struct RunReport {
     /// Number of judged balls.
     pub balls: usize,
-    /// Number of balls in the catch space: an arm could have caught them.
-    pub catchable: usize,
-    /// Number of caught balls in the catch space.
-    pub caught: usize,
-    /// Catch rate in the catch space; `null` without such balls.
-    pub rate: Option<f64>,
-    /// Lower end of the 95 % Wilson interval of the rate.
-    pub ci95_low: f64,
-    /// Upper end of the interval.
-    pub ci95_high: f64,
-    /// Number of caught balls, in the catch space or not.
-    pub caught_of_all: usize,
+    /// Catches. A ball is in the catch space if an arm could have caught it.
+    #[serde(flatten)]
+    pub counts: CatchCounts,
     /// Number of missed balls in the catch space, by cause.
     pub misses: BTreeMap<&'static str, usize>,
     /// Statistics of throws of two balls, each counted once, as in stepped time.
@@ -137,18 +127,13 @@ pub struct RunReport {
 
 impl RunReport {
     pub(crate) fn of(heard: &HeardCatches, run: FinishedRun) -> Self {
-        let catchable: Vec<&CatchOutcome> = heard
-            .outcomes
-            .iter()
-            .filter(|outcome| outcome.arms != 0)
+        let balls = heard.outcomes.iter();
+        let balls: Vec<_> = balls
+            .map(|ball| [ball.arms != 0, ball.caught == 1])
             .collect();
-        let caught = catchable
-            .iter()
-            .filter(|outcome| outcome.caught == 1)
-            .count();
-        let [ci95_low, ci95_high] = wilson_of_counts(caught, catchable.len());
         let mut misses = BTreeMap::new();
-        for outcome in catchable.iter().filter(|outcome| outcome.caught == 0) {
+        let missed = |outcome: &&CatchOutcome| outcome.arms != 0 && outcome.caught == 0;
+        for outcome in heard.outcomes.iter().filter(missed) {
             *misses.entry(cause(outcome.cause)).or_default() += 1;
         }
         let is_felt = |outcome: &&CatchOutcome| !outcome.felt.as_str().is_empty();
@@ -158,16 +143,7 @@ impl RunReport {
         let safety = of("safety");
         Self {
             balls: heard.outcomes.len(),
-            catchable: catchable.len(),
-            caught,
-            rate: (!catchable.is_empty()).then(|| caught as f64 / catchable.len() as f64),
-            ci95_low,
-            ci95_high,
-            caught_of_all: heard
-                .outcomes
-                .iter()
-                .filter(|outcome| outcome.caught == 1)
-                .count(),
+            counts: CatchCounts::of(&balls),
             misses,
             pairs: PairReport::of(&heard.outcomes),
             throw_back: None,
@@ -260,8 +236,8 @@ mod tests {
             ..outcome(1, 0, 0, 19_150_000_000)
         });
         let report = report(&catches);
-        assert_eq!((report.balls, report.catchable), (4, 2));
-        assert_eq!((report.caught, report.caught_of_all), (1, 2));
+        assert_eq!((report.balls, report.counts.catchable), (4, 2));
+        assert_eq!((report.counts.caught, report.counts.caught_of_all), (1, 2));
         assert_eq!(report.misses, [("across", 1)].into());
         let materials = (report.beliefs_after_catch, report.correct_materials);
         assert_eq!(materials, (2, 1));

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{ThrowStatus, ThrownBack};
+use tactnet_channel::percentile;
 
 /// Results of throwing balls back, in figures.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -32,6 +33,16 @@ pub struct Misses {
     pub p95: f64,
     /// Maximum.
     pub max: f64,
+}
+
+impl Misses {
+    fn of(sorted: &[f64]) -> Option<Self> {
+        Some(Self {
+            p50: percentile(sorted, 0.5)?,
+            p95: percentile(sorted, 0.95)?,
+            max: percentile(sorted, 1.0)?,
+        })
+    }
 }
 
 /// Received packets about throws.
@@ -73,14 +84,10 @@ impl HeardThrows {
         let off = |thrown: &ThrownBack| thrown.left_ns.abs_diff(thrown.open_ns) as f64 * 1e-6;
         ThrowBackReport {
             throws_back: self.thrown.len(),
-            throw_miss_mm: (!misses.is_empty()).then(|| Misses {
-                p50: at(&misses, 0.5),
-                p95: at(&misses, 0.95),
-                max: at(&misses, 1.0),
-            }),
+            throw_miss_mm: Misses::of(&misses),
             throw_beside_mm: std::array::from_fn(|arm| self.beside(arm as u64)),
-            throw_length_m: (!misses.is_empty()).then(|| at(&sorted(&|thrown| thrown.length), 0.5)),
-            release_off_ms: (!misses.is_empty()).then(|| at(&sorted(&off), 1.0)),
+            throw_length_m: percentile(&sorted(&|thrown| thrown.length), 0.5),
+            release_off_ms: percentile(&sorted(&off), 1.0),
             throws_failed: self.failed.clone(),
         }
     }
@@ -93,11 +100,6 @@ impl HeardThrows {
         };
         (!of.is_empty()).then(|| [mean(0), mean(1)])
     }
-}
-
-/// Returns the quantile of sorted values at a share, without interpolation.
-fn at(sorted: &[f64], share: f64) -> f64 {
-    sorted[((share * sorted.len() as f64).ceil() as usize).clamp(1, sorted.len()) - 1]
 }
 
 #[cfg(test)]

@@ -197,3 +197,128 @@ fn catch(flight: &[FlightSample], thrower: &ThrowerConfig) -> Option<(u64, Fligh
     let at_ns = before.t_ns + nanoseconds(left);
     Some((at_ns, true_at(flight, at_ns)?))
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use tactnet_catching::track::TrackError;
+    use tactnet_catching_packets::packets::{BallPrediction, BallPredictions};
+    use tactnet_catching_world::{BallState, Released};
+
+    use super::*;
+
+    fn tracker() -> BallTracker {
+        let robot = Robot::nominal();
+        BallTracker::new(robot.description(), TrackConfig::default()).unwrap()
+    }
+
+    fn push(tracker: &mut BallTracker, pair: &Pair) -> Result<BallPredictions, TrackError> {
+        tracker.push(pair.circles.each_ref(), &pair.head)
+    }
+
+    /// Returns a world with a rigid robot and the given number of false circles per picture.
+    fn world(seed: u64, clutter: f64) -> World {
+        let mut config = WorldConfig::default();
+        config.torso.stiffness = Stiffness::Rigid;
+        config.cameras.clutter = clutter;
+        let robot = Robot::nominal();
+        World::new(robot.description(), &config, seed, &robot.waiting()).unwrap()
+    }
+
+    #[test]
+    fn clutter_alone_is_no_ball() {
+        let (mut world, mut tracker) = (world(3, 4.0), tracker());
+        let ready = Robot::nominal().waiting();
+        for pair in (0..20_000).filter_map(|_| tick(&mut world, &ready)) {
+            assert_eq!(push(&mut tracker, &pair).unwrap().count, 0);
+        }
+    }
+
+    #[test]
+    fn balls_that_cross_keep_their_numbers() {
+        let ready = Robot::nominal().waiting();
+        for seed in 0..10 {
+            let (mut world, mut tracker) = (world(seed, 1.0), tracker());
+            for aside in [0.4, -0.4] {
+                let state = BallState {
+                    position: Vector3::new(5.5, aside, 1.5 + aside / 8.0),
+                    velocity: Vector3::new(-6.4, -2.5 * aside, 3.8),
+                };
+                let (spin, drag) = (Vector3::zeros(), 0.47);
+                world.launch(
+                    &Released {
+                        arm: 0,
+                        at_ns: 0,
+                        state,
+                        spin,
+                        drag,
+                    },
+                    0.0,
+                );
+            }
+            let mut numbers = Vec::new();
+            for _ in 0..740 {
+                let Some(pair) = tick(&mut world, &ready) else {
+                    continue;
+                };
+                let (found, truth) = (push(&mut tracker, &pair).unwrap(), world.truth());
+                let ball = |ball: usize| {
+                    let place = truth.balls[ball]?.state.position;
+                    let said = found.valid().iter();
+                    let off = |said: &BallPrediction| (Vector3::from(said.p) - place).norm();
+                    Some(said.min_by(|a, b| off(a).total_cmp(&off(b)))?.ball)
+                };
+                numbers.push([ball(0), ball(1)]);
+            }
+            // The tracker knows both after 0.3 s, and they cross after 0.4 s.
+            let (known, last) = (numbers[7], numbers[numbers.len() - 1]);
+            assert!(
+                known[0].is_some() && known[0] != known[1],
+                "seed {seed}: {known:?}"
+            );
+            assert_eq!(known, last, "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn the_order_of_circles_does_not_matter() {
+        let throw = StillThrow::new(&Robot::nominal(), Detectors::Usual, 5, 0).unwrap();
+        let (mut forward, mut backward) = (tracker(), tracker());
+        for pair in &throw.pairs {
+            let mut turned = pair.clone();
+            for circles in &mut turned.circles {
+                circles.circles[..circles.count as usize].reverse();
+            }
+            let [one, other] = [push(&mut forward, pair), push(&mut backward, &turned)];
+            assert_eq!(one.unwrap(), other.unwrap());
+        }
+    }
+
+    #[test]
+    fn pictures_that_are_none_are_refused_and_the_next_ones_taken() {
+        let throw = StillThrow::new(&Robot::nominal(), Detectors::Perfect, 7, 0).unwrap();
+        let mut tracker = tracker();
+        let mut last = 0;
+        for pair in &throw.pairs {
+            let mut refused = |spoil: fn(&mut Pair)| {
+                let mut spoilt = pair.clone();
+                spoil(&mut spoilt);
+                push(&mut tracker, &spoilt).unwrap_err()
+            };
+            let circle = refused(|pair| {
+                (pair.circles[0].count, pair.circles[0].circles[0].u) = (1, f64::NAN);
+            });
+            assert!(matches!(circle, TrackError::Circle { .. }));
+            let count = refused(|pair| pair.circles[0].count = 1 << 20);
+            assert!(matches!(count, TrackError::Count { .. }));
+            let exchanged = refused(|pair| pair.circles.reverse());
+            assert!(matches!(exchanged, TrackError::Pair { .. }));
+            let head = refused(|pair| pair.head.position[1] = f64::INFINITY);
+            assert!(matches!(head, TrackError::Head { .. }));
+            last = push(&mut tracker, pair).unwrap().count;
+            let late = push(&mut tracker, pair).unwrap_err();
+            assert!(matches!(late, TrackError::Late { .. }));
+        }
+        assert_eq!(last, 1);
+    }
+}

@@ -178,6 +178,11 @@ mod tests {
         assert!(figures.across_mm_rms_200ms.unwrap() <= 4.4, "{figures:?}");
         assert!(figures.along_ms_rms_200ms.unwrap() <= 1.3, "{figures:?}");
         assert_eq!((figures.lost, figures.predictions), (0, 30), "{figures:?}");
+        // The band of 30 balls is 2.2 to 3.9; the filter expects a little more noise than there is.
+        assert!(
+            (1.8..3.9).contains(&figures.nees_200ms.unwrap()),
+            "{figures:?}"
+        );
         let cluttered = report.with_clutter;
         assert!(cluttered.lost <= 1, "{cluttered:?}");
         let bits = |report: TrackReport| {

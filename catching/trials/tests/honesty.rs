@@ -3,7 +3,7 @@
 
 use tactnet_catching::Robot;
 use tactnet_catching_trials::{Ablation, Series, SeriesReport, ThrowConfig};
-use tactnet_catching_world::{ObstaclesConfig, Stiffness, WorldConfig};
+use tactnet_catching_world::{ObstaclesConfig, WorldConfig};
 
 fn series(throws: u64, change: impl FnOnce(&mut ThrowConfig)) -> Series {
     let robot = Robot::nominal();
@@ -25,6 +25,9 @@ fn most_balls_in_the_catch_space_are_caught() {
     let report = run(30, |_| ());
     assert!(report.in_catch_space > 10);
     assert!(report.rate >= 0.9, "{report:?}");
+    // The covariance includes the shaking head: 3 in the mean, and 95 % of means of 30 balls within 2.2 and 3.9.
+    let nees = report.nees_200ms.unwrap();
+    assert!((1.8..4.2).contains(&nees), "{nees}");
 }
 
 #[test]
@@ -66,36 +69,6 @@ fn a_head_that_is_not_measured_or_a_plan_that_is_not_corrected_misses() {
         let without = run(20, |config| config.without = vec![ablation]).over_all_throws;
         assert!(without < all - 0.3, "{ablation:?}: {without} of {all}");
     }
-}
-
-#[test]
-fn a_series_repeats_to_the_bit_whatever_the_number_of_threads() {
-    let series = series(12, |config| config.balls = 2);
-    let text = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        let report = pool.install(|| series.run(|| ())).unwrap();
-        format!(
-            "{} {:?}",
-            serde_json::to_string(&report).unwrap(),
-            report.outcomes
-        )
-    };
-    let one = text(1);
-    assert_eq!(one, text(3));
-    assert_eq!(one, text(1));
-}
-
-#[test]
-fn settings_of_the_world_that_make_no_sense_are_an_error() {
-    let broken = series(1, |config| {
-        config.world.torso.stiffness = Stiffness::Elastic;
-        config.world.ball.mass = -1.0;
-    });
-    let error = broken.run(|| ()).unwrap_err().to_string();
-    assert!(error.contains("ball.mass"), "{error}");
 }
 
 /// Uses rendered pictures with room, people, blur and noise instead of circles.

@@ -238,28 +238,6 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_within_limits_is_followed_to_a_milliradian() {
-        let limits = RobotDescription::nominal().joints();
-        let config = DrivesConfig {
-            latency: 0.0,
-            ..DrivesConfig::default()
-        };
-        let mut drives = Drives::new(limits, &config, [0.0; JOINTS]);
-        let mut worst = 0.0f64;
-        for tick in 0..500 {
-            // Speeds up to 1.4 rad/s with at most 17.4 rad/s^2, the limits of the first arm joint.
-            let (w, t) = (12.0, f64::from(tick) * TICK);
-            let at = |t: f64| (0.115 * (1.0 - (w * t).cos()), 0.115 * w * (w * t).sin());
-            let (q, dq) = at(t);
-            drives.receive(&JointCommand::of([q; JOINTS], [dq; JOINTS]));
-            drives.advance(H);
-            drives.advance(H);
-            worst = worst.max((drives.q[6] - at(t + TICK).0).abs());
-        }
-        assert!(worst < 1e-3, "{worst}");
-    }
-
-    #[test]
     fn a_ramp_at_the_limits_is_followed_to_half_a_milliradian() {
         let limits = RobotDescription::nominal().joints();
         let config = DrivesConfig {

@@ -339,31 +339,32 @@ fn feeling(outcome: &CatchOutcome) -> String {
 }
 
 fn print(report: &RunReport, file: Option<&Path>) -> anyhow::Result<()> {
-    let rate = report.rate.map_or_else(
+    let counts = &report.counts;
+    let rate = counts.rate.map_or_else(
         || "no ball could have been caught".to_string(),
         |rate| {
             format!(
                 "{} of {} balls that could be caught, {:.1} [{:.1}, {:.1}] %",
-                report.caught,
-                report.catchable,
+                counts.caught,
+                counts.catchable,
                 100.0 * rate,
-                100.0 * report.ci95_low,
-                100.0 * report.ci95_high
+                100.0 * counts.ci95_low,
+                100.0 * counts.ci95_high
             )
         },
     );
     output::print(format_args!(
         "{rate}; {} of all {} thrown",
-        report.caught_of_all, report.balls
+        counts.caught_of_all, report.balls
     ))?;
     if let Some(pairs) = report.pairs {
         output::print(format_args!(
             "pairs: both caught in {} of {} throws in which both could be, [{:.1}, {:.1}] %; in {} of all {}",
-            pairs.caught,
-            pairs.catchable,
-            100.0 * pairs.ci95_low,
-            100.0 * pairs.ci95_high,
-            pairs.caught_of_all,
+            pairs.counts.caught,
+            pairs.counts.catchable,
+            100.0 * pairs.counts.ci95_low,
+            100.0 * pairs.counts.ci95_high,
+            pairs.counts.caught_of_all,
             pairs.thrown
         ))?;
     }

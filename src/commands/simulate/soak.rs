@@ -158,7 +158,10 @@ fn summary(report: &SoakReport) -> String {
     if let Some(catching) = &report.catching {
         return format!(
             "{summary}; caught {} of {} catchable balls, {} of {} in total",
-            catching.caught, catching.catchable, catching.caught_of_all, catching.balls
+            catching.counts.caught,
+            catching.counts.catchable,
+            catching.counts.caught_of_all,
+            catching.balls
         );
     }
     summary

@@ -213,30 +213,30 @@ pub(super) fn rates(trace: &Trace, joints: Range<usize>) -> (Axes, String) {
         time_axis(trace),
         Axis::linear("joint rate [rad/s]", -3.0..=3.0, 1.0),
     );
-    let all = 0.0..f64::INFINITY;
-    let lines =
-        |of: fn(&TraceTick) -> &[f64]| rate_lines(&axes, trace, joints.clone(), all.clone(), of);
-    let commanded = lines(|tick| &tick.commanded);
-    let measured = lines(|tick| &tick.measured);
+    let ticks: Vec<_> = trace.ticks.iter().map(|tick| (tick.t, tick)).collect();
+    let commanded = rate_lines(&axes, &ticks, joints.clone(), 0, |tick| &tick.commanded);
+    let measured = rate_lines(&axes, &ticks, joints, 0, |tick| &tick.measured);
     let lines = format!("{commanded}<g class=\"faint\">{measured}</g>");
     (axes, lines)
 }
 
-/// Returns lines of the rates of joints over the time since the start of `times`, until its end.
+/// Returns lines of the rates of joints.
+///
+/// - `ticks`: ticks with their times on the axis, of which every fourth is drawn
+/// - `first`: index of the first line's style
 pub(super) fn rate_lines(
     axes: &Axes,
-    trace: &Trace,
+    ticks: &[(f64, &TraceTick)],
     joints: Range<usize>,
-    times: Range<f64>,
+    first: usize,
     of: fn(&TraceTick) -> &[f64],
 ) -> String {
-    let ticks = trace.ticks.iter().step_by(4);
-    let ticks: Vec<&TraceTick> = ticks.filter(|tick| tick.t < times.end).collect();
     let line = |(i, index): (usize, usize)| {
         let points = ticks
             .iter()
-            .map(|tick| (tick.t - times.start, of(tick)[index]));
-        axes.path(Curve::nth(i), &points.collect::<Vec<_>>())
+            .step_by(4)
+            .map(|(t, tick)| (*t, of(tick)[index]));
+        axes.path(Curve::nth(first + i), &points.collect::<Vec<_>>())
     };
     joints.enumerate().map(line).collect()
 }

@@ -21,12 +21,10 @@ const COLUMN: f64 = LEFT + WIDTH + 150.0;
 const HEIGHT: f64 = 660.0;
 const LABELS: f64 = 60.0;
 
-/// Lines of a panel.
-#[derive(Clone, Copy, PartialEq)]
+/// Rates of joints in a panel.
 enum Rates {
     Desired,
     Measured,
-    /// Desired, and faintly the measured ones.
     Both,
 }
 
@@ -35,6 +33,7 @@ struct Panel<'a> {
     /// Name and unit.
     label: String,
     joints: Range<usize>,
+    /// Names of the lines: of the desired rates, then of the measured ones.
     names: &'a [&'a str],
     rates: Rates,
 }
@@ -75,22 +74,30 @@ fn picture(trace: &Trace, number: u64, plan: &TracePlan) -> String {
         of_arm(Rates::Desired, "desired"),
         of_arm(Rates::Measured, "measured"),
     ];
+    let torso = [
+        "vertical",
+        "lower pitch",
+        "upper pitch",
+        "vertical, measured",
+        "lower, measured",
+        "upper, measured",
+    ];
     let right = [
+        both("torso [rad/s]", joint::TORSO, &torso),
         both(
-            "torso [rad/s]",
-            joint::TORSO,
-            &["vertical", "lower pitch", "upper pitch"],
+            "head [rad/s]",
+            joint::NECK,
+            &["pan", "tilt", "pan, measured", "tilt, measured"],
         ),
-        both("head [rad/s]", joint::NECK, &["pan", "tilt"]),
         both(
             "platform [m/s]",
             joint::PLATFORM..joint::PLATFORM + 1,
-            &["sideways"],
+            &["sideways", "measured"],
         ),
     ];
     let mut svg = format!(
-        "<text x=\"12\" y=\"20\">throw {number}: desired rates, and faintly the measured ones; commands lead the drives by \
-         their delay; dashed: the last correction and the catch</text>"
+        "<text x=\"12\" y=\"20\">throw {number}: desired and measured rates; commands lead the drives by their delay; dashed: the last \
+         correction and the catch</text>"
     );
     for (column, panels) in [&left[..], &right[..]].into_iter().enumerate() {
         let height = (HEIGHT - 30.0) / panels.len() as f64;
@@ -130,30 +137,19 @@ impl Panel<'_> {
             horizontal: Axis::linear("time to the catch [s]", begin..=AFTER, 0.2),
             vertical: Axis::linear(&self.label, -most..=most, step),
         };
-        let lines = |of: fn(&TraceTick) -> &[f64]| {
-            rate_lines(
-                &axes,
-                trace,
-                self.joints.clone(),
-                plan.catch..plan.catch + AFTER,
-                of,
-            )
+        let times = trace.ticks.iter().map(|tick| (tick.t - plan.catch, tick));
+        let ticks: Vec<_> = times.filter(|(t, _)| *t < AFTER).collect();
+        let lines = |first: usize, of: fn(&TraceTick) -> &[f64]| {
+            rate_lines(&axes, &ticks, self.joints.clone(), first, of)
         };
+        let desired = || lines(0, |tick| &tick.commanded);
+        let measured = |first| lines(first, |tick| &tick.measured);
         let mut svg = axes.grid();
-        if self.rates != Rates::Measured {
-            svg += &lines(|tick| &tick.commanded);
-        }
-        match self.rates {
-            Rates::Desired => {}
-            Rates::Measured => svg += &lines(|tick| &tick.measured),
-            Rates::Both => {
-                let _ = write!(
-                    svg,
-                    "<g class=\"faint\">{}</g>",
-                    lines(|tick| &tick.measured)
-                );
-            }
-        }
+        svg += &match self.rates {
+            Rates::Desired => desired(),
+            Rates::Measured => measured(0),
+            Rates::Both => desired() + &measured(self.joints.len()),
+        };
         for t in [plan.t - plan.catch, 0.0] {
             let x = axes.x(t);
             let _ = write!(

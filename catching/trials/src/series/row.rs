@@ -66,7 +66,7 @@ impl Series {
             );
             let _ = write!(
                 svg,
-                "<g transform=\"translate({x:.0} {y:.0})\">{}<text x=\"12\" y=\"20\">ball {}, {arm} arm, {}</text></g>",
+                "<svg x=\"{x:.0}\" y=\"{y:.0}\" width=\"{WIDTH}\" height=\"{HEIGHT}\">{}<text x=\"12\" y=\"20\">ball {}, {arm} arm, {}</text></svg>",
                 content(trace).unwrap_or_default(),
                 place + 1,
                 if caught { "caught" } else { "missed" }

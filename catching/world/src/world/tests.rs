@@ -287,26 +287,6 @@ fn a_joint_that_starts_out_of_range_is_named() {
 }
 
 #[test]
-fn the_world_depends_on_nothing_of_the_stack() {
-    let tree = std::process::Command::new(env!("CARGO"))
-        .args([
-            "tree",
-            "--offline",
-            "--prefix",
-            "none",
-            "--edges",
-            "normal,build,dev",
-        ])
-        .args(["--package", env!("CARGO_PKG_NAME")])
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .unwrap();
-    let tree = String::from_utf8(tree.stdout).unwrap();
-    assert!(tree.contains("tactnet-catching-packets v"));
-    assert!(!tree.contains("tactnet-catching v"), "{tree}");
-}
-
-#[test]
 fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
     let mut config = WorldConfig::default();
     config.release.jitter = 0.0;
