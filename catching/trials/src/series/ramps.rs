@@ -16,7 +16,7 @@ use crate::trace::{Trace, TracePlan, TraceTick};
 const AFTER: f64 = 0.35;
 /// Width of axes, and of a column with its legend, in pixels.
 const WIDTH: f64 = 400.0;
-const COLUMN: f64 = LEFT + WIDTH + 150.0;
+const COLUMN: f64 = LEFT + WIDTH + 175.0;
 /// Height of the picture and of the labels of a panel, in pixels.
 const HEIGHT: f64 = 660.0;
 const LABELS: f64 = 60.0;
