@@ -102,6 +102,75 @@ mod tests {
         }
     }
 
+    /// Returns the position of a joint `time` after a command if its drive starts to brake `begun` after it.
+    fn at(q: f64, dq: f64, deceleration: f64, begun: f64, time: f64) -> f64 {
+        let slowing = (time - begun).clamp(0.0, dq.abs() / deceleration);
+        q + dq * (time.min(begun) + slowing) - 0.5 * dq.signum() * deceleration * slowing * slowing
+    }
+
+    /// Returns the minimum distance of all pairs during braking, sampled densely, for drives that brake at once or at
+    /// the end of the reaction time.
+    fn least(
+        bodies: &Bodies,
+        joints: &[tactnet_catching_packets::Joint; JOINTS],
+        command: &JointCommand,
+    ) -> f64 {
+        let reaction = MonitorConfig::default().reaction;
+        let longest = (0..JOINTS)
+            .map(|i| reaction + command.dq[i].abs() / joints[i].acceleration)
+            .fold(0.0, f64::max);
+        let mut least = f64::INFINITY;
+        for begun in [0.0, reaction] {
+            for sample in 0..=20 {
+                let time = longest * f64::from(sample) / 20.0;
+                let q = std::array::from_fn(|i| {
+                    at(
+                        command.q[i],
+                        command.dq[i],
+                        joints[i].acceleration,
+                        begun,
+                        time,
+                    )
+                });
+                least = least.min(bodies.least(&q));
+            }
+        }
+        least
+    }
+
+    #[test]
+    fn permitted_motions_stay_apart_and_close_ones_are_braked() {
+        let description = RobotDescription::nominal();
+        let robot = crate::Robot::new(description.clone());
+        let mut q = [0.0; JOINTS];
+        for arm in 0..2 {
+            q[tactnet_catching_packets::joint::ARM[arm].clone()].copy_from_slice(&robot.ready(arm));
+        }
+        let bodies = Bodies::new(&description);
+        let config = MonitorConfig::default();
+        let mut monitor = Monitor::new(bodies.clone(), description.joints(), config, &q);
+        let command = JointCommand::of;
+        assert!(monitor.judge(&command(q, [0.0; JOINTS])).go, "at rest");
+        // The left arm's first joints move it across the body, one millisecond per step.
+        let mut stopped = false;
+        for direction in [-1.0, 1.0] {
+            let (mut at, mut dq) = (q, [0.0; JOINTS]);
+            (dq[6], dq[7]) = (direction * 1.7, 1.7);
+            for _ in 0..2000 {
+                let now = command(at, dq);
+                let ruling = monitor.judge(&now);
+                if !ruling.go {
+                    stopped = true;
+                    break;
+                }
+                assert!(least(&bodies, &description.joints(), &now) >= ruling.bound - 1e-9);
+                at[6] += 1e-3 * dq[6];
+                at[7] += 1e-3 * dq[7];
+            }
+        }
+        assert!(stopped, "an arm that goes on turning comes to the body");
+    }
+
     /// A robot that braked too late rests within the margin. It may leave slowly but must not come closer.
     #[test]
     fn a_robot_within_the_margin_may_leave() {
