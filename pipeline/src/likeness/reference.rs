@@ -290,7 +290,13 @@ mod tests {
 
     /// Returns the p-value of sweeps in `directions`, each as far away as every training sweep.
     fn p_of(directions: Vec<Vec<f64>>) -> f64 {
-        let sign = |at: usize| if at / WIDTH % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |at: usize| {
+            if (at / WIDTH).is_multiple_of(2) {
+                1.0
+            } else {
+                -1.0
+            }
+        };
         let sweep = |at: usize| ReferenceSweep {
             distance: DISTANCE,
             constant: vec![0.0],
