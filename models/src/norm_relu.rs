@@ -424,11 +424,14 @@ mod tests {
             Tensor::<2>::random(extents, Distribution::Uniform(-1.0, 1.0), &device)
         };
         let x = draw([rows, channels]) * 3.0 + offset;
-        let weights = draw([rows, channels]);
         let (gamma, beta) = (
             draw([1, channels]).flatten::<1>(0, 1) + 1.0,
             draw([1, channels]).flatten::<1>(0, 1),
         );
+        // Values so close to zero may have another sign after rounding, and with it another gradient: they do not count.
+        let normalised = batch_norm_train(x.clone(), gamma.clone(), beta.clone(), NORM_EPSILON);
+        let counts = normalised.output.abs().greater_elem(1e-4).float();
+        let weights = draw([rows, channels]) * counts;
         [true, false].map(|ours| {
             let inputs = (
                 x.clone().require_grad(),
@@ -469,7 +472,8 @@ mod tests {
         ] {
             let [ours, burns] = both_ways(rows, channels, offset);
             for (which, (ours, burns)) in ours.iter().zip(&burns).enumerate() {
-                let scale = burns.iter().fold(1e-3_f32, |m, v| m.max(v.abs()));
+                // Gradients of two rows cancel almost completely; their rounding does not.
+                let scale = burns.iter().fold(1e-2_f32, |m, v| m.max(v.abs()));
                 for (a, b) in ours.iter().zip(burns) {
                     let near = (a - b).abs() < 2e-4 * scale;
                     assert!(near, "{rows} x {channels}, {which}: {a} {b}");
