@@ -16,7 +16,7 @@ pub struct Row<const N: usize> {
     pub bound: f64,
 }
 
-/// Reason why there is no solution.
+/// Reason why a problem cannot be solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoSolution {
     /// The matrix is not positive definite, or a value is not finite.
@@ -46,7 +46,7 @@ const NO_DIRECTION: f64 = 1e-14;
 /// Solves a quadratic program whose first `equalities` rows are equations. `ROWS` is the maximum number of rows.
 ///
 /// # Errors
-/// Returns the reason if there is no solution.
+/// Returns the reason why the problem cannot be solved.
 pub fn solve<const N: usize, const ROWS: usize>(
     b: &[[f64; N]; N],
     g: &[f64; N],

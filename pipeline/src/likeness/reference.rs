@@ -15,7 +15,7 @@ const RESAMPLES: usize = 999;
 pub(super) struct ReferenceSweep {
     /// Distance from the other training sweeps.
     pub distance: Distance,
-    /// How many standard deviations a taxel is more constant than in the other training sweeps, `[taxels]`.
+    /// Number of standard deviations by which a taxel is more constant than in the other training sweeps, `[taxels]`.
     pub constant: Vec<f64>,
     /// Direction in which it differs from the nearest material, of length 1; empty if directions are not compared.
     pub direction: Vec<f64>,
@@ -27,7 +27,7 @@ pub(super) struct ReferenceSweep {
 pub(super) struct SweepSet<'a> {
     /// Distance of every sweep.
     pub distances: &'a [Distance],
-    /// How many standard deviations a taxel is more constant than in training sweeps, `[sweeps][taxels]`.
+    /// Number of standard deviations by which a taxel is more constant than in training sweeps, `[sweeps][taxels]`.
     pub constant: Vec<Vec<f64>>,
     /// Directions in which sweeps differ from the nearest material, of length 1: `[sweeps][width]`.
     pub directions: Vec<Vec<f64>>,
