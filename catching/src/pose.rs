@@ -6,8 +6,7 @@
 //!
 //! At rest, kinematics provide the head pose, the velocity is zero and the gyroscope measures its own bias. Gravity
 //! couples the accelerometer bias to the attitude. During a catch the filter only integrates. The kinematics of torso
-//! and platform are not used then, because springs, vibrations and wheel slip make them inaccurate. They can still
-//! bound the drift weakly: [`PoseEstimator::correct`].
+//! and platform are not used then, because springs, vibrations and wheel slip make them inaccurate.
 //!
 //! Errors are expressed in the inertial frame: the true rotation is `exp(theta)` times the estimated one. Kinematic
 //! errors stay constant for seconds. The measurements of one correlation time therefore count together as one
