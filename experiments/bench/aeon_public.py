@@ -52,20 +52,28 @@ def sweeps_of(file):
 
 
 def interval(accuracies):
-    """Returns the 95 % interval of the mean over folds (Student's t)."""
+    """Returns the 95 % interval of the mean over folds, by Nadeau and Bengio's corrected standard error, as the benchmark's."""
     from scipy.stats import t
 
     count, mean = len(accuracies), float(np.mean(accuracies))
     if count < 2:
         return None
-    half = float(t.ppf(0.975, count - 1) * np.std(accuracies, ddof=1) / math.sqrt(count))
+    half = float(t.ppf(0.975, count - 1) * np.std(accuracies, ddof=1) * math.sqrt(1 / count + 1 / (count - 1)))
     return [max(0.0, mean - half), min(1.0, mean + half)]
 
 
-def measure(program, data, threads, seed=1):
-    """Returns one row for each set, split and classifier."""
+def measure(program, data, threads, kept=None, seed=1):
+    """Returns one row for each set, split and classifier.
+
+    - `kept`: file of finished trainings, a JSON object per line; a repeated call continues it
+    """
     warnings.filterwarnings("ignore")
-    rows, loaded = {}, {}
+    rows, loaded, count = {}, {}, {}
+    done = {}
+    if kept and kept.exists():
+        for line in kept.read_text().splitlines():
+            one = json.loads(line)
+            done[one["data"], one["condition"], one["fold"], one["classifier"]] = one
     # Tasks name the files that links point to.
     names = {str(file.resolve()): file.stem for file in pathlib.Path(data).iterdir()}
     with tempfile.TemporaryDirectory() as out:
@@ -73,14 +81,22 @@ def measure(program, data, threads, seed=1):
             if file not in loaded:
                 loaded = {file: sweeps_of(file)}
             samples, labels = loaded[file]
+            name_of_set = names.get(str(pathlib.Path(file).resolve()), pathlib.Path(file).stem)
+            fold = count[file, condition] = count.get((file, condition), 0) + 1
             for name, make in classifiers(threads, seed).items():
-                begin = time.perf_counter()
-                name_of_set = names.get(str(pathlib.Path(file).resolve()), pathlib.Path(file).stem)
-                found = make().fit(samples[train], labels[train]).predict(samples[test])
+                key = {"data": name_of_set, "condition": condition, "fold": fold, "classifier": name}
+                one = done.get(tuple(key.values()))
+                if one is None:
+                    begin = time.perf_counter()
+                    found = make().fit(samples[train], labels[train]).predict(samples[test])
+                    one = {**key, "accuracy": float(np.mean(found == labels[test])), "seconds": time.perf_counter() - begin}
+                    print(f"{name_of_set}, {condition}: {name} {one['accuracy']:.3f} in {one['seconds']:.0f} s", file=sys.stderr, flush=True)
+                    if kept:
+                        with kept.open("a") as lines:
+                            lines.write(json.dumps(one) + "\n")
                 row = rows.setdefault((name_of_set, condition, name), ([], []))
-                row[0].append(float(np.mean(found == labels[test])))
-                row[1].append(time.perf_counter() - begin)
-                print(f"{name_of_set}, {condition}: {name} {row[0][-1]:.3f} in {row[1][-1]:.0f} s", file=sys.stderr, flush=True)
+                row[0].append(one["accuracy"])
+                row[1].append(one["seconds"])
     return [
         {
             "data": data,

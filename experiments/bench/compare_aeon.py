@@ -182,6 +182,7 @@ def main():
         "--example", type=pathlib.Path, default=ROOT / "target/release/examples/feature_turns", help="our side"
     )
     parser.add_argument("--public", metavar="DIR", help="folder of data sets: accuracy instead of time")
+    parser.add_argument("--keep", metavar="FILE", type=pathlib.Path, help="with --public: file of finished trainings; a repeated call continues")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--aeon-side", metavar="FILE", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -191,7 +192,7 @@ def main():
     options.program, options.example = options.program.resolve(), options.example.resolve()
     found_versions = versions()
     if options.public:
-        rows = aeon_public.measure(options.program, options.public, options.threads)
+        rows = aeon_public.measure(options.program, options.public, options.threads, options.keep)
         found = {"rows": rows, "ranks": aeon_public.ranked(rows), "commit": commit(), "versions": found_versions}
         if options.json:
             print(json.dumps(found, indent=2))
