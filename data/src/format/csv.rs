@@ -47,8 +47,8 @@ fn read_table<'a>(
     options: &ReadOptions,
 ) -> Result<FrameTable<'a>, DataError> {
     let mut rows = Rows::open(path)?;
-    let header = rows.next()?.unwrap_or_default().into_iter();
-    let header: Vec<String> = header.map(|name| options.read_name(name)).collect();
+    let mut header = rows.next()?.unwrap_or_default();
+    options.rename_blocks(path, &mut header)?;
     let names: Vec<&str> = header.iter().map(String::as_str).collect();
     let unread = match options.columns[..] {
         [] => not_taxels(&names),

@@ -2,7 +2,7 @@
 //!
 //! | layout | material of a sweep |
 //! |---|---|
-//! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block`, `test`, `speed`, `force`) | given in the table |
+//! | `FOLDER/labels.csv` with columns `file`, `material` or `label` (optional `block` or `session`, `test`, `speed`, `force`) | given in the table |
 //! | `FOLDER/felt/*.csv`, `FOLDER/cork/*.npy` | the name of its folder |
 //! | `FOLDER/train/felt/*.csv`, `FOLDER/test/felt/*.csv`, see `split_folders.rs` | the name of its folder |
 //!
@@ -16,9 +16,9 @@ use rayon::prelude::*;
 use super::csv::Rows;
 use super::dialect::number as real;
 use super::file_layout::stretched;
-use super::frame_table::{MATERIAL, is_one_of};
+use super::frame_table::{BLOCK, MATERIAL, is_one_of};
 use super::name_pattern::{NamePattern, named_files};
-use super::named_sweeps::{NamedSweeps, some_names};
+use super::named_sweeps::{NamedSweeps, block_numbers, some_names};
 use super::read_options::ReadOptions;
 use super::recording::{Recording, Recordings};
 use super::split_folders::SplitFolders;
@@ -39,12 +39,13 @@ pub(super) const LAYOUT: &str =
 /// A file that cannot be read; sweeps of different lengths or numbers of taxels.
 pub(super) fn read_with_gaps(path: &Path, options: &ReadOptions) -> Result<NamedSweeps, DataError> {
     if path.join(LABELS).is_file() {
-        let entries = listed(&path.join(LABELS))?;
+        let entries = listed(&path.join(LABELS), options)?;
         let unlisted = unlisted(path, &entries)?;
         let mut sweeps = read_files(path, entries, options)?;
         sweeps.findings.extend(unlisted.map(Finding::not_read));
         return Ok(sweeps);
     }
+    options.refuse_blocks(path)?;
     let FilesByFolder { entries, findings } = files_by_folder(path)?;
     let mut sweeps = read_files(path, entries, options)?;
     sweeps.findings.extend(findings);
@@ -60,26 +61,22 @@ pub(super) fn read_named(
     names: &NamePattern,
     options: &ReadOptions,
 ) -> Result<NamedSweeps, DataError> {
+    options.refuse_blocks(path)?;
     let (files, others) = named_files(path, names)?;
     let dropped = &options.layout.drop_materials;
     let files: Vec<_> = files
         .into_iter()
         .filter(|(_, named)| !dropped.contains(&named.material))
         .collect();
-    // Blocks are numbered in the order of their first sweeps.
-    let mut blocks: Vec<String> = Vec::new();
-    let mut number = |block: String| {
-        let known = blocks.iter().position(|known| *known == block);
-        known.unwrap_or_else(|| {
-            blocks.push(block);
-            blocks.len() - 1
-        }) as u32
-    };
+    // Blocks of equal name are one block, of all materials. A pattern names the block of every file, or of none.
+    let blocks: Vec<String> = files
+        .iter()
+        .filter_map(|(_, named)| named.block.clone())
+        .collect();
+    let mut blocks = block_numbers(&blocks).into_iter();
     let entries = files.into_iter().map(|(file, named)| Entry {
         file,
-        block: named
-            .block
-            .map(|block| number(format!("{}/{block}", named.material))),
+        block: named.block.and_then(|_| blocks.next()),
         material: Some(named.material),
         test: named.test,
         conditions: Vec::new(),
@@ -112,6 +109,7 @@ pub(super) fn read_flat_folder(
     if entries.is_empty() {
         return Ok(None);
     }
+    options.refuse_blocks(path)?;
     read_files(path, entries, options).map(Some)
 }
 
@@ -297,10 +295,11 @@ fn sweep_names(entries: &[Entry]) -> Vec<String> {
 }
 
 /// Returns the files that a table of labels lists, in its order.
-fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
+fn listed(table: &Path, options: &ReadOptions) -> Result<Vec<Entry>, DataError> {
     let folder = table.parent().unwrap_or(Path::new("."));
     let mut rows = Rows::open(table)?;
-    let header = rows.next()?.unwrap_or_default();
+    let mut header = rows.next()?.unwrap_or_default();
+    options.rename_blocks(table, &mut header)?;
     let column = |names: &[&str]| header.iter().position(|found| is_one_of(found, names));
     let (Some(file), Some(material)) = (column(&["file"]), column(MATERIAL)) else {
         return Err(DataError::format(
@@ -310,12 +309,14 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
             some_names(header.iter().map(String::as_str)),
         ));
     };
-    let (block, test) = (column(&["block"]), column(&["test"]));
+    let block = column(&["block"]).or_else(|| column(BLOCK));
+    let test = column(&["test"]);
     let condition = |(at, name): (usize, &String)| Some((at, Condition::of_name(name)?));
     let conditions: Vec<(usize, Condition)> =
         header.iter().enumerate().filter_map(condition).collect();
-    let mut entries = Vec::new();
+    let (mut entries, mut blocks) = (Vec::new(), Vec::new());
     while let Some(row) = rows.next()? {
+        blocks.extend(block.map(|at| row[at].trim().to_string()));
         let number = |at: Option<usize>| match at.map(|at| (at, row[at].trim().parse::<u32>())) {
             None => Ok(None),
             Some((_, Ok(value))) => Ok(Some(value)),
@@ -324,7 +325,7 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
         entries.push(Entry {
             file: folder.join(row[file].trim()),
             material: Some(row[material].trim().to_string()),
-            block: number(block)?,
+            block: None,
             test: number(test)?.map(|flag| flag != 0),
             conditions: conditions
                 .iter()
@@ -334,6 +335,9 @@ fn listed(table: &Path) -> Result<Vec<Entry>, DataError> {
                 })
                 .collect::<Result<_, _>>()?,
         });
+    }
+    for (entry, block) in entries.iter_mut().zip(block_numbers(&blocks)) {
+        entry.block = Some(block);
     }
     Ok(entries)
 }

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::dialect::number;
-use super::named_sweeps::{Labels, some_of, sorted_names};
+use super::named_sweeps::{Labels, block_numbers, some_of};
 use super::read_options::ReadOptions;
 use super::recording::{LabelRun, Recording, Recordings};
 use super::sweep_file::Patch;
@@ -134,7 +134,7 @@ pub(super) const MEANT_AS_MATERIAL: &[&str] = &[
 /// Names of columns that count frames; the empty name is pandas' index.
 pub(super) const STEP: &[&str] = &["step", "frame", "frame_index", "index", "", "unnamed: 0"];
 /// Names of the column of blocks: sweeps of one block were recorded together.
-const BLOCK: &[&str] = &[
+pub(super) const BLOCK: &[&str] = &[
     "block",
     "session",
     "session_id",
@@ -227,7 +227,7 @@ impl<'a> FrameTable<'a> {
             Some(column) => column.words(),
             // A column that separates recordings under another name would be read as a taxel.
             None if meant(MEANT_AS_SWEEP) => self.required(SWEEP)?.words(),
-            None => match self.find(BLOCK).filter(|_| is_cut) {
+            None => match self.find_blocks().filter(|_| is_cut) {
                 Some(column) => column.words(),
                 None => vec![super::stem(self.path); self.frames()],
             },
@@ -279,6 +279,11 @@ impl<'a> FrameTable<'a> {
     fn find(&self, names: &[&str]) -> Option<&Column> {
         let found = self.columns.iter().find(|(name, _)| is_one_of(name, names));
         found.map(|(_, column)| column)
+    }
+
+    /// Returns the column of the blocks: `block`, else the first of the other names.
+    fn find_blocks(&self) -> Option<&Column> {
+        self.find(&["block"]).or_else(|| self.find(BLOCK))
     }
 
     /// Succeeds if the table has the columns of sweeps and materials.
@@ -379,20 +384,11 @@ impl<'a> FrameTable<'a> {
         Ok((taxels?, findings))
     }
 
-    /// Returns the block number of each sweep, by its first frame: whole numbers as they are, words by their order.
+    /// Returns the block number of each sweep, by its first frame.
     fn blocks(&self, firsts: &[usize]) -> Option<Vec<u32>> {
-        let words = self.find(BLOCK)?.words();
+        let words = self.find_blocks()?.words();
         let of_sweep: Vec<String> = firsts.iter().map(|&row| words[row].clone()).collect();
-        let numbers: Option<Vec<u32>> = of_sweep.iter().map(|word| word.parse().ok()).collect();
-        Some(numbers.unwrap_or_else(|| {
-            let names = sorted_names(&of_sweep);
-            let number = |word| names.iter().position(|name| name == word);
-            of_sweep
-                .iter()
-                .filter_map(number)
-                .map(|at| at as u32)
-                .collect()
-        }))
+        Some(block_numbers(&of_sweep))
     }
 
     /// Returns the columns with the name of a condition, except named taxels, that have one number during every sweep.

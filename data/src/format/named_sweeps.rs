@@ -120,6 +120,20 @@ pub(super) fn sorted_names(names: &[String]) -> Vec<String> {
     names
 }
 
+/// Returns the number of the block of each sweep: whole numbers as they are, words by their order.
+pub(super) fn block_numbers(blocks: &[String]) -> Vec<u32> {
+    let numbers: Option<Vec<u32>> = blocks.iter().map(|block| block.parse().ok()).collect();
+    numbers.unwrap_or_else(|| {
+        let names = sorted_names(blocks);
+        let number = |block| names.iter().position(|name| name == block);
+        blocks
+            .iter()
+            .filter_map(number)
+            .map(|at| at as u32)
+            .collect()
+    })
+}
+
 /// Returns one record per sweep; the sweeps of a label are numbered in order.
 pub(crate) fn records(
     labels: &[usize],

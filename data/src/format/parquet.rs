@@ -30,9 +30,7 @@ pub(super) fn read_with_gaps(
     labels: Labels,
 ) -> Result<NamedSweeps, DataError> {
     let mut table = table(path)?;
-    for (name, _) in &mut table.columns {
-        *name = options.read_name(std::mem::take(name));
-    }
+    options.rename_blocks(path, table.columns.iter_mut().map(|(name, _)| name))?;
     table.into_recordings(labels, options)?.into_sweeps(options)
 }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::file_layout::FileLayout;
 use super::in_file;
 use super::lengths::Keep;
+use super::named_sweeps::some_names;
 use super::pieces;
 use super::recording::{Recording, Recordings};
 use super::sweep_file::Patch;
@@ -77,12 +78,50 @@ impl ReadOptions {
         Err(DataError::format(path, item, expected, found))
     }
 
-    /// Returns the name by which a column is read.
-    pub(super) fn read_name(&self, column: String) -> String {
-        match &self.blocks {
-            Some(blocks) if column.trim() == blocks.trim() => "block".into(),
-            _ => column,
+    /// Renames the column that the caller named as that of the blocks to `block`; another one of this name is not read.
+    ///
+    /// # Errors
+    /// No column has the name.
+    pub(super) fn rename_blocks<'a>(
+        &self,
+        path: &Path,
+        columns: impl IntoIterator<Item = &'a mut String>,
+    ) -> Result<(), DataError> {
+        let Some(blocks) = self.blocks.as_ref().map(|name| name.trim()) else {
+            return Ok(());
+        };
+        let (mut is_found, mut found) = (false, Vec::new());
+        for column in columns {
+            found.push(column.trim().to_string());
+            match column.trim() {
+                name if name == blocks => {
+                    is_found = true;
+                    *column = "block".into();
+                }
+                // Also a name of blocks, but not the first choice.
+                "block" => *column = "group".into(),
+                _ => {}
+            }
         }
+        if is_found {
+            return Ok(());
+        }
+        let expected = format!("a column `{blocks}` for the blocks");
+        let found = some_names(found.iter().map(String::as_str));
+        Err(DataError::format(path, "columns", expected, found))
+    }
+
+    /// Succeeds if no blocks are named.
+    ///
+    /// # Errors
+    /// Named blocks in a folder without a table of labels.
+    pub(super) fn refuse_blocks(&self, path: &Path) -> Result<(), DataError> {
+        let Some(blocks) = &self.blocks else {
+            return Ok(());
+        };
+        let expected =
+            format!("labels.csv with a column `{blocks}`, or a pattern of names with {{block}}");
+        Err(DataError::format(path, "folder", expected, "no labels.csv"))
     }
 
     /// Returns true if recordings are cut or resampled.

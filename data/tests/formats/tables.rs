@@ -78,6 +78,93 @@ fn a_table_of_labels_describes_the_files_of_a_folder() {
     assert_eq!(dataset.records()[7].test, Some(true));
 }
 
+/// Sessions of one name are one block of all materials, in a table of labels, in the names of files and in a table of frames.
+#[test]
+fn sessions_of_equal_name_are_one_block_in_every_layout() {
+    let dir = tempfile::tempdir().unwrap();
+    let (listed, named) = (dir.path().join("listed"), dir.path().join("named"));
+    let table = dir.path().join("frames.csv");
+    let materials = expected_materials();
+    // Of each material's four sweeps two are of Monday and two of Friday; `day` is another grouping.
+    let session = |sweep: usize| ["monday", "friday"][sweep % 4 / 2];
+    let mut labels = String::from("file,material,session,day\n");
+    let mut rows = format!("step,sweep,material,session,day{}\n", columns(','));
+    for (sweep, text) in frames(',', |_, _| String::new()).iter().enumerate() {
+        let material = &materials[sweep / 4];
+        write(&listed.join(format!("{sweep}.csv")), text);
+        write(
+            &named.join(format!("{material}/{}/{sweep}.csv", session(sweep))),
+            text,
+        );
+        writeln!(
+            labels,
+            "{sweep}.csv,{material},{},{}",
+            session(sweep),
+            sweep % 2
+        )
+        .unwrap();
+        for (step, line) in text.lines().enumerate() {
+            writeln!(
+                rows,
+                "{step},{sweep},{material},{},{},{line}",
+                session(sweep),
+                sweep % 2
+            )
+            .unwrap();
+        }
+    }
+    write(&listed.join("labels.csv"), &labels);
+    write(&table, &rows);
+    let blocks =
+        |path: &Path, options: &ReadOptions| -> Result<Vec<u32>, tactnet_data::DataError> {
+            let dataset = format::read_with(path, options)?;
+            Ok(dataset
+                .records()
+                .iter()
+                .filter_map(|record| record.block)
+                .collect())
+        };
+    let by_name = ReadOptions {
+        layout: format::FileLayout {
+            names: Some("{material}/{block}/{sweep}.csv".parse().unwrap()),
+            ..Default::default()
+        },
+        ..ReadOptions::default()
+    };
+    let sessions: Vec<u32> = (0..12).map(|sweep| u32::from(sweep % 4 < 2)).collect();
+    assert_eq!(blocks(&listed, &ReadOptions::default()).unwrap(), sessions);
+    assert_eq!(blocks(&table, &ReadOptions::default()).unwrap(), sessions);
+    let mut found = blocks(&named, &by_name).unwrap();
+    found.sort_unstable();
+    assert_eq!(found, [[0; 6], [1; 6]].concat());
+
+    let naming = |blocks: &str| ReadOptions {
+        blocks: Some(blocks.into()),
+        ..ReadOptions::default()
+    };
+    let days: Vec<u32> = (0..12).map(|sweep| sweep % 2).collect();
+    for path in [&listed, &table] {
+        assert_eq!(
+            blocks(path, &naming("day")).unwrap(),
+            days,
+            "named blocks come first"
+        );
+        let error = blocks(path, &naming("sesion")).unwrap_err().to_string();
+        assert!(
+            error.contains("expected a column `sesion` for the blocks, found"),
+            "{error}"
+        );
+    }
+    write_folders(&dir.path().join("folders"));
+    let error = blocks(&dir.path().join("folders"), &naming("day"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("expected labels.csv with a column `day`"),
+        "{error}"
+    );
+}
+
 /// Writes one folder per material, without names or times.
 fn write_folders(folders: &Path) {
     let materials = expected_materials();

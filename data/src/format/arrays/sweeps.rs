@@ -1,6 +1,6 @@
 //! Sweeps from the arrays of one file.
 
-use super::super::named_sweeps::{Labels, UNLABELLED, records, sorted_names};
+use super::super::named_sweeps::{Labels, UNLABELLED, block_numbers, records};
 use super::super::narrow::HELD;
 use super::super::npy::Array;
 use super::{Arrays, Container, LENGTHS, Role, normal_texts};
@@ -75,7 +75,7 @@ impl Arrays<'_> {
         ))
     }
 
-    /// Returns the block number of each sweep: whole numbers as they are, words by their order.
+    /// Returns the block number of each sweep.
     fn blocks(&self, shape: &[usize]) -> Result<Option<Vec<u32>>, DataError> {
         let (name, is_named) = &self.roles.blocks;
         let array = self.optional(name)?;
@@ -89,10 +89,7 @@ impl Arrays<'_> {
             let found = format!("{} names", texts.len());
             return Err(self.error(name, format!("shape {shape:?}"), found));
         }
-        let names = sorted_names(&texts);
-        let number = |text| names.iter().position(|name| name == text);
-        let numbers = texts.iter().filter_map(number);
-        Ok(Some(numbers.map(|number| number as u32).collect()))
+        Ok(Some(block_numbers(&texts)))
     }
 
     fn test_flags(&self, shape: &[usize]) -> Result<Option<Vec<bool>>, DataError> {
