@@ -64,8 +64,10 @@ mod tests {
     fn a_closing_time_is_repeated_until_it_is_over_and_a_newer_one_replaces_it() {
         let mut relay = HandRelay::default();
         let close = |catch_ns: u64| HandCommand { arm: 1, catch_ns };
-        let mut both = NONE;
-        both.commands = &[close(2_000), close(1_500)];
+        let both = HandInputs {
+            commands: &[close(2_000), close(1_500)],
+            ..NONE
+        };
         let told = [None, Some(close(1_500))];
         assert_eq!(relay.step(1_000, &both).targets, told);
         assert_eq!(relay.step(1_500, &NONE).targets, told);
