@@ -7,22 +7,6 @@
 //! rest   = M^-1 T_neck^-1 (0, 0, g) + bias        turn = M^-1 rate_neck(t - delay) + bias
 //! ```
 //!
-//! | module | content |
-//! |---|---|
-//! | `session` | recorded data: pictures, rests, turns |
-//! | `unknowns` | the 79 unknowns, their names and priors |
-//! | `model` | residuals and their analytic derivatives |
-//! | `problem` | all residuals of a session, Huber loss, normal equations |
-//! | `solve` | Levenberg-Marquardt, covariance, least-determined direction |
-//! | `routine`, `recorder` | robot motion in a session, and its recording |
-//! | `choose` | greedy D-optimal choice of configurations |
-//! | `parameters` | the result |
-//! | `kept` | the result as a TOML file with covariance and robot identity |
-//! | `identity` | identities of robots and calibrations |
-//! | `corrections` | application of the result to measurements and commands |
-//! | `slip`, `marker_watch` | monitor of a calibration's validity |
-//! | `joint_history` | joint states around a picture's exposure |
-//!
 //! Gauge freedom: an offset of the tilt joint is equivalent to a rotation of cameras and IMU about the tilt axis. An
 //! offset of an arm's last joint is equivalent to a rotation of its marker. Priors fix both; neither changes the
 //! estimated hand positions. With unknown camera baseline and arm lengths the scale is not observable. It follows from

@@ -11,14 +11,16 @@
 //! on average for texture. Frese's `(n . C)^2` gives 0.5 for texture.
 
 mod edges;
+mod eye;
 mod gates;
 mod lens;
 mod refine;
 mod votes;
 
 use tactnet_catching_packets::Cameras;
-use tactnet_catching_packets::packets::{Circle, Circles, MAX_CIRCLES};
+use tactnet_catching_packets::packets::{BallPredictions, Circle, Circles, HeadPose, MAX_CIRCLES};
 
+pub use eye::Eye;
 pub use gates::{Gate, gates};
 use lens::Lens;
 use refine::{Rays, polished, refined};
@@ -34,30 +36,20 @@ const DUPLICATE_DISTANCE: f64 = 0.5;
 /// value.
 const FINE_RADIUS: f64 = 12.0;
 
-/// Settings of circle detection.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CircleConfig {
-    /// Minimum response of a circle outside of gates.
-    pub threshold: f64,
-    /// Minimum response inside a gate.
-    pub gate_threshold: f64,
-    /// Maximum radius, in pixels. The minimum is 9 pixels, or 4.5 inside a gate.
-    pub largest: f64,
-    /// Contrast of noise and faint texture, in grey levels. Edges with much less contrast have little weight.
-    pub noise: f64,
-    /// Minimum fraction of rays from the centre whose edge lies on the circle.
-    pub inliers: f64,
-}
-
-impl Default for CircleConfig {
-    fn default() -> Self {
-        Self {
-            threshold: 0.3,
-            gate_threshold: 0.2,
-            largest: 140.0,
-            noise: 6.0,
-            inliers: 0.5,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of circle detection.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct CircleConfig {
+        /// Minimum response of a circle outside of gates.
+        pub threshold: f64 = 0.3,
+        /// Minimum response inside a gate.
+        pub gate_threshold: f64 = 0.2,
+        /// Maximum radius, in pixels. The minimum is 9 pixels, or 4.5 inside a gate.
+        pub largest: f64 = 140.0,
+        /// Contrast of noise and faint texture, in grey levels. Edges with much less contrast have little weight.
+        pub noise: f64 = 6.0,
+        /// Minimum fraction of rays from the centre whose edge lies on the circle.
+        pub inliers: f64 = 0.5,
     }
 }
 
@@ -65,6 +57,7 @@ impl Default for CircleConfig {
 #[derive(Debug, Clone)]
 pub struct CircleDetector {
     config: CircleConfig,
+    cameras: Cameras,
     lens: Lens,
     width: usize,
     height: usize,
@@ -108,6 +101,7 @@ impl CircleDetector {
         }
         Self {
             config,
+            cameras: *cameras,
             lens: Lens::new(cameras),
             width,
             height,
@@ -119,6 +113,21 @@ impl CircleDetector {
         }
     }
 
+    /// Same as [`CircleDetector::find`], with gates at predicted balls for the head pose at the exposure.
+    pub fn find_expected(
+        &mut self,
+        pixels: &[u8],
+        expected: Option<(&BallPredictions, &HeadPose)>,
+        circles: &mut Circles,
+    ) {
+        let (cameras, camera) = (self.cameras, circles.camera as usize);
+        let expected = expected.into_iter();
+        let gates: Vec<Gate> = expected
+            .flat_map(|(balls, head)| gates(&cameras, camera, balls, head))
+            .collect();
+        self.find(pixels, &gates, circles);
+    }
+
     /// Detects the circles of a picture, sorted by decreasing response. The lens distortion is removed from them.
     ///
     /// - `pixels`: brightness, `[height][width]`
@@ -128,11 +137,8 @@ impl CircleDetector {
     /// # Panics
     /// Panics if `pixels` does not have the size of the cameras' pictures.
     pub fn find(&mut self, pixels: &[u8], gates: &[Gate], circles: &mut Circles) {
-        assert_eq!(
-            pixels.len(),
-            self.width * self.height,
-            "pixels of a picture"
-        );
+        let size = self.width * self.height;
+        assert_eq!(pixels.len(), size, "pixels of a picture");
         self.halve(pixels);
         self.peaks.clear();
         let noise = self.config.noise;
@@ -349,6 +355,11 @@ mod tests {
     use bytemuck::Zeroable;
     use proptest::prelude::*;
     use tactnet_catching_packets::RobotDescription;
+    use tactnet_catching_packets::packets::BallPrediction;
+
+    use crate::calibrate::Corrections;
+    use crate::robot::Robot;
+    use crate::track::{Camera, Head, View};
 
     fn cameras(distortion: [f64; 2]) -> Cameras {
         Cameras {
@@ -411,16 +422,40 @@ mod tests {
         let place = [211.3, 140.6, 5.5];
         let pixels = disc(&cameras, place, [60.0, 180.0]);
         assert_eq!(found(&cameras, &pixels, &[]), []);
-        let gate = Gate {
-            u: 217.0,
-            v: 137.0,
-            r: 5.0,
-            reach: 12.0,
-        };
-        let circles = found(&cameras, &pixels, &[gate]);
+        let [u, v, r, reach] = [217.0, 137.0, 5.0, 12.0];
+        let circles = found(&cameras, &pixels, &[Gate { u, v, r, reach }]);
         assert_eq!(circles.len(), 1);
         let away = (circles[0].u - place[0]).hypot(circles[0].v - place[1]);
         assert!(away < 0.15, "{circles:?}");
+    }
+
+    #[test]
+    fn an_eye_expects_balls_where_they_are_predicted_and_forgets_old_predictions() {
+        let cameras = cameras([0.0; 2]);
+        let robot = Robot::new(RobotDescription {
+            cameras,
+            ..RobotDescription::nominal()
+        });
+        let mut eye = Eye::new(Corrections::new(&robot, None));
+        let mut circles = Circles::zeroed();
+        circles.exposure_ns = 1_000_000_000;
+        let mut head = HeadPose::zeroed();
+        (head.t_ns, head.quaternion[3]) = (circles.exposure_ns, 1.0);
+        eye.pose(&head);
+        let mut ball = BallPrediction::zeroed();
+        (ball.t_ns, ball.p) = (circles.exposure_ns, [2.75, 0.1, 0.1]);
+        let view = View::new(Camera::pair(&cameras)[0], &Head::new(&head).unwrap());
+        let place = view.see(&ball.p.into()).unwrap().into();
+        let pixels = disc(&cameras, place, [60.0, 180.0]);
+        let mut balls = BallPredictions::zeroed();
+        (balls.count, balls.balls[0]) = (1, ball);
+        for (age_ns, count) in [(0, 1), (400_000_000, 1), (600_000_000, 0)] {
+            balls.exposure_ns = circles.exposure_ns - age_ns;
+            eye.step(&pixels, Some(&balls), &mut circles);
+            assert_eq!(circles.count, count, "{age_ns}");
+        }
+        eye.step(&pixels, None, &mut circles);
+        assert_eq!(circles.count, 0);
     }
 
     #[test]
@@ -437,10 +472,8 @@ mod tests {
         let circles = found(&cameras, &pixels, &[]);
         assert_eq!(circles.len(), 1);
         let circle = circles[0];
-        assert!(
-            (circle.u - place[0]).hypot(circle.v - place[1]) < 0.2,
-            "{circle:?}"
-        );
+        let off = (circle.u - place[0]).hypot(circle.v - place[1]);
+        assert!(off < 0.2, "{circle:?}");
         assert!((circle.r - place[2]).abs() < 0.4, "{circle:?}");
     }
 

@@ -240,10 +240,7 @@ mod tests {
                 .find(|b| b.p.z < 0.0);
             landing.map(|b| b.p.x).unwrap_or(f64::NAN)
         };
-        assert!(
-            range(0.0) - range(DRAG) > 0.2,
-            "{}",
-            range(0.0) - range(DRAG)
-        );
+        let lost = range(0.0) - range(DRAG);
+        assert!(lost > 0.2, "{lost}");
     }
 }

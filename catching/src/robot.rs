@@ -181,14 +181,18 @@ impl Robot {
     }
 }
 
-/// Returns a rotation whose z axis is the unit vector `axis`, rotated by `angle` about it.
-pub fn rotation_towards(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
-    let helper = if axis.z.abs() < 0.9 {
+/// Returns a unit vector that is not nearly parallel to `axis`.
+fn beside(axis: &Vector3<f64>) -> Vector3<f64> {
+    if axis.z.abs() < 0.9 {
         Vector3::z()
     } else {
         Vector3::x()
-    };
-    let x = helper.cross(axis).normalize();
+    }
+}
+
+/// Returns a rotation whose z axis is the unit vector `axis`, rotated by `angle` about it.
+pub fn rotation_towards(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
+    let x = beside(axis).cross(axis).normalize();
     let mut rotation = Matrix3::from_columns(&[x, axis.cross(&x), *axis]);
     let (sin, cos) = angle.sin_cos();
     turn_z(&mut rotation, sin, cos);

@@ -29,8 +29,12 @@ pub use watch::SafetyWatch;
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use tactnet_catching_packets::joint::ARM;
     use tactnet_catching_packets::packets::JointCommand;
     use tactnet_catching_packets::{JOINTS, RobotDescription};
+
+    use crate::Robot;
+    use crate::ramp::Ramp;
 
     /// Returns joint positions as fractions of the ranges, half widths of intervals in rad or m, and positions within
     /// them.
@@ -124,13 +128,8 @@ mod tests {
             for sample in 0..=20 {
                 let time = longest * f64::from(sample) / 20.0;
                 let q = std::array::from_fn(|i| {
-                    at(
-                        command.q[i],
-                        command.dq[i],
-                        joints[i].acceleration,
-                        begun,
-                        time,
-                    )
+                    let (q, dq) = (command.q[i], command.dq[i]);
+                    at(q, dq, joints[i].acceleration, begun, time)
                 });
                 least = least.min(bodies.least(&q));
             }
@@ -141,10 +140,10 @@ mod tests {
     #[test]
     fn permitted_motions_stay_apart_and_close_ones_are_braked() {
         let description = RobotDescription::nominal();
-        let robot = crate::Robot::new(description.clone());
+        let robot = Robot::new(description.clone());
         let mut q = [0.0; JOINTS];
-        for arm in 0..2 {
-            q[tactnet_catching_packets::joint::ARM[arm].clone()].copy_from_slice(&robot.ready(arm));
+        for (arm, own) in ARM.into_iter().enumerate() {
+            q[own].copy_from_slice(&robot.ready(arm));
         }
         let bodies = Bodies::new(&description);
         let config = MonitorConfig::default();
@@ -175,7 +174,7 @@ mod tests {
     #[test]
     fn a_robot_within_the_margin_may_leave() {
         let description = RobotDescription::nominal();
-        let robot = crate::Robot::new(description.clone());
+        let robot = Robot::new(description.clone());
         let q = robot.waiting();
         let bodies = Bodies::new(&description);
         let config = MonitorConfig::default();
@@ -221,10 +220,8 @@ mod tests {
             now = step(5e-5);
             nearest = nearest.min(least(&monitor, now));
         }
-        assert!(
-            (config.margin..1.2 * config.margin).contains(&nearest),
-            "{nearest}"
-        );
+        let margin = config.margin..1.2 * config.margin;
+        assert!(margin.contains(&nearest), "{nearest}");
     }
 
     /// Fast motion of both arms reduces all bounds so much per tick that four recomputed pairs do not suffice and a
@@ -233,7 +230,7 @@ mod tests {
     fn fast_arms_with_room_are_not_braked() {
         use rand::{RngExt, SeedableRng};
         let description = RobotDescription::nominal();
-        let robot = crate::Robot::new(description.clone());
+        let robot = Robot::new(description.clone());
         let joints = description.joints();
         let waiting = robot.waiting();
         let brakes_with_room = |most_updates: usize| {
@@ -244,20 +241,13 @@ mod tests {
             let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
             let mut brakes = 0;
             for _ in 0..60 {
-                let ramps: [crate::ramp::Ramp; JOINTS] = std::array::from_fn(|i| {
-                    let of_arm = tactnet_catching_packets::joint::ARM
-                        .iter()
-                        .any(|arm| arm.contains(&i));
+                let ramps: [Ramp; JOINTS] = std::array::from_fn(|i| {
+                    let of_arm = ARM.iter().any(|arm| arm.contains(&i));
                     let way: f64 = rng.random_range(-0.8..0.8);
                     let to = if of_arm { waiting[i] + way } else { waiting[i] };
                     let [low, high] = joints[i].range;
-                    crate::ramp::Ramp::between(
-                        waiting[i],
-                        0.0,
-                        to.clamp(low, high),
-                        0.6,
-                        joints[i].speed,
-                    )
+                    let to = to.clamp(low, high);
+                    Ramp::between(waiting[i], 0.0, to, 0.6, joints[i].speed)
                 });
                 let bodies = Bodies::new(&description);
                 let mut monitor = Monitor::new(bodies, joints, config, &waiting);

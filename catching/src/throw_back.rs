@@ -27,39 +27,27 @@ const AHEAD_NS: u64 = 300_000_000;
 /// Period at which an unchanged phase is published, in ns.
 const TELL_NS: u64 = 100_000_000;
 
-/// Targets of thrown balls. Missing fields have the values of `Default`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ThrowBack {
-    /// Landing point in the inertial frame, in m; if absent, the ball returns to its origin.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub at: Option<[f64; 3]>,
-    /// Offsets of the landing point for the left and the right hand, in m.
-    pub beside: [[f64; 3]; ARMS],
-    /// Maximum throwing distance from the robot's axis, in m. Beyond about 4.6 m no throw is within the limits of the
-    /// robot as described.
-    pub farthest: f64,
-    /// Height of the landing point, in m.
-    pub height: f64,
-    /// Throws a ball only after its material is determined.
-    pub after_feeling: bool,
-    /// Maximum number of attempts per ball if the robot has to brake; then it drops the ball.
-    pub tries: u32,
-    /// Settings of the planner of throws.
-    pub planner: ThrowPlanConfig,
-}
-
-impl Default for ThrowBack {
-    fn default() -> Self {
-        Self {
-            at: None,
-            beside: [[0.0; 3]; ARMS],
-            farthest: 4.4,
-            height: 1.2,
-            after_feeling: false,
-            tries: 2,
-            planner: ThrowPlanConfig::live(),
-        }
+tactnet_catching_packets::settings! {
+    /// Targets of thrown balls. Missing fields have the values of `Default`.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ThrowBack {
+        /// Landing point in the inertial frame, in m; if absent, the ball returns to its origin.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub at: Option<[f64; 3]> = None,
+        /// Offsets of the landing point for the left and the right hand, in m.
+        pub beside: [[f64; 3]; ARMS] = [[0.0; 3]; ARMS],
+        /// Maximum throwing distance from the robot's axis, in m. Beyond about 4.6 m no throw is within the limits of
+        /// the robot as described.
+        pub farthest: f64 = 4.4,
+        /// Height of the landing point, in m.
+        pub height: f64 = 1.2,
+        /// Throws a ball only after its material is determined.
+        pub after_feeling: bool = false,
+        /// Maximum number of attempts per ball if the robot has to brake; then it drops the ball.
+        pub tries: u32 = 2,
+        /// Settings of the planner of throws.
+        pub planner: ThrowPlanConfig = ThrowPlanConfig::live(),
     }
 }
 
@@ -146,14 +134,12 @@ impl ThrowTask {
     /// Takes the packets since the last step and returns those to send. Must be called at least every 4 ms. Planning
     /// takes tens of milliseconds; the planned motion starts later.
     pub fn step(&mut self, now_ns: u64, inputs: &ThrowInputs<'_>) -> ThrowOutputs {
+        let origins = &mut self.origins;
         inputs
             .predictions
             .iter()
-            .for_each(|seen| self.origins.seen(seen));
-        inputs
-            .paths
-            .iter()
-            .for_each(|path| self.origins.reached(path));
+            .for_each(|seen| origins.seen(seen));
+        inputs.paths.iter().for_each(|path| origins.reached(path));
         let mut outputs = ThrowOutputs::default();
         match self.duty.next_action(now_ns, inputs) {
             ThrowAction::Nothing => {}

@@ -199,44 +199,32 @@ impl RobotDescription {
     fn check(&self) -> Result<(), DescriptionError> {
         self.platform.joint.check("platform.joint")?;
         self.platform.link.check("platform.link")?;
-        for (i, joint) in self.torso.joints.iter().enumerate() {
-            joint.check(&format!("torso.joints[{i}]"))?;
-        }
-        for (i, link) in self.torso.links.iter().enumerate() {
-            link.check(&format!("torso.links[{i}]"))?;
-        }
+        each("torso.joints", &self.torso.joints, Joint::check)?;
+        each("torso.links", &self.torso.links, Link::check)?;
         positive("torso.lower_pitch_height", self.torso.lower_pitch_height)?;
         positive("torso.lower_length", self.torso.lower_length)?;
         positive("torso.upper_length", self.torso.upper_length)?;
-        for (i, joint) in self.neck.joints.iter().enumerate() {
-            joint.check(&format!("neck.joints[{i}]"))?;
-        }
-        for (i, link) in self.neck.links.iter().enumerate() {
-            link.check(&format!("neck.links[{i}]"))?;
-        }
-        finite("neck.height", self.neck.height)?;
+        each("neck.joints", &self.neck.joints, Joint::check)?;
+        each("neck.links", &self.neck.links, Link::check)?;
+        finite("neck.height", &[self.neck.height])?;
         self.cameras.check()?;
-        for x in self.imu.position {
-            finite("imu.position", x)?;
-        }
+        finite("imu.position", &self.imu.position)?;
         positive("imu.rate", self.imu.rate)?;
-        for (i, arm) in self.arms.iter().enumerate() {
-            arm.check(&format!("arms[{i}]"))?;
-        }
-        Ok(())
+        each("arms", &self.arms, Arm::check)
     }
 }
 
 impl Joint {
     fn check(&self, name: &str) -> Result<(), DescriptionError> {
         let [low, high] = self.range;
-        if !(low.is_finite() && high.is_finite() && low < high) {
-            return Err(DescriptionError::Value {
-                setting: format!("{name}.range"),
-                expected: "[lowest, highest]",
-                found: format!("[{low}, {high}]"),
-            });
-        }
+        let found = || format!("[{low}, {high}]");
+        let ordered = low.is_finite() && high.is_finite() && low < high;
+        ensure(
+            ordered,
+            &format!("{name}.range"),
+            "[lowest, highest]",
+            found,
+        )?;
         positive(&format!("{name}.speed"), self.speed)?;
         positive(&format!("{name}.acceleration"), self.acceleration)
     }
@@ -245,32 +233,22 @@ impl Joint {
 impl Link {
     fn check(&self, name: &str) -> Result<(), DescriptionError> {
         positive(&format!("{name}.mass"), self.mass)?;
-        for x in self.centre {
-            finite(&format!("{name}.centre"), x)?;
-        }
-        for x in self.inertia {
-            positive(&format!("{name}.inertia"), x)?;
-        }
+        finite(&format!("{name}.centre"), &self.centre)?;
         let [a, b, c] = self.inertia;
-        if a > b + c || b > a + c || c > a + b {
-            return Err(DescriptionError::Value {
-                setting: format!("{name}.inertia"),
-                expected: "moments that satisfy the triangle inequality",
-                found: format!("[{a}, {b}, {c}]"),
-            });
+        let name = format!("{name}.inertia");
+        for x in self.inertia {
+            positive(&name, x)?;
         }
-        Ok(())
+        let possible = a <= b + c && b <= a + c && c <= a + b;
+        let expected = "moments that satisfy the triangle inequality";
+        ensure(possible, &name, expected, || format!("[{a}, {b}, {c}]"))
     }
 }
 
 impl Cameras {
     fn check(&self) -> Result<(), DescriptionError> {
-        for x in self.centre {
-            finite("cameras.centre", x)?;
-        }
-        for x in self.shifts.as_flattened() {
-            finite("cameras.shifts", *x)?;
-        }
+        finite("cameras.centre", &self.centre)?;
+        finite("cameras.shifts", self.shifts.as_flattened())?;
         for (name, value) in [
             ("cameras.baseline", self.baseline),
             ("cameras.width", f64::from(self.width)),
@@ -281,13 +259,10 @@ impl Cameras {
         ] {
             positive(name, value)?;
         }
-        if self.exposure * self.rate >= 1.0 {
-            return Err(DescriptionError::Value {
-                setting: "cameras.exposure".into(),
-                expected: "less than the time between two pictures",
-                found: self.exposure.to_string(),
-            });
-        }
+        let expected = "less than the time between two pictures";
+        let short = self.exposure * self.rate < 1.0;
+        let found = || self.exposure.to_string();
+        ensure(short, "cameras.exposure", expected, found)?;
         self.check_distortion()
     }
 
@@ -295,26 +270,25 @@ impl Cameras {
     fn check_distortion(&self) -> Result<(), DescriptionError> {
         let corner = f64::from(self.width).hypot(f64::from(self.height)) / (2.0 * self.focal);
         let [k1, k2] = self.distortion;
-        for part in 0..=24 {
+        let scales_little = |part: i32| {
             let s = (corner * f64::from(part) / 20.0).powi(2);
-            let stretch = 1.0 + s * (3.0 * k1 + 5.0 * s * k2);
-            if !(0.5..2.0).contains(&stretch) {
-                return Err(DescriptionError::Value {
-                    setting: "cameras.distortion".into(),
-                    expected: "a lens that scales the picture locally by 0.5 to 2",
-                    found: format!("{:?}", self.distortion),
-                });
-            }
-        }
-        Ok(())
+            (0.5..2.0).contains(&(1.0 + s * (3.0 * k1 + 5.0 * s * k2)))
+        };
+        let expected = "a lens that scales the picture locally by 0.5 to 2";
+        let found = || format!("{:?}", self.distortion);
+        ensure(
+            (0..=24).all(scales_little),
+            "cameras.distortion",
+            expected,
+            found,
+        )
     }
 }
 
 impl Arm {
     fn check(&self, name: &str) -> Result<(), DescriptionError> {
-        for x in self.position.into_iter().chain([self.lean]) {
-            finite(&format!("{name}.position and lean"), x)?;
-        }
+        let [x, y, z] = self.position;
+        finite(&format!("{name}.position and lean"), &[x, y, z, self.lean])?;
         for (field, value) in [
             ("base_to_shoulder", self.base_to_shoulder),
             ("shoulder_to_elbow", self.shoulder_to_elbow),
@@ -323,35 +297,47 @@ impl Arm {
         ] {
             positive(&format!("{name}.{field}"), value)?;
         }
-        for (i, joint) in self.joints.iter().enumerate() {
-            joint.check(&format!("{name}.joints[{i}]"))?;
-        }
-        for (i, link) in self.links.iter().enumerate() {
-            link.check(&format!("{name}.links[{i}]"))?;
-        }
-        Ok(())
+        each(&format!("{name}.joints"), &self.joints, Joint::check)?;
+        each(&format!("{name}.links"), &self.links, Link::check)
     }
+}
+
+/// Checks each of several parts, whose names have their index.
+fn each<T>(
+    name: &str,
+    parts: &[T],
+    check: fn(&T, &str) -> Result<(), DescriptionError>,
+) -> Result<(), DescriptionError> {
+    let mut parts = parts.iter().enumerate();
+    parts.try_for_each(|(i, part)| check(part, &format!("{name}[{i}]")))
 }
 
 fn positive(setting: &str, value: f64) -> Result<(), DescriptionError> {
-    if value.is_finite() && value > 0.0 {
-        return Ok(());
-    }
-    Err(DescriptionError::Value {
-        setting: setting.into(),
-        expected: "a number greater than 0",
-        found: value.to_string(),
+    let sound = value.is_finite() && value > 0.0;
+    ensure(sound, setting, "a number greater than 0", || {
+        value.to_string()
     })
 }
 
-fn finite(setting: &str, value: f64) -> Result<(), DescriptionError> {
-    if value.is_finite() {
+fn finite(setting: &str, values: &[f64]) -> Result<(), DescriptionError> {
+    let mut values = values.iter();
+    values.try_for_each(|x| ensure(x.is_finite(), setting, "a finite number", || x.to_string()))
+}
+
+/// Returns an error unless a value is `sound`.
+fn ensure(
+    sound: bool,
+    setting: &str,
+    expected: &'static str,
+    found: impl FnOnce() -> String,
+) -> Result<(), DescriptionError> {
+    if sound {
         return Ok(());
     }
     Err(DescriptionError::Value {
         setting: setting.into(),
-        expected: "a finite number",
-        found: value.to_string(),
+        expected,
+        found: found(),
     })
 }
 
@@ -362,25 +348,13 @@ mod tests {
     #[test]
     fn invalid_values_are_reported_with_their_setting() {
         let cases = [
-            (
-                "range = [-0.5, 0.5]",
-                "range = [0.5, -0.5]",
-                "`platform.joint.range`",
-            ),
+            ("[-0.5, 0.5]", "[0.5, -0.5]", "`platform.joint.range`"),
             ("speed = 1.4", "speed = 0.0", "`platform.joint.speed`"),
             ("speed = 1.4", "speed = nan", "`platform.joint.speed`"),
             ("focal = 1386.0", "focal = -1.0", "`cameras.focal`"),
             ("exposure = 0.002", "exposure = 0.05", "`cameras.exposure`"),
-            (
-                "distortion = [-0.08,",
-                "distortion = [-0.9,",
-                "`cameras.distortion`",
-            ),
-            (
-                "distortion = [-0.08,",
-                "distortion = [nan,",
-                "`cameras.distortion`",
-            ),
+            ("[-0.08,", "[-0.9,", "`cameras.distortion`"),
+            ("[-0.08,", "[nan,", "`cameras.distortion`"),
             (
                 "rate = 25.0",
                 "rate = 25.0\nshifts = [[0.0, 0.0, nan], [0.0, 0.0, 0.0]]",

@@ -7,10 +7,12 @@
 
 mod description;
 pub mod packets;
+mod settings;
 
 pub use description::{
     Arm, Cameras, DescriptionError, Imu, Joint, Link, Neck, Platform, RobotDescription, Torso,
 };
+pub use settings::Numbers;
 
 /// Number of joints of platform, torso, neck and arms, in the order of [`joint`].
 pub const JOINTS: usize = 20;

@@ -374,6 +374,28 @@ impl BallPredictions {
     }
 }
 
+/// Defines methods that return a field as a choice.
+macro_rules! choices_of {
+    ($($packet:ident.$field:ident: $choice:ident as $method:ident;)*) => { $(
+        impl $packet {
+            #[doc = concat!("Returns `", stringify!($field), "`, or `None` for an unknown number.")]
+            pub fn $method(&self) -> Option<$choice> {
+                $choice::of(u32::try_from(self.$field).ok()?)
+            }
+        }
+    )* };
+}
+
+choices_of! {
+    ControllerCommand.command: ControllerOrder as order;
+    ControllerState.mode: ControllerMode as mode;
+    CatchStatus.phase: CatchPhase as phase;
+    PlanRequest.objective: PlanObjective as objective;
+    PlanResult.failure: PlanFailure as failure;
+    ThrowStatus.phase: ThrowPhase as phase;
+    CalibrationState.hold: CalibrationHold as hold;
+}
+
 /// Description of the packets for code generators of other languages.
 pub const DESCRIPTION: Description = Description {
     project: "tactnet_catching",

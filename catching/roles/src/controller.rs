@@ -8,11 +8,10 @@ use crate::channels::{
     JOINT_STATE, SAFETY_STATE, THROW_PATH,
 };
 use crate::role::Shell;
-use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
+    let (bus, settings) = (shell.bus, &shell.settings);
     let mut control = ControlLoop::new(settings.corrections()?, settings.control());
     let mut joints = JOINT_STATE.latest(bus)?;
     let mut verdict = SAFETY_STATE.latest(bus)?;
@@ -23,10 +22,8 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let mut gazes = HEAD_GAZE.new_packets(bus)?;
     let (commands, states) = (JOINT_COMMAND.put(bus)?, CONTROLLER_STATE.put(bus)?);
     let mut ticker = Ticker::aligned(1000.0, 0);
-    let mut times = Times::at(1000);
     let mut slowest_ns = 0;
-    (shell.ready)();
-    while !stopped() {
+    let times = shell.repeat(1000, |times| {
         let beat_ns = ticker.next_ns();
         ticker.wait();
         let inputs = ControlInputs {
@@ -39,7 +36,7 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
             gazes: gazes.look()?,
         };
         let Some(outputs) = control.step(beat_ns, &inputs) else {
-            continue;
+            return Ok(());
         };
         commands.put_copy(&[outputs.command])?;
         let taken = now_ns().saturating_sub(beat_ns);
@@ -49,6 +46,7 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
             state.loop_ns = std::mem::take(&mut slowest_ns);
             states.put_copy(&[state])?;
         }
-    }
+        Ok(())
+    })?;
     Ok(times.report(paths.lost() + throws.lost() + orders.lost()))
 }

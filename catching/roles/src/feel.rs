@@ -4,32 +4,21 @@
 //! hand/state, catch/state ─> feel ─ sweep/command ─> skin, classifier ─ tactile/belief ─> feel ─ catch/felt ─> judge
 //! ```
 
-use bytemuck::Zeroable;
-use tactnet_catching::feel::{Exploration, FeelInputs, Felt, FusedBelief, SweepOrder};
-use tactnet_catching_packets::packets::{FeltMaterial, Text};
-use tactnet_channel::{Priority, Start, Wait, now_ns};
+use tactnet_catching::feel::{Exploration, FeelInputs};
+use tactnet_channel::{Priority, Start, now_ns};
 use tactnet_skin::ServeConfig;
-use tactnet_skin::packets::{
-    Command, Event, ModelNames, Stage, SweepCommand, TactileBelief, TactileStatus,
-};
+use tactnet_skin::packets::{Event, ModelNames, TactileBelief, TactileStatus};
 
 use crate::channels::{CATCH_FELT, CATCH_STATE, HAND_STATE};
 use crate::latest_value::{LatestValue, NewPackets, at_most, send};
 use crate::role::Shell;
-use crate::times::Times;
+use crate::skin_packets::{command, fused, last_stage, material};
 use crate::{RoleError, RoleReport};
 
-/// Maximum sleep between two polls.
-const LOOK: Wait = at_most(10);
-
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
+    let (bus, settings) = (shell.bus, &shell.settings);
     let config = ServeConfig::of(bus.table())?;
-    // Stage of the belief that concludes a sweep, which the fusion uses.
-    let last_stage = match config.mc_samples {
-        0 => Stage::Plain,
-        _ => Stage::Dropout,
-    };
+    let last_stage = last_stage(&config);
     let mut task = Exploration::new(settings.sure, settings.most_sweeps);
     let (mut hand, mut status) = (HAND_STATE.latest(bus)?, CATCH_STATE.latest(bus)?);
     let mut beliefs = NewPackets::new(bus.get_port(config.belief.as_str(), Start::Now)?);
@@ -38,67 +27,30 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
     let mut names = LatestValue::new(names);
     let commands = bus.put_port(config.command.as_str(), Priority::High)?;
     let results = CATCH_FELT.put(bus)?;
-    let mut times = Times::at(1);
-    (shell.ready)();
-    while !stopped() {
+    let times = shell.repeat(1, |times| {
         let motion = task.motion();
-        let is_of = |belief: &&TactileBelief| {
-            Some(belief.motion) == motion && belief.stage == last_stage as u32
-        };
-        let belief = beliefs.wait(LOOK)?.iter().rfind(is_of).and_then(fused);
+        let is_of =
+            |belief: &&TactileBelief| Some(belief.motion) == motion && belief.stage == last_stage;
         let is_rejected = |event: &TactileStatus| {
             Some(event.motion) == motion && event.event == Event::Rejected as u32
         };
         let inputs = FeelInputs {
+            belief: beliefs
+                .wait(at_most(10))?
+                .iter()
+                .rfind(is_of)
+                .and_then(fused),
             hand: hand.look()?,
             status: status.look()?,
-            belief,
             rejected: events.look()?.iter().any(is_rejected),
         };
         let outputs = task.step(now_ns(), &inputs);
         send(&commands, outputs.orders.map(|order| order.map(command)))?;
-        let names = names.look()?;
         if let Some(felt) = outputs.felt {
-            results.put_copy(&[material(&felt, names)])?;
+            results.put_copy(&[material(&felt, names.look()?)])?;
             times.push(felt.duration_ns);
         }
-    }
+        Ok(())
+    })?;
     Ok(times.report(beliefs.lost() + events.lost()))
-}
-
-fn fused(belief: &TactileBelief) -> Option<FusedBelief> {
-    let probability = belief.fused.get(belief.fused_label as usize)?;
-    Some(FusedBelief {
-        label: belief.fused_label,
-        probability: *probability,
-        sweeps: belief.fused_sweeps,
-    })
-}
-
-fn command(order: SweepOrder) -> SweepCommand {
-    let (kind, motion) = match order {
-        SweepOrder::Reset(motion) => (Command::Reset, motion),
-        SweepOrder::Start(motion) => (Command::Start, motion),
-        SweepOrder::Stop(motion) => (Command::Stop, motion),
-    };
-    SweepCommand {
-        kind: kind as u32,
-        motion,
-        ..SweepCommand::zeroed()
-    }
-}
-
-fn material(felt: &Felt, names: Option<&ModelNames>) -> FeltMaterial {
-    let name = |label: u32| {
-        let known = names.filter(|names| label < names.materials)?;
-        known.names.get(label as usize).copied()
-    };
-    let name = felt.belief.and_then(|belief| name(belief.label));
-    FeltMaterial {
-        grip: felt.grip,
-        material: Text::new(name.as_ref().map_or("", |name| name.as_str())),
-        posterior: felt.belief.map_or(0.0, |belief| belief.probability.into()),
-        sweeps: felt.belief.map_or(0, |belief| belief.sweeps),
-        reserved: 0,
-    }
 }

@@ -20,15 +20,49 @@ pub fn drain<T: Packet>(port: &GetPort<T>, mut take: impl FnMut(&T)) -> Result<(
     Ok(())
 }
 
-/// Sends those packets that there are.
-pub(crate) fn send<T: Packet + Copy, const MOST: usize>(
-    port: &PutPort<T>,
-    packets: [Option<T>; MOST],
-) -> Result<(), ChannelError> {
-    for packet in packets.into_iter().flatten() {
-        port.put_copy(&[packet])?;
+/// Packets of one output of a step, each of which may be missing.
+pub(crate) trait Packets<T> {
+    fn all(self) -> impl Iterator<Item = T>;
+}
+
+impl<T> Packets<T> for Option<T> {
+    fn all(self) -> impl Iterator<Item = T> {
+        self.into_iter()
     }
-    Ok(())
+}
+
+impl<T, const MOST: usize> Packets<T> for [Option<T>; MOST] {
+    fn all(self) -> impl Iterator<Item = T> {
+        self.into_iter().flatten()
+    }
+}
+
+/// Sends those packets that there are.
+pub(crate) fn send<T: Packet + Copy>(
+    port: &PutPort<T>,
+    packets: impl Packets<T>,
+) -> Result<(), ChannelError> {
+    packets
+        .all()
+        .try_for_each(|packet| port.put_copy(&[packet]).map(|_| ()))
+}
+
+/// Opens the channels of a step's outputs, and returns the function that sends the outputs on them.
+macro_rules! sender {
+    ($bus:expr, $outputs:ty { $($output:ident => $channel:ident),* $(,)? }) => {{
+        $(let $output = $crate::channels::$channel.put($bus)?;)*
+        move |outputs: $outputs| -> Result<(), $crate::RoleError> {
+            $($crate::latest_value::send(&$output, outputs.$output)?;)*
+            Ok(())
+        }
+    }};
+}
+pub(crate) use sender;
+
+/// Waits for a packet and returns its first element; `None` if none arrives.
+pub(crate) fn next<T: Packet + Copy>(port: &GetPort<T>) -> Result<Option<T>, ChannelError> {
+    let packet = port.get(PATIENCE)?;
+    Ok(packet.and_then(|packet| packet.first().copied()))
 }
 
 /// Returns a wait that ends after the given number of milliseconds.

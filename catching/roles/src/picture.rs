@@ -1,6 +1,7 @@
 //! Layout of pictures on channels: a header of 64 bytes, then the pixels row by row, one byte each.
 
 use bytemuck::{Pod, Zeroable};
+use tactnet_catching_packets::packets::Circles;
 
 /// Header of a picture, 64 bytes.
 #[repr(C)]
@@ -27,6 +28,21 @@ impl PictureHead {
         let head: Self = bytemuck::pod_read_unaligned(head);
         let wanted = (head.width as usize).checked_mul(head.height as usize)?;
         (pixels.len() == wanted && head.camera < 2).then_some((head, pixels))
+    }
+
+    /// Returns width and height.
+    pub(crate) fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// Returns a packet for the circles of the picture.
+    pub(crate) fn circles(&self) -> Circles {
+        Circles {
+            frame: self.frame,
+            exposure_ns: self.exposure_ns,
+            camera: self.camera,
+            ..Circles::zeroed()
+        }
     }
 }
 

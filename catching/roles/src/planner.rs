@@ -6,9 +6,8 @@ use tactnet_catching_packets::packets::PlanRequest;
 use tactnet_channel::now_ns;
 
 use crate::channels::{PLAN_REQUEST, PLAN_RESULT};
-use crate::latest_value::PATIENCE;
+use crate::latest_value::next;
 use crate::role::Shell;
-use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 /// Time from the publication of a plan to that of its path, in ns.
@@ -24,30 +23,25 @@ pub fn planning_ends_ns(question: &PlanRequest, phases: &PhaseConfig) -> u64 {
 }
 
 pub(crate) fn run(shell: &Shell<'_>, arm: usize) -> Result<RoleReport, RoleError> {
-    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
+    let (bus, settings) = (shell.bus, &shell.settings);
     let corrections = settings.corrections()?;
     let (requests, results) = (PLAN_REQUEST.get(bus)?, PLAN_RESULT.put(bus)?);
-    let mut times = Times::at(100);
     let planner = Planner::new(corrections.robot(), arm, settings.planner);
     let phases = settings.phases();
-    (shell.ready)();
-    while !stopped() {
-        let Some(packet) = requests.get(PATIENCE)? else {
-            continue;
-        };
-        let Some(question) = packet.first().filter(|question| question.arm == arm as u64) else {
-            continue;
+    let times = shell.repeat(100, |times| {
+        let Some(question) = next(&requests)?.filter(|question| question.arm == arm as u64) else {
+            return Ok(());
         };
         let begun = now_ns();
-        let deadline = planning_ends_ns(question, &phases);
+        let deadline = planning_ends_ns(&question, &phases);
         let out_of_time = || now_ns() >= deadline;
-        let plan = answer(&planner, question, &Answering::default(), out_of_time);
-        let Some(mut plan) = plan else {
-            continue;
-        };
-        plan.computing_ns = now_ns() - begun;
-        results.put_copy(&[plan])?;
-        times.push(plan.computing_ns);
-    }
+        let plan = answer(&planner, &question, &Answering::default(), out_of_time);
+        if let Some(mut plan) = plan {
+            plan.computing_ns = now_ns() - begun;
+            results.put_copy(&[plan])?;
+            times.push(plan.computing_ns);
+        }
+        Ok(())
+    })?;
     Ok(times.report(requests.lost()))
 }

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use tactnet_channel::Bus;
 
 use crate::{
-    RoleError, RoleReport, RoleSettings, controller, coordinator, eyes, feel, hand, planner, pose,
-    safety, slip_watch, thrower, tracker,
+    RoleError, RoleReport, RoleSettings, Times, controller, coordinator, eyes, feel, hand, planner,
+    pose, safety, slip_watch, thrower, tracker,
 };
 
 /// A process of the stack.
@@ -123,6 +123,24 @@ pub(crate) struct Shell<'a> {
     pub stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
+impl Shell<'_> {
+    /// Reports that all channels are open, and repeats `work` until the process has to end. Returns its times.
+    ///
+    /// - `rate_hz`: number of times per second for which memory is reserved
+    pub fn repeat(
+        &self,
+        rate_hz: usize,
+        mut work: impl FnMut(&mut Times) -> Result<(), RoleError>,
+    ) -> Result<Times, RoleError> {
+        let mut times = Times::at(rate_hz);
+        (self.ready)();
+        while !(self.stopped)() {
+            work(&mut times)?;
+        }
+        Ok(times)
+    }
+}
+
 impl FromStr for Role {
     type Err = RoleError;
 
@@ -145,9 +163,7 @@ mod tests {
             assert_eq!(role.name().parse::<Role>().unwrap(), role);
         }
         let error = "world".parse::<Role>().unwrap_err();
-        assert!(
-            error.is_usage() && error.to_string().contains("planner-left"),
-            "{error}"
-        );
+        assert!(error.is_usage());
+        assert!(error.to_string().contains("planner-left"), "{error}");
     }
 }

@@ -4,31 +4,26 @@ use tactnet_catching::safety::SafetyWatch;
 use tactnet_channel::now_ns;
 
 use crate::channels::{JOINT_COMMAND, SAFETY_STATE};
-use crate::latest_value::PATIENCE;
+use crate::latest_value::next;
 use crate::role::Shell;
-use crate::times::Times;
 use crate::{RoleError, RoleReport};
 
 pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
-    let (bus, settings, stopped) = (shell.bus, &shell.settings, shell.stopped);
+    let (bus, settings) = (shell.bus, &shell.settings);
     let mut watch = SafetyWatch::new(settings.corrections()?);
     let (commands, states) = (JOINT_COMMAND.get(bus)?, SAFETY_STATE.put(bus)?);
-    let mut times = Times::at(1000);
-    (shell.ready)();
-    while !stopped() {
-        let Some(packet) = commands.get(PATIENCE)? else {
-            continue;
-        };
-        let Some(command) = packet.first() else {
-            continue;
+    let times = shell.repeat(1000, |times| {
+        let Some(command) = next(&commands)? else {
+            return Ok(());
         };
         let begun = now_ns();
-        let mut verdict = watch.step(command);
+        let mut verdict = watch.step(&command);
         verdict.computing_ns = now_ns() - begun;
         states.put_copy(&[verdict])?;
         times.push(verdict.computing_ns);
-        watch.count(command, &verdict);
-    }
+        watch.count(&command, &verdict);
+        Ok(())
+    })?;
     Ok(RoleReport {
         brakes: watch.brakes(),
         brakes_in_vain: watch.brakes_in_vain(),

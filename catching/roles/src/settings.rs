@@ -18,57 +18,39 @@ use crate::RoleError;
 /// Name of the section.
 const SECTION: &str = "catching";
 
-/// Settings shared by the processes of the stack. Missing fields have the values of `Default`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RoleSettings {
-    /// File with the robot's description; the nominal robot if absent.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub robot: Option<PathBuf>,
-    /// File with a calibration of this robot; if absent, the robot matches its description.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub calibration: Option<PathBuf>,
-    /// Catching arms, ball limits and start times of plans.
-    pub coordinator: CoordinatorConfig,
-    /// Settings of the planners.
-    pub planner: PlanConfig,
-    /// Delay of the drives, from a cycle of the controller to the time that its command applies to, in s.
-    pub drives: f64,
-    /// Timeout without verdicts of the safety monitor after which the controller brakes, in s.
-    pub safety_patience: f64,
-    /// Makes the controller brake if the monitor predicts a collision; otherwise collisions are only reported.
-    pub brakes: bool,
-    /// Expected number of false detections per picture, for the tracker.
-    pub clutter: f64,
-    /// Probability of a material at which the exploration of a caught ball ends, from 0 to 1.
-    pub sure: f64,
-    /// Maximum number of sweeps per ball.
-    pub most_sweeps: u32,
-    /// Time after a catch or a lost ball at which the robot returns to its waiting pose, in s.
-    pub after_catch: f64,
-    /// Settings of throwing back.
-    pub throw: ThrowBack,
-    /// Limits of the slip watch.
-    pub slip: SlipConfig,
-}
-
-impl Default for RoleSettings {
-    fn default() -> Self {
-        Self {
-            robot: None,
-            calibration: None,
-            coordinator: CoordinatorConfig::default(),
-            planner: PlanConfig::default(),
-            drives: 0.0025,
-            safety_patience: 0.05,
-            brakes: true,
-            clutter: 1.0,
-            sure: 0.95,
-            most_sweeps: 3,
-            after_catch: 0.4,
-            throw: ThrowBack::default(),
-            slip: SlipConfig::default(),
-        }
+tactnet_catching_packets::settings! {
+    /// Settings shared by the processes of the stack. Missing fields have the values of `Default`.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct RoleSettings {
+        /// File with the robot's description; the nominal robot if absent.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub robot: Option<PathBuf> = None,
+        /// File with a calibration of this robot; if absent, the robot matches its description.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub calibration: Option<PathBuf> = None,
+        /// Catching arms, ball limits and start times of plans.
+        pub coordinator: CoordinatorConfig = CoordinatorConfig::default(),
+        /// Settings of the planners.
+        pub planner: PlanConfig = PlanConfig::default(),
+        /// Delay of the drives, from a cycle of the controller to the time that its command applies to, in s.
+        pub drives: f64 = 0.0025,
+        /// Timeout without verdicts of the safety monitor after which the controller brakes, in s.
+        pub safety_patience: f64 = 0.05,
+        /// Makes the controller brake if the monitor predicts a collision; otherwise collisions are only reported.
+        pub brakes: bool = true,
+        /// Expected number of false detections per picture, for the tracker.
+        pub clutter: f64 = 1.0,
+        /// Probability of a material at which the exploration of a caught ball ends, from 0 to 1.
+        pub sure: f64 = 0.95,
+        /// Maximum number of sweeps per ball.
+        pub most_sweeps: u32 = 3,
+        /// Time after a catch or a lost ball at which the robot returns to its waiting pose, in s.
+        pub after_catch: f64 = 0.4,
+        /// Settings of throwing back.
+        pub throw: ThrowBack = ThrowBack::default(),
+        /// Limits of the slip watch.
+        pub slip: SlipConfig = SlipConfig::default(),
     }
 }
 
@@ -126,11 +108,8 @@ impl RoleSettings {
     /// Same as [`RoleSettings::kept`].
     pub fn new_coordinator(&self) -> Result<Coordinator, RoleError> {
         let corrections = self.corrections()?;
-        Ok(Coordinator::new(
-            corrections,
-            self.coordinator,
-            self.phases(),
-        ))
+        let (config, phases) = (self.coordinator, self.phases());
+        Ok(Coordinator::new(corrections, config, phases))
     }
 
     /// Returns the robot from its description.
@@ -215,15 +194,11 @@ mod tests {
         };
         let table = settings.into_table(Table::new("t"));
         assert_eq!(RoleSettings::of(&table).unwrap(), settings);
-        assert_eq!(
-            RoleSettings::of(&Table::new("t")).unwrap(),
-            RoleSettings::default()
-        );
+        let empty = RoleSettings::of(&Table::new("t")).unwrap();
+        assert_eq!(empty, RoleSettings::default());
         let text = "bus = \"t\"\n[channels]\n[components.catching]\nclutte = 3.0\n";
         let error = RoleSettings::of(&toml::from_str(text).unwrap()).unwrap_err();
-        assert!(
-            error.is_usage() && error.to_string().contains("clutte"),
-            "{error}"
-        );
+        assert!(error.is_usage());
+        assert!(error.to_string().contains("clutte"), "{error}");
     }
 }

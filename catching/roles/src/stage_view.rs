@@ -139,12 +139,8 @@ fn limbs(robot: &Robot, q: &[f64; JOINTS]) -> (Vec<Side>, Vec<[Side; 4]>) {
     let hip = Vector3::new(0.0, q[joint::PLATFORM], torso.lower_pitch_height);
     let (yaw, lean) = (q[joint::TORSO.start], q[joint::TORSO.start + 1]);
     let forward = lean.sin() * torso.lower_length;
-    let knee = hip
-        + Vector3::new(
-            forward * yaw.cos(),
-            forward * yaw.sin(),
-            lean.cos() * torso.lower_length,
-        );
+    let up = lean.cos() * torso.lower_length;
+    let knee = hip + Vector3::new(forward * yaw.cos(), forward * yaw.sin(), up);
     let head = chest * robot.head(q);
     let body = [
         Vector3::new(hip.x, hip.y, FOOT),
@@ -195,10 +191,7 @@ mod tests {
     fn a_robot_that_waits_stands_upright_with_its_hands_before_it() {
         let robot = Robot::nominal();
         let (body, arms) = limbs(&robot, &robot.waiting());
-        assert!(
-            body.windows(2).all(|pair| pair[1][1] > pair[0][1]),
-            "{body:?}"
-        );
+        assert!(body.is_sorted_by(|a, b| b[1] > a[1]), "{body:?}");
         let chest = body[3];
         for arm in arms {
             assert!(arm[3][0] > chest[0] + 0.2, "{arm:?}");
@@ -214,10 +207,8 @@ mod tests {
             ..BallPrediction::zeroed()
         };
         let after = place(&ball(1.5), 1_100_000_000).unwrap();
-        assert!(
-            (after[0] - 2.5).abs() < 1e-3 && (1.4..1.46).contains(&after[1]),
-            "{after:?}"
-        );
+        assert!((after[0] - 2.5).abs() < 1e-3, "{after:?}");
+        assert!((1.4..1.46).contains(&after[1]), "{after:?}");
         assert_eq!(place(&ball(1.5), 1_400_000_000), None);
         assert_eq!(place(&ball(0.01), 1_100_000_000), None);
         assert_eq!(place(&ball(1.5), 900_000_000), None);
@@ -234,16 +225,12 @@ mod tests {
             ..CatchOutcome::zeroed()
         };
         stage.take(&outcome(1, "cork", "cork"));
-        assert_eq!(
-            stage.last,
-            "Ball 1: caught with the left hand; felt like cork, it is cork: right."
-        );
+        let caught = "Ball 1: caught with the left hand; felt like cork, it is cork: right.";
+        assert_eq!(stage.last, caught);
         stage.take(&outcome(1, "cork", "felt"));
         stage.take(&outcome(0, "", ""));
         assert_eq!(stage.last, "Ball 3: missed, out of reach.");
-        assert_eq!(
-            (stage.thrown, stage.caught, stage.felt, stage.right),
-            (3, 2, 2, 1)
-        );
+        let counts = [stage.thrown, stage.caught, stage.felt, stage.right];
+        assert_eq!(counts, [3, 2, 2, 1]);
     }
 }

@@ -1,14 +1,14 @@
 //! Computation times of a process.
 
 use serde::{Deserialize, Serialize};
-use tactnet_channel::percentile;
+use tactnet_channel::{now_ns, percentile};
 
 /// Maximum number of stored times, an hour at 1 kHz. Later ones are only counted.
 const MOST: usize = 3_600_000;
 
 /// Computation times of one process.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Times {
+pub struct Times {
     ns: Vec<u32>,
     count: u64,
 }
@@ -22,17 +22,24 @@ impl Times {
         }
     }
 
-    pub fn push(&mut self, ns: u64) {
+    pub(crate) fn push(&mut self, ns: u64) {
         self.count += 1;
         if self.ns.len() < self.ns.capacity() {
             self.ns.push(ns.min(u64::from(u32::MAX)) as u32);
         }
     }
 
+    /// Adds the time since `begun_ns` if the process had something to do.
+    pub(crate) fn push_since(&mut self, begun_ns: u64, busy: bool) {
+        if busy {
+            self.push(now_ns().saturating_sub(begun_ns));
+        }
+    }
+
     /// Returns the statistics.
     ///
     /// - `lost`: number of packets that the process lost
-    pub fn report(mut self, lost: u64) -> RoleReport {
+    pub(crate) fn report(mut self, lost: u64) -> RoleReport {
         self.ns.sort_unstable();
         let at = |share| percentile(&self.ns, share).map_or(0.0, |ns| f64::from(ns) / 1e3);
         RoleReport {
@@ -69,6 +76,23 @@ pub struct RoleReport {
     pub brakes_in_vain: u64,
 }
 
+impl RoleReport {
+    /// Returns the report of two threads that do the same work: the times of the slower one.
+    pub(crate) fn with(self, other: Self) -> Self {
+        let (count, lost) = (self.count + other.count, self.lost + other.lost);
+        let slower = if other.p99_us > self.p99_us {
+            other
+        } else {
+            self
+        };
+        Self {
+            count,
+            lost,
+            ..slower
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,10 +102,8 @@ mod tests {
         let mut times = Times::at(1);
         (1..=1000).for_each(|ns| times.push(ns * 1000));
         let report = times.report(0);
-        assert_eq!(
-            (report.count, report.p50_us, report.max_us),
-            (1000, 500.0, 1000.0)
-        );
+        assert_eq!(report.count, 1000);
+        assert_eq!([report.p50_us, report.max_us], [500.0, 1000.0]);
         assert_eq!(Times::at(1).report(0), RoleReport::default());
     }
 }

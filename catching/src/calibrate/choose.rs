@@ -288,10 +288,7 @@ mod tests {
         let model = Model::new(&Robot::nominal());
         let config = CalibrationConfig::default();
         let candidates = candidates(&model, 24);
-        let views = [
-            NeckMotion::standing([0.0; 2]),
-            NeckMotion::standing([0.2, -0.15]),
-        ];
+        let views = [[0.0; 2], [0.2, -0.15]].map(NeckMotion::standing);
         let chosen = choose(&model, &config, &candidates, &views, 3).unwrap();
         assert_eq!(chosen.numbers.len(), 6);
         let pick = |numbers: &[usize]| -> Vec<Candidate> {
@@ -323,9 +320,7 @@ mod tests {
     fn too_few_candidates_are_an_error() {
         let model = Model::new(&Robot::nominal());
         let error = choose(&model, &CalibrationConfig::default(), &[], &[], 4).unwrap_err();
-        assert!(
-            error.to_string().contains("at least 4 configurations"),
-            "{error}"
-        );
+        let error = error.to_string();
+        assert!(error.contains("at least 4 configurations"), "{error}");
     }
 }

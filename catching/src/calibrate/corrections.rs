@@ -198,10 +198,8 @@ impl Known {
     fn rectify(&self, camera: usize, [u, v, r]: [f64; 3]) -> [f64; 3] {
         let own: &CameraCalibration = &self.calibration.cameras[camera];
         let focal = self.optics.focal + own.focal;
-        let middle = Vector2::new(
-            f64::from(self.optics.width) / 2.0,
-            f64::from(self.optics.height) / 2.0,
-        );
+        let [width, height] = [self.optics.width, self.optics.height].map(f64::from);
+        let middle = Vector2::new(width / 2.0, height / 2.0);
         let distorted = (Vector2::new(u, v) - middle - Vector2::from(own.centre)) / focal;
         let [k1, k2] = own.distortion;
         let mut ray = distorted;
@@ -213,11 +211,8 @@ impl Known {
         }
         let ahead = self.turns[camera] * Vector3::new(1.0, -ray.x, -ray.y);
         let seen = middle - Vector2::new(ahead.y, ahead.z) * (self.optics.focal / ahead.x);
-        [
-            seen.x,
-            seen.y,
-            r * self.optics.focal / (focal * stretch * ahead.x),
-        ]
+        let radius = r * self.optics.focal / (focal * stretch * ahead.x);
+        [seen.x, seen.y, radius]
     }
 }
 

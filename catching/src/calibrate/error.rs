@@ -1,5 +1,7 @@
 //! Errors of a calibration. The previous calibration stays valid after an error.
 
+use tactnet_catching_packets::Numbers;
+
 use super::unknowns::ARM_NAMES;
 
 /// Reason for a failed calibration.
@@ -89,4 +91,16 @@ pub enum CalibrationError {
         /// Maximum deviation, in standard deviations.
         expected: f64,
     },
+}
+
+/// Returns an error unless a setting is greater than 0.
+pub(super) fn positive(
+    setting: &'static str,
+    value: &impl Numbers,
+) -> Result<(), CalibrationError> {
+    let wrong = |found: &f64| !(found.is_finite() && *found > 0.0);
+    match value.numbers().find(wrong) {
+        Some(found) => Err(CalibrationError::Setting { setting, found }),
+        None => Ok(()),
+    }
 }

@@ -222,10 +222,8 @@ mod tests {
         for (text, named) in cases {
             let error = KeptCalibration::parse(&text, robot.description()).unwrap_err();
             let said = error.to_string();
-            assert!(
-                said.contains(named) && said.lines().count() == 1,
-                "{named}: {said}"
-            );
+            assert!(said.contains(named), "{named}: {said}");
+            assert_eq!(said.lines().count(), 1, "{said}");
         }
         let mut other = robot.description().clone();
         other.arms[0].position[1] += 0.01;

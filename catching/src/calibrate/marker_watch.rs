@@ -143,13 +143,9 @@ impl MarkerWatch {
                 let Some(picture) = self.picture(arm, features, seen.exposure_ns) else {
                     continue;
                 };
-                let slip = self.arms[arm].picture(
-                    &self.model,
-                    &self.noise,
-                    &self.unknowns,
-                    &self.covariance,
-                    &picture,
-                );
+                let (x, covariance) = (&self.unknowns, &self.covariance);
+                let watch = &mut self.arms[arm];
+                let slip = watch.picture(&self.model, &self.noise, x, covariance, &picture);
                 if slip.is_some() && self.since_ns == 0 {
                     self.since_ns = known_ns;
                 }

@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::error::CalibrationError;
+use super::error::{CalibrationError, positive};
 use super::model::{Block, Model};
 use super::session::{NeckMotion, Picture, Rest, Session, Turn};
 use super::unknowns::{Priors, UNKNOWNS, Unknowns};
@@ -15,62 +15,41 @@ use crate::track::CAMERAS;
 /// Residual of a feature that the model cannot see, in pixels. Its gradient is zero.
 const UNSEEN: f64 = 1000.0;
 
-/// Standard deviations of the measurements.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Noise {
-    /// Standard deviation of a feature per coordinate, in pixels.
-    pub feature: f64,
-    /// Standard deviation of an accelerometer mean at rest, including scale errors, in m/s^2.
-    pub acceleration: f64,
-    /// Standard deviation of a gyroscope sample in motion, in rad/s.
-    pub rate: f64,
-    /// Standard deviation of a gyroscope mean at rest, in rad/s.
-    pub rest_rate: f64,
-}
-
-impl Default for Noise {
-    fn default() -> Self {
-        Self {
-            feature: 0.3,
-            acceleration: 0.02,
-            rate: 0.002,
-            rest_rate: 0.0005,
-        }
+tactnet_catching_packets::settings! {
+    /// Standard deviations of the measurements.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Noise in "noise.": CalibrationError {
+        /// Standard deviation of a feature per coordinate, in pixels.
+        pub feature: f64 = 0.3 => positive,
+        /// Standard deviation of an accelerometer mean at rest, including scale errors, in m/s^2.
+        pub acceleration: f64 = 0.02 => positive,
+        /// Standard deviation of a gyroscope sample in motion, in rad/s.
+        pub rate: f64 = 0.002 => positive,
+        /// Standard deviation of a gyroscope mean at rest, in rad/s.
+        pub rest_rate: f64 = 0.0005 => positive,
     }
 }
 
-/// Settings of a calibration.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CalibrationConfig {
-    /// Priors of the unknowns.
-    pub priors: Priors,
-    /// Measurement noise.
-    pub noise: Noise,
-    /// Edge of Huber's loss, in standard deviations.
-    pub huber: f64,
-    /// Minimum number of configurations per arm.
-    pub configurations: usize,
-    /// Maximum number of iterations.
-    pub iterations: usize,
-    /// Maximum median feature residual, relative to the median of the noise.
-    pub fit: f64,
-    /// Maximum deviation of an unknown from its prior, in standard deviations.
-    pub plausible: f64,
-}
-
-impl Default for CalibrationConfig {
-    fn default() -> Self {
-        Self {
-            priors: Priors::default(),
-            noise: Noise::default(),
-            huber: 1.5,
-            configurations: 5,
-            iterations: 200,
-            fit: 1.5,
-            plausible: 6.0,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of a calibration.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct CalibrationConfig in "": CalibrationError {
+        /// Priors of the unknowns.
+        pub priors: Priors = Priors::default(),
+        /// Measurement noise.
+        pub noise: Noise = Noise::default(),
+        /// Edge of Huber's loss, in standard deviations.
+        pub huber: f64 = 1.5 => positive,
+        /// Minimum number of configurations per arm.
+        pub configurations: usize = 5,
+        /// Maximum number of iterations.
+        pub iterations: usize = 200,
+        /// Maximum median feature residual, relative to the median of the noise.
+        pub fit: f64 = 1.5 => positive,
+        /// Maximum deviation of an unknown from its prior, in standard deviations.
+        pub plausible: f64 = 6.0 => positive,
     }
 }
 
@@ -105,19 +84,8 @@ impl<'a> Problem<'a> {
         session: &'a Session,
         config: &'a CalibrationConfig,
     ) -> Result<Self, CalibrationError> {
-        for (setting, found) in [
-            ("noise.feature", config.noise.feature),
-            ("noise.acceleration", config.noise.acceleration),
-            ("noise.rate", config.noise.rate),
-            ("noise.rest_rate", config.noise.rest_rate),
-            ("huber", config.huber),
-            ("fit", config.fit),
-            ("plausible", config.plausible),
-        ] {
-            if !(found.is_finite() && found > 0.0) {
-                return Err(CalibrationError::Setting { setting, found });
-            }
-        }
+        config.noise.check_settings()?;
+        config.check_settings()?;
         Ok(Self {
             model,
             session,

@@ -237,20 +237,12 @@ mod tests {
             let mut sample = ImuSample::zeroed();
             let place = (number / 10) as usize;
             sample.acceleration = [place as f64, 0.0, 9.81];
-            let phase = if place == 1 {
-                Phase::Way
-            } else {
-                Phase::Rest(place)
-            };
+            let phase = [Phase::Rest(0), Phase::Way, Phase::Rest(2)][place];
             recorder.sample(&sample, phase);
         }
         let session = recorder.finish();
-        let means: Vec<f64> = session
-            .rests
-            .iter()
-            .map(|rest| rest.acceleration[0])
-            .collect();
-        assert_eq!(means, [0.0, 2.0]);
+        let means = session.rests.iter().map(|rest| rest.acceleration[0]);
+        assert_eq!(means.collect::<Vec<f64>>(), [0.0, 2.0]);
         assert!(session.rests.iter().all(|rest| rest.samples == 10));
     }
 }

@@ -24,44 +24,33 @@ const RESTS: [[f64; 2]; 7] = [
 /// Periods of pan and tilt during the turn for the IMU.
 const TURN_ROUNDS: [f64; 2] = [3.0, 4.0];
 
-/// Settings of the session's motion.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RoutineConfig {
-    /// Fraction of the joints' maximum speeds.
-    pub speed: f64,
-    /// Fraction of the joints' maximum accelerations.
-    pub acceleration: f64,
-    /// Time from the end of an arm's motion to the first picture, in s.
-    pub settle: f64,
-    /// Duration of each rest of the head, in s. Only the second half is used.
-    pub rest: f64,
-    /// Head motion for the IMU.
-    pub turn: Sweep,
-    /// Head motion around a marker.
-    pub sweep: Sweep,
-}
-
-impl Default for RoutineConfig {
-    fn default() -> Self {
-        Self {
-            speed: 0.9,
-            acceleration: 0.3,
-            settle: 0.2,
-            rest: 2.0,
-            turn: Sweep {
-                pan: 0.7,
-                tilt: 0.5,
-                seconds: 8.0,
-                rounds: TURN_ROUNDS,
-            },
-            sweep: Sweep {
-                pan: 0.28,
-                tilt: 0.2,
-                seconds: 2.4,
-                rounds: [2.0, 1.0],
-            },
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of the session's motion.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct RoutineConfig {
+        /// Fraction of the joints' maximum speeds.
+        pub speed: f64 = 0.9,
+        /// Fraction of the joints' maximum accelerations.
+        pub acceleration: f64 = 0.3,
+        /// Time from the end of an arm's motion to the first picture, in s.
+        pub settle: f64 = 0.2,
+        /// Duration of each rest of the head, in s. Only the second half is used.
+        pub rest: f64 = 2.0,
+        /// Head motion for the IMU.
+        pub turn: Sweep = Sweep {
+            pan: 0.7,
+            tilt: 0.5,
+            seconds: 8.0,
+            rounds: TURN_ROUNDS,
+        },
+        /// Head motion around a marker.
+        pub sweep: Sweep = Sweep {
+            pan: 0.28,
+            tilt: 0.2,
+            seconds: 2.4,
+            rounds: [2.0, 1.0],
+        },
     }
 }
 

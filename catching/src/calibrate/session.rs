@@ -118,12 +118,8 @@ impl Session {
         self.check_numbers()?;
         for arm in 0..2 {
             for (camera, name) in ["left", "right"].into_iter().enumerate() {
-                let features = self
-                    .pictures
-                    .iter()
-                    .filter(|picture| picture.arm == arm && picture.features[camera].is_some())
-                    .count();
-                if features == 0 {
+                let saw = |of: &Picture| of.arm == arm && of.features[camera].is_some();
+                if !self.pictures.iter().any(saw) {
                     return Err(CalibrationError::NeverSeen {
                         arm,
                         camera: name,
@@ -140,14 +136,11 @@ impl Session {
                 });
             }
         }
-        let mut disparities: Vec<f64> = self
-            .pictures
-            .iter()
-            .filter_map(|picture| {
-                let [left, right] = picture.features;
-                Some(left?[0] - right?[0])
-            })
-            .collect();
+        let disparity = |picture: &Picture| {
+            let [left, right] = picture.features;
+            Some(left?[0] - right?[0])
+        };
+        let mut disparities: Vec<f64> = self.pictures.iter().filter_map(disparity).collect();
         disparities.sort_by(f64::total_cmp);
         match disparities.get(disparities.len() / 2) {
             Some(median) if *median < 0.0 => Err(CalibrationError::Exchanged { found: -median }),
@@ -173,11 +166,8 @@ impl Session {
             finite("rest", number, values.chain(rest.rate))?;
         }
         for (number, turn) in self.turns.iter().enumerate() {
-            finite(
-                "turn",
-                number,
-                turn.rate.into_iter().chain(neck(&turn.neck)),
-            )?;
+            let values = turn.rate.into_iter().chain(neck(&turn.neck));
+            finite("turn", number, values)?;
         }
         Ok(())
     }

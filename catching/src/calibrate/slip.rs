@@ -11,31 +11,23 @@ use std::collections::VecDeque;
 use nalgebra::{DMatrix, Matrix2, SMatrix, Vector2};
 use serde::{Deserialize, Serialize};
 
-use super::error::CalibrationError;
+use super::error::{CalibrationError, positive};
 use super::model::Model;
 use super::problem::Noise;
 use super::session::Picture;
 use super::unknowns::Unknowns;
 
-/// Settings of a slip detector.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SlipConfig {
-    /// Number of innovations per window.
-    pub window: usize,
-    /// Upper limit of a normalised square.
-    pub clip: f64,
-    /// Mean over the window above which the calibration counts as invalid.
-    pub limit: f64,
-}
-
-impl Default for SlipConfig {
-    fn default() -> Self {
-        Self {
-            window: 50,
-            clip: 30.0,
-            limit: 10.0,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of a slip detector.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct SlipConfig in "slip.": CalibrationError {
+        /// Number of innovations per window.
+        pub window: usize = 50 => positive,
+        /// Upper limit of a normalised square.
+        pub clip: f64 = 30.0 => positive,
+        /// Mean over the window above which the calibration counts as invalid.
+        pub limit: f64 = 10.0 => positive,
     }
 }
 
@@ -60,15 +52,7 @@ impl SlipWatch {
     /// # Errors
     /// Returns an error if a setting is invalid.
     pub fn new(config: SlipConfig) -> Result<Self, CalibrationError> {
-        for (setting, found) in [
-            ("slip.window", config.window as f64),
-            ("slip.clip", config.clip),
-            ("slip.limit", config.limit),
-        ] {
-            if !(found.is_finite() && found > 0.0) {
-                return Err(CalibrationError::Setting { setting, found });
-            }
-        }
+        config.check_settings()?;
         Ok(Self {
             config,
             squares: VecDeque::with_capacity(config.window),
@@ -167,15 +151,9 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let covariance = Matrix2::identity() * 0.09;
         let mut innovation = |jump: f64| {
-            let wrong = if rng.random::<f64>() < 0.05 {
-                40.0
-            } else {
-                0.0
-            };
-            Vector2::new(
-                0.3 * normal(&mut rng) + jump + wrong,
-                0.3 * normal(&mut rng),
-            )
+            let wrong = 40.0 * f64::from(rng.random::<f64>() < 0.05);
+            let mut noise = || 0.3 * normal(&mut rng);
+            Vector2::new(noise() + jump + wrong, noise())
         };
         for _ in 0..20_000 {
             assert_eq!(watch.push(&innovation(0.0), &covariance), None);

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::error::CalibrationError;
 use super::model::Model;
 use super::parameters::Calibration;
-use super::problem::{CalibrationConfig, Problem};
+use super::problem::{CalibrationConfig, Normal, Problem};
 use super::session::Session;
 use super::unknowns::{UNKNOWNS, Unknowns, name};
 
@@ -111,13 +111,7 @@ pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, 
         let step = -factor.solve(&normal.gradient);
         let gain = -step.dot(&normal.gradient) - step.dot(&(&normal.hessian * &step)) / 2.0;
         if gain < LEAST_GAIN * normal.cost {
-            return Ok(solution(
-                problem,
-                &z,
-                &normal.hessian,
-                normal.cost,
-                iterations,
-            ));
+            return Ok(solution(problem, &z, &normal, iterations));
         }
         let there = &z + &step;
         let cost = problem.cost(&there);
@@ -130,7 +124,7 @@ pub fn solve(problem: &Problem<'_>, start: Option<&Unknowns>) -> Result<Solved, 
         }
     }
     // A model that does not fit has a flat minimum; report the fit as the cause.
-    let last = solution(problem, &z, &normal.hessian, normal.cost, most);
+    let last = solution(problem, &z, &normal, most);
     judge_fit(&last, problem.config())?;
     Err(CalibrationError::NoMinimum { iterations: most })
 }
@@ -145,14 +139,8 @@ fn judge_fit(solved: &Solved, config: &CalibrationConfig) -> Result<(), Calibrat
     Ok(())
 }
 
-fn solution(
-    problem: &Problem<'_>,
-    z: &DVector<f64>,
-    hessian: &DMatrix<f64>,
-    cost: f64,
-    iterations: usize,
-) -> Solved {
-    let eigen = hessian.clone().symmetric_eigen();
+fn solution(problem: &Problem<'_>, z: &DVector<f64>, normal: &Normal, iterations: usize) -> Solved {
+    let eigen = normal.hessian.clone().symmetric_eigen();
     let mut order: Vec<usize> = (0..UNKNOWNS).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
     let worst = order
@@ -182,7 +170,7 @@ fn solution(
     let median = residuals.get(residuals.len() / 2).copied();
     let outlying = residuals.iter().filter(|r| **r > 5.0 * noise).count();
     Solved {
-        cost,
+        cost: normal.cost,
         iterations,
         covariance: &scale * inverse * &scale,
         worst,

@@ -4,7 +4,7 @@ use nalgebra::{DVector, Vector3};
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARMS;
 
-use super::error::CalibrationError;
+use super::error::{CalibrationError, positive};
 use crate::track::CAMERAS;
 
 /// Number of unknowns.
@@ -88,11 +88,7 @@ pub fn name(unknown: usize) -> String {
         format!("{} arm {what} {place}, {unit}", ARM_NAMES[arm])
     };
     match unknown {
-        0..22 => format!(
-            "{} camera {}",
-            ARM_NAMES[unknown / 11],
-            camera(unknown % 11)
-        ),
+        0..22 => ARM_NAMES[unknown / 11].to_string() + " camera " + &camera(unknown % 11),
         22..28 => of_arm(22, 3, "marker, m"),
         28..42 => of_arm(28, 7, "offset, rad"),
         42..56 => of_arm(42, 7, "compliance, rad/Nm"),
@@ -107,67 +103,45 @@ pub fn name(unknown: usize) -> String {
     }
 }
 
-/// Priors of the unknowns: initial guesses and standard deviations.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Priors {
-    /// Marker positions in the frame of the arm's last link, in m.
-    pub markers: [[f64; 3]; ARMS],
-    /// Standard deviation of the marker positions, in m.
-    pub marker: f64,
-    /// Guess of an arm joint's compliance, in rad/Nm.
-    pub compliance_guess: f64,
-    /// Standard deviation of the compliances, in rad/Nm.
-    pub compliance: f64,
-    /// Standard deviation of the focal length, in pixels.
-    pub focal: f64,
-    /// Standard deviation of the principal point, in pixels.
-    pub centre: f64,
-    /// Standard deviation of distortion k1 and k2.
-    pub distortion: f64,
-    /// Standard deviation of a camera's rotation, in rad.
-    pub camera_turn: f64,
-    /// Standard deviation of a camera's position, in m.
-    pub camera_shift: f64,
-    /// Standard deviation of an arm's joint offsets, in rad.
-    pub arm_offset: f64,
-    /// Standard deviation of an arm's mounting position, in m.
-    pub arm_mount: f64,
-    /// Standard deviation of an arm's lengths, in m.
-    pub arm_length: f64,
-    /// Standard deviation of the offsets of pan and tilt, in rad.
-    pub neck_offset: f64,
-    /// Standard deviation of the IMU's rotation, in rad.
-    pub imu_turn: f64,
-    /// Standard deviation of the accelerometer bias, in m/s^2.
-    pub accelerometer_bias: f64,
-    /// Standard deviation of the gyroscope bias, in rad/s.
-    pub gyroscope_bias: f64,
-    /// Standard deviation of the clock delays, in s.
-    pub clock: f64,
-}
-
-impl Default for Priors {
-    fn default() -> Self {
-        Self {
-            markers: [[0.05, 0.04, 0.06], [0.05, -0.04, 0.06]],
-            marker: 0.015,
-            compliance_guess: 1e-4,
-            compliance: 5e-5,
-            focal: 10.0,
-            centre: 8.0,
-            distortion: 0.02,
-            camera_turn: 0.02,
-            camera_shift: 0.006,
-            arm_offset: 0.03,
-            arm_mount: 0.008,
-            arm_length: 0.001,
-            neck_offset: 0.02,
-            imu_turn: 0.03,
-            accelerometer_bias: 0.1,
-            gyroscope_bias: 0.01,
-            clock: 0.01,
-        }
+tactnet_catching_packets::settings! {
+    /// Priors of the unknowns: initial guesses and standard deviations.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Priors in "priors.": CalibrationError {
+        /// Marker positions in the frame of the arm's last link, in m.
+        pub markers: [[f64; 3]; ARMS] = [[0.05, 0.04, 0.06], [0.05, -0.04, 0.06]],
+        /// Standard deviation of the marker positions, in m.
+        pub marker: f64 = 0.015 => positive,
+        /// Guess of an arm joint's compliance, in rad/Nm.
+        pub compliance_guess: f64 = 1e-4,
+        /// Standard deviation of the compliances, in rad/Nm.
+        pub compliance: f64 = 5e-5 => positive,
+        /// Standard deviation of the focal length, in pixels.
+        pub focal: f64 = 10.0 => positive,
+        /// Standard deviation of the principal point, in pixels.
+        pub centre: f64 = 8.0 => positive,
+        /// Standard deviation of distortion k1 and k2.
+        pub distortion: f64 = 0.02 => positive,
+        /// Standard deviation of a camera's rotation, in rad.
+        pub camera_turn: f64 = 0.02 => positive,
+        /// Standard deviation of a camera's position, in m.
+        pub camera_shift: f64 = 0.006 => positive,
+        /// Standard deviation of an arm's joint offsets, in rad.
+        pub arm_offset: f64 = 0.03 => positive,
+        /// Standard deviation of an arm's mounting position, in m.
+        pub arm_mount: f64 = 0.008 => positive,
+        /// Standard deviation of an arm's lengths, in m.
+        pub arm_length: f64 = 0.001 => positive,
+        /// Standard deviation of the offsets of pan and tilt, in rad.
+        pub neck_offset: f64 = 0.02 => positive,
+        /// Standard deviation of the IMU's rotation, in rad.
+        pub imu_turn: f64 = 0.03 => positive,
+        /// Standard deviation of the accelerometer bias, in m/s^2.
+        pub accelerometer_bias: f64 = 0.1 => positive,
+        /// Standard deviation of the gyroscope bias, in rad/s.
+        pub gyroscope_bias: f64 = 0.01 => positive,
+        /// Standard deviation of the clock delays, in s.
+        pub clock: f64 = 0.01 => positive,
     }
 }
 
@@ -177,12 +151,10 @@ impl Priors {
         let mut guess = Unknowns::zeros(UNKNOWNS);
         for arm in 0..ARMS {
             let marker = Vector3::from(self.markers[arm]);
-            guess
-                .fixed_rows_mut::<3>(at::marker(arm))
-                .copy_from(&marker);
-            guess
-                .fixed_rows_mut::<7>(at::compliances(arm))
-                .fill(self.compliance_guess);
+            let (markers, compliances) = (at::marker(arm), at::compliances(arm));
+            guess.fixed_rows_mut::<3>(markers).copy_from(&marker);
+            let mut compliances = guess.fixed_rows_mut::<7>(compliances);
+            compliances.fill(self.compliance_guess);
         }
         guess
     }
@@ -192,27 +164,7 @@ impl Priors {
     /// # Errors
     /// Returns an error if one is not greater than 0.
     pub fn sigmas(&self) -> Result<Unknowns, CalibrationError> {
-        for (setting, found) in [
-            ("priors.marker", self.marker),
-            ("priors.compliance", self.compliance),
-            ("priors.focal", self.focal),
-            ("priors.centre", self.centre),
-            ("priors.distortion", self.distortion),
-            ("priors.camera_turn", self.camera_turn),
-            ("priors.camera_shift", self.camera_shift),
-            ("priors.arm_offset", self.arm_offset),
-            ("priors.arm_mount", self.arm_mount),
-            ("priors.arm_length", self.arm_length),
-            ("priors.neck_offset", self.neck_offset),
-            ("priors.imu_turn", self.imu_turn),
-            ("priors.accelerometer_bias", self.accelerometer_bias),
-            ("priors.gyroscope_bias", self.gyroscope_bias),
-            ("priors.clock", self.clock),
-        ] {
-            if !(found.is_finite() && found > 0.0) {
-                return Err(CalibrationError::Setting { setting, found });
-            }
-        }
+        self.check_settings()?;
         let mut sigmas = Unknowns::zeros(UNKNOWNS);
         let mut fill = |first: usize, count: usize, sigma: f64| {
             sigmas.rows_mut(first, count).fill(sigma);

@@ -92,8 +92,7 @@ pub(super) fn refined(
     for (pass, reach) in REACH.into_iter().enumerate() {
         let reach = reach.at(r);
         let margin = r + reach + 2.0;
-        let inside = |x: f64, size: usize| x - margin >= 0.0 && x + margin < size as f64;
-        if !(inside(u, size[0]) && inside(v, size[1]) && r > 2.0) {
+        if !(contains(size, [u, v], margin) && r > 2.0) {
             return None;
         }
         // Most peaks are false; every third ray suffices to reject them.
@@ -101,15 +100,8 @@ pub(super) fn refined(
         let rays = &mut edges[..RAYS / stride];
         for (i, edge) in rays.iter_mut().enumerate() {
             let ray = directions.0[i * stride];
-            *edge = edge_on_ray(
-                pixels,
-                size[0],
-                [u, v],
-                ray,
-                r,
-                [reach, reach],
-                FINEST[pass.min(1)],
-            );
+            let finest = FINEST[pass.min(1)];
+            *edge = edge_on_ray(pixels, size[0], [u, v], ray, r, [reach, reach], finest);
         }
         let scale = SCALE[0] + SCALE[1] * r;
         let step = fitted(rays, r, scale)?;
@@ -118,11 +110,10 @@ pub(super) fn refined(
         }
         if pass == 0 {
             let tolerance = FIRST_TOLERANCE.at(r);
-            let on_circle: f64 = rays
+            let near = rays
                 .iter()
-                .filter(|edge| edge.residual(r, &step).abs() < tolerance)
-                .map(|edge| edge.weight)
-                .sum();
+                .filter(|edge| edge.residual(r, &step).abs() < tolerance);
+            let on_circle: f64 = near.map(|edge| edge.weight).sum();
             if on_circle < FIRST_SHARE * inliers * rays.len() as f64 {
                 return None;
             }
@@ -138,6 +129,12 @@ pub(super) fn refined(
     })
 }
 
+/// Returns true if a point is at least a margin away from the edges of a picture.
+fn contains(size: [usize; 2], place: [f64; 2], margin: f64) -> bool {
+    let mut axes = place.into_iter().zip(size);
+    axes.all(|(x, size)| x - margin >= 0.0 && x + margin < size as f64)
+}
+
 /// Returns the share of rays whose strongest edge in a wider band lies on the circle, or `None` beyond the picture.
 /// Edges of texture lie anywhere in the band, edges of a circle lie on the circle.
 fn share_in_band(
@@ -149,22 +146,14 @@ fn share_in_band(
 ) -> Option<f64> {
     let reach = BAND.at(r);
     let margin = r + reach + 2.0;
-    let inside = |x: f64, size: usize| x - margin >= 0.0 && x + margin < size as f64;
-    if !(inside(u, size[0]) && inside(v, size[1])) {
+    if !contains(size, [u, v], margin) {
         return None;
     }
     let tolerance = TOLERANCE.at(r);
     let mut on_circle = 0.0;
     for ray in directions.0 {
-        let edge = edge_on_ray(
-            pixels,
-            size[0],
-            [u, v],
-            ray,
-            r,
-            [reach, 2.0 * reach],
-            FINEST[0],
-        );
+        let band = [reach, 2.0 * reach];
+        let edge = edge_on_ray(pixels, size[0], [u, v], ray, r, band, FINEST[0]);
         if (edge.distance - r).abs() < tolerance {
             on_circle += edge.weight;
         }
@@ -189,8 +178,7 @@ pub(super) fn polished(
     let mut edges = [Edge::default(); RAYS];
     for _ in 0..2 {
         let margin = r + reach + 2.0;
-        let inside = |x: f64, size: usize| x - margin >= 0.0 && x + margin < size as f64;
-        if !(inside(u, size[0]) && inside(v, size[1])) {
+        if !contains(size, [u, v], margin) {
             return None;
         }
         for (edge, ray) in edges.iter_mut().zip(directions.0) {
@@ -203,11 +191,9 @@ pub(super) fn polished(
         (u, v, r) = (u + step.x, v + step.y, r + step.z);
     }
     let tolerance = TOLERANCE.at(r);
-    let on_circle: f64 = edges
-        .iter()
-        .filter(|edge| edge.residual(r, &Vector3::zeros()).abs() < tolerance)
-        .map(|edge| edge.weight)
-        .sum();
+    let is_near = |edge: &&Edge| edge.residual(r, &Vector3::zeros()).abs() < tolerance;
+    let near = edges.iter().filter(is_near);
+    let on_circle: f64 = near.map(|edge| edge.weight).sum();
     (on_circle >= POLISH_SHARE * RAYS as f64).then_some(Circle { u, v, r, response })
 }
 

@@ -203,6 +203,14 @@ mod tests {
         brakes: true,
     };
 
+    fn order(order: ControllerOrder, why: &str) -> ControllerCommand {
+        ControllerCommand {
+            command_ns: 0,
+            command: order as u64,
+            reason: Text::new(why),
+        }
+    }
+
     /// A loop with its packets, in ticks of 1 ms.
     struct Bench {
         control: ControlLoop,
@@ -214,15 +222,11 @@ mod tests {
     impl Bench {
         fn new() -> Self {
             let robot = Robot::nominal();
-            let joints = JointState {
-                number: 100,
-                q: robot.waiting(),
-                ..JointState::zeroed()
-            };
-            let verdict = SafetyState {
-                go: 1,
-                ..SafetyState::zeroed()
-            };
+            let mut joints = JointState::zeroed();
+            joints.number = 100;
+            joints.q = robot.waiting();
+            let mut verdict = SafetyState::zeroed();
+            verdict.go = 1;
             Self {
                 control: ControlLoop::new(Corrections::new(&robot, None), CONFIG),
                 joints,
@@ -289,22 +293,19 @@ mod tests {
 
     #[test]
     fn a_verdict_brakes_a_moving_robot_and_an_old_one_or_one_that_only_reports_does_not() {
-        for (brakes, mode) in [
-            (true, ControllerMode::Braking),
-            (false, ControllerMode::Following),
+        for (brakes, is_old, mode) in [
+            (true, false, ControllerMode::Braking),
+            (false, false, ControllerMode::Following),
+            (true, true, ControllerMode::Following),
         ] {
             let mut bench = Bench::new();
             bench.control.config.brakes = brakes;
             bench.move_on();
-            (bench.verdict.go, bench.verdict.number) = (0, bench.control.number);
+            let number = if is_old { 10 } else { bench.control.number };
+            (bench.verdict.go, bench.verdict.number) = (0, number);
             bench.step(ControlInputs::default());
             assert_eq!(bench.mode(), mode);
         }
-        let mut bench = Bench::new();
-        bench.move_on();
-        (bench.verdict.go, bench.verdict.number) = (0, 10);
-        bench.step(ControlInputs::default());
-        assert_eq!(bench.mode(), ControllerMode::Following, "old");
     }
 
     #[test]
@@ -313,11 +314,7 @@ mod tests {
         bench.send_path();
         let seen_ns = bench.now_ns;
         bench.verdict.command_ns = seen_ns;
-        let order = ControllerCommand {
-            command_ns: 0,
-            command: ControllerOrder::GoBack as u64,
-            reason: Text::new("over"),
-        };
+        let order = order(ControllerOrder::GoBack, "over");
         let mut step = |now_ns: u64, orders: &[ControllerCommand]| {
             let inputs = ControlInputs {
                 verdict: Some(&bench.verdict),
@@ -327,13 +324,10 @@ mod tests {
             bench.control.step(now_ns, &inputs).unwrap();
             bench.control.controller.as_ref().unwrap().mode()
         };
-        let patience = CONFIG.patience_ns;
-        assert_eq!(step(seen_ns + patience, &[]), ControllerMode::Following);
-        assert_eq!(
-            step(seen_ns + patience + TICK_NS, &[]),
-            ControllerMode::Braking
-        );
-        let later = seen_ns + 10 * patience;
+        let patient_ns = seen_ns + CONFIG.patience_ns;
+        assert_eq!(step(patient_ns, &[]), ControllerMode::Following);
+        assert_eq!(step(patient_ns + TICK_NS, &[]), ControllerMode::Braking);
+        let later = seen_ns + 10 * CONFIG.patience_ns;
         assert_eq!(step(later, &[]), ControllerMode::Standing);
         assert_eq!(step(later + TICK_NS, &[order]), ControllerMode::Standing);
     }
@@ -341,15 +335,8 @@ mod tests {
     #[test]
     fn orders_are_obeyed_and_restarted_drives_restart_the_controller() {
         let mut bench = Bench::new();
-        bench.send_path();
-        for _ in 0..100 {
-            bench.step(ControlInputs::default());
-        }
-        let brake = ControllerCommand {
-            command_ns: 0,
-            command: ControllerOrder::Brake as u64,
-            reason: Text::new("asked"),
-        };
+        bench.move_on();
+        let brake = order(ControllerOrder::Brake, "asked");
         let told = bench.step(ControlInputs {
             orders: &[brake],
             ..ControlInputs::default()

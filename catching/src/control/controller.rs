@@ -309,12 +309,8 @@ impl Controller {
         let count = (gaze.count as usize).min(gaze.flights.len());
         let looked = std::array::from_fn(|i| {
             let flight = gaze.flights.get(i).filter(|_| i < count)?;
-            let finite = flight
-                .p
-                .iter()
-                .chain(&flight.v)
-                .chain(&flight.lift)
-                .all(|n| n.is_finite());
+            let mut numbers = flight.p.iter().chain(&flight.v).chain(&flight.lift);
+            let finite = numbers.all(|n| n.is_finite());
             // Limits the integration, which takes steps of 10 ms.
             let near = flight.t_ns.abs_diff(now_ns) < 3_000_000_000;
             (finite && flight.k.is_finite() && near)

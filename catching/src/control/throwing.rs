@@ -121,15 +121,14 @@ mod tests {
     /// Returns a throw to 4 m that starts after 20 ms.
     fn throw(robot: &Robot) -> ThrowPath {
         let target = Vector3::new(4.0, 0.0, 1.2);
-        let plan = Thrower::new(robot, ThrowPlanConfig::live())
-            .plan(&ThrowRequest {
-                holding: Some(ARM),
-                aim: Aim::At { target },
-                drag: DRAG,
-                last: None,
-            })
-            .unwrap();
-        plan.path(20 * TICK_NS, 1, target.into())
+        let request = ThrowRequest {
+            holding: Some(ARM),
+            aim: Aim::At { target },
+            drag: DRAG,
+            last: None,
+        };
+        let plan = Thrower::new(robot, ThrowPlanConfig::live()).plan(&request);
+        plan.unwrap().path(20 * TICK_NS, 1, target.into())
     }
 
     fn ready(robot: &Robot) -> Controller {
@@ -156,16 +155,10 @@ mod tests {
             let (q, dq) = controller.tick(now);
             for (i, limits) in robot.joints().iter().enumerate() {
                 assert!(dq[i].abs() <= limits.speed * 1.001, "joint {i}");
-                let change = (dq[i] - last.1[i]).abs();
-                assert!(
-                    change <= limits.acceleration * 1.1e-3,
-                    "joint {i}: {change}"
-                );
+                let (change, most) = ((dq[i] - last.1[i]).abs(), 1.1e-3 * limits.acceleration);
+                assert!(change <= most, "joint {i}: {change}");
                 let moved = q[i] - last.0[i] - 0.5e-3 * (dq[i] + last.1[i]);
-                assert!(
-                    moved.abs() < limits.acceleration * 1.1e-6,
-                    "joint {i}: {moved}"
-                );
+                assert!(moved.abs() < 1e-3 * most, "joint {i}: {moved}");
             }
             last = (*q, *dq);
             if now.abs_diff(path.open_ns) < TICK_NS && released.is_none() {
@@ -238,22 +231,15 @@ mod tests {
         refused(&|path| path.swing_ns = u64::MAX, PathError::Order);
         refused(&|path| path.open_ns = path.swing_ns - 1, PathError::Order);
         refused(&|path| path.way[2].q0 += 0.01, PathError::Jump { joint: 2 });
-        refused(
-            &|path| path.swing[0].q0 += 0.01,
-            PathError::Jump { joint: 0 },
-        );
-        refused(
-            &|path| path.swing[0].a *= 1e3,
-            PathError::Limits { joint: 0 },
-        );
+        let joint = 0;
+        refused(&|path| path.swing[0].q0 += 0.01, PathError::Jump { joint });
+        refused(&|path| path.swing[0].a *= 1e3, PathError::Limits { joint });
         assert_eq!(controller.mode(), ControllerMode::Ready);
         controller.throw_path(TICK_NS, &good).unwrap();
         let again = controller.throw_path(TICK_NS, &good);
         assert_eq!(again, Err(PathError::NotReady));
-        let arm = ArmPath {
-            start_ns: 40 * TICK_NS,
-            ..controller.state(TICK_NS).paths[0]
-        };
+        let mut arm = controller.state(TICK_NS).paths[0];
+        arm.start_ns = 40 * TICK_NS;
         let meanwhile = controller.arm_path(TICK_NS, &arm);
         assert_eq!(meanwhile, Err(PathError::NotFollowing));
         assert_eq!(controller.state(0).refused, 12);

@@ -49,10 +49,8 @@ mod tests {
 
     #[test]
     fn one_ball_goes_to_the_arm_with_the_gentler_catch() {
-        assert_eq!(
-            assign(&[[Some(0.5), Some(0.4)], [None, None]]),
-            [None, Some(0)]
-        );
+        let costs = [[Some(0.5), Some(0.4)], [None, None]];
+        assert_eq!(assign(&costs), [None, Some(0)]);
         assert_eq!(assign(&[[None, None], [None, None]]), [None, None]);
         assert_eq!(assign(&[[None, None], [Some(-1.0), None]]), [Some(1), None]);
     }

@@ -4,37 +4,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::plan::Objective;
 
-/// Settings of the coordinator.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CoordinatorConfig {
-    /// Objective of the plans.
-    pub objective: Objective,
-    /// Minimum existence probability of a ball that triggers a motion.
-    pub existence: f32,
-    /// Minimum number of pictures, seen by both cameras, of a ball that triggers a motion.
-    pub frames: u32,
-    /// Time from a prediction to the start of the planned motion, including transfers and computing, in s.
-    pub plan_delay: f64,
-    /// If true, each prediction corrects the plan; otherwise the first plan is executed unchanged.
-    pub replan: bool,
-    /// If true, platform and torso move towards the ball.
-    pub lower_body: bool,
-    /// Minimum time between a correction and the catch, in s.
-    pub last_correction: f64,
-}
-
-impl Default for CoordinatorConfig {
-    fn default() -> Self {
-        Self {
-            objective: Objective::Soft,
-            existence: 0.95,
-            frames: 3,
-            plan_delay: 0.015,
-            replan: true,
-            lower_body: true,
-            last_correction: 0.03,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of the coordinator.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct CoordinatorConfig {
+        /// Objective of the plans.
+        pub objective: Objective = Objective::Soft,
+        /// Minimum existence probability of a ball that triggers a motion.
+        pub existence: f32 = 0.95,
+        /// Minimum number of pictures, seen by both cameras, of a ball that triggers a motion.
+        pub frames: u32 = 3,
+        /// Time from a prediction to the start of the planned motion, including transfers and computing, in s.
+        pub plan_delay: f64 = 0.015,
+        /// If true, each prediction corrects the plan; otherwise the first plan is executed unchanged.
+        pub replan: bool = true,
+        /// If true, platform and torso move towards the ball.
+        pub lower_body: bool = true,
+        /// Minimum time between a correction and the catch, in s.
+        pub last_correction: f64 = 0.03,
     }
 }
 

@@ -23,12 +23,8 @@ impl DistanceField {
     /// Panics if `solid` does not have one entry per cell.
     pub fn new(grid: VoxelGrid, solid: &[bool]) -> Self {
         // The diagonal of the grid replaces infinite distances.
-        let farthest = grid
-            .cells
-            .iter()
-            .map(|n| (n * n) as f32)
-            .sum::<f32>()
-            .sqrt();
+        let squares = grid.cells.iter().map(|n| (n * n) as f32);
+        let farthest = squares.sum::<f32>().sqrt();
         let mut distances = squared_distances(grid.cells, solid);
         let free: Vec<bool> = solid.iter().map(|solid| !solid).collect();
         let inside = squared_distances(grid.cells, &free);

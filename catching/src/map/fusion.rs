@@ -7,36 +7,28 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::error::MapError;
+use super::error::{MapError, all, finite, positive};
 use super::field::DistanceField;
 use super::grid::VoxelGrid;
 use super::own_body::mask;
 use super::spheres::Sphere;
 
-/// Depth camera. It measures depth along its axis, in m. Its axes are those of the head frame (x forward, y left, z
-/// up).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DepthCamera {
-    /// Position in the head frame, in m.
-    pub position: [f64; 3],
-    /// Width of a picture, in pixels.
-    pub width: usize,
-    /// Height of a picture, in pixels.
-    pub height: usize,
-    /// Focal length, in pixels.
-    pub focal: f64,
-}
-
-/// 0.5 megapixels and a horizontal field of view of 70 degrees, mounted between the stereo cameras.
-impl Default for DepthCamera {
-    fn default() -> Self {
-        Self {
-            position: [0.08, 0.0, 0.1],
-            width: 816,
-            height: 612,
-            focal: 582.7,
-        }
+tactnet_catching_packets::settings! {
+    /// Depth camera. It measures depth along its axis, in m. Its axes are those of the head frame (x forward, y left, z
+    /// up).
+    ///
+    /// 0.5 megapixels and a horizontal field of view of 70 degrees, mounted between the stereo cameras.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct DepthCamera in "camera.": MapError {
+        /// Position in the head frame, in m.
+        pub position: [f64; 3] = [0.08, 0.0, 0.1] => finite,
+        /// Width of a picture, in pixels.
+        pub width: usize = 816 => positive,
+        /// Height of a picture, in pixels.
+        pub height: usize = 612 => positive,
+        /// Focal length, in pixels.
+        pub focal: f64 = 582.7 => positive,
     }
 }
 
@@ -47,68 +39,32 @@ impl DepthCamera {
     }
 }
 
-/// Settings of a [`Fusion`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct FusionConfig {
-    /// Grid of cells, in the frame of the head pose.
-    pub grid: VoxelGrid,
-    /// Depth camera.
-    pub camera: DepthCamera,
-    /// Truncation of the distances, in m.
-    pub truncation: f64,
-    /// Maximum weight of earlier looks, relative to a picture from 1 m. It lets moved objects disappear from their old
-    /// position.
-    pub memory: f64,
-    /// Points closer than this to the robot's own spheres count as robot, in m.
-    pub own_margin: f64,
-}
-
-impl Default for FusionConfig {
-    fn default() -> Self {
-        Self {
-            grid: VoxelGrid::default(),
-            camera: DepthCamera::default(),
-            truncation: 0.06,
-            memory: 0.2,
-            own_margin: 0.04,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of a [`Fusion`].
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct FusionConfig in "": MapError {
+        /// Grid of cells, in the frame of the head pose.
+        pub grid: VoxelGrid = VoxelGrid::default() => |_, grid: &VoxelGrid| grid.check(),
+        /// Depth camera.
+        pub camera: DepthCamera = DepthCamera::default() => |_, camera: &DepthCamera| camera.check_settings(),
+        /// Truncation of the distances, in m.
+        pub truncation: f64 = 0.06,
+        /// Maximum weight of earlier looks, relative to a picture from 1 m. It lets moved objects disappear from their
+        /// old position.
+        pub memory: f64 = 0.2 => positive,
+        /// Points closer than this to the robot's own spheres count as robot, in m.
+        pub own_margin: f64 = 0.04 => positive,
     }
 }
 
 impl FusionConfig {
     fn check(&self) -> Result<(), MapError> {
-        self.grid.check()?;
-        let positive = |setting, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                return Ok(());
-            }
-            Err(MapError::Setting {
-                setting,
-                expected: "a number greater than 0",
-                found: value.to_string(),
-            })
-        };
-        positive("camera.width", self.camera.width as f64)?;
-        positive("camera.height", self.camera.height as f64)?;
-        positive("camera.focal", self.camera.focal)?;
-        if !self.camera.position.iter().all(|x| x.is_finite()) {
-            return Err(MapError::Setting {
-                setting: "camera.position",
-                expected: "numbers",
-                found: format!("{:?}", self.camera.position),
-            });
-        }
+        self.check_settings()?;
         // With a thinner band, a surface could lie between the cells.
-        if !(self.truncation >= self.grid.voxel && self.truncation.is_finite()) {
-            return Err(MapError::Setting {
-                setting: "truncation",
-                expected: "at least the edge of a cell",
-                found: self.truncation.to_string(),
-            });
-        }
-        positive("memory", self.memory)?;
-        positive("own_margin", self.own_margin)
+        let thick = |x: f64| x >= self.grid.voxel && x.is_finite();
+        let expected = "at least the edge of a cell";
+        all("truncation", &self.truncation, expected, thick)
     }
 }
 
@@ -348,6 +304,13 @@ mod tests {
             .collect()
     }
 
+    /// Returns an empty map, and a picture of a wall at 1.5 m with a square at 0.8 m in front of it.
+    fn square() -> (Fusion, Vec<f32>) {
+        let fusion = Fusion::new(small()).unwrap();
+        let picture = wall_and_square(&fusion.config().camera, 1.5, 0.8, 0.1);
+        (fusion, picture)
+    }
+
     fn sees(fusion: &Fusion, p: [f64; 3]) -> bool {
         let grid = fusion.config().grid;
         let cell = grid.cell_at(&Vector3::from(p)).unwrap();
@@ -356,12 +319,8 @@ mod tests {
 
     #[test]
     fn surfaces_lie_where_they_were_measured_and_what_is_behind_is_solid() {
-        let config = small();
-        let mut fusion = Fusion::new(config).unwrap();
-        let head = Isometry3::identity();
-        fusion
-            .push(&wall_and_square(&config.camera, 1.5, 0.8, 0.1), &head, &[])
-            .unwrap();
+        let (mut fusion, picture) = square();
+        fusion.push(&picture, &Isometry3::identity(), &[]).unwrap();
         let field = fusion.field();
         for (x, y, expected) in [(0.7, 0.0, 0.1), (0.84, 0.0, -0.04), (1.3, 0.42, 0.2)] {
             let found = field.distance(&Vector3::new(x, y, 0.0));
@@ -374,25 +333,16 @@ mod tests {
 
     #[test]
     fn moved_objects_appear_only_at_their_new_position() {
-        let config = small();
-        let mut fusion = Fusion::new(config).unwrap();
-        let head = Isometry3::identity();
+        let (mut fusion, picture) = square();
         let turned = Isometry3::rotation(Vector3::z() * 0.1);
         for _ in 0..4 {
-            fusion
-                .push(&wall_and_square(&config.camera, 1.5, 0.8, 0.1), &head, &[])
-                .unwrap();
+            fusion.push(&picture, &Isometry3::identity(), &[]).unwrap();
         }
         fusion.look_again();
+        // The same square, seen by a rotated head: 8 cm to the left.
+        let moved = wall_and_square(&fusion.config().camera, 1.5, 0.8, 0.04);
         for _ in 0..4 {
-            // The same square, seen by a rotated head: 8 cm to the left.
-            fusion
-                .push(
-                    &wall_and_square(&config.camera, 1.5, 0.8, 0.04),
-                    &turned,
-                    &[],
-                )
-                .unwrap();
+            fusion.push(&moved, &turned, &[]).unwrap();
         }
         assert!(!sees(&fusion, [0.83, -0.07, 0.0]));
         assert!(sees(&fusion, [0.83, 0.08, 0.0]));
@@ -432,26 +382,18 @@ mod tests {
 
     #[test]
     fn the_robot_itself_is_no_obstacle_and_hides_nothing() {
-        let config = small();
-        let mut fusion = Fusion::new(config).unwrap();
-        let own = Sphere {
-            centre: Vector3::new(0.85, 0.0, 0.0),
-            radius: 0.16,
-        };
-        let picture = wall_and_square(&config.camera, 1.5, 0.8, 0.1);
-        fusion
-            .push(&picture, &Isometry3::identity(), &[own])
-            .unwrap();
+        let (mut fusion, picture) = square();
+        let (centre, radius) = (Vector3::new(0.85, 0.0, 0.0), 0.16);
+        let own = [Sphere { centre, radius }];
+        fusion.push(&picture, &Isometry3::identity(), &own).unwrap();
         assert!(!sees(&fusion, [0.83, 0.0, 0.0]) && !sees(&fusion, [1.1, 0.0, 0.0]));
         assert!(sees(&fusion, [1.53, 0.42, 0.0]));
     }
 
     #[test]
     fn pictures_that_are_none_are_refused_and_change_nothing() {
-        let config = small();
-        let mut fusion = Fusion::new(config).unwrap();
-        let head = Isometry3::identity();
-        let good = wall_and_square(&config.camera, 1.5, 0.8, 0.1);
+        let (mut fusion, good) = square();
+        let (config, head) = (small(), Isometry3::identity());
         fusion.push(&good, &head, &[]).unwrap();
         let before = fusion.solid();
         let mut spoilt = good.clone();
@@ -459,10 +401,9 @@ mod tests {
         let says = |fusion: &mut Fusion, picture: &[f32]| {
             fusion.push(picture, &head, &[]).unwrap_err().to_string()
         };
-        assert_eq!(
-            says(&mut fusion, &good[1..]),
-            "the depth picture has 31999 pixels, expected 200 x 160"
-        );
+        let short = says(&mut fusion, &good[1..]);
+        let expected = "the depth picture has 31999 pixels, expected 200 x 160";
+        assert_eq!(short, expected);
         assert!(says(&mut fusion, &spoilt).starts_with("pixel 77 of the depth picture is NaN m"));
         spoilt[77] = -1.0;
         assert!(says(&mut fusion, &spoilt).contains("is -1 m"));
@@ -470,19 +411,12 @@ mod tests {
         let nowhere = Isometry3::translation(f64::NAN, 0.0, 0.0);
         assert_eq!(fusion.push(&good, &nowhere, &[]), Err(MapError::Pose));
         assert_eq!(fusion.solid(), before);
-        let config = FusionConfig {
-            truncation: 0.0,
-            ..config
-        };
-        let error = Fusion::new(config).unwrap_err().to_string();
+        let mut thin = config;
+        thin.truncation = 0.0;
+        let error = Fusion::new(thin).unwrap_err().to_string();
         assert!(error.contains("`truncation`: expected at least the edge of a cell, found 0"));
-        let config = FusionConfig {
-            grid: VoxelGrid {
-                cells: [usize::MAX, 2, 2],
-                ..config.grid
-            },
-            ..FusionConfig::default()
-        };
-        assert!(Fusion::new(config).is_err());
+        let mut huge = config;
+        huge.grid.cells = [usize::MAX, 2, 2];
+        assert!(Fusion::new(huge).is_err());
     }
 }

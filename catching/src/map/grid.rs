@@ -3,32 +3,30 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::error::MapError;
+use super::error::{MapError, all, finite};
 
 /// Maximum number of cells of a grid: 256 in each direction.
 const MOST_CELLS: usize = 1 << 24;
 
-/// Position and size of a grid.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct VoxelGrid {
-    /// Corner with the lowest coordinates, in m.
-    pub corner: [f64; 3],
-    /// Edge length of a cell, in m.
-    pub voxel: f64,
-    /// Number of cells along x, y and z.
-    pub cells: [usize; 3],
+tactnet_catching_packets::settings! {
+    /// Position and size of a grid.
+    ///
+    /// 2.56 m in each direction around the robot's workspace, in steps of 2 cm.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct VoxelGrid in "grid.": MapError {
+        /// Corner with the lowest coordinates, in m.
+        pub corner: [f64; 3] = [-0.78, -1.28, 0.0] => finite,
+        /// Edge length of a cell, in m.
+        pub voxel: f64 = 0.02 => edge,
+        /// Number of cells along x, y and z.
+        pub cells: [usize; 3] = [128; 3],
+    }
 }
 
-/// 2.56 m in each direction around the robot's workspace, in steps of 2 cm.
-impl Default for VoxelGrid {
-    fn default() -> Self {
-        Self {
-            corner: [-0.78, -1.28, 0.0],
-            voxel: 0.02,
-            cells: [128; 3],
-        }
-    }
+fn edge(setting: &'static str, length: &f64) -> Result<(), MapError> {
+    let possible = |x| (1e-3..=1.0).contains(&x);
+    all(setting, length, "0.001 to 1 m", possible)
 }
 
 impl VoxelGrid {
@@ -37,31 +35,12 @@ impl VoxelGrid {
     /// # Errors
     /// Returns the first setting that is out of range.
     pub fn check(&self) -> Result<(), MapError> {
-        let wrong = |setting, expected, found| {
-            Err(MapError::Setting {
-                setting,
-                expected,
-                found,
-            })
-        };
-        if !self.corner.iter().all(|x| x.is_finite()) {
-            return wrong("grid.corner", "numbers", format!("{:?}", self.corner));
-        }
-        if !(1e-3..=1.0).contains(&self.voxel) {
-            return wrong("grid.voxel", "0.001 to 1 m", self.voxel.to_string());
-        }
-        let cells = self
-            .cells
-            .iter()
-            .try_fold(1usize, |product, n| product.checked_mul(*n));
-        if self.cells.iter().any(|n| *n < 2) || cells.is_none_or(|cells| cells > MOST_CELLS) {
-            return wrong(
-                "grid.cells",
-                "at least 2 in each direction, 16777216 at most in all",
-                format!("{:?}", self.cells),
-            );
-        }
-        Ok(())
+        self.check_settings()?;
+        let mut cells = self.cells.iter();
+        let count = cells.try_fold(1usize, |product, n| product.checked_mul(*n));
+        let few = count.is_some_and(|count| count <= MOST_CELLS);
+        let expected = "at least 2 in each direction, 16777216 at most in all";
+        all("grid.cells", &self.cells, expected, |n| n >= 2.0 && few)
     }
 
     /// Returns the number of cells.

@@ -51,10 +51,8 @@ mod tests {
         let s = [1.0, 0.0, 0.0];
         update(&mut b, &s, &[-5.0, 0.3, 0.0]);
         let along: f64 = s.iter().zip(times(&b, &s)).map(|(s, bs)| s * bs).sum();
-        assert!(
-            (along - 0.2).abs() < 1e-12,
-            "Powell's share of before: {along}"
-        );
+        let off = along - 0.2;
+        assert!(off.abs() < 1e-12, "Powell's share of before: {along}");
         let before = b;
         update(&mut b, &[0.0; 3], &[1.0; 3]);
         assert_eq!(b, before);

@@ -28,35 +28,24 @@ pub(crate) const TOO_NEAR_ALREADY: f64 = 2e-3;
 /// Step of the check along the ball's flight, in s, which is about 3 cm.
 const FLIGHT_STEP: f64 = 5e-3;
 
-/// Distances that plans keep from obstacles.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ObstacleConfig {
-    /// Distance below which the motion has a cost, in m.
-    pub soft: f64,
-    /// Minimum distance of a plan, in m. It covers errors of the map: half a voxel, the camera's noise, the torso's
-    /// elasticity.
-    pub hard: f64,
-    /// Weight of the squared hinge, in 1/m^2.
-    pub weight: f64,
-    /// Distance between the ball's centre and an obstacle at which the flight ends, in m.
-    pub ball: f64,
-    /// Number of samples for the cost along the motion, at least 1 (its end).
-    pub samples: usize,
-    /// Number of samples for the final check along the motion, at least 1 (its end).
-    pub checks: usize,
-}
-
-impl Default for ObstacleConfig {
-    fn default() -> Self {
-        Self {
-            soft: 0.1,
-            hard: 0.05,
-            weight: 300.0,
-            ball: 0.03,
-            samples: 6,
-            checks: 40,
-        }
+tactnet_catching_packets::settings! {
+    /// Distances that plans keep from obstacles.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ObstacleConfig {
+        /// Distance below which the motion has a cost, in m.
+        pub soft: f64 = 0.1,
+        /// Minimum distance of a plan, in m. It covers errors of the map: half a voxel, the camera's noise, the torso's
+        /// elasticity.
+        pub hard: f64 = 0.05,
+        /// Weight of the squared hinge, in 1/m^2.
+        pub weight: f64 = 300.0,
+        /// Distance between the ball's centre and an obstacle at which the flight ends, in m.
+        pub ball: f64 = 0.03,
+        /// Number of samples for the cost along the motion, at least 1 (its end).
+        pub samples: usize = 6,
+        /// Number of samples for the final check along the motion, at least 1 (its end).
+        pub checks: usize = 40,
     }
 }
 
@@ -248,6 +237,13 @@ mod tests {
         }
     }
 
+    fn asked() -> (Robot, Planner, CatchRequest) {
+        let robot = Robot::nominal();
+        let planner = Planner::new(&robot, 0, PlanConfig::default());
+        let request = request(&robot, Objective::Soft);
+        (robot, planner, request)
+    }
+
     fn least_on_the_way(robot: &Robot, field: &DistanceField, ramps: &[Ramp; 7]) -> f64 {
         let spheres = ArmSpheres::new(robot, 0);
         (0..=200)
@@ -305,12 +301,9 @@ mod tests {
 
     #[test]
     fn a_plan_goes_round_a_box_that_stands_in_its_way() {
-        let robot = Robot::nominal();
-        let planner = Planner::new(&robot, 0, PlanConfig::default());
-        let request = request(&robot, Objective::Soft);
-        let free = planner
-            .plan(&request, &PlanConditions::default(), || false)
-            .unwrap();
+        let (robot, planner, request) = asked();
+        let free = planner.plan(&request, &PlanConditions::default(), || false);
+        let free = free.unwrap();
         // Next to the catch, at the arm's position in the unobstructed plan.
         let field = field([0.2, 0.55, 0.8], [0.7, 0.9, 1.12]);
         let without = least_on_the_way(&robot, &field, &free.ramps);
@@ -319,18 +312,14 @@ mod tests {
         let plan = planner.plan(&request, &among, || false).unwrap();
         let with = least_on_the_way(&robot, &field, &plan.ramps);
         let begin = least_on_the_way(&robot, &field, &robot.ready(0).map(Ramp::standing));
-        assert!(
-            with >= begin.min(PlanConfig::default().obstacles.hard) - 3e-3,
-            "{with} {begin}"
-        );
+        let least = begin.min(PlanConfig::default().obstacles.hard) - 3e-3;
+        assert!(with >= least, "{with} {least}");
         assert!(plan.violation.is_feasible());
     }
 
     #[test]
     fn a_ball_that_a_box_stops_is_not_planned_for() {
-        let robot = Robot::nominal();
-        let planner = Planner::new(&robot, 0, PlanConfig::default());
-        let request = request(&robot, Objective::Soft);
+        let (_, planner, request) = asked();
         let field = field([0.9, -0.6, 0.3], [1.2, 1.25, 2.2]);
         let among = among(&field);
         let found = planner.plan(&request, &among, || false);
@@ -347,9 +336,7 @@ mod tests {
         fn plans_keep_their_distance_or_there_is_none(
             x in 0.0..0.8f64, y in -0.2..1.0f64, z in 0.6..1.7f64, size in proptest::array::uniform3(0.08..0.5f64),
         ) {
-            let robot = Robot::nominal();
-            let planner = Planner::new(&robot, 0, PlanConfig::default());
-            let request = request(&robot, Objective::Soft);
+            let (robot, planner, request) = asked();
             let field = field([x, y, z], [x + size[0], y + size[1], z + size[2]]);
             let among = among(&field);
             let begin = least_on_the_way(&robot, &field, &robot.ready(0).map(Ramp::standing));
@@ -367,16 +354,13 @@ mod tests {
 
     #[test]
     fn an_empty_map_changes_no_plan() {
-        let robot = Robot::nominal();
-        let planner = Planner::new(&robot, 0, PlanConfig::default());
+        let (robot, planner, _) = asked();
         let field = DistanceField::empty(VoxelGrid::default());
         let among = among(&field);
         for objective in [Objective::Soft, Objective::Latest, Objective::Cool] {
             let request = request(&robot, objective);
-            assert_eq!(
-                planner.plan(&request, &PlanConditions::default(), || false),
-                planner.plan(&request, &among, || false)
-            );
+            let free = planner.plan(&request, &PlanConditions::default(), || false);
+            assert_eq!(free, planner.plan(&request, &among, || false));
         }
     }
 }

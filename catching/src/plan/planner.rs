@@ -19,40 +19,28 @@ use crate::map::ArmSpheres;
 use crate::ramp::Ramp;
 use crate::robot::{ArmKinematics, Robot};
 
-/// Settings of a planner.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PlanConfig {
-    /// Grid of a first plan.
-    pub first: Grid,
-    /// Grid of a replan.
-    pub again: Grid,
-    /// Number of descents from grid candidates in a first plan.
-    pub starts: usize,
-    /// Number of descents from grid candidates in a replan.
-    pub starts_again: usize,
-    /// Maximum number of QP iterations per descent.
-    pub iterations: usize,
-    /// Minimum distance of the arm from trunk and torso at the catch, in m. With 0, only the hand keeps its distance.
-    pub clearance: f64,
-    /// Distances from obstacles; ignored without a map.
-    pub obstacles: ObstacleConfig,
-    /// Distances from the robot's own bodies on the way.
-    pub way: WayConfig,
-}
-
-impl Default for PlanConfig {
-    fn default() -> Self {
-        Self {
-            first: Grid::first(),
-            again: Grid::again(),
-            starts: 16,
-            starts_again: 3,
-            iterations: 40,
-            clearance: 0.025,
-            obstacles: ObstacleConfig::default(),
-            way: WayConfig::default(),
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of a planner.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct PlanConfig {
+        /// Grid of a first plan.
+        pub first: Grid = Grid::first(),
+        /// Grid of a replan.
+        pub again: Grid = Grid::again(),
+        /// Number of descents from grid candidates in a first plan.
+        pub starts: usize = 16,
+        /// Number of descents from grid candidates in a replan.
+        pub starts_again: usize = 3,
+        /// Maximum number of QP iterations per descent.
+        pub iterations: usize = 40,
+        /// Minimum distance of the arm from trunk and torso at the catch, in m. With 0, only the hand keeps its
+        /// distance.
+        pub clearance: f64 = 0.025,
+        /// Distances from obstacles; ignored without a map.
+        pub obstacles: ObstacleConfig = ObstacleConfig::default(),
+        /// Distances from the robot's own bodies on the way.
+        pub way: WayConfig = WayConfig::default(),
     }
 }
 
@@ -427,14 +415,8 @@ impl Planner {
             latest,
             ..
         } = request;
-        let numbers = ball
-            .p
-            .iter()
-            .chain(&ball.v)
-            .chain([&ball.k])
-            .chain(&ball.lift)
-            .chain(q0)
-            .chain(w0);
+        let numbers = ball.p.iter().chain(&ball.v).chain(&ball.lift);
+        let numbers = numbers.chain([&ball.k]).chain(q0).chain(w0);
         let other_is_finite = request.other.is_none_or(|other| other.is_finite());
         if !other_is_finite || !numbers.chain([earliest, latest]).all(|x| x.is_finite()) {
             return Err(RequestError::NotFinite);

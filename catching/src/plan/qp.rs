@@ -452,14 +452,10 @@ mod tests {
     #[test]
     fn a_matrix_that_is_not_convex_is_refused() {
         let mut b = [[0.0; 2]; 2];
-        assert_eq!(
-            solve::<2, 1>(&b, &[1.0, 0.0], &[], 0),
-            Err(NoSolution::NotConvex)
-        );
+        let refused = solve::<2, 1>(&b, &[1.0, 0.0], &[], 0);
+        assert_eq!(refused, Err(NoSolution::NotConvex));
         b = [[f64::NAN, 0.0], [0.0, 1.0]];
-        assert_eq!(
-            solve::<2, 1>(&b, &[1.0, 0.0], &[], 0),
-            Err(NoSolution::NotConvex)
-        );
+        let refused = solve::<2, 1>(&b, &[1.0, 0.0], &[], 0);
+        assert_eq!(refused, Err(NoSolution::NotConvex));
     }
 }

@@ -33,40 +33,27 @@ const PARTS: usize = 3;
 /// Amount by which an arm that starts too close may come closer, in m.
 const TOO_NEAR_ALREADY: f64 = 1e-3;
 
-/// Distances that plans keep from the robot's own bodies.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct WayConfig {
-    /// Minimum distance of a clear way, in m; 0 disables the check.
-    pub hard: f64,
-    /// Distance below which the way has a cost, in m.
-    pub soft: f64,
-    /// Weight of the squared hinge, in 1/m^2.
-    pub weight: f64,
-    /// Delay from a brake command to the braking of the drives, in s.
-    pub reaction: f64,
-    /// Number of samples for the cost along the motion, at least 1 (its end).
-    pub samples: usize,
-    /// Number of samples for the check along the motion, at least 1 (its end).
-    pub checks: usize,
-    /// Number of descents with this cost if the way of the cheapest plan is not clear.
-    pub starts: usize,
-    /// Maximum number of QP iterations per such descent.
-    pub iterations: usize,
-}
-
-impl Default for WayConfig {
-    fn default() -> Self {
-        Self {
-            hard: 0.02,
-            soft: 0.05,
-            weight: 300.0,
-            reaction: 0.005,
-            samples: 6,
-            checks: 24,
-            starts: 3,
-            iterations: 15,
-        }
+tactnet_catching_packets::settings! {
+    /// Distances that plans keep from the robot's own bodies.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct WayConfig {
+        /// Minimum distance of a clear way, in m; 0 disables the check.
+        pub hard: f64 = 0.02,
+        /// Distance below which the way has a cost, in m.
+        pub soft: f64 = 0.05,
+        /// Weight of the squared hinge, in 1/m^2.
+        pub weight: f64 = 300.0,
+        /// Delay from a brake command to the braking of the drives, in s.
+        pub reaction: f64 = 0.005,
+        /// Number of samples for the cost along the motion, at least 1 (its end).
+        pub samples: usize = 6,
+        /// Number of samples for the check along the motion, at least 1 (its end).
+        pub checks: usize = 24,
+        /// Number of descents with this cost if the way of the cheapest plan is not clear.
+        pub starts: usize = 3,
+        /// Maximum number of QP iterations per such descent.
+        pub iterations: usize = 15,
     }
 }
 

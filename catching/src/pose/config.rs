@@ -2,79 +2,46 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Settings of a [`PoseEstimator`](super::PoseEstimator). Standard deviations are per axis.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PoseConfig {
-    /// White noise of an accelerometer sample, in m/s^2.
-    pub accelerometer_noise: f64,
-    /// White noise of a gyroscope sample, in rad/s.
-    pub gyroscope_noise: f64,
-    /// Initial standard deviation of the accelerometer bias, including scale errors under gravity, in m/s^2.
-    pub accelerometer_bias: f64,
-    /// Initial standard deviation of the gyroscope bias, in rad/s.
-    pub gyroscope_bias: f64,
-    /// Random walk of the accelerometer bias, in m/s^2 per square root of a second.
-    pub accelerometer_walk: f64,
-    /// Random walk of the gyroscope bias, in rad/s per square root of a second.
-    pub gyroscope_walk: f64,
-    /// Standard deviation of the kinematic position at rest, in m.
-    pub rest_position: f64,
-    /// Standard deviation of the kinematic attitude at rest, in rad.
-    pub rest_attitude: f64,
-    /// Standard deviation of the velocity at rest, in m/s.
-    pub rest_velocity: f64,
-    /// Correlation time of kinematic errors at rest, in s.
-    pub rest_correlation: f64,
-    /// Maximum time between two samples, in s.
-    pub longest_gap: f64,
-    /// Time for which poses are stored, in s.
-    pub ring: f64,
-}
-
-impl Default for PoseConfig {
-    fn default() -> Self {
-        Self {
-            accelerometer_noise: 0.02,
-            gyroscope_noise: 0.002,
-            accelerometer_bias: 0.1,
-            gyroscope_bias: 0.01,
-            accelerometer_walk: 1e-3,
-            gyroscope_walk: 1e-4,
-            rest_position: 0.002,
-            rest_attitude: 0.2f64.to_radians(),
-            rest_velocity: 0.002,
-            rest_correlation: 10.0,
-            longest_gap: 0.05,
-            ring: 0.3,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of a [`PoseEstimator`](super::PoseEstimator). Standard deviations are per axis.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct PoseConfig in "": PoseError {
+        /// White noise of an accelerometer sample, in m/s^2.
+        pub accelerometer_noise: f64 = 0.02 => positive,
+        /// White noise of a gyroscope sample, in rad/s.
+        pub gyroscope_noise: f64 = 0.002 => positive,
+        /// Initial standard deviation of the accelerometer bias, including scale errors under gravity, in m/s^2.
+        pub accelerometer_bias: f64 = 0.1 => positive,
+        /// Initial standard deviation of the gyroscope bias, in rad/s.
+        pub gyroscope_bias: f64 = 0.01 => positive,
+        /// Random walk of the accelerometer bias, in m/s^2 per square root of a second.
+        pub accelerometer_walk: f64 = 1e-3 => positive,
+        /// Random walk of the gyroscope bias, in rad/s per square root of a second.
+        pub gyroscope_walk: f64 = 1e-4 => positive,
+        /// Standard deviation of the kinematic position at rest, in m.
+        pub rest_position: f64 = 0.002 => positive,
+        /// Standard deviation of the kinematic attitude at rest, in rad.
+        pub rest_attitude: f64 = 0.2f64.to_radians() => positive,
+        /// Standard deviation of the velocity at rest, in m/s.
+        pub rest_velocity: f64 = 0.002 => positive,
+        /// Correlation time of kinematic errors at rest, in s.
+        pub rest_correlation: f64 = 10.0 => positive,
+        /// Maximum time between two samples, in s.
+        pub longest_gap: f64 = 0.05 => positive,
+        /// Time for which poses are stored, in s.
+        pub ring: f64 = 0.3 => positive,
     }
 }
 
-impl PoseConfig {
-    pub(super) fn check(&self) -> Result<(), PoseError> {
-        let settings = [
-            ("accelerometer_noise", self.accelerometer_noise),
-            ("gyroscope_noise", self.gyroscope_noise),
-            ("accelerometer_bias", self.accelerometer_bias),
-            ("gyroscope_bias", self.gyroscope_bias),
-            ("accelerometer_walk", self.accelerometer_walk),
-            ("gyroscope_walk", self.gyroscope_walk),
-            ("rest_position", self.rest_position),
-            ("rest_attitude", self.rest_attitude),
-            ("rest_velocity", self.rest_velocity),
-            ("rest_correlation", self.rest_correlation),
-            ("longest_gap", self.longest_gap),
-            ("ring", self.ring),
-        ];
-        match settings
-            .into_iter()
-            .find(|(_, value)| !(value.is_finite() && *value > 0.0 && *value < 1e3))
-        {
-            Some((setting, found)) => Err(PoseError::Setting { setting, found }),
-            None => Ok(()),
-        }
+fn positive(setting: &'static str, found: &f64) -> Result<(), PoseError> {
+    if *found > 0.0 && *found < 1e3 {
+        return Ok(());
     }
+    Err(PoseError::Setting {
+        setting,
+        found: *found,
+    })
 }
 
 /// Error of a pose estimator. Invalid input does not change the estimate.

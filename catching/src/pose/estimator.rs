@@ -36,7 +36,7 @@ impl PoseEstimator {
     /// # Errors
     /// Returns an error if a setting is not greater than 0.
     pub fn new(robot: &RobotDescription, config: PoseConfig) -> Result<Self, PoseError> {
-        config.check()?;
+        config.check_settings()?;
         Ok(Self {
             config,
             lever: Vector3::from(robot.imu.position),
@@ -187,11 +187,8 @@ impl PoseEstimator {
 fn check(sample: &ImuSample) -> Result<(), PoseError> {
     let accelerations = sample.acceleration.map(|x| (x, MAX_ACCELERATION));
     let rates = sample.rate.map(|x| (x, MAX_RATE));
-    match accelerations
-        .into_iter()
-        .chain(rates)
-        .find(|(x, most)| x.is_nan() || x.abs() > *most)
-    {
+    let mut numbers = accelerations.into_iter().chain(rates);
+    match numbers.find(|(x, most)| x.is_nan() || x.abs() > *most) {
         Some((found, _)) => Err(PoseError::Value {
             number: sample.number,
             found,
@@ -201,12 +198,9 @@ fn check(sample: &ImuSample) -> Result<(), PoseError> {
 }
 
 fn finite(pose: &Isometry3<f64>) -> bool {
-    let numbers = pose
-        .translation
-        .vector
-        .iter()
-        .chain(pose.rotation.coords.iter());
-    numbers.into_iter().all(|x| x.is_finite()) && (pose.rotation.norm() - 1.0).abs() < 1e-6
+    let (place, turn) = (&pose.translation.vector, &pose.rotation);
+    let mut numbers = place.iter().chain(turn.coords.iter());
+    numbers.all(|x| x.is_finite()) && (turn.norm() - 1.0).abs() < 1e-6
 }
 
 #[cfg(test)]

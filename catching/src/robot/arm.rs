@@ -229,12 +229,7 @@ impl ArmKinematics {
         let along = (distance * distance + self.upper * self.upper - self.fore * self.fore)
             / (2.0 * distance);
         // Any direction perpendicular to the line.
-        let helper = if axis.z.abs() < 0.9 {
-            Vector3::z()
-        } else {
-            Vector3::x()
-        };
-        let first = axis.cross(&helper).normalize();
+        let first = axis.cross(&super::beside(&axis)).normalize();
         Some(ElbowCircle {
             rotation,
             wrist,

@@ -141,36 +141,21 @@ impl Builder {
         let y = Vector3::y_axis();
         let z = Vector3::z_axis();
         // Rounded boxes. The arms' mounts protrude from the trunk on both sides, in front of their first joint.
-        self.add(
-            "trunk",
-            &corners([-0.1, 0.1], [-0.14, 0.14], [-0.12, 0.08]),
-            0.06,
-            Vec::new(),
-        );
+        let trunk = corners([-0.1, 0.1], [-0.14, 0.14], [-0.12, 0.08]);
+        self.add("trunk", &trunk, 0.06, Vec::new());
         let [pan, tilt] = [joint::NECK.start, joint::NECK.start + 1];
-        self.add(
-            "head",
-            &corners([-0.02, 0.1], [-0.12, 0.12], [0.06, 0.16]),
-            0.04,
-            vec![along_z(neck.height), turn(pan, z, 1.0), turn(tilt, y, 1.0)],
-        );
+        let head = corners([-0.02, 0.1], [-0.12, 0.12], [0.06, 0.16]);
+        let to_head = vec![along_z(neck.height), turn(pan, z, 1.0), turn(tilt, y, 1.0)];
+        self.add("head", &head, 0.04, to_head);
         let [lower, upper] = [joint::TORSO.start + 1, joint::TORSO.start + 2];
         // Downwards from the upright chest.
         let to_upper = [turn(lower, y, 1.0), turn(upper, y, 1.0)];
-        self.add(
-            "upper torso",
-            &[[0.0, 0.0, -0.16], [0.0, 0.0, -torso.upper_length]],
-            0.1,
-            to_upper.to_vec(),
-        );
+        let upper_torso = [[0.0, 0.0, -0.16], [0.0, 0.0, -torso.upper_length]];
+        self.add("upper torso", &upper_torso, 0.1, to_upper.to_vec());
         let mut to_lower = to_upper.to_vec();
         to_lower.extend([along_z(-torso.upper_length), turn(upper, y, -1.0)]);
-        self.add(
-            "lower torso",
-            &[[0.0; 3], [0.0, 0.0, -torso.lower_length]],
-            0.12,
-            to_lower,
-        );
+        let lower_torso = [[0.0; 3], [0.0, 0.0, -torso.lower_length]];
+        self.add("lower torso", &lower_torso, 0.12, to_lower);
     }
 
     fn add_arm(&mut self, side: usize, arm: &Arm) {
@@ -191,23 +176,15 @@ impl Builder {
             turn(q + 1, y, -1.0),
             turn(q + 2, z, 1.0),
         ];
-        self.add(
-            names[0],
-            &[[0.0; 3], [0.0, 0.0, arm.shoulder_to_elbow]],
-            0.075,
-            chain.clone(),
-        );
+        let upper_arm = [[0.0; 3], [0.0, 0.0, arm.shoulder_to_elbow]];
+        self.add(names[0], &upper_arm, 0.075, chain.clone());
         chain.extend([
             along_z(arm.shoulder_to_elbow),
             turn(q + 3, y, 1.0),
             turn(q + 4, z, 1.0),
         ]);
-        self.add(
-            names[1],
-            &[[0.0; 3], [0.0, 0.0, arm.elbow_to_wrist]],
-            0.065,
-            chain.clone(),
-        );
+        let forearm = [[0.0; 3], [0.0, 0.0, arm.elbow_to_wrist]];
+        self.add(names[1], &forearm, 0.065, chain.clone());
         chain.extend([
             along_z(arm.elbow_to_wrist),
             turn(q + 5, y, -1.0),

@@ -38,11 +38,8 @@ impl Hull {
     /// Returns centre and radius of a bounding sphere.
     pub fn ball(&self) -> (Vector3<f64>, f64) {
         let centre = self.points().iter().sum::<Vector3<f64>>() / self.count as f64;
-        let farthest = self
-            .points()
-            .iter()
-            .map(|point| (point - centre).norm_squared())
-            .fold(0.0, f64::max);
+        let squares = self.points().iter().map(|p| (p - centre).norm_squared());
+        let farthest = squares.fold(0.0, f64::max);
         (centre, farthest.sqrt() + self.radius)
     }
 

@@ -13,35 +13,24 @@ const SAMPLES: usize = 48;
 /// Maximum speed of a joint at rest, in rad/s and m/s.
 const REST_SPEED: f64 = 1e-3;
 
-/// Settings of the monitor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MonitorConfig {
-    /// Minimum distance, in m.
-    pub margin: f64,
-    /// Minimum distance for a robot that was braked and rests within the margin, in m. It applies until the robot has
-    /// left the margin, so that a robot that braked too late can leave.
-    pub leaving: f64,
-    /// Delay from a brake command to the braking of the drives, in s.
-    pub reaction: f64,
-    /// Number of pairs recomputed in each tick, those with the smallest bounds.
-    pub updates: usize,
-    /// Maximum number of pairs recomputed in each tick. Beyond `updates`, only pairs with bounds below the minimum
-    /// distance are recomputed.
-    pub most_updates: usize,
-    /// Maximum number of parts of braking motions per tick, for pairs too close in the hull of the whole motion.
-    pub parts: usize,
-}
-
-impl Default for MonitorConfig {
-    fn default() -> Self {
-        Self {
-            margin: 0.01,
-            leaving: 0.005,
-            reaction: 0.005,
-            updates: 4,
-            most_updates: 16,
-            parts: 96,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of the monitor.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct MonitorConfig {
+        /// Minimum distance, in m.
+        pub margin: f64 = 0.01,
+        /// Minimum distance for a robot that was braked and rests within the margin, in m. It applies until the robot
+        /// has left the margin, so that a robot that braked too late can leave.
+        pub leaving: f64 = 0.005,
+        /// Delay from a brake command to the braking of the drives, in s.
+        pub reaction: f64 = 0.005,
+        /// Number of pairs recomputed in each tick, those with the smallest bounds.
+        pub updates: usize = 4,
+        /// Maximum number of pairs recomputed in each tick. Beyond `updates`, only pairs with bounds below the minimum
+        /// distance are recomputed.
+        pub most_updates: usize = 16,
+        /// Maximum number of parts of braking motions per tick, for pairs too close in the hull of the whole motion.
+        pub parts: usize = 96,
     }
 }
 
@@ -176,13 +165,9 @@ impl Monitor {
     /// approach.
     fn bound(&self, pair: usize, intervals: &[Interval; JOINTS]) -> f64 {
         let known = &self.known[pair];
-        let nearer: f64 = intervals
-            .iter()
-            .zip(&known.intervals)
-            .enumerate()
-            .map(|(joint, (now, then))| then.beyond(now) * self.bodies.reach(pair, joint))
-            .sum();
-        known.distance - nearer
+        let beyond = |joint: usize| known.intervals[joint].beyond(&intervals[joint]);
+        let nearer = |joint: usize| beyond(joint) * self.bodies.reach(pair, joint);
+        known.distance - (0..JOINTS).map(nearer).sum::<f64>()
     }
 }
 

@@ -45,12 +45,9 @@ pub(super) fn least_in_parts(
         }
         // Halve the dimension with the larger motion.
         let way = |begun: [f64; 2], braked: [f64; 2]| -> f64 {
-            braking
-                .between(begun, braked)
-                .iter()
-                .enumerate()
-                .map(|(joint, interval)| 2.0 * interval.half() * bodies.reach(pair, joint))
-                .sum()
+            let intervals = braking.between(begun, braked);
+            let of = |joint: usize| 2.0 * intervals[joint].half() * bodies.reach(pair, joint);
+            (0..intervals.len()).map(of).sum()
         };
         let start = [part.begun[0]; 2];
         let by_begin = way(part.begun, [part.braked[0]; 2]) > way(start, part.braked);

@@ -145,12 +145,8 @@ pub(super) fn swept(body: &Hull, chain: &[Step], intervals: &[Interval]) -> Hull
 /// Rotates a hull by `middle` plus and minus `half`.
 fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
     let to_middle = Rotation3::from_axis_angle(axis, middle);
-    let farthest = hull
-        .points()
-        .iter()
-        .map(|point| point.cross(axis).norm())
-        .fold(0.0, f64::max);
-    let way = farthest * half;
+    let radii = hull.points().iter().map(|point| point.cross(axis).norm());
+    let way = radii.fold(0.0, f64::max) * half;
     if way <= MAX_SPHERE_PATH {
         let turned = hull.moved(&Isometry3::from_parts(
             nalgebra::Translation3::identity(),
@@ -239,11 +235,8 @@ pub(super) fn placed(body: &Hull, chain: &[Step], q: &[f64]) -> Hull {
 /// Adds to `reaches`, for each joint of a chain, the maximum distance of a body's points from its axis, in m. This
 /// bounds the motion per radian.
 pub(super) fn reaches(body: &Hull, chain: &[Step], reaches: &mut [f64]) {
-    let mut farthest = body
-        .points()
-        .iter()
-        .map(|point| point.norm())
-        .fold(0.0, f64::max);
+    let radii = body.points().iter().map(|point| point.norm());
+    let mut farthest = radii.fold(0.0, f64::max);
     for step in chain.iter().rev() {
         match step {
             // The distance from the next origin is larger by at most the distance between both.

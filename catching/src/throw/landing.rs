@@ -159,13 +159,9 @@ mod tests {
     #[test]
     fn a_ball_that_does_not_rise_so_high_does_not_come_down_there() {
         let p = Vector3::new(0.0, 0.0, 1.0);
-        assert_eq!(
-            Landing::of(&p, &Vector3::new(3.0, 0.0, 1.0), DRAG, 2.0),
-            None
-        );
-        assert_eq!(
-            Landing::of(&p, &Vector3::new(3.0, 0.0, -1.0), DRAG, 1.5),
-            None
-        );
+        for (rise, height) in [(1.0, 2.0), (-1.0, 1.5)] {
+            let v = Vector3::new(3.0, 0.0, rise);
+            assert_eq!(Landing::of(&p, &v, DRAG, height), None);
+        }
     }
 }

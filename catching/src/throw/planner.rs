@@ -14,77 +14,45 @@ use crate::plan::clearance::Clearance;
 use crate::robot::Robot;
 use crate::safety::Bodies;
 
-/// Settings of a throw planner.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ThrowPlanConfig {
-    /// Time for which joints keep their velocities before and after the release, in s.
-    pub coast: f64,
-    /// Maximum angle between the hand axis and the ball's velocity at the release, in rad. Above pi/2 the ball would
-    /// hit the palm.
-    pub palm: f64,
-    /// Maximum elevation angle of a throw to a target, in rad.
-    pub rise: f64,
-    /// Minimum distance of the arm from trunk and torso at both ends of the swing and at the release, in m.
-    pub clearance: f64,
-    /// Minimum distance of all bodies during the whole motion, in m.
-    pub margin: f64,
-    /// Fraction of the maximum speeds used in the approach. Accelerations use its square.
-    pub pace: f64,
-    /// Number of configurations that are evaluated as starts.
-    pub candidates: usize,
-    /// Number of descents.
-    pub starts: usize,
-    /// Maximum number of QP iterations per descent.
-    pub iterations: usize,
-}
-
-impl Default for ThrowPlanConfig {
-    fn default() -> Self {
-        Self {
-            coast: 0.008,
-            palm: std::f64::consts::FRAC_PI_2,
-            rise: 0.75,
-            clearance: 0.025,
-            margin: 0.015,
-            pace: 0.4,
-            candidates: 1000,
-            starts: 24,
-            iterations: 100,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of a throw planner.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ThrowPlanConfig in "": NoThrow {
+        /// Time for which joints keep their velocities before and after the release, in s.
+        pub coast: f64 = 0.008 => from_to([0.0, 0.1], "0 to 0.1 s"),
+        /// Maximum angle between the hand axis and the ball's velocity at the release, in rad. Above pi/2 the ball
+        /// would hit the palm.
+        pub palm: f64 = std::f64::consts::FRAC_PI_2 => from_to([0.0, std::f64::consts::PI], "0 to pi rad"),
+        /// Maximum elevation angle of a throw to a target, in rad.
+        pub rise: f64 = 0.75 => from_to([0.05, 1.5], "0.05 to 1.5 rad"),
+        /// Minimum distance of the arm from trunk and torso at both ends of the swing and at the release, in m.
+        pub clearance: f64 = 0.025 => from_to([0.0, f64::MAX], "0 m or more"),
+        /// Minimum distance of all bodies during the whole motion, in m.
+        pub margin: f64 = 0.015 => from_to([f64::NEG_INFINITY, f64::MAX], "a number, m"),
+        /// Fraction of the maximum speeds used in the approach. Accelerations use its square.
+        pub pace: f64 = 0.4 => from_to([0.05, 1.0], "0.05 to 1"),
+        /// Number of configurations that are evaluated as starts.
+        pub candidates: usize = 1000,
+        /// Number of descents.
+        pub starts: usize = 24,
+        /// Maximum number of QP iterations per descent.
+        pub iterations: usize = 100,
     }
 }
 
-impl ThrowPlanConfig {
-    fn check(&self) -> Result<(), NoThrow> {
-        let most = f64::MAX;
-        for (setting, value, [low, high], expected) in [
-            ("coast", self.coast, [0.0, 0.1], "0 to 0.1 s"),
-            (
-                "palm",
-                self.palm,
-                [0.0, std::f64::consts::PI],
-                "0 to pi rad",
-            ),
-            ("rise", self.rise, [0.05, 1.5], "0.05 to 1.5 rad"),
-            ("clearance", self.clearance, [0.0, most], "0 m or more"),
-            ("pace", self.pace, [0.05, 1.0], "0.05 to 1"),
-            (
-                "margin",
-                self.margin,
-                [f64::NEG_INFINITY, most],
-                "a number, m",
-            ),
-        ] {
-            if !(low..=high).contains(&value) {
-                return Err(NoThrow::Setting {
-                    setting,
-                    expected,
-                    found: value,
-                });
-            }
-        }
-        Ok(())
+/// Returns a check that a setting is within limits.
+fn from_to(
+    [low, high]: [f64; 2],
+    expected: &'static str,
+) -> impl Fn(&'static str, &f64) -> Result<(), NoThrow> {
+    move |setting, &found| match (low..=high).contains(&found) {
+        true => Ok(()),
+        false => Err(NoThrow::Setting {
+            setting,
+            expected,
+            found,
+        }),
     }
 }
 
@@ -300,7 +268,7 @@ impl Thrower {
     }
 
     fn check(&self, request: &ThrowRequest) -> Result<usize, NoThrow> {
-        self.config.check()?;
+        self.config.check_settings()?;
         let arm = request
             .holding
             .filter(|arm| *arm < ARMS)

@@ -105,10 +105,7 @@ mod tests {
 
     #[test]
     fn the_sequences_constant_solves_its_equation() {
-        assert!(
-            (PLASTIC.powi(8) - PLASTIC - 1.0).abs() < 1e-9,
-            "{}",
-            PLASTIC.powi(8) - PLASTIC - 1.0
-        );
+        let off = PLASTIC.powi(8) - PLASTIC - 1.0;
+        assert!(off.abs() < 1e-9, "{off}");
     }
 }

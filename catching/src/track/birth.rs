@@ -258,10 +258,8 @@ mod tests {
             [Vector3::x() * 30.0, Vector3::zeros()],
             [Vector3::x() * -150.0, Vector3::zeros()],
         ] {
-            assert!(
-                born([circles[0] + change[0], circles[1] + change[1]]).is_none(),
-                "{change:?}"
-            );
+            let born = born([0, 1].map(|i| circles[i] + change[i]));
+            assert!(born.is_none(), "{change:?}");
         }
     }
 

@@ -36,14 +36,11 @@ pub struct Head {
 impl Head {
     /// Validates a pose. Returns `None` if values are not finite or inconsistent.
     pub fn new(pose: &HeadPose) -> Option<Self> {
-        let numbers = pose
-            .position
-            .iter()
-            .chain(&pose.quaternion)
-            .chain(&pose.velocity);
-        let sound = numbers
-            .chain(pose.covariance.as_flattened())
-            .all(|x| x.abs() < 1e6);
+        let numbers = pose.position.iter().chain(&pose.quaternion);
+        let mut numbers = numbers
+            .chain(&pose.velocity)
+            .chain(pose.covariance.as_flattened());
+        let sound = numbers.all(|x| x.abs() < 1e6);
         let [x, y, z, w] = pose.quaternion;
         let q = Quaternion::new(w, x, y, z);
         let covariance =

@@ -50,7 +50,7 @@ impl BallTracker {
     /// # Errors
     /// Returns an error if a setting is invalid.
     pub fn new(robot: &RobotDescription, config: TrackConfig) -> Result<Self, TrackError> {
-        config.check()?;
+        config.check_settings()?;
         Ok(Self {
             config,
             size: [

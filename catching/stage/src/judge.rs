@@ -9,7 +9,7 @@ use tactnet_catching::{CatchSpace, ChainDelays, Robot};
 use tactnet_catching_packets::packets::{CatchOutcome, FeltMaterial, Text, ThrownBack};
 use tactnet_catching_packets::{ARMS, JOINTS};
 use tactnet_catching_roles::channels::{CATCH_OUTCOME, THROW_OUTCOME};
-use tactnet_catching_world::{FlightSample, Miss, Verdict, down_to};
+use tactnet_catching_world::{FlightSample, Verdict, down_to};
 use tactnet_channel::Bus;
 
 use crate::StageError;
@@ -95,30 +95,17 @@ fn thrown_back(thrown: &Thrown) -> ThrownBack {
 fn outcome(over: &Over, arms: [bool; ARMS]) -> CatchOutcome {
     let verdict = &over.verdict;
     let crossing = verdict.crossing.as_ref();
-    let felt = over.felt.as_ref();
+    let (felt, first) = (over.felt.as_ref(), over.flight.first());
     CatchOutcome {
         throw: over.throw,
         ball: verdict.ball,
-        release_ns: over
-            .flight
-            .first()
-            .map_or(0, |sample| sample.t_ns + over.epoch_ns),
+        release_ns: first.map_or(0, |sample| sample.t_ns + over.epoch_ns),
         crossing_ns: crossing.map_or(0, |crossing| crossing.at_ns + over.epoch_ns),
         across: crossing.map_or(0.0, |crossing| crossing.across_m),
-        along: crossing
-            .and_then(|crossing| crossing.along_s)
-            .unwrap_or(0.0),
+        along: crossing.map_or(0.0, |crossing| crossing.along_s.unwrap_or(0.0)),
         angle: crossing.map_or(0.0, |crossing| crossing.angle),
         caught: u32::from(verdict.caught()),
-        cause: match verdict.miss {
-            None => 0,
-            Some(Miss::NeverCameNear) => 1,
-            Some(Miss::NoCommand) => 2,
-            Some(Miss::Across) => 3,
-            Some(Miss::Angle) => 4,
-            Some(Miss::Early) => 5,
-            Some(Miss::Late) => 6,
-        },
+        cause: verdict.miss.map_or(0, |miss| miss as u32),
         arms: u32::from(arms[0]) + 2 * u32::from(arms[1]),
         arm: crossing.map_or(0, |crossing| crossing.arm as u32),
         material: Text::new(over.material.as_deref().unwrap_or_default()),
@@ -173,11 +160,8 @@ mod tests {
         let down = thrown_back(&thrown([2.2, 0.0, 1.2]));
         let [x, y, z] = down.came_down;
         assert!((x - 2.239).abs() < 1e-3 && y == 0.1 && z == 1.2, "{x}");
-        assert!(
-            (down.miss - 0.039_f64.hypot(0.1)).abs() < 1e-3,
-            "{}",
-            down.miss
-        );
+        let off = down.miss - 0.039_f64.hypot(0.1);
+        assert!(off.abs() < 1e-3, "{off}");
         assert_eq!((down.speed, down.left_ns, down.number), (5.0, 1070, 2));
         assert!((down.length - x).abs() < 1e-9);
         // Its apex is at a height of 1.8 m, 1.2 m ahead.

@@ -258,10 +258,8 @@ mod tests {
         times.path(1_055_000_000, &path(1, 1_060_000_000));
         times.path(1_095_000_000, &path(1, 1_100_000_000));
         // Correction from the same picture.
-        let corrected = ArmPath {
-            exposure_ns: 1_030_000_000,
-            ..path(1, 1_116_000_000)
-        };
+        let mut corrected = path(1, 1_116_000_000);
+        corrected.exposure_ns = 1_030_000_000;
         times.path(1_111_000_000, &corrected);
         catches.outcome(&outcome(1, 0, 2, 1_150_000_000));
         catches.outcome(&outcome(0, 3, 1, 9_150_000_000));
@@ -285,9 +283,7 @@ mod tests {
         let report = report(&catches);
         assert_eq!(report.paths_refused, 4);
         let refusals = [("a path of no arm", 1), ("a path that came late", 3)];
-        assert_eq!(
-            report.refusals,
-            refusals.map(|(why, n)| (why.to_owned(), n)).into()
-        );
+        let refusals = refusals.map(|(why, n)| (why.to_owned(), n));
+        assert_eq!(report.refusals, refusals.into());
     }
 }

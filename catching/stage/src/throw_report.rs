@@ -148,10 +148,7 @@ mod tests {
         heard.status(&status(2, "out of reach"));
         heard.status(&status(0, ""));
         heard.status(&status(1, "brakes"));
-        let failed = heard.report().throws_failed;
-        assert_eq!(
-            failed,
-            [("brakes".into(), 2), ("out of reach".into(), 1)].into()
-        );
+        let expected = [("brakes".into(), 2), ("out of reach".into(), 1)];
+        assert_eq!(heard.report().throws_failed, expected.into());
     }
 }

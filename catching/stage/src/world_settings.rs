@@ -3,32 +3,34 @@
 use serde::{Deserialize, Serialize};
 use tactnet_catching_world::{TendonSlip, WorldConfig};
 
-/// Settings of the world.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct WorldSettings {
-    /// Settings of the physics.
-    pub world: WorldConfig,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Number of balls per throw, 1 or 2.
-    pub balls: usize,
-    /// Time that the robot waits before a throw, in s.
-    pub rest: f64,
-    /// Time from the middle of an exposure to the picture's arrival in memory, in s.
-    pub camera: f64,
-    /// Duration of circle detection, in s. Circles that come straight from the true state arrive that much later than
-    /// pictures.
-    pub detection: f64,
-    /// Possible materials of the balls. A caught ball is held until it is explored; empty disables the exploration.
-    pub materials: Vec<String>,
-    /// Caught balls stay in the hand until a command opens it.
-    pub throw_back: bool,
-    /// Renders pictures; otherwise circles come straight from the true state, with noise, misses and clutter.
-    pub pixels: bool,
-    /// Tendon slip during the run.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub slip: Option<SlipAt>,
+tactnet_catching_packets::settings! {
+    /// Settings of the world.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct WorldSettings {
+        /// Settings of the physics.
+        pub world: WorldConfig = WorldConfig::default(),
+        /// Seed of all random numbers.
+        pub seed: u64 = 1,
+        /// Number of balls per throw, 1 or 2.
+        pub balls: usize = 1,
+        /// Time that the robot waits before a throw, in s.
+        pub rest: f64 = 3.0,
+        /// Time from the middle of an exposure to the picture's arrival in memory, in s.
+        pub camera: f64 = 0.04,
+        /// Duration of circle detection, in s. Circles that come straight from the true state arrive that much later
+        /// than pictures.
+        pub detection: f64 = 0.0145,
+        /// Possible materials of the balls. A caught ball is held until it is explored; empty disables the exploration.
+        pub materials: Vec<String> = Vec::new(),
+        /// Caught balls stay in the hand until a command opens it.
+        pub throw_back: bool = false,
+        /// Renders pictures; otherwise circles come straight from the true state, with noise, misses and clutter.
+        pub pixels: bool = false,
+        /// Tendon slip during the run.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub slip: Option<SlipAt> = None,
+    }
 }
 
 /// A tendon slip during a run.
@@ -39,23 +41,6 @@ pub struct SlipAt {
     pub throw: u64,
     /// Slipping tendon and amount.
     pub tendon: TendonSlip,
-}
-
-impl Default for WorldSettings {
-    fn default() -> Self {
-        Self {
-            world: WorldConfig::default(),
-            seed: 1,
-            balls: 1,
-            rest: 3.0,
-            camera: 0.04,
-            detection: 0.0145,
-            materials: Vec::new(),
-            throw_back: false,
-            pixels: false,
-            slip: None,
-        }
-    }
 }
 
 /// Returns the index of the material of the ball of a grip, or `None` without materials. Each seed has its own order.

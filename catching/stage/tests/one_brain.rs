@@ -5,7 +5,9 @@ use std::fmt::Debug;
 
 use tactnet_catching::coordinate::{CoordinatorInputs, CoordinatorOutputs};
 use tactnet_catching::{CatchSpace, Robot};
-use tactnet_catching_roles::{RoleSettings, catching_channels, channels, coordinator_shell, drain};
+use tactnet_catching_roles::{
+    RoleSettings, Times, catching_channels, channels, coordinator_shell, drain,
+};
 use tactnet_catching_trials::ThrowConfig;
 use tactnet_catching_world::WorldConfig;
 use tactnet_channel::{Bus, Domain, GetPort, Packet, PutPort, Table};
@@ -52,14 +54,14 @@ fn the_process_of_the_coordinator_sends_the_packets_of_stepped_time_one_by_one()
     let hands = channels::HAND_COMMAND.get(&bus).unwrap();
     let orders = channels::CONTROLLER_COMMAND.get(&bus).unwrap();
     let states = channels::CATCH_STATE.get(&bus).unwrap();
-    let mut compared = [0; 7];
+    let (mut compared, mut times) = ([0; 7], Times::at(1));
     let mut steps = |now_ns, inputs: &CoordinatorInputs<'_>, outputs: &CoordinatorOutputs| {
         send(&joints, inputs.joints);
         send(&head, inputs.head);
         send(&controller, inputs.controller);
         send(&predictions, inputs.predictions);
         send(&results, inputs.results);
-        step(&mut coordinator, now_ns).unwrap();
+        step(&mut coordinator, now_ns, &mut times).unwrap();
         let counts = [
             compare(&requests, &outputs.requests),
             compare(&paths, &outputs.paths),
@@ -78,9 +80,7 @@ fn the_process_of_the_coordinator_sends_the_packets_of_stepped_time_one_by_one()
     assert!(outcome.balls[0].planned, "{outcome:?}");
     let [requests, paths, bodies, gazes, hands, _, states] = compared;
     // A path follows from most of about ten pictures.
-    assert!(
-        paths > 5 && requests >= paths && gazes >= paths && hands >= paths,
-        "{compared:?}"
-    );
+    let least = requests.min(gazes).min(hands);
+    assert!(paths > 5 && least >= paths, "{compared:?}");
     assert!(bodies == 1 && states > 10, "{compared:?}");
 }

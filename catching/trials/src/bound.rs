@@ -33,15 +33,8 @@ pub fn bounds(
     cameras: &Cameras,
 ) -> Vec<Bound> {
     let to_head = head.inverse();
-    let state = State::from([
-        release.p.x,
-        release.p.y,
-        release.p.z,
-        release.v.x,
-        release.v.y,
-        release.v.z,
-        release.k,
-    ]);
+    let Flight { p, v, k, .. } = release;
+    let state = State::from([p.x, p.y, p.z, v.x, v.y, v.z, *k]);
     let mut information = SMatrix::<f64, 7, 7>::identity() * 1e-9;
     information[(6, 6)] += (DRAG_PRIOR * release.k).powi(-2);
     let caught = flight_of(&state).after(seconds);
@@ -80,11 +73,8 @@ pub fn bounds(
 type State = SVector<f64, 7>;
 
 fn flight_of(state: &State) -> Flight {
-    Flight::without_spin(
-        state.fixed_rows::<3>(0).into_owned(),
-        state.fixed_rows::<3>(3).into_owned(),
-        state[6],
-    )
+    let [p, v] = [0, 3].map(|first| state.fixed_rows::<3>(first).into_owned());
+    Flight::without_spin(p, v, state[6])
 }
 
 /// Returns centre and radius of a ball in the pictures of both cameras, in standard deviations.
@@ -130,22 +120,17 @@ mod tests {
     #[test]
     fn bounds_are_near_those_that_others_found() {
         let cameras = RobotDescription::nominal().cameras;
-        let release = Flight::without_spin(
-            Vector3::new(5.6, 0.0, 1.5),
-            Vector3::new(-6.6, 0.1, 3.3),
-            0.032,
+        let (p, v) = (Vector3::new(5.6, 0.0, 1.5), Vector3::new(-6.6, 0.1, 3.3));
+        let (release, head) = (
+            Flight::without_spin(p, v, 0.032),
+            Isometry3::translation(0.0, 0.0, 1.45),
         );
-        let bounds = bounds(
-            &release,
-            0.02,
-            0.8,
-            &Isometry3::translation(0.0, 0.0, 1.45),
-            &cameras,
-        );
+        let bounds = bounds(&release, 0.02, 0.8, &head, &cameras);
         let at = |left: f64| {
+            let off = |bound: &Bound| (bound.left - left).abs();
             *bounds
                 .iter()
-                .min_by(|a, b| (a.left - left).abs().total_cmp(&(b.left - left).abs()))
+                .min_by(|a, b| off(a).total_cmp(&off(b)))
                 .unwrap()
         };
         let (ten, fifteen) = (at(0.4), at(0.2));
@@ -153,10 +138,6 @@ mod tests {
         assert!((ten.along_ms / 2.1 - 1.0).abs() < 0.34, "{ten:?}");
         assert!((fifteen.across_mm / 2.9 - 1.0).abs() < 0.34, "{fifteen:?}");
         assert!((fifteen.along_ms / 0.83 - 1.0).abs() < 0.34, "{fifteen:?}");
-        assert!(
-            bounds
-                .windows(2)
-                .all(|pair| pair[1].across_mm < pair[0].across_mm)
-        );
+        assert!(bounds.is_sorted_by(|a, b| b.across_mm < a.across_mm));
     }
 }

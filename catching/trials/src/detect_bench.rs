@@ -5,10 +5,10 @@ use std::time::Instant;
 use bytemuck::Zeroable;
 use serde::Serialize;
 use tactnet_catching::Robot;
-use tactnet_catching::circles::{CircleConfig, CircleDetector, Gate, gates};
+use tactnet_catching::circles::{CircleConfig, CircleDetector};
 use tactnet_catching::track::{BallTracker, TrackConfig};
 use tactnet_catching_packets::joint;
-use tactnet_catching_packets::packets::{BallPredictions, Circle, Circles, JointCommand};
+use tactnet_catching_packets::packets::{BallPredictions, Circle, Circles, HeadPose, JointCommand};
 use tactnet_catching_world::{Pictures, Truth, World, WorldConfig};
 
 use crate::error::TrialError;
@@ -137,10 +137,9 @@ impl DetectBench {
                     pictures.draw(truth, frame as u64, camera, &mut pixels);
                     let ball = whole(&pictures, truth, camera);
                     let mut alone = *seen;
-                    search.add(&mut detector, &pixels, &[], &mut alone, ball);
-                    let expected: Vec<Gate> =
-                        gates(&description.cameras, camera, &predictions, &pose).collect();
-                    gated.add(&mut detector, &pixels, &expected, seen, ball);
+                    search.add(&mut detector, &pixels, None, &mut alone, ball);
+                    let expected = Some((&predictions, &pose));
+                    gated.add(&mut detector, &pixels, expected, seen, ball);
                 }
                 predictions = tracker.push([&seen[0], &seen[1]], &pose)?;
             }
@@ -181,13 +180,8 @@ impl DetectBench {
             if exposed {
                 exposures.push(truth);
             }
-            let passed = tick > thrown + 100
-                && truth
-                    .balls
-                    .iter()
-                    .flatten()
-                    .all(|ball| ball.state.position.x < 0.3);
-            if passed {
+            let mut balls = truth.balls.iter().flatten();
+            if tick > thrown + 100 && balls.all(|ball| ball.state.position.x < 0.3) {
                 break;
             }
         }
@@ -210,12 +204,12 @@ impl Kept {
         &mut self,
         detector: &mut CircleDetector,
         pixels: &[u8],
-        gates: &[Gate],
+        expected: Option<(&BallPredictions, &HeadPose)>,
         circles: &mut Circles,
         ball: Option<Circle>,
     ) {
         let begun = Instant::now();
-        detector.find(pixels, gates, circles);
+        detector.find_expected(pixels, expected, circles);
         self.millis.push(begun.elapsed().as_secs_f64() * 1e3);
         self.pictures += 1;
         let found = circles.valid();

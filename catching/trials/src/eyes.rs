@@ -2,16 +2,14 @@
 
 use bytemuck::Zeroable;
 use tactnet_catching::Robot;
-use tactnet_catching::circles::{CircleConfig, CircleDetector, Gate, gates};
-use tactnet_catching_packets::Cameras;
-use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose, MAX_BALLS};
+use tactnet_catching::circles::{CircleConfig, CircleDetector};
+use tactnet_catching_packets::packets::{BallPredictions, Circles, HeadPose};
 use tactnet_catching_world::{Pictures, Truth, WorldConfig};
 
 use crate::error::TrialError;
 
 /// Both cameras with a detector.
 pub(crate) struct Eyes {
-    cameras: Cameras,
     pictures: Pictures,
     detector: CircleDetector,
     pixels: Vec<u8>,
@@ -24,7 +22,6 @@ impl Eyes {
         let pictures = Pictures::new(description, world, seed)?;
         let [width, height] = pictures.size();
         Ok(Self {
-            cameras: description.cameras,
             detector: CircleDetector::new(&description.cameras, CircleConfig::default()),
             pictures,
             pixels: vec![0; width * height],
@@ -51,10 +48,9 @@ impl Eyes {
                 ..Circles::zeroed()
             };
             self.pictures.draw(truth, frame, camera, &mut self.pixels);
-            let gates: Vec<Gate> = gates(&self.cameras, camera, expected, head)
-                .take(MAX_BALLS)
-                .collect();
-            self.detector.find(&self.pixels, &gates, &mut circles);
+            let expected = Some((expected, head));
+            self.detector
+                .find_expected(&self.pixels, expected, &mut circles);
             circles
         })
     }

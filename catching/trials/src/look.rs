@@ -262,27 +262,19 @@ mod tests {
                 // Above a box, distances are correct; next to it, occluded space counts as solid.
                 for up in [0.05, 0.1, 0.2] {
                     let over = middle + Vector3::new(0.0, 0.0, 0.5 * standing.size[2] + up);
-                    let truth = world
-                        .boxes()
-                        .iter()
-                        .map(|other| other.distance(&over))
-                        .fold(f64::INFINITY, f64::min);
+                    let distances = world.boxes().iter().map(|other| other.distance(&over));
+                    let truth = distances.fold(f64::INFINITY, f64::min);
                     let found = field.distance(&over);
-                    assert!(
-                        (found - truth).abs() < 0.03 || truth < 0.02,
-                        "{up} above: {found} {truth}"
-                    );
+                    let good = (found - truth).abs() < 0.03 || truth < 0.02;
+                    assert!(good, "{up} above: {found} {truth}");
                 }
             }
             // The former place of the box, if it is neither at nor behind the new one.
             let old = Vector3::from(before.boxes()[1].middle);
             let apart = moved.distance(&old);
             if apart > 0.15 && moved.middle[0] > before.boxes()[1].middle[0] {
-                assert!(
-                    field.distance(&old) > 0.02,
-                    "{} {apart}",
-                    field.distance(&old)
-                );
+                let found = field.distance(&old);
+                assert!(found > 0.02, "{found} {apart}");
             }
             assert_eq!(world.contacts().ticks, 0);
         }
@@ -292,13 +284,7 @@ mod tests {
     fn the_robots_own_body_is_not_in_the_map() {
         let far = WorldConfig {
             obstacles: ObstaclesConfig {
-                boxes: vec![BoxConfig {
-                    middle: [1.5, 0.0, 0.4],
-                    size: [0.2, 0.2, 0.8],
-                    turn: 0.0,
-                    drawn: [0.0; 3],
-                    drawn_turn: 0.0,
-                }],
+                boxes: vec![BoxConfig::fixed([1.5, 0.0, 0.4], [0.2, 0.2, 0.8])],
             },
             ..WorldConfig::default()
         };
@@ -327,13 +313,10 @@ mod tests {
             * Point3::from(robot.arm(0).forward(&robot.ready(0)).position);
         let under = WorldConfig {
             obstacles: ObstaclesConfig {
-                boxes: vec![BoxConfig {
-                    middle: [hand.x, hand.y, 0.5 * hand.z],
-                    size: [0.2, 0.2, hand.z],
-                    turn: 0.0,
-                    drawn: [0.0; 3],
-                    drawn_turn: 0.0,
-                }],
+                boxes: vec![BoxConfig::fixed(
+                    [hand.x, hand.y, 0.5 * hand.z],
+                    [0.2, 0.2, hand.z],
+                )],
             },
             ..WorldConfig::default()
         };

@@ -131,12 +131,8 @@ pub(crate) fn chart(title: &str, axes: &Axes, lines: &str) -> String {
 
 /// Returns a share with its interval, in percent.
 pub(crate) fn percent(share: f64, [low, high]: [f64; 2]) -> String {
-    format!(
-        "{:.1} % [{:.1}, {:.1}]",
-        100.0 * share,
-        100.0 * low,
-        100.0 * high
-    )
+    let [share, low, high] = [share, low, high].map(|x| 100.0 * x);
+    format!("{share:.1} % [{low:.1}, {high:.1}]")
 }
 
 /// Returns empirical distribution functions on a logarithmic axis; `None` without a value above 0.
@@ -220,6 +216,12 @@ pub(crate) mod tests {
         "<link rel=\"icon\" href=\"data:,\">",
     ];
 
+    /// Returns the result of `work` on a number of threads.
+    pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads start").install(work)
+    }
+
     /// Panics unless elements are closed in order, entities are known, and nothing is loaded from elsewhere.
     pub(crate) fn assert_page(page: &str) {
         let mut rest = page.strip_prefix("<!DOCTYPE html>").expect("a page");
@@ -241,10 +243,8 @@ pub(crate) mod tests {
         assert!(open.is_empty(), "{open:?} stay open");
         for entity in page.split('&').skip(1) {
             let known = ["amp;", "lt;", "gt;", "quot;", "#39;"];
-            assert!(
-                known.iter().any(|name| entity.starts_with(name)),
-                "{entity:.20}"
-            );
+            let is_known = known.iter().any(|name| entity.starts_with(name));
+            assert!(is_known, "{entity:.20}");
         }
         let mut content = page.to_string();
         for part in HEAD {
@@ -287,19 +287,15 @@ pub(crate) mod tests {
         assert!(!page.contains(">rate<"));
         for wrong in ["<p></h2>", "<p>a & b</p>", "<p>NaN</p>", "<h1></h1>"] {
             let wrong = report_page("t", "", PreEscaped(wrong.into()), &report);
-            assert!(
-                std::panic::catch_unwind(|| assert_page(&wrong)).is_err(),
-                "{wrong}"
-            );
+            let found = std::panic::catch_unwind(|| assert_page(&wrong));
+            assert!(found.is_err(), "{wrong}");
         }
     }
 
     #[test]
     fn shares_rise_to_all_values() {
-        assert_eq!(
-            steps(&[3.0, 1.0, 2.0, 2.0]),
-            [(1.0, 0.25), (2.0, 0.5), (2.0, 0.75), (3.0, 1.0)]
-        );
+        let four = [(1.0, 0.25), (2.0, 0.5), (2.0, 0.75), (3.0, 1.0)];
+        assert_eq!(steps(&[3.0, 1.0, 2.0, 2.0]), four);
         assert!(steps(&[]).is_empty());
         let many: Vec<f64> = (0..10_001).map(f64::from).collect();
         let few = steps(&many);

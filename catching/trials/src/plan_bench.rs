@@ -103,11 +103,8 @@ impl PlanBench {
             }
             progress(tally.done);
         }
-        let gap = Quantiles::of(tally.gaps).unwrap_or(Quantiles {
-            p50: 0.0,
-            p99: 0.0,
-            max: 0.0,
-        });
+        let [cost_gap_p50, cost_gap_p99] =
+            Quantiles::of(tally.gaps).map_or([0.0; 2], |gap| [gap.p50, gap.p99]);
         PlanReport {
             problems: tally.done,
             drawn,
@@ -119,8 +116,8 @@ impl PlanBench {
             missed_of_feasible: tally.missed as f64 / tally.done as f64,
             beyond_oracle: tally.beyond_oracle,
             replans_missed: tally.replans_missed,
-            cost_gap_p50: gap.p50,
-            cost_gap_p99: gap.p99,
+            cost_gap_p50,
+            cost_gap_p99,
         }
     }
 

@@ -41,14 +41,8 @@ mod tests {
     #[test]
     fn quantiles_are_values_that_a_share_is_not_above() {
         let of = |n: i32| Quantiles::of((1..=n).rev().map(f64::from).collect()).unwrap();
-        assert_eq!(
-            of(100),
-            Quantiles {
-                p50: 50.0,
-                p99: 99.0,
-                max: 100.0
-            }
-        );
+        let (p50, p99, max) = (50.0, 99.0, 100.0);
+        assert_eq!(of(100), Quantiles { p50, p99, max });
         assert_eq!(of(1).p99, 1.0);
         assert_eq!(Quantiles::of(Vec::new()), None);
     }

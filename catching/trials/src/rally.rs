@@ -33,38 +33,26 @@ use tactnet_catching::CatchSpace;
 use tactnet_catching_world::down_to;
 use tactnet_plot::wilson_of_counts;
 
-/// Settings of two robots that play catch.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RallyConfig {
-    /// Distance between the robots' axes, in m.
-    pub distance: f64,
-    /// Target of throws in the catcher's frame, in m.
-    pub target: [f64; 3],
-    /// Distance of the wheels from the centre of the platform, which turns in throws, in m. `None`: the vertical axis
-    /// of the torso turns with its own limits.
-    pub wheels: Option<f64>,
-    /// Settings of the planner of throws.
-    pub throws: ThrowPlanConfig,
-    /// Number of practice throws of each arm before the games.
-    pub practice: usize,
-    /// Share of the observed error by which the next aim is corrected.
-    pub gain: f64,
-    /// Maximum number of catches per game.
-    pub most: usize,
-}
-
-impl Default for RallyConfig {
-    fn default() -> Self {
-        Self {
-            distance: 5.0,
-            target: [0.5, 0.4, 1.2],
-            wheels: None,
-            throws: ThrowPlanConfig::default(),
-            practice: 4,
-            gain: 0.8,
-            most: 100,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of two robots that play catch.
+    #[derive(Debug, Clone, PartialEq, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct RallyConfig {
+        /// Distance between the robots' axes, in m.
+        pub distance: f64 = 5.0,
+        /// Target of throws in the catcher's frame, in m.
+        pub target: [f64; 3] = [0.5, 0.4, 1.2],
+        /// Distance of the wheels from the centre of the platform, which turns in throws, in m. `None`: the vertical
+        /// axis of the torso turns with its own limits.
+        pub wheels: Option<f64> = None,
+        /// Settings of the planner of throws.
+        pub throws: ThrowPlanConfig = ThrowPlanConfig::default(),
+        /// Number of practice throws of each arm before the games.
+        pub practice: usize = 4,
+        /// Share of the observed error by which the next aim is corrected.
+        pub gain: f64 = 0.8,
+        /// Maximum number of catches per game.
+        pub most: usize = 100,
     }
 }
 

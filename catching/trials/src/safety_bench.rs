@@ -108,12 +108,7 @@ impl SafetyBench {
         let bodies = Bodies::new(robot.description());
         let peers = (0..self.motions).map(|number| {
             let command = self.command(robot.joints(), number);
-            let monitor = Monitor::new(
-                bodies.clone(),
-                *robot.joints(),
-                MonitorConfig::default(),
-                &command.q,
-            );
+            let monitor = monitor(robot, &bodies, &command);
             let pair = number % PAIRS;
             let [a, b] = if number % 2 == 0 {
                 bodies.placed(pair, &command.q)
@@ -145,12 +140,7 @@ impl SafetyBench {
                 least: 0.0,
             };
         }
-        let mut monitor = Monitor::new(
-            bodies.clone(),
-            *robot.joints(),
-            MonitorConfig::default(),
-            &command.q,
-        );
+        let mut monitor = monitor(robot, bodies, &command);
         let ruling = monitor.judge(&command);
         let least = monitor.least_while_braking(&command);
         Judged {
@@ -169,4 +159,9 @@ impl SafetyBench {
         let dq = std::array::from_fn(|i| between(-joints[i].speed, joints[i].speed));
         JointCommand::of(q, dq)
     }
+}
+
+fn monitor(robot: &Robot, bodies: &Bodies, command: &JointCommand) -> Monitor {
+    let (bodies, config) = (bodies.clone(), MonitorConfig::default());
+    Monitor::new(bodies, *robot.joints(), config, &command.q)
 }

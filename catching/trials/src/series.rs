@@ -20,6 +20,7 @@ use crate::ablation::Ablation;
 use crate::bound::Bound;
 use crate::error::TrialError;
 use crate::look_ahead::{Errors, LookAhead};
+use crate::throw::Watching;
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 use crate::trace::Trace;
@@ -132,11 +133,7 @@ impl SeriesReport {
 
 impl fmt::Display for SeriesReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let what = if self.balls == 1 {
-            "balls"
-        } else {
-            "pairs of balls"
-        };
+        let what = ["balls", "pairs of balls"][usize::from(self.balls != 1)];
         write!(
             f,
             "caught {} of {} {what} in the catch space: {:.1} % [{:.1}, {:.1}]; {:.1} % of all {} throws",
@@ -210,9 +207,15 @@ impl Series {
     pub fn again(&self, number: u64, after: f64) -> Result<Trace, TrialError> {
         let oracle = CatchSpace::new(&self.config.robot, self.config.moves_lower_body());
         let ready = self.config.ready();
-        let (seed, config) = (self.seed, &self.config);
-        let (_, trace) = config.trace(seed, number, &ready, &oracle, after)?;
-        Ok(trace)
+        let watching = Watching {
+            trace: Some(Trace::default()),
+            after,
+            ..Watching::default()
+        };
+        let simulated = self
+            .config
+            .simulate(self.seed, number, &ready, &oracle, watching);
+        Ok(simulated?.1.unwrap_or_default())
     }
 
     /// Runs all throws on all cores; `done` is called after each. The result does not depend on the number of cores.
@@ -290,11 +293,7 @@ impl Series {
             pixels: self.config.pixels,
             in_catch_space: counts.in_space,
             caught: counts.caught,
-            rate: if counts.in_space == 0 {
-                0.0
-            } else {
-                counts.caught as f64 / counts.in_space as f64
-            },
+            rate: counts.caught as f64 / counts.in_space.max(1) as f64,
             ci95_low,
             ci95_high,
             over_all_throws: counts.caught_of_all as f64 / throws,

@@ -271,12 +271,9 @@ impl SteppedStack {
         let begun = Instant::now();
         for request in self.sent.requests.iter().flatten() {
             let chest = self.coordinator.chest_way(request.start_ns);
+            let known = self.field.as_deref().zip(chest);
             let answering = Answering {
-                surroundings: self
-                    .field
-                    .as_deref()
-                    .zip(chest)
-                    .map(|(field, chest)| Surroundings { field, chest }),
+                surroundings: known.map(|(field, chest)| Surroundings { field, chest }),
                 near_misses: self.near_misses,
             };
             let planner = &self.planners[request.arm as usize];

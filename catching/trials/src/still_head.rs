@@ -156,11 +156,8 @@ impl StillThrow {
     /// ball by then.
     pub fn judged_ns(&self) -> Option<u64> {
         let latest = self.catch_ns.checked_sub(nanoseconds(AHEAD))?;
-        self.pairs
-            .iter()
-            .filter(|pair| self.shows_ball(pair))
-            .map(Pair::t_ns)
-            .rfind(|t_ns| *t_ns <= latest)
+        let shows = self.pairs.iter().filter(|pair| self.shows_ball(pair));
+        shows.map(Pair::t_ns).rfind(|t_ns| *t_ns <= latest)
     }
 
     /// Returns the prediction after that pair and its error, if there is one.
@@ -244,17 +241,14 @@ mod tests {
                     position: Vector3::new(5.5, aside, 1.5 + aside / 8.0),
                     velocity: Vector3::new(-6.4, -2.5 * aside, 3.8),
                 };
-                let (spin, drag) = (Vector3::zeros(), 0.47);
-                world.launch(
-                    &Released {
-                        arm: 0,
-                        at_ns: 0,
-                        state,
-                        spin,
-                        drag,
-                    },
-                    0.0,
-                );
+                let released = Released {
+                    arm: 0,
+                    at_ns: 0,
+                    state,
+                    spin: Vector3::zeros(),
+                    drag: 0.47,
+                };
+                world.launch(&released, 0.0);
             }
             let mut numbers = Vec::new();
             for _ in 0..740 {
@@ -272,10 +266,8 @@ mod tests {
             }
             // The tracker knows both after 0.3 s, and they cross after 0.4 s.
             let (known, last) = (numbers[7], numbers[numbers.len() - 1]);
-            assert!(
-                known[0].is_some() && known[0] != known[1],
-                "seed {seed}: {known:?}"
-            );
+            let apart = known[0].is_some() && known[0] != known[1];
+            assert!(apart, "seed {seed}: {known:?}");
             assert_eq!(known, last, "seed {seed}");
         }
     }

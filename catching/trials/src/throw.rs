@@ -68,27 +68,6 @@ impl ThrowConfig {
         simulated.map(|(outcome, _)| outcome)
     }
 
-    /// Simulates a throw and returns the trace of its ticks, until `after` seconds after the last verdict.
-    ///
-    /// # Errors
-    /// Same as [`ThrowConfig::run`].
-    pub fn trace(
-        &self,
-        seed: u64,
-        number: u64,
-        ready: &[f64; JOINTS],
-        oracle: &CatchSpace,
-        after: f64,
-    ) -> Result<(ThrowOutcome, Trace), TrialError> {
-        let watching = Watching {
-            trace: Some(Trace::default()),
-            after,
-            ..Watching::default()
-        };
-        let simulated = self.simulate(seed, number, ready, oracle, watching);
-        simulated.map(|(outcome, trace)| (outcome, trace.unwrap_or_default()))
-    }
-
     /// Simulates a throw and calls `steps` after each step of the coordinator.
     ///
     /// # Errors
@@ -109,7 +88,8 @@ impl ThrowConfig {
         simulated.map(|(outcome, _)| outcome)
     }
 
-    fn simulate<'a>(
+    /// Simulates a throw with its observers. Returns the trace if there is one.
+    pub(crate) fn simulate<'a>(
         &'a self,
         seed: u64,
         number: u64,
@@ -261,21 +241,15 @@ impl<'a> SimulatedThrow<'a> {
             perception, said, ..
         } = &self.stack;
         let flight = world.true_flight(ball).unwrap_or_default();
-        let reaction = config
-            .timing
-            .reaction(config.robot.description().cameras.rate);
-        let verdict = world
-            .verdicts()
-            .iter()
-            .find(|verdict| verdict.ball == ball)
-            .copied();
+        let rate = config.robot.description().cameras.rate;
+        let reaction = config.timing.reaction(rate);
+        let mut verdicts = world.verdicts().iter();
+        let verdict = verdicts.find(|verdict| verdict.ball == ball).copied();
         let catch = verdict
             .and_then(|verdict| verdict.crossing)
             .and_then(|crossing| Some((crossing.at_ns, true_at(&flight, crossing.at_ns)?)));
-        let own: Vec<&TimedPrediction> = said
-            .iter()
-            .filter(|said| is_of(said, ball, &flight, world))
-            .collect();
+        let own = said.iter().filter(|said| is_of(said, ball, &flight, world));
+        let own: Vec<&TimedPrediction> = own.collect();
         let predictions: Vec<LookAhead> = catch.map_or_else(Vec::new, |(at_ns, there)| {
             let aligned = perception.alignment(at_ns);
             own.iter()
@@ -283,10 +257,8 @@ impl<'a> SimulatedThrow<'a> {
                 .map(|said| said.judge(&aligned, at_ns, &there.p, &there.v))
                 .collect()
         });
-        let ahead = predictions
-            .iter()
-            .rfind(|prediction| prediction.left >= AHEAD)
-            .copied();
+        let is_ahead = |prediction: &&LookAhead| prediction.left >= AHEAD;
+        let ahead = predictions.iter().rfind(is_ahead).copied();
         let bound = ahead
             .zip(catch)
             .and_then(|(ahead, (at_ns, _))| self.bound(&ahead, flight.first()?, at_ns));

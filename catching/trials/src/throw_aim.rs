@@ -196,6 +196,14 @@ mod tests {
     }
 
     #[test]
+    fn a_place_out_of_reach_is_an_error() {
+        let mut far = aim();
+        far.target[0] = 9.0;
+        let error = far.run(|| ()).unwrap_err().to_string();
+        assert!(error.contains("9.00 m is out of reach"), "{error}");
+    }
+
+    #[test]
     fn practice_brings_throws_nearer_to_their_target() {
         let aim = ThrowAim {
             practice: 2,
@@ -209,11 +217,9 @@ mod tests {
         assert!(last.miss_p50_mm < 0.7 * first.miss_p50_mm, "{report:?}");
         assert_eq!(aim.run(|| ()).unwrap(), report);
         // The learnt offsets help from the start.
-        let again = ThrowAim {
-            beside: last.aim_beside_m,
-            practice: 0,
-            ..aim
-        };
+        let mut again = aim;
+        again.beside = last.aim_beside_m;
+        again.practice = 0;
         let miss = again.run(|| ()).unwrap().rounds[0].miss_p50_mm;
         assert!(miss < 0.7 * first.miss_p50_mm, "{miss}");
     }

@@ -153,8 +153,8 @@ impl Kept {
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
+    use crate::page_parts::tests::on_threads;
 
     fn run(throws: usize, threads: usize) -> TrackReport {
         let bench = TrackBench {
@@ -162,35 +162,27 @@ mod tests {
             seed: 5,
             config: TrackConfig::default(),
         };
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        let robot = Robot::nominal();
-        pool.install(|| bench.run(&robot, |_| ())).unwrap()
+        on_threads(threads, || bench.run(&Robot::nominal(), |_| ())).unwrap()
     }
 
     /// The limits are the goals for a head at rest, 1.5 times the Cramer-Rao bound.
     #[test]
     fn predictions_keep_their_limits_and_repeat_to_the_bit_but_for_times() {
         let report = run(30, 2);
-        let figures = report.without_clutter;
-        assert!(figures.across_mm_rms_200ms.unwrap() <= 4.4, "{figures:?}");
-        assert!(figures.along_ms_rms_200ms.unwrap() <= 1.3, "{figures:?}");
-        assert_eq!((figures.lost, figures.predictions), (0, 30), "{figures:?}");
-        // The band of 30 balls is 2.2 to 3.9; the filter expects a little more noise than there is.
-        assert!(
-            (1.8..3.9).contains(&figures.nees_200ms.unwrap()),
-            "{figures:?}"
-        );
-        let cluttered = report.with_clutter;
-        assert!(cluttered.lost <= 1, "{cluttered:?}");
+        for figures in [&report.without_clutter, &report.with_clutter] {
+            assert!(figures.across_mm_rms_200ms.unwrap() <= 4.4, "{figures:?}");
+            assert!(figures.along_ms_rms_200ms.unwrap() <= 1.3, "{figures:?}");
+            // The band of 30 balls is 2.2 to 3.9; the filter expects a little more noise than there is.
+            let nees = figures.nees_200ms.unwrap();
+            assert!((1.8..3.9).contains(&nees), "{nees}");
+            assert!(figures.lost <= 1, "{figures:?}");
+        }
+        let clear = &report.without_clutter;
+        assert_eq!((clear.lost, clear.predictions), (0, 30), "{clear:?}");
         let bits = |report: TrackReport| {
             [report.without_clutter, report.with_clutter].map(|figures| {
-                let timeless = TrackFigures {
-                    pair_us: None,
-                    ..figures
-                };
+                let mut timeless = figures;
+                timeless.pair_us = None;
                 // The shortest text that parses to the same number.
                 serde_json::to_string(&timeless).unwrap()
             })

@@ -105,16 +105,10 @@ fn without_the_map_the_robot_touches_what_stands_about() {
 fn a_series_repeats_to_the_bit_whatever_the_number_of_threads() {
     let series = series(12, |config| config.balls = 2);
     let text = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        let report = pool.install(|| series.run(|| ())).unwrap();
-        format!(
-            "{} {:?}",
-            serde_json::to_string(&report).unwrap(),
-            report.outcomes
-        )
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let report = pool.unwrap().install(|| series.run(|| ())).unwrap();
+        let json = serde_json::to_string(&report).unwrap();
+        format!("{json} {:?}", report.outcomes)
     };
     let one = text(1);
     assert_eq!(one, text(3));

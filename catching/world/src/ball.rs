@@ -14,59 +14,32 @@ use rand_distr::{Distribution, UnitSphere};
 use serde::{Deserialize, Serialize};
 
 use crate::GRAVITY;
-use crate::error::{WorldError, not_negative, positive, probability, range};
+use crate::error::{WorldError, not_negative, positive, probability, rising};
 
 /// Maximum integration step in flight, in s.
 pub(crate) const BALL_STEP: f64 = 1e-4;
 
-/// Properties of balls and air.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BallConfig {
-    /// Radius, in m.
-    pub radius: f64,
-    /// Mass, in kg.
-    pub mass: f64,
-    /// Density of the air, in kg/m^3; 0 disables drag, lift and buoyancy.
-    pub air: f64,
-    /// Minimum and maximum drag coefficient; drawn uniformly for each ball.
-    pub drag: [f64; 2],
-    /// Minimum and maximum spin, in rotations per second; the axis has a random direction.
-    pub spin: [f64; 2],
-    /// Lift coefficient divided by `R |w| / |v|`.
-    pub lift_slope: f64,
-    /// Maximum lift coefficient.
-    pub lift_limit: f64,
-    /// Ratio of the vertical speeds after and before a bounce on the floor.
-    pub restitution: f64,
-}
-
-impl Default for BallConfig {
-    fn default() -> Self {
-        Self {
-            radius: 0.0425,
-            mass: 0.05,
-            air: 1.2,
-            drag: [0.40, 0.55],
-            spin: [0.0, 5.0],
-            lift_slope: 0.25,
-            lift_limit: 0.2,
-            restitution: 0.7,
-        }
-    }
-}
-
-impl BallConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        positive("ball.radius", self.radius)?;
-        positive("ball.mass", self.mass)?;
-        not_negative("ball.air", self.air)?;
-        let expected = "[least, greatest], 0 or greater";
-        range("ball.drag", self.drag, 0.0, expected)?;
-        range("ball.spin", self.spin, 0.0, expected)?;
-        not_negative("ball.lift_slope", self.lift_slope)?;
-        not_negative("ball.lift_limit", self.lift_limit)?;
-        probability("ball.restitution", self.restitution)
+tactnet_catching_packets::settings! {
+    /// Properties of balls and air.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct BallConfig in "ball.": WorldError {
+        /// Radius, in m.
+        pub radius: f64 = 0.0425 => positive,
+        /// Mass, in kg.
+        pub mass: f64 = 0.05 => positive,
+        /// Density of the air, in kg/m^3; 0 disables drag, lift and buoyancy.
+        pub air: f64 = 1.2 => not_negative,
+        /// Minimum and maximum drag coefficient; drawn uniformly for each ball.
+        pub drag: [f64; 2] = [0.40, 0.55] => rising(0.0, "[least, greatest], 0 or greater"),
+        /// Minimum and maximum spin, in rotations per second; the axis has a random direction.
+        pub spin: [f64; 2] = [0.0, 5.0] => rising(0.0, "[least, greatest], 0 or greater"),
+        /// Lift coefficient divided by `R |w| / |v|`.
+        pub lift_slope: f64 = 0.25 => not_negative,
+        /// Maximum lift coefficient.
+        pub lift_limit: f64 = 0.2 => not_negative,
+        /// Ratio of the vertical speeds after and before a bounce on the floor.
+        pub restitution: f64 = 0.7 => probability,
     }
 }
 

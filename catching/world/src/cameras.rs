@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::Cameras as Optics;
 use tactnet_catching_packets::packets::{Circle, Circles, MAX_CIRCLES};
 
-use crate::error::{WorldError, not_negative, probability, range, within};
+use crate::error::{WorldError, from_to, not_negative, probability, rising};
 use crate::planted::{CameraErrors, PlantedErrors};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
@@ -25,51 +25,21 @@ const BALL_RESPONSE: [f64; 2] = [0.75, 0.98];
 /// Minimum and maximum detector response to clutter.
 const CLUTTER_RESPONSE: [f64; 2] = [0.7, 0.85];
 
-/// Settings of the circle detector.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CamerasConfig {
-    /// Standard deviation of the centre along each axis, in pixels.
-    pub centre_noise: f64,
-    /// Standard deviation of the radius, in pixels.
-    pub radius_noise: f64,
-    /// Detection probability of a ball in a picture, independent for each camera.
-    pub detection: f64,
-    /// Mean number of false detections per picture (Poisson).
-    pub clutter: f64,
-    /// Minimum and maximum radius of false detections, in pixels.
-    pub clutter_radius: [f64; 2],
-}
-
-impl Default for CamerasConfig {
-    fn default() -> Self {
-        Self {
-            centre_noise: 0.3,
-            radius_noise: 0.4,
-            detection: 0.95,
-            clutter: 1.0,
-            clutter_radius: [6.0, 40.0],
-        }
-    }
-}
-
-impl CamerasConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        not_negative("cameras.centre_noise", self.centre_noise)?;
-        not_negative("cameras.radius_noise", self.radius_noise)?;
-        probability("cameras.detection", self.detection)?;
-        within(
-            "cameras.clutter",
-            self.clutter,
-            [0.0, MAX_CIRCLES as f64],
-            "0 to 32 circles per picture",
-        )?;
-        range(
-            "cameras.clutter_radius",
-            self.clutter_radius,
-            f64::MIN_POSITIVE,
-            "[least, greatest], greater than 0",
-        )
+tactnet_catching_packets::settings! {
+    /// Settings of the circle detector.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct CamerasConfig in "cameras.": WorldError {
+        /// Standard deviation of the centre along each axis, in pixels.
+        pub centre_noise: f64 = 0.3 => not_negative,
+        /// Standard deviation of the radius, in pixels.
+        pub radius_noise: f64 = 0.4 => not_negative,
+        /// Detection probability of a ball in a picture, independent for each camera.
+        pub detection: f64 = 0.95 => probability,
+        /// Mean number of false detections per picture (Poisson).
+        pub clutter: f64 = 1.0 => from_to([0.0, MAX_CIRCLES as f64], "0 to 32 circles per picture"),
+        /// Minimum and maximum radius of false detections, in pixels.
+        pub clutter_radius: [f64; 2] = [6.0, 40.0] => rising(f64::MIN_POSITIVE, "[least, greatest], greater than 0"),
     }
 }
 
@@ -329,12 +299,8 @@ mod tests {
     const RADIUS: f64 = 0.0425;
 
     fn head() -> FrameMotion {
-        FrameMotion {
-            position: Vector3::new(0.1, 0.0, 1.45),
-            rotation: nalgebra::Rotation3::new(Vector3::new(0.05, -0.1, 0.2)).into_inner(),
-            velocity: Vector3::zeros(),
-            rate: Vector3::zeros(),
-        }
+        let rotation = nalgebra::Rotation3::new(Vector3::new(0.05, -0.1, 0.2));
+        FrameMotion::still(Vector3::new(0.1, 0.0, 1.45), rotation.into_inner())
     }
 
     fn cameras(config: &CamerasConfig, seed: u64) -> Cameras {
@@ -361,7 +327,7 @@ mod tests {
             let cameras = cameras(&exact(), 1);
             let eye = Vector3::new(0.08, 0.1 - 0.2 * camera as f64, 0.1);
             let ball = eye + Vector3::new(ahead, aside * ahead, up * ahead);
-            let still = FrameMotion { position: Vector3::zeros(), rotation: Matrix3::identity(), ..head() };
+            let still = FrameMotion::still(Vector3::zeros(), Matrix3::identity());
             let found = cameras.outline(camera, &still, &ball, RADIUS).unwrap();
             let c = ball - eye;
             let d2 = c.norm_squared();
@@ -397,14 +363,10 @@ mod tests {
         let [left, right] =
             [0, 1].map(|camera| cameras.outline(camera, &head(), &ball, RADIUS).unwrap());
         // Disparity `f b / z` at about 3 m.
-        assert!(
-            (left.u - right.u - 1386.0 * 0.2 / 2.9).abs() < 5.0,
-            "{}",
-            left.u - right.u
-        );
-        let higher = cameras
-            .outline(0, &head(), &(ball + Vector3::z() * 0.1), RADIUS)
-            .unwrap();
+        let disparity = left.u - right.u;
+        assert!((disparity - 1386.0 * 0.2 / 2.9).abs() < 5.0, "{disparity}");
+        let above = ball + Vector3::z() * 0.1;
+        let higher = cameras.outline(0, &head(), &above, RADIUS).unwrap();
         assert!(higher.v < left.v);
     }
 

@@ -52,23 +52,21 @@ impl WorldConfig {
     /// # Errors
     /// The first setting that is out of range.
     pub(crate) fn check(&self) -> Result<(), WorldError> {
-        self.ball.check()?;
+        self.ball.check_settings()?;
         // The ball with the highest drag has the shortest range.
-        self.thrower.check(&Aerodynamics::new(
-            &self.ball,
-            self.ball.drag[1],
-            nalgebra::Vector3::zeros(),
-        ))?;
-        self.drives.check()?;
-        self.torso.check()?;
-        self.imu.check()?;
-        self.cameras.check()?;
-        self.markers.check()?;
-        self.pictures.check()?;
+        let without_spin = nalgebra::Vector3::zeros();
+        let air = Aerodynamics::new(&self.ball, self.ball.drag[1], without_spin);
+        self.thrower.check(&air)?;
+        self.drives.check_settings()?;
+        self.torso.check_settings()?;
+        self.imu.check_settings()?;
+        self.cameras.check_settings()?;
+        self.markers.check_settings()?;
+        self.pictures.check_settings()?;
         self.obstacles.check()?;
-        self.depth.check()?;
-        self.release.check()?;
-        self.errors.check()
+        self.depth.check_settings()?;
+        self.release.check_settings()?;
+        self.errors.check_settings()
     }
 }
 

@@ -99,11 +99,8 @@ mod tests {
         let config = WorldConfig {
             obstacles: ObstaclesConfig {
                 boxes: vec![BoxConfig {
-                    middle,
-                    size,
                     turn: 0.3,
-                    drawn: [0.0; 3],
-                    drawn_turn: 0.0,
+                    ..BoxConfig::fixed(middle, size)
                 }],
             },
             ..WorldConfig::default()

@@ -8,7 +8,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{WorldError, not_negative, positive, probability, range, within};
+use crate::error::{WorldError, from_to, not_negative, positive, probability, rising};
 use crate::obstacles::StandingBox;
 use crate::robot::FrameMotion;
 use crate::shape::PlacedCapsule;
@@ -17,70 +17,34 @@ use crate::stream::Stream;
 /// Relative depth difference between neighbouring pixels that counts as an edge.
 const EDGE: f32 = 0.05;
 
-/// Settings of the depth camera. Its axes are those of the head: x ahead, y left, z up.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DepthConfig {
-    /// Position in the head frame, in m.
-    pub position: [f64; 3],
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// Focal length, in pixels.
-    pub focal: f64,
-    /// Standard deviation at a depth of 1 m, in m.
-    pub noise: f64,
-    /// Minimum and maximum measured depth, in m.
-    pub range: [f64; 2],
-    /// Probability of an invalid pixel.
-    pub holes: f64,
-    /// Probability of an invalid pixel at an edge.
-    pub edge_holes: f64,
-}
-
-/// 0.5 megapixels, horizontal field of view 70 degrees; noise of the first Kinect (Khoshelham and Elberink 2012: 1.4
-/// mm at 1 m).
-impl Default for DepthConfig {
-    fn default() -> Self {
-        Self {
-            position: [0.08, 0.0, 0.1],
-            width: 816,
-            height: 612,
-            focal: 582.7,
-            noise: 0.0015,
-            range: [0.3, 4.0],
-            holes: 0.02,
-            edge_holes: 0.7,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of the depth camera. Its axes are those of the head: x ahead, y left, z up.
+    ///
+    /// 0.5 megapixels, horizontal field of view 70 degrees; noise of the first Kinect (Khoshelham and Elberink 2012:
+    /// 1.4 mm at 1 m).
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct DepthConfig in "depth.": WorldError {
+        /// Position in the head frame, in m.
+        pub position: [f64; 3] = [0.08, 0.0, 0.1] => from_to([-1.0, 1.0], "-1 to 1 m"),
+        /// Width in pixels.
+        pub width: u32 = 816 => from_to([1.0, 10_000.0], "1 to 10000 pixels"),
+        /// Height in pixels.
+        pub height: u32 = 612 => from_to([1.0, 10_000.0], "1 to 10000 pixels"),
+        /// Focal length, in pixels.
+        pub focal: f64 = 582.7 => positive,
+        /// Standard deviation at a depth of 1 m, in m.
+        pub noise: f64 = 0.0015 => not_negative,
+        /// Minimum and maximum measured depth, in m.
+        pub range: [f64; 2] = [0.3, 4.0] => rising(f64::MIN_POSITIVE, "[least, greatest], greater than 0"),
+        /// Probability of an invalid pixel.
+        pub holes: f64 = 0.02 => probability,
+        /// Probability of an invalid pixel at an edge.
+        pub edge_holes: f64 = 0.7 => probability,
     }
 }
 
 impl DepthConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        let most = [1.0, 10_000.0];
-        within("depth.width", self.width.into(), most, "1 to 10000 pixels")?;
-        within(
-            "depth.height",
-            self.height.into(),
-            most,
-            "1 to 10000 pixels",
-        )?;
-        for x in self.position {
-            within("depth.position", x, [-1.0, 1.0], "-1 to 1 m")?;
-        }
-        positive("depth.focal", self.focal)?;
-        not_negative("depth.noise", self.noise)?;
-        range(
-            "depth.range",
-            self.range,
-            f64::MIN_POSITIVE,
-            "[least, greatest], greater than 0",
-        )?;
-        probability("depth.holes", self.holes)?;
-        probability("depth.edge_holes", self.edge_holes)
-    }
-
     /// Renders a depth picture.
     ///
     /// - `number`: number of the picture, which selects its noise
@@ -220,14 +184,11 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::obstacles::{BoxConfig, ObstaclesConfig};
 
     fn head(tilt: f64) -> FrameMotion {
-        FrameMotion {
-            position: Vector3::new(0.0, 0.0, 1.5),
-            rotation: nalgebra::Rotation3::from_axis_angle(&Vector3::y_axis(), tilt).into_inner(),
-            velocity: Vector3::zeros(),
-            rate: Vector3::zeros(),
-        }
+        let rotation = nalgebra::Rotation3::from_axis_angle(&Vector3::y_axis(), tilt);
+        FrameMotion::still(Vector3::new(0.0, 0.0, 1.5), rotation.into_inner())
     }
 
     fn exact() -> DepthConfig {
@@ -246,16 +207,11 @@ mod tests {
         assert_eq!(picture.depth.len(), picture.width * picture.height);
         let middle = picture.depth[306 * 816 + 408];
         // Depth along the axis: height divided by the sine of the tilt, with an error of half a pixel.
-        assert!(
-            (f64::from(middle) - 1.5 / 0.6f64.sin()).abs() < 5e-3,
-            "{middle}"
-        );
+        let off = f64::from(middle) - 1.5 / 0.6f64.sin();
+        assert!(off.abs() < 5e-3, "{middle}");
         // Beyond 4 m the depth is invalid.
-        assert!(
-            exact().take(1, 0, &head(0.0), &[], &[]).depth[..816]
-                .iter()
-                .all(|x| *x == 0.0)
-        );
+        let level = exact().take(1, 0, &head(0.0), &[], &[]);
+        assert!(level.depth[..816].iter().all(|x| *x == 0.0));
     }
 
     #[test]
@@ -263,16 +219,11 @@ mod tests {
         let deviation = |tilt: f64| {
             let config = DepthConfig {
                 holes: 0.1,
+                position: [0.0; 3],
                 ..DepthConfig::default()
             };
-            let config = DepthConfig {
-                position: [0.0; 3],
-                ..config
-            };
-            let (noisy, clean) = (
-                config.take(1, 0, &head(tilt), &[], &[]),
-                exact().take(1, 0, &head(tilt), &[], &[]),
-            );
+            let take = |config: DepthConfig| config.take(1, 0, &head(tilt), &[], &[]);
+            let (noisy, clean) = (take(config), take(exact()));
             let rows = 300 * 816..312 * 816;
             let pairs = || rows.clone().filter(|i| noisy.depth[*i] > 0.0);
             let squares: f64 = pairs()
@@ -293,16 +244,8 @@ mod tests {
 
     #[test]
     fn what_stands_before_the_floor_hides_it_and_the_robot_sees_itself() {
-        let standing = crate::obstacles::ObstaclesConfig {
-            boxes: vec![crate::obstacles::BoxConfig {
-                middle: [1.0, 0.0, 0.75],
-                size: [0.4, 0.4, 1.5],
-                turn: 0.0,
-                drawn: [0.0; 3],
-                drawn_turn: 0.0,
-            }],
-        }
-        .place(1, 0, |_| true);
+        let boxes = vec![BoxConfig::fixed([1.0, 0.0, 0.75], [0.4, 0.4, 1.5])];
+        let standing = ObstaclesConfig { boxes }.place(1, 0, |_| true);
         let own = PlacedCapsule {
             ends: [Vector3::new(0.5, 0.3, 1.4), Vector3::new(0.6, 0.3, 1.4)],
             radius: 0.08,
@@ -318,12 +261,6 @@ mod tests {
         let arm = at(-0.1 / 0.5, 0.3 / 0.5);
         assert!((0.4..0.6).contains(&arm), "{arm}");
         let without = exact().take(1, 0, &head(0.0), &standing, &[]);
-        assert!(
-            without
-                .depth
-                .iter()
-                .zip(&picture.depth)
-                .any(|(a, b)| a != b)
-        );
+        assert_ne!(without, picture);
     }
 }

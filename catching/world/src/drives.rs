@@ -8,47 +8,22 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{JOINTS, Joint};
 
-use crate::error::{WorldError, positive, within};
+use crate::error::{WorldError, from_to};
 
 /// Factor by which accelerations may exceed the description, so that a motion at the limit can be tracked.
 pub const ACCELERATION_HEADROOM: f64 = 1.05;
 /// Time between two commands, in s.
 pub(crate) const TICK: f64 = 1e-3;
 
-/// Settings of the drives.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DrivesConfig {
-    /// Delay from a command to its effect, in s; rounded to ms.
-    pub latency: f64,
-    /// Natural frequency of the servo, in Hz.
-    pub bandwidth: f64,
-}
-
-impl Default for DrivesConfig {
-    fn default() -> Self {
-        Self {
-            latency: 0.003,
-            bandwidth: 60.0,
-        }
-    }
-}
-
-impl DrivesConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        within(
-            "drives.latency",
-            self.latency,
-            [0.0, 1.0],
-            "seconds, 0 to 1",
-        )?;
-        positive("drives.bandwidth", self.bandwidth)?;
-        within(
-            "drives.bandwidth",
-            self.bandwidth,
-            [0.0, 200.0],
-            "at most 200 Hz, which substeps resolve",
-        )
+tactnet_catching_packets::settings! {
+    /// Settings of the drives.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct DrivesConfig in "drives.": WorldError {
+        /// Delay from a command to its effect, in s; rounded to ms.
+        pub latency: f64 = 0.003 => from_to([0.0, 1.0], "seconds, 0 to 1"),
+        /// Natural frequency of the servo, in Hz.
+        pub bandwidth: f64 = 60.0 => from_to([f64::MIN_POSITIVE, 200.0], "more than 0 and at most 200 Hz, which substeps resolve"),
     }
 }
 

@@ -211,12 +211,8 @@ mod tests {
         ))
         .unwrap();
         let numbers = |value: &serde_json::Value| -> Vec<f64> {
-            value
-                .as_array()
-                .unwrap()
-                .iter()
-                .map(|x| x.as_f64().unwrap())
-                .collect()
+            let numbers = value.as_array().unwrap().iter();
+            numbers.map(|x| x.as_f64().unwrap()).collect()
         };
         let tree = tree();
         let cases = golden["cases"].as_array().unwrap();
@@ -228,11 +224,8 @@ mod tests {
             let found = tree.inverse_dynamics(&places, &dq, &ddq, GRAVITY);
             for (i, expected) in numbers(&case["tau"]).iter().enumerate() {
                 // Torques reach 1e3 to 1e4, so 1e-8 is a hundred times their rounding error.
-                assert!(
-                    (found.torques[i] - expected).abs() < 1e-8,
-                    "{i}: {} {expected}",
-                    found.torques[i]
-                );
+                let off = found.torques[i] - expected;
+                assert!(off.abs() < 1e-8, "{i}: {off}");
             }
             for (name, body, position) in [
                 ("head", HEAD, places[HEAD].position),

@@ -1,5 +1,7 @@
 //! Errors of the world.
 
+use tactnet_catching_packets::Numbers;
+
 /// Error of the settings or the use of a world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WorldError {
@@ -57,24 +59,38 @@ pub enum WorldError {
     },
 }
 
-/// Returns an error unless `value` is at least 0.
-pub(crate) fn not_negative(setting: &'static str, value: f64) -> Result<(), WorldError> {
-    within(setting, value, [0.0, f64::MAX], "a number, 0 or greater")
+/// Returns an error unless all numbers are at least 0.
+pub(crate) fn not_negative(setting: &'static str, value: &impl Numbers) -> Result<(), WorldError> {
+    from_to([0.0, f64::MAX], "a number, 0 or greater")(setting, value)
 }
 
-/// Returns an error unless `value` is greater than 0.
-pub(crate) fn positive(setting: &'static str, value: f64) -> Result<(), WorldError> {
-    within(
-        setting,
-        value,
-        [f64::MIN_POSITIVE, f64::MAX],
-        "a number greater than 0",
-    )
+/// Returns an error unless all numbers are greater than 0.
+pub(crate) fn positive(setting: &'static str, value: &impl Numbers) -> Result<(), WorldError> {
+    from_to([f64::MIN_POSITIVE, f64::MAX], "a number greater than 0")(setting, value)
 }
 
-/// Returns an error unless `value` is a probability.
-pub(crate) fn probability(setting: &'static str, value: f64) -> Result<(), WorldError> {
-    within(setting, value, [0.0, 1.0], "a number from 0 to 1")
+/// Returns an error unless the value is a probability.
+pub(crate) fn probability(setting: &'static str, value: &f64) -> Result<(), WorldError> {
+    from_to([0.0, 1.0], "a number from 0 to 1")(setting, value)
+}
+
+/// Returns a check that all numbers are within `limits`, including both ends.
+pub(crate) fn from_to<T: Numbers>(
+    limits: [f64; 2],
+    expected: &'static str,
+) -> impl Fn(&'static str, &T) -> Result<(), WorldError> {
+    move |setting, value| {
+        let mut numbers = value.numbers();
+        numbers.try_for_each(|number| within(setting, number, limits, expected))
+    }
+}
+
+/// Returns a check for `[minimum, maximum]` with both values at least `least`.
+pub(crate) fn rising(
+    least: f64,
+    expected: &'static str,
+) -> impl Fn(&'static str, &[f64; 2]) -> Result<(), WorldError> {
+    move |setting, value| range(setting, *value, least, expected)
 }
 
 /// Returns an error unless `value` is within `limits`, including both ends.

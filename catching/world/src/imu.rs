@@ -12,41 +12,21 @@ use crate::planted::PlantedErrors;
 use crate::robot::{Felt, SUBSTEPS};
 use crate::stream::Stream;
 
-/// Errors of the inertial unit, each a standard deviation per axis.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ImuConfig {
-    /// White noise of the accelerometer per sample, in m/s^2.
-    pub accelerometer_noise: f64,
-    /// White noise of the gyroscope per sample, in rad/s.
-    pub gyroscope_noise: f64,
-    /// Bias of the accelerometer, constant for a run, in m/s^2.
-    pub accelerometer_bias: f64,
-    /// Bias of the gyroscope, constant for a run, in rad/s.
-    pub gyroscope_bias: f64,
-    /// Relative scale error, constant for a run.
-    pub scale: f64,
-}
-
-impl Default for ImuConfig {
-    fn default() -> Self {
-        Self {
-            accelerometer_noise: 0.02,
-            gyroscope_noise: 0.002,
-            accelerometer_bias: 0.05,
-            gyroscope_bias: 0.005,
-            scale: 0.002,
-        }
-    }
-}
-
-impl ImuConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        not_negative("imu.accelerometer_noise", self.accelerometer_noise)?;
-        not_negative("imu.gyroscope_noise", self.gyroscope_noise)?;
-        not_negative("imu.accelerometer_bias", self.accelerometer_bias)?;
-        not_negative("imu.gyroscope_bias", self.gyroscope_bias)?;
-        not_negative("imu.scale", self.scale)
+tactnet_catching_packets::settings! {
+    /// Errors of the inertial unit, each a standard deviation per axis.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ImuConfig in "imu.": WorldError {
+        /// White noise of the accelerometer per sample, in m/s^2.
+        pub accelerometer_noise: f64 = 0.02 => not_negative,
+        /// White noise of the gyroscope per sample, in rad/s.
+        pub gyroscope_noise: f64 = 0.002 => not_negative,
+        /// Bias of the accelerometer, constant for a run, in m/s^2.
+        pub accelerometer_bias: f64 = 0.05 => not_negative,
+        /// Bias of the gyroscope, constant for a run, in rad/s.
+        pub gyroscope_bias: f64 = 0.005 => not_negative,
+        /// Relative scale error, constant for a run.
+        pub scale: f64 = 0.002 => not_negative,
     }
 }
 
@@ -104,19 +84,10 @@ impl Imu {
     ) -> Self {
         let [_, late_ns] = errors.clocks(seed);
         let mut rng = Stream::ImuErrors.rng(seed, 0);
+        let mut axes = |noise, bias| Axes::draw(noise, bias, config.scale, &mut rng);
         Self {
-            accelerometer: Axes::draw(
-                config.accelerometer_noise,
-                config.accelerometer_bias,
-                config.scale,
-                &mut rng,
-            ),
-            gyroscope: Axes::draw(
-                config.gyroscope_noise,
-                config.gyroscope_bias,
-                config.scale,
-                &mut rng,
-            ),
+            accelerometer: axes(config.accelerometer_noise, config.accelerometer_bias),
+            gyroscope: axes(config.gyroscope_noise, config.gyroscope_bias),
             noise: Stream::ImuNoise.rng(seed, 0),
             turn: errors.imu_turn(seed),
             late_ns,
@@ -186,14 +157,11 @@ mod tests {
             felt(f64::from(tick) * 1e-3 + (f64::from(substep) + 0.5) * 5e-4)
         };
         let mut imu = Imu::new(&exact, &PlantedErrors::default(), 512.0, 1, middle(-1, 1));
-        let samples: Vec<ImuSample> = (0..1000)
-            .filter_map(|tick| {
-                imu.sample(
-                    (tick as u64 + 1) * 1_000_000,
-                    &[middle(tick, 0), middle(tick, 1)],
-                )
-            })
-            .collect();
+        let mut sample = |tick: i32| {
+            let felt = [middle(tick, 0), middle(tick, 1)];
+            imu.sample((tick as u64 + 1) * 1_000_000, &felt)
+        };
+        let samples: Vec<ImuSample> = (0..1000).filter_map(&mut sample).collect();
         assert_eq!(samples.len(), 512);
         for (number, sample) in samples.iter().enumerate() {
             assert_eq!(sample.number, number as u64);
@@ -226,9 +194,7 @@ mod tests {
         }
         let bias = (biases / runs as f64).sqrt();
         // The estimate from 300 runs has a standard error of 4 %; the limit is four times that.
-        assert!(
-            (bias / config.accelerometer_bias - 1.0).abs() < 0.16,
-            "{bias}"
-        );
+        let off = bias / config.accelerometer_bias - 1.0;
+        assert!(off.abs() < 0.16, "{bias}");
     }
 }

@@ -40,7 +40,7 @@ pub struct Crossing {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Miss {
     /// The ball did not cross a hand's plane within [`NEAR`].
-    NeverCameNear,
+    NeverCameNear = 1,
     /// No closing was commanded.
     NoCommand,
     /// The crossing was too far from the hand's axis.
@@ -187,14 +187,8 @@ mod tests {
         let rotation = Rotation3::rotation_between(&Vector3::z(), &axis)
             .expect("not opposite")
             .into_inner();
-        let frame = FrameMotion {
-            position: Vector3::zeros(),
-            rotation,
-            velocity: Vector3::zeros(),
-            rate: Vector3::zeros(),
-        };
         HandDuring {
-            frames: [frame; 2],
+            frames: [FrameMotion::still(Vector3::zeros(), rotation); 2],
             closes_ns,
         }
     }
@@ -267,12 +261,8 @@ mod tests {
 
     #[test]
     fn a_ball_from_behind_is_not_caught() {
-        let verdict = judged(
-            0.0,
-            0.0,
-            Rotation3::new(Vector3::z() * 3.0) * Vector3::x(),
-            Some(CROSSING_NS),
-        );
+        let behind = Rotation3::new(Vector3::z() * 3.0) * Vector3::x();
+        let verdict = judged(0.0, 0.0, behind, Some(CROSSING_NS));
         assert_eq!(verdict.miss, Some(Miss::Angle));
     }
 

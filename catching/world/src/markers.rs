@@ -9,50 +9,30 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARMS;
 
 use crate::cameras::{CAMERAS, Cameras};
-use crate::error::{WorldError, not_negative, probability};
+use crate::error::{WorldError, from_to, not_negative, probability};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 
-/// Nominal places of the markers, and settings of their detector.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct MarkersConfig {
-    /// Left and right place in the frame of the arm's last link (origin at the wrist), in m; `errors.marker`
-    /// displaces them.
-    pub places: [[f64; 3]; ARMS],
-    /// Standard deviation of a feature along each axis, in pixels.
-    pub noise: f64,
-    /// Detection probability of a marker in a picture, independent for each camera.
-    pub detection: f64,
-    /// Probability that a detection is an outlier.
-    pub outlying: f64,
-    /// Maximum displacement of an outlier along each axis, in pixels.
-    pub away: f64,
-}
-
-impl Default for MarkersConfig {
-    fn default() -> Self {
-        Self {
-            places: [[0.05, 0.04, 0.06], [0.05, -0.04, 0.06]],
-            noise: 0.25,
-            detection: 0.97,
-            outlying: 0.03,
-            away: 60.0,
-        }
+tactnet_catching_packets::settings! {
+    /// Nominal places of the markers, and settings of their detector.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct MarkersConfig in "markers.": WorldError {
+        /// Left and right place in the frame of the arm's last link (origin at the wrist), in m; `errors.marker`
+        /// displaces them.
+        pub places: [[f64; 3]; ARMS] = [[0.05, 0.04, 0.06], [0.05, -0.04, 0.06]] => from_to([f64::MIN, f64::MAX], "numbers"),
+        /// Standard deviation of a feature along each axis, in pixels.
+        pub noise: f64 = 0.25 => not_negative,
+        /// Detection probability of a marker in a picture, independent for each camera.
+        pub detection: f64 = 0.97 => probability,
+        /// Probability that a detection is an outlier.
+        pub outlying: f64 = 0.03 => probability,
+        /// Maximum displacement of an outlier along each axis, in pixels.
+        pub away: f64 = 60.0 => not_negative,
     }
 }
 
 impl MarkersConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        for x in self.places.as_flattened() {
-            not_negative("markers.places", x.abs())?;
-        }
-        not_negative("markers.noise", self.noise)?;
-        probability("markers.detection", self.detection)?;
-        probability("markers.outlying", self.outlying)?;
-        not_negative("markers.away", self.away)
-    }
-
     /// Returns the detections in the latest pictures, in pixels: of the left and the right marker, each in the left
     /// and the right picture.
     ///
@@ -102,12 +82,7 @@ mod tests {
     use crate::planted::PlantedErrors;
 
     fn frame(position: Vector3<f64>) -> FrameMotion {
-        FrameMotion {
-            position,
-            rotation: Matrix3::identity(),
-            velocity: Vector3::zeros(),
-            rate: Vector3::zeros(),
-        }
+        FrameMotion::still(position, Matrix3::identity())
     }
 
     /// 2000 markers straight ahead, 0.8 m in front of the centre between the cameras.
@@ -123,19 +98,10 @@ mod tests {
         let (mut found, mut outlying, mut squares) = (0.0, 0.0, 0.0);
         let runs = 1000u64;
         for seed in 0..runs {
-            let cameras = Cameras::new(
-                &CamerasConfig::default(),
-                &PlantedErrors::default(),
-                &optics,
-                seed,
-            );
-            let [left, _] = config.find(
-                &cameras,
-                &head,
-                &[wrist; ARMS],
-                &[Vector3::zeros(); ARMS],
-                seed,
-            );
+            let (detector, errors) = (CamerasConfig::default(), PlantedErrors::default());
+            let cameras = Cameras::new(&detector, &errors, &optics, seed);
+            let (wrists, moved) = ([wrist; ARMS], [Vector3::zeros(); ARMS]);
+            let [left, _] = config.find(&cameras, &head, &wrists, &moved, seed);
             // Half the baseline at 0.8 m; to the right in the left picture.
             let expected = [800.0 + 1386.0 * 0.1 / 0.8, 800.0 - 1386.0 * 0.1 / 0.8];
             for (pixel, expected) in left.iter().zip(expected) {

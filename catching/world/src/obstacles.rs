@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{WorldError, within};
+use crate::error::{WorldError, from_to};
 use crate::stream::Stream;
 
 /// Maximum number of boxes.
@@ -39,61 +39,44 @@ pub struct BoxConfig {
     pub drawn_turn: f64,
 }
 
+impl BoxConfig {
+    /// Returns a box that is not moved, with edges along the axes.
+    pub fn fixed(middle: [f64; 3], size: [f64; 3]) -> Self {
+        Self {
+            middle,
+            size,
+            turn: 0.0,
+            drawn: [0.0; 3],
+            drawn_turn: 0.0,
+        }
+    }
+}
+
 impl ObstaclesConfig {
     /// Returns a table next to the robot's left arm, and a box on or next to it with a new place at each
     /// rearrangement.
     pub fn table_and_box() -> Self {
         Self {
             boxes: vec![
+                BoxConfig::fixed([0.55, 1.1, 0.77], [0.9, 0.7, 0.04]),
                 BoxConfig {
-                    middle: [0.55, 1.1, 0.77],
-                    size: [0.9, 0.7, 0.04],
-                    turn: 0.0,
-                    drawn: [0.0; 3],
-                    drawn_turn: 0.0,
-                },
-                BoxConfig {
-                    middle: [0.65, 0.85, 0.99],
-                    size: [0.25, 0.25, 0.4],
-                    turn: 0.0,
                     drawn: [0.2, 0.15, 0.0],
                     drawn_turn: 0.8,
+                    ..BoxConfig::fixed([0.65, 0.85, 0.99], [0.25, 0.25, 0.4])
                 },
             ],
         }
     }
 
     pub(crate) fn check(&self) -> Result<(), WorldError> {
-        within(
-            "obstacles.boxes",
-            self.boxes.len() as f64,
-            [0.0, MOST_BOXES as f64],
-            "at most 16 boxes",
-        )?;
+        let limits = [0.0, MOST_BOXES as f64];
+        from_to(limits, "at most 16 boxes")("obstacles.boxes", &self.boxes.len())?;
         for shape in &self.boxes {
-            for (i, x) in shape.middle.into_iter().enumerate() {
-                within(
-                    "obstacles.boxes.middle",
-                    x,
-                    [-100.0, 100.0],
-                    "-100 to 100 m",
-                )?;
-                within(
-                    "obstacles.boxes.drawn",
-                    shape.drawn[i],
-                    [0.0, 10.0],
-                    "0 to 10 m",
-                )?;
-                within(
-                    "obstacles.boxes.size",
-                    shape.size[i],
-                    [1e-3, 100.0],
-                    "0.001 to 100 m",
-                )?;
-            }
-            for turn in [shape.turn, shape.drawn_turn] {
-                within("obstacles.boxes.turn", turn, [-10.0, 10.0], "-10 to 10 rad")?;
-            }
+            let turns = [shape.turn, shape.drawn_turn];
+            from_to([-100.0, 100.0], "-100 to 100 m")("obstacles.boxes.middle", &shape.middle)?;
+            from_to([0.0, 10.0], "0 to 10 m")("obstacles.boxes.drawn", &shape.drawn)?;
+            from_to([1e-3, 100.0], "0.001 to 100 m")("obstacles.boxes.size", &shape.size)?;
+            from_to([-10.0, 10.0], "-10 to 10 rad")("obstacles.boxes.turn", &turns)?;
         }
         Ok(())
     }
@@ -113,11 +96,9 @@ impl ObstaclesConfig {
                 let mut rng = Stream::Obstacles.rng(seed, index);
                 let mut draw = || {
                     let mut even = || rng.random::<f64>() * 2.0 - 1.0;
-                    StandingBox::new(
-                        std::array::from_fn(|i| shape.middle[i] + shape.drawn[i] * even()),
-                        shape.size,
-                        shape.turn + shape.drawn_turn * even(),
-                    )
+                    let middle = std::array::from_fn(|i| shape.middle[i] + shape.drawn[i] * even());
+                    let turn = shape.turn + shape.drawn_turn * even();
+                    StandingBox::new(middle, shape.size, turn)
                 };
                 let mut place = draw();
                 for _ in 0..DRAWS {

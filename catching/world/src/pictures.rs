@@ -21,7 +21,7 @@ use tactnet_catching_packets::{Cameras as Optics, RobotDescription};
 
 use crate::cameras::{CAMERAS, Cameras};
 use crate::config::WorldConfig;
-use crate::error::{WorldError, not_negative, range, within};
+use crate::error::{WorldError, from_to, not_negative, range, within};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 use crate::world::Truth;
@@ -35,63 +35,28 @@ const LIGHT: [f64; 3] = [-0.45, 0.4, 0.8];
 /// Distances of people from the robot, in m: behind the thrower, so that they hide no ball.
 const PEOPLE: [f64; 2] = [6.3, 8.5];
 
-/// Settings of the pictures.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PicturesConfig {
-    /// Standard deviation of the pixel noise, in grey levels of 0 to 255.
-    pub noise: f64,
-    /// Number of discs on the walls in front of the robot.
-    pub discs: usize,
-    /// Number of people in front of the robot; their round heads resemble balls.
-    pub people: usize,
-    /// Minimum and maximum brightness of a fully lit ball, as a share of 255; drawn for each ball.
-    pub ball: [f64; 2],
-    /// Delay of the exposure relative to its timestamp, in s.
-    pub clock_offset: f64,
-}
-
-impl Default for PicturesConfig {
-    fn default() -> Self {
-        Self {
-            noise: 2.0,
-            discs: 12,
-            people: 3,
-            ball: [0.6, 0.95],
-            clock_offset: 0.0,
-        }
+tactnet_catching_packets::settings! {
+    /// Settings of the pictures.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct PicturesConfig in "pictures.": WorldError {
+        /// Standard deviation of the pixel noise, in grey levels of 0 to 255.
+        pub noise: f64 = 2.0 => not_negative,
+        /// Number of discs on the walls in front of the robot.
+        pub discs: usize = 12 => from_to([0.0, 1000.0], "0 to 1000"),
+        /// Number of people in front of the robot; their round heads resemble balls.
+        pub people: usize = 3 => from_to([0.0, 50.0], "0 to 50"),
+        /// Minimum and maximum brightness of a fully lit ball, as a share of 255; drawn for each ball.
+        pub ball: [f64; 2] = [0.6, 0.95] => shares,
+        /// Delay of the exposure relative to its timestamp, in s.
+        pub clock_offset: f64 = 0.0 => from_to([-0.02, 0.02], "a magnitude of at most 20 ms"),
     }
 }
 
-impl PicturesConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        not_negative("pictures.noise", self.noise)?;
-        within(
-            "pictures.discs",
-            self.discs as f64,
-            [0.0, 1000.0],
-            "0 to 1000",
-        )?;
-        within(
-            "pictures.people",
-            self.people as f64,
-            [0.0, 50.0],
-            "0 to 50",
-        )?;
-        range(
-            "pictures.ball",
-            self.ball,
-            0.0,
-            "[least, greatest] share of 255",
-        )?;
-        within("pictures.ball", self.ball[1], [0.0, 1.0], "shares up to 1")?;
-        within(
-            "pictures.clock_offset",
-            self.clock_offset,
-            [-0.02, 0.02],
-            "a magnitude of at most 20 ms",
-        )
-    }
+/// Returns an error unless a range consists of shares.
+fn shares(setting: &'static str, value: &[f64; 2]) -> Result<(), WorldError> {
+    range(setting, *value, 0.0, "[least, greatest] share of 255")?;
+    within(setting, value[1], [0.0, 1.0], "shares up to 1")
 }
 
 /// A circle in a picture without noise and distortion.
@@ -242,21 +207,11 @@ impl Pictures {
             let head = person.feet + sway + Vector3::z() * (person.height - 0.12);
             let chest = person.feet + sway * 0.5 + Vector3::z() * (person.height - 0.62);
             let legs = person.feet + Vector3::z() * (person.height * 0.25);
-            add(
-                [legs; 2],
-                Vector3::new(0.14, 0.18, person.height * 0.28),
-                [person.cloth * 0.6; 2],
-            );
-            add(
-                [chest; 2],
-                Vector3::new(0.14, 0.22, 0.36),
-                [person.cloth; 2],
-            );
-            add(
-                [head; 2],
-                Vector3::new(0.1, 0.08, 0.12),
-                [person.skin, person.hair],
-            );
+            let (cloth, face) = (person.cloth, [person.skin, person.hair]);
+            let of_legs = Vector3::new(0.14, 0.18, person.height * 0.28);
+            add([legs; 2], of_legs, [cloth * 0.6; 2]);
+            add([chest; 2], Vector3::new(0.14, 0.22, 0.36), [cloth; 2]);
+            add([head; 2], Vector3::new(0.1, 0.08, 0.12), face);
         }
         for ball in truth.balls.iter().flatten() {
             let brightness = Stream::BallBrightness
@@ -358,10 +313,8 @@ mod tests {
                 let Some(outline) = pictures.outline(&truth, camera, 0) else {
                     continue;
                 };
-                let empty = Truth {
-                    balls: Default::default(),
-                    ..truth
-                };
+                let mut empty = truth;
+                empty.balls = Default::default();
                 let (with, without) = (
                     drawn(&mut pictures, &truth, camera),
                     drawn(&mut pictures, &empty, camera),

@@ -15,75 +15,52 @@ use crate::stream::Stream;
 /// Distance of the platform after which its slip approaches the maximum, in m; an assumption.
 const SLIP_WAY: f64 = 0.15;
 
-/// Planted errors. Geometric errors have the given size and a random direction, drawn for the run or for the robot of
-/// [`PlantedErrors::robot`]. Maximum errors are drawn uniformly with either sign.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PlantedErrors {
-    /// Maximum slip of the platform's wheels, in m; drawn for each run.
-    pub platform_slip: f64,
-    /// Displacement of the arm mounts, in m.
-    pub arm_mount: f64,
-    /// Common displacement of the cameras, in m.
-    pub camera_mount: f64,
-    /// Common rotation of the cameras, in rad.
-    pub camera_turn: f64,
-    /// Additional displacement of each camera, in m.
-    pub each_camera_mount: f64,
-    /// Additional rotation of each camera, in rad.
-    pub each_camera_turn: f64,
-    /// Maximum error of the focal length of each camera, in pixels.
-    pub focal: f64,
-    /// Maximum error of the principal point along each axis, in pixels.
-    pub centre: f64,
-    /// Maximum residual distortion k1 of each lens, and twice the maximum of k2, in the form of the description's
-    /// `distortion`. It affects circles and markers; rendered pictures have the lens of the description.
-    pub distortion: f64,
-    /// Maximum error of the lengths of the arms' links, in m. Markers do not reveal the last one, from the wrist to
-    /// the catch frame.
-    pub arm_length: f64,
-    /// Maximum zero offset of the arms' joints, in rad.
-    pub arm_offset: f64,
-    /// Compliance of the arms' joints, in rad/Nm; the factor for each joint is drawn from 0.5 to 1.5. Arms bend under
-    /// their weight only, not under dynamic torques.
-    pub arm_compliance: f64,
-    /// Maximum zero offset of the neck's joints, in rad.
-    pub neck_offset: f64,
-    /// Displacement of the markers, in m.
-    pub marker: f64,
-    /// Rotation of the inertial unit, in rad.
-    pub imu_turn: f64,
-    /// Maximum delay of picture timestamps, in s; never negative.
-    pub camera_clock: f64,
-    /// Maximum delay of timestamps of the inertial unit, in s; never negative.
-    pub imu_clock: f64,
-    /// Number of the robot. Runs with the same number share the same errors, whatever their seed. The slip of the
-    /// wheels is still drawn for each run.
-    pub robot: Option<u64>,
-}
-
-impl Default for PlantedErrors {
-    fn default() -> Self {
-        Self {
-            platform_slip: 0.006,
-            arm_mount: 0.0,
-            camera_mount: 0.0,
-            camera_turn: 0.0,
-            each_camera_mount: 0.0,
-            each_camera_turn: 0.0,
-            focal: 0.0,
-            centre: 0.0,
-            distortion: 0.0,
-            arm_length: 0.0,
-            arm_offset: 0.0,
-            arm_compliance: 0.0,
-            neck_offset: 0.0,
-            marker: 0.0,
-            imu_turn: 0.0,
-            camera_clock: 0.0,
-            imu_clock: 0.0,
-            robot: None,
-        }
+tactnet_catching_packets::settings! {
+    /// Planted errors. Geometric errors have the given size and a random direction, drawn for the run or for the robot
+    /// of [`PlantedErrors::robot`]. Maximum errors are drawn uniformly with either sign.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct PlantedErrors in "errors.": WorldError {
+        /// Maximum slip of the platform's wheels, in m; drawn for each run.
+        pub platform_slip: f64 = 0.006 => not_negative,
+        /// Displacement of the arm mounts, in m.
+        pub arm_mount: f64 = 0.0 => not_negative,
+        /// Common displacement of the cameras, in m.
+        pub camera_mount: f64 = 0.0 => not_negative,
+        /// Common rotation of the cameras, in rad.
+        pub camera_turn: f64 = 0.0 => not_negative,
+        /// Additional displacement of each camera, in m.
+        pub each_camera_mount: f64 = 0.0 => not_negative,
+        /// Additional rotation of each camera, in rad.
+        pub each_camera_turn: f64 = 0.0 => not_negative,
+        /// Maximum error of the focal length of each camera, in pixels.
+        pub focal: f64 = 0.0 => not_negative,
+        /// Maximum error of the principal point along each axis, in pixels.
+        pub centre: f64 = 0.0 => not_negative,
+        /// Maximum residual distortion k1 of each lens, and twice the maximum of k2, in the form of the description's
+        /// `distortion`. It affects circles and markers; rendered pictures have the lens of the description.
+        pub distortion: f64 = 0.0 => not_negative,
+        /// Maximum error of the lengths of the arms' links, in m. Markers do not reveal the last one, from the wrist to
+        /// the catch frame.
+        pub arm_length: f64 = 0.0 => not_negative,
+        /// Maximum zero offset of the arms' joints, in rad.
+        pub arm_offset: f64 = 0.0 => not_negative,
+        /// Compliance of the arms' joints, in rad/Nm; the factor for each joint is drawn from 0.5 to 1.5. Arms bend
+        /// under their weight only, not under dynamic torques.
+        pub arm_compliance: f64 = 0.0 => not_negative,
+        /// Maximum zero offset of the neck's joints, in rad.
+        pub neck_offset: f64 = 0.0 => not_negative,
+        /// Displacement of the markers, in m.
+        pub marker: f64 = 0.0 => not_negative,
+        /// Rotation of the inertial unit, in rad.
+        pub imu_turn: f64 = 0.0 => not_negative,
+        /// Maximum delay of picture timestamps, in s; never negative.
+        pub camera_clock: f64 = 0.0 => not_negative,
+        /// Maximum delay of timestamps of the inertial unit, in s; never negative.
+        pub imu_clock: f64 = 0.0 => not_negative,
+        /// Number of the robot. Runs with the same number share the same errors, whatever their seed. The slip of the
+        /// wheels is still drawn for each run.
+        pub robot: Option<u64> = None,
     }
 }
 
@@ -112,31 +89,6 @@ pub(crate) struct JointErrors {
 }
 
 impl PlantedErrors {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        not_negative("errors.platform_slip", self.platform_slip)?;
-        not_negative("errors.arm_mount", self.arm_mount)?;
-        not_negative("errors.camera_mount", self.camera_mount)?;
-        for (setting, value) in [
-            ("errors.camera_turn", self.camera_turn),
-            ("errors.each_camera_mount", self.each_camera_mount),
-            ("errors.each_camera_turn", self.each_camera_turn),
-            ("errors.focal", self.focal),
-            ("errors.centre", self.centre),
-            ("errors.distortion", self.distortion),
-            ("errors.arm_length", self.arm_length),
-            ("errors.arm_offset", self.arm_offset),
-            ("errors.arm_compliance", self.arm_compliance),
-            ("errors.neck_offset", self.neck_offset),
-            ("errors.marker", self.marker),
-            ("errors.imu_turn", self.imu_turn),
-            ("errors.camera_clock", self.camera_clock),
-            ("errors.imu_clock", self.imu_clock),
-        ] {
-            not_negative(setting, value)?;
-        }
-        Ok(())
-    }
-
     /// Returns the errors of an assembled robot without calibration. Seen from a camera, its hands are up to about 60
     /// mm from their expected places (Agile Justin: 61 mm, arXiv 2311.08338).
     ///
@@ -331,16 +283,14 @@ mod tests {
     #[test]
     fn errors_of_a_robot_do_not_depend_on_the_run_and_those_of_a_run_do() {
         let errors = PlantedErrors::uncalibrated(3);
-        assert_eq!(errors.check(), Ok(()));
+        assert_eq!(errors.check_settings(), Ok(()));
         assert_eq!(errors.arm_mounts(1), errors.arm_mounts(2));
         assert_eq!(errors.joints(1), errors.joints(2));
         assert_eq!(errors.each_camera(1), errors.each_camera(2));
         let other = PlantedErrors::uncalibrated(4);
         assert_ne!(errors.joints(1), other.joints(1));
-        let of_the_run = PlantedErrors {
-            robot: None,
-            ..errors
-        };
+        let mut of_the_run = errors;
+        of_the_run.robot = None;
         assert_ne!(of_the_run.joints(1), of_the_run.joints(2));
         assert_eq!(PlantedErrors::default().joints(1), None);
     }
@@ -351,11 +301,8 @@ mod tests {
             let errors = PlantedErrors::uncalibrated(robot);
             let joints = errors.joints(0).unwrap();
             for own in joint::ARM {
-                assert!(
-                    joints.offsets[own.clone()]
-                        .iter()
-                        .all(|x| x.abs() <= errors.arm_offset)
-                );
+                let mut offsets = joints.offsets[own.clone()].iter();
+                assert!(offsets.all(|x| x.abs() <= errors.arm_offset));
                 assert!(joints.compliances[own].iter().all(|x| {
                     (0.5 * errors.arm_compliance..=1.5 * errors.arm_compliance).contains(x)
                 }));

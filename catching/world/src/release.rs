@@ -18,23 +18,13 @@ pub(crate) const OPENING_NS: u64 = 10_000_000;
 /// Maximum age of an opening command at which the fingers begin to open, in ns.
 pub(crate) const TOLD_NS: u64 = 25_000_000;
 
-/// Settings of releases.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ReleaseConfig {
-    /// Standard deviation of the release time, in s.
-    pub jitter: f64,
-}
-
-impl Default for ReleaseConfig {
-    fn default() -> Self {
-        Self { jitter: 0.0005 }
-    }
-}
-
-impl ReleaseConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        not_negative("release.jitter", self.jitter)
+tactnet_catching_packets::settings! {
+    /// Settings of releases.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ReleaseConfig in "release.": WorldError {
+        /// Standard deviation of the release time, in s.
+        pub jitter: f64 = 0.0005 => not_negative,
     }
 }
 

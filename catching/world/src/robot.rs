@@ -32,6 +32,19 @@ pub struct FrameMotion {
     pub rate: Vector3<f64>,
 }
 
+#[cfg(test)]
+impl FrameMotion {
+    /// Returns a frame at rest.
+    pub(crate) fn still(position: Vector3<f64>, rotation: Matrix3<f64>) -> Self {
+        Self {
+            position,
+            rotation,
+            velocity: Vector3::zeros(),
+            rate: Vector3::zeros(),
+        }
+    }
+}
+
 /// Measured quantities of an ideal inertial unit in the head frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Felt {
@@ -319,26 +332,17 @@ mod tests {
             yaw = yaw.max((now[0] - rest[0]).abs());
             head = head.max((robot.frames.head.position - before.head.position).norm());
         }
-        assert!(
-            (0.5..3.0).contains(&yaw.to_degrees()),
-            "{}",
-            yaw.to_degrees()
-        );
+        let yaw = yaw.to_degrees();
+        assert!((0.5..3.0).contains(&yaw), "{yaw}");
         assert!((5e-4..0.05).contains(&head), "{head}");
     }
 
     /// Commands refer to sensor values, and the sensors follow them.
     #[test]
     fn links_stand_off_their_sensors_by_offset_and_sag() {
-        let config = WorldConfig {
-            errors: crate::PlantedErrors {
-                arm_offset: 0.02,
-                arm_compliance: 1e-4,
-                neck_offset: 0.01,
-                ..crate::PlantedErrors::default()
-            },
-            ..WorldConfig::default()
-        };
+        let mut config = WorldConfig::default();
+        let errors = &mut config.errors;
+        (errors.arm_offset, errors.arm_compliance, errors.neck_offset) = (0.02, 1e-4, 0.01);
         let mut robot = robot(&config);
         let links = robot.links.clone().unwrap();
         let before = robot.frames;
@@ -355,13 +359,10 @@ mod tests {
             }
         }
         // The shoulders carry about 30 Nm.
-        let most = links
-            .sag
-            .iter()
-            .fold(0.0f64, |most, sag| most.max(sag.abs()));
+        let most = links.sag.iter().map(|sag| sag.abs()).fold(0.0, f64::max);
         assert!((1e-3..2e-2).contains(&most), "{most}");
-        let aside = before.hands[0].position
-            - self::robot(&WorldConfig::default()).frames.hands[0].position;
+        let exact = self::robot(&WorldConfig::default()).frames;
+        let aside = before.hands[0].position - exact.hands[0].position;
         assert!((0.002..0.1).contains(&aside.norm()), "{}", aside.norm());
     }
 
@@ -394,10 +395,11 @@ mod tests {
         for tick in 0..800 {
             let (mut q, mut dq) = reach(f64::from(tick) * TICK);
             // The head and the platform move, too.
-            q[0] += 0.1 * (1.0 - (f64::from(tick) * 0.004).cos());
-            dq[0] += 0.4 * (f64::from(tick) * 0.004).sin();
-            q[4] += 0.3 * (1.0 - (f64::from(tick) * 0.005).cos());
-            dq[4] += 1.5 * (f64::from(tick) * 0.005).sin();
+            for (joint, size, rate) in [(0, 0.1, 4.0), (4, 0.3, 5.0)] {
+                let angle = rate * f64::from(tick) * TICK;
+                q[joint] += size * (1.0 - angle.cos());
+                dq[joint] += size * rate * angle.sin();
+            }
             robot.advance(&JointCommand::of(q, dq));
             for felt in robot.felt {
                 let turn = |part: f64| nalgebra::Rotation3::new(felt.rate * (h * part));
@@ -409,16 +411,8 @@ mod tests {
             }
         }
         let (true_position, true_velocity) = at(&robot.frames.head);
-        assert!(
-            (position - true_position).norm() < 5e-4,
-            "{}",
-            (position - true_position).norm()
-        );
-        assert!(
-            (velocity - true_velocity).norm() < 2e-3,
-            "{}",
-            (velocity - true_velocity).norm()
-        );
+        let off = [position - true_position, velocity - true_velocity].map(|off| off.norm());
+        assert!(off[0] < 5e-4 && off[1] < 2e-3, "{off:?}");
         let turned = rotation.matrix().transpose() * robot.frames.head.rotation;
         assert!((turned - Matrix3::identity()).norm() < 2e-4);
     }

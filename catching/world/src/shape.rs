@@ -71,32 +71,16 @@ pub(crate) fn capsules(robot: &RobotDescription) -> [Capsule; CAPSULES] {
         let mount = [0.0, 0.0, -arm.base_to_shoulder];
         add("mount", shoulder, mount, [0.0; 3], 0.075);
         let along = |length: f64| [0.0, 0.0, length];
-        add(
-            "upper arm",
-            shoulder + 2,
-            [0.0; 3],
-            along(arm.shoulder_to_elbow),
-            0.075,
-        );
-        add(
-            "forearm",
-            shoulder + 4,
-            [0.0; 3],
-            along(arm.elbow_to_wrist),
-            0.065,
-        );
+        let [elbow, wrist] = [arm.shoulder_to_elbow, arm.elbow_to_wrist].map(along);
+        add("upper arm", shoulder + 2, [0.0; 3], elbow, 0.075);
+        add("forearm", shoulder + 4, [0.0; 3], wrist, 0.065);
         let catch = arm.wrist_to_catch;
         add("palm", hand, along(0.03), along(catch - 0.13), 0.055);
         for finger in 0..FINGERS {
             let angle = std::f64::consts::FRAC_PI_2 * finger as f64;
             let around = |radius: f64, z: f64| [radius * angle.cos(), radius * angle.sin(), z];
-            add(
-                "finger",
-                hand,
-                around(0.05, catch - 0.12),
-                around(0.09, catch + 0.04),
-                0.018,
-            );
+            let (base, tip) = (around(0.05, catch - 0.12), around(0.09, catch + 0.04));
+            add("finger", hand, base, tip, 0.018);
         }
     }
     capsules

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS};
 
-use crate::error::{WorldError, within};
+use crate::error::{WorldError, from_to};
 
 /// A slip of an arm's joint.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -27,18 +27,8 @@ impl TendonSlip {
             return Err(WorldError::Arm { arm: self.arm });
         }
         let last = (ARM_JOINTS - 1) as f64;
-        within(
-            "slip.joint",
-            self.joint as f64,
-            [0.0, last],
-            "a joint from 0 to 6",
-        )?;
-        within(
-            "slip.angle",
-            self.angle,
-            [-0.2, 0.2],
-            "a magnitude of at most 0.2 rad",
-        )
+        from_to([0.0, last], "a joint from 0 to 6")("slip.joint", &self.joint)?;
+        from_to([-0.2, 0.2], "a magnitude of at most 0.2 rad")("slip.angle", &self.angle)
     }
 }
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::GRAVITY;
 use crate::ball::{Aerodynamics, BallState};
-use crate::error::{WorldError, range};
+use crate::error::{WorldError, range, rising};
 
 /// Maximum duration of a flight in the aiming computation, in s.
 const LONGEST: f64 = 3.0;
@@ -16,67 +16,44 @@ const STEP: f64 = 2e-3;
 /// Maximum distance of the ball's centre from its target, in m.
 const NEAR: f64 = 1e-7;
 
-/// Ranges of origins and targets of throws, in the inertial frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ThrowerConfig {
-    /// Minimum and maximum distance in front of the robot along x, in m.
-    pub distance: [f64; 2],
-    /// Minimum and maximum lateral position along y, in m.
-    pub aside: [f64; 2],
-    /// Minimum and maximum height of the release, in m.
-    pub height: [f64; 2],
-    /// Minimum and maximum speed at the release, in m/s. A throw that falls short is drawn again, so slow throws come
-    /// from near.
-    pub speed: [f64; 2],
-    /// Corner of the target box with minimum x, y and z, in m.
-    pub box_least: [f64; 3],
-    /// Opposite corner, in m; targets are uniform in the box.
-    pub box_greatest: [f64; 3],
-    /// Minimum and maximum time between two balls of a throw, in s.
-    pub gap: [f64; 2],
-}
+/// Expected values of a range above 0.
+const ABOVE_0: &str = "[least, greatest], greater than 0";
 
-/// With this box, two nominal arms with the hands half a metre ahead can catch most throws: 76 % of 200 if they start
-/// 0.15 s after the release, 61 % for 0.25 s.
-impl Default for ThrowerConfig {
-    fn default() -> Self {
-        Self {
-            distance: [4.0, 6.0],
-            aside: [-0.5, 0.5],
-            height: [1.2, 1.8],
-            speed: [6.0, 8.0],
-            box_least: [0.3, -0.85, 0.95],
-            box_greatest: [0.7, 0.85, 1.45],
-            gap: [0.0, 0.3],
-        }
+tactnet_catching_packets::settings! {
+    /// Ranges of origins and targets of throws, in the inertial frame.
+    ///
+    /// With this box, two nominal arms with the hands half a metre ahead can catch most throws: 76 % of 200 if they
+    /// start 0.15 s after the release, 61 % for 0.25 s.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ThrowerConfig in "thrower.": WorldError {
+        /// Minimum and maximum distance in front of the robot along x, in m.
+        pub distance: [f64; 2] = [4.0, 6.0] => rising(f64::MIN_POSITIVE, ABOVE_0),
+        /// Minimum and maximum lateral position along y, in m.
+        pub aside: [f64; 2] = [-0.5, 0.5] => rising(f64::MIN, "[least, greatest]"),
+        /// Minimum and maximum height of the release, in m.
+        pub height: [f64; 2] = [1.2, 1.8] => rising(f64::MIN_POSITIVE, ABOVE_0),
+        /// Minimum and maximum speed at the release, in m/s. A throw that falls short is drawn again, so slow throws
+        /// come from near.
+        pub speed: [f64; 2] = [6.0, 8.0] => rising(f64::MIN_POSITIVE, ABOVE_0),
+        /// Corner of the target box with minimum x, y and z, in m.
+        pub box_least: [f64; 3] = [0.3, -0.85, 0.95],
+        /// Opposite corner, in m; targets are uniform in the box.
+        pub box_greatest: [f64; 3] = [0.7, 0.85, 1.45],
+        /// Minimum and maximum time between two balls of a throw, in s.
+        pub gap: [f64; 2] = [0.0, 0.3] => rising(0.0, "[least, greatest] from 0"),
     }
 }
 
 impl ThrowerConfig {
     /// Checks the ranges, and that throws reach the box in this air.
     pub(crate) fn check(&self, air: &Aerodynamics) -> Result<(), WorldError> {
-        let anywhere = f64::MIN;
-        let (limits, positive) = ("[least, greatest]", "[least, greatest], greater than 0");
-        range(
-            "thrower.distance",
-            self.distance,
-            f64::MIN_POSITIVE,
-            positive,
-        )?;
-        range("thrower.aside", self.aside, anywhere, limits)?;
-        range("thrower.height", self.height, f64::MIN_POSITIVE, positive)?;
-        range("thrower.speed", self.speed, f64::MIN_POSITIVE, positive)?;
-        for i in 0..3 {
-            let side = [self.box_least[i], self.box_greatest[i]];
-            range(
-                "thrower.box_least to box_greatest",
-                side,
-                anywhere,
-                "corners of which the second is nowhere the lesser",
-            )?;
+        self.check_settings()?;
+        let setting = "thrower.box_least to box_greatest";
+        let expected = "corners of which the second is nowhere the lesser";
+        for side in self.box_least.into_iter().zip(self.box_greatest) {
+            range(setting, side.into(), f64::MIN, expected)?;
         }
-        range("thrower.gap", self.gap, 0.0, "[least, greatest] from 0")?;
         let from = Vector3::new(
             self.distance[0],
             (self.aside[0] + self.aside[1]) / 2.0,

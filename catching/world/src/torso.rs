@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::JOINTS;
 
 use crate::dynamics::Inverse;
-use crate::error::{WorldError, not_negative, positive, within};
+use crate::error::{WorldError, from_to, not_negative};
 use crate::kinematics::{BODIES, Coordinates, Place, Tree, with_passive, without_passive};
 
 /// Number of elastic joints: those of the torso.
@@ -29,41 +29,18 @@ pub enum Stiffness {
     Rigid,
 }
 
-/// Settings of the springs of the torso.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TorsoConfig {
-    /// Elastic or rigid.
-    pub stiffness: Stiffness,
-    /// Natural frequencies of yaw, lower and upper pitch in Hz, each with the inertia of that joint alone in the
-    /// starting pose. The coupled pitches have one lower and one higher frequency.
-    pub frequencies: [f64; 3],
-    /// Damping ratio.
-    pub damping: f64,
-}
-
-impl Default for TorsoConfig {
-    fn default() -> Self {
-        Self {
-            stiffness: Stiffness::Elastic,
-            frequencies: [3.5, 4.0, 4.5],
-            damping: 0.05,
-        }
-    }
-}
-
-impl TorsoConfig {
-    pub(crate) fn check(&self) -> Result<(), WorldError> {
-        for frequency in self.frequencies {
-            positive("torso.frequencies", frequency)?;
-            within(
-                "torso.frequencies",
-                frequency,
-                [0.0, 50.0],
-                "at most 50 Hz, which substeps resolve",
-            )?;
-        }
-        not_negative("torso.damping", self.damping)
+tactnet_catching_packets::settings! {
+    /// Settings of the springs of the torso.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct TorsoConfig in "torso.": WorldError {
+        /// Elastic or rigid.
+        pub stiffness: Stiffness = Stiffness::Elastic,
+        /// Natural frequencies of yaw, lower and upper pitch in Hz, each with the inertia of that joint alone in the
+        /// starting pose. The coupled pitches have one lower and one higher frequency.
+        pub frequencies: [f64; 3] = [3.5, 4.0, 4.5] => from_to([f64::MIN_POSITIVE, 50.0], "more than 0 and at most 50 Hz, which substeps resolve"),
+        /// Damping ratio.
+        pub damping: f64 = 0.05 => not_negative,
     }
 }
 
@@ -278,11 +255,8 @@ mod tests {
             torso.advance(&tree, &still(pose()), 5e-4);
         }
         // The slower mode of both pitches decays with about 0.8 /s: e^-8 of 0.02 rad.
-        assert!(
-            (torso.e - rest).norm() < 2e-5,
-            "{}",
-            (torso.e - rest).norm()
-        );
+        let off = (torso.e - rest).norm();
+        assert!(off < 2e-5, "{off}");
     }
 
     #[test]

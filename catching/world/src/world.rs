@@ -324,20 +324,14 @@ impl World {
             tau: self.robot.torques,
         };
         self.sensed.imu = self.imu.sample(self.time_ns, &self.robot.felt);
-        let balls = self
-            .thrown
-            .iter()
-            .filter(|ball| ball.in_sight())
+        let thrown = self.thrown.iter().filter(|ball| ball.in_sight());
+        let balls = thrown
             .map(|ball| (ball.number, ball.state.position))
             .chain(self.away.map(|away| (away.number, away.state.position)));
-        self.sensed.circles = self.cameras.due(self.time_ns).then(|| {
-            self.cameras.take(
-                self.time_ns,
-                &self.robot.frames.head,
-                self.config.ball.radius,
-                balls,
-            )
-        });
+        let (now_ns, head) = (self.time_ns, &self.robot.frames.head);
+        let radius = self.config.ball.radius;
+        let due = self.cameras.due(now_ns);
+        self.sensed.circles = due.then(|| self.cameras.take(now_ns, head, radius, balls));
     }
 
     /// Applies a tendon slip now.

@@ -167,24 +167,3 @@ choices! {
         Throwing = 9,
     }
 }
-
-impl ControllerCommand {
-    /// Returns the order, or `None` for an unknown number.
-    pub fn order(&self) -> Option<ControllerOrder> {
-        ControllerOrder::of(u32::try_from(self.command).ok()?)
-    }
-}
-
-impl ControllerState {
-    /// Returns the controller's mode, or `None` for an unknown number.
-    pub fn mode(&self) -> Option<ControllerMode> {
-        ControllerMode::of(u32::try_from(self.mode).ok()?)
-    }
-}
-
-impl CatchStatus {
-    /// Returns the phase, or `None` for an unknown number.
-    pub fn phase(&self) -> Option<CatchPhase> {
-        CatchPhase::of(u32::try_from(self.phase).ok()?)
-    }
-}

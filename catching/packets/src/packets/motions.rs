@@ -215,17 +215,3 @@ choices! {
         Obstructed = 5,
     }
 }
-
-impl PlanRequest {
-    /// Returns the objective, or `None` for an unknown number.
-    pub fn objective(&self) -> Option<PlanObjective> {
-        PlanObjective::of(u32::try_from(self.objective).ok()?)
-    }
-}
-
-impl PlanResult {
-    /// Returns the failure, or `None` for an unknown number.
-    pub fn failure(&self) -> Option<PlanFailure> {
-        PlanFailure::of(u32::try_from(self.failure).ok()?)
-    }
-}

@@ -28,20 +28,14 @@ fn modes_and_phases_that_are_none_are_refused() {
     };
     assert_eq!(state(6).mode(), Some(ControllerMode::Stuck));
     assert_eq!((state(0).mode(), state(1 << 32 | 1).mode()), (None, None));
-    let status = CatchStatus {
-        phase: 8,
-        ..CatchStatus::zeroed()
-    };
+    let mut status = CatchStatus::zeroed();
+    status.phase = 8;
     assert_eq!(status.phase(), Some(CatchPhase::Stuck));
-    let throws = ThrowStatus {
-        phase: 5,
-        ..ThrowStatus::zeroed()
-    };
+    let mut throws = ThrowStatus::zeroed();
+    throws.phase = 5;
     assert_eq!(throws.phase(), None);
-    let calibration = CalibrationState {
-        hold: 3,
-        ..CalibrationState::zeroed()
-    };
+    let mut calibration = CalibrationState::zeroed();
+    calibration.hold = 3;
     assert_eq!(calibration.hold(), Some(CalibrationHold::Lost));
 }
 

@@ -122,10 +122,3 @@ choices! {
         Dropping = 4,
     }
 }
-
-impl ThrowStatus {
-    /// Returns the phase, or `None` for an unknown number.
-    pub fn phase(&self) -> Option<ThrowPhase> {
-        ThrowPhase::of(u32::try_from(self.phase).ok()?)
-    }
-}

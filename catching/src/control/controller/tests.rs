@@ -7,6 +7,14 @@ use super::*;
 
 const TICK_NS: u64 = 1_000_000;
 
+/// Returns a robot, its waiting pose, and its controller in that pose.
+fn waiting() -> (Robot, [f64; JOINTS], Controller) {
+    let robot = Robot::nominal();
+    let ready = robot.waiting();
+    let controller = Controller::new(robot.clone(), ready, &ready);
+    (robot, ready, controller)
+}
+
 /// Returns a path that continues the current motion towards a position given as fractions of the ranges, in `seconds`.
 fn path(
     robot: &Robot,
@@ -73,9 +81,7 @@ proptest! {
     /// For any input, commands are smooth and within limits, and the robot returns to its waiting pose.
     #[test]
     fn commands_stay_within_limits_and_the_robot_finds_back(events in events()) {
-        let robot = Robot::nominal();
-        let ready = robot.waiting();
-        let mut controller = Controller::new(robot.clone(), ready, &ready);
+        let (robot, ready, mut controller) = waiting();
         let (mut now, mut last) = (TICK_NS, (ready, [0.0; JOINTS]));
         let mut tick = |controller: &mut Controller, now: u64| -> Result<(), TestCaseError> {
             let (q, dq) = controller.tick(now);
@@ -135,9 +141,7 @@ proptest! {
 
 #[test]
 fn the_way_back_is_the_way_that_it_came() {
-    let robot = Robot::nominal();
-    let ready = robot.waiting();
-    let mut controller = Controller::new(robot.clone(), ready, &ready);
+    let (robot, _, mut controller) = waiting();
     controller.tick(TICK_NS);
     let way = path(&robot, &controller.state(0), 1, 5 * TICK_NS, &[0.9; 7], 0.7);
     controller.arm_path(TICK_NS, &way).unwrap();
@@ -151,15 +155,11 @@ fn the_way_back_is_the_way_that_it_came() {
     while controller.mode() == ControllerMode::GoingBack {
         now += TICK_NS;
         let q = *controller.tick(now).0;
-        let nearest = there
-            .iter()
-            .map(|t| {
-                t.iter()
-                    .zip(&q)
-                    .map(|(a, b)| (a - b).abs())
-                    .fold(0.0, f64::max)
-            })
-            .fold(f64::INFINITY, f64::min);
+        let apart = |t: &[f64; JOINTS]| {
+            let pairs = t.iter().zip(&q);
+            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        let nearest = there.iter().map(apart).fold(f64::INFINITY, f64::min);
         assert!(nearest < 3e-3, "{nearest} rad beside the way");
         ticks += 1;
     }
@@ -170,10 +170,8 @@ fn the_way_back_is_the_way_that_it_came() {
 /// After a stop anywhere on the way back, the robot continues without a jump.
 #[test]
 fn a_way_back_that_is_interrupted_goes_on_smoothly() {
-    let robot = Robot::nominal();
-    let ready = robot.waiting();
     for ticks in (40..400).step_by(7) {
-        let mut controller = Controller::new(robot.clone(), ready, &ready);
+        let (robot, _, mut controller) = waiting();
         controller.tick(TICK_NS);
         let way = path(&robot, &controller.state(0), 0, 5 * TICK_NS, &[0.9; 7], 0.5);
         controller.arm_path(TICK_NS, &way).unwrap();
@@ -218,90 +216,60 @@ fn a_controller_that_starts_elsewhere_goes_back_where_the_way_is_free() {
     assert_eq!(controller.mode(), ControllerMode::Ready);
 }
 
+/// Returns a path of the left arm from its waiting pose.
+fn path_at(robot: &Robot, controller: &Controller, start_ms: u64, share: f64) -> ArmPath {
+    let (state, shares) = (controller.state(0), [share; ARM_JOINTS]);
+    path(robot, &state, 0, start_ms * TICK_NS, &shares, 0.8)
+}
+
 #[test]
 fn late_paths_and_paths_that_jump_are_refused_with_a_reason() {
-    let robot = Robot::nominal();
-    let ready = robot.waiting();
-    let mut controller = Controller::new(robot.clone(), ready, &ready);
-    controller.tick(10 * TICK_NS);
-    let good = path(
-        &robot,
-        &controller.state(0),
-        0,
-        20 * TICK_NS,
-        &[0.2; 7],
-        0.8,
-    );
-    let late = ArmPath {
-        start_ns: 5 * TICK_NS,
-        ..good
-    };
-    assert_eq!(
-        controller.arm_path(10 * TICK_NS, &late),
-        Err(PathError::Time { late_us: 5000 })
-    );
-    let mut jumps = good;
-    jumps.ramps[2].q0 += 0.01;
-    assert_eq!(
-        controller.arm_path(10 * TICK_NS, &jumps),
-        Err(PathError::Jump { joint: 2 })
-    );
-    let mut fast = good;
-    fast.ramps[1].a *= 40.0;
-    assert_eq!(
-        controller.arm_path(10 * TICK_NS, &fast),
-        Err(PathError::Limits { joint: 1 })
-    );
-    let mut spoilt = good;
-    spoilt.ramps[0].t2 = f64::NAN;
-    assert_eq!(
-        controller.arm_path(10 * TICK_NS, &spoilt),
-        Err(PathError::NotFinite)
-    );
-    assert_eq!(
-        controller.mode(),
-        ControllerMode::Ready,
-        "nothing has changed"
-    );
-    controller.arm_path(10 * TICK_NS, &good).unwrap();
+    let (robot, _, mut controller) = waiting();
+    let now = 10 * TICK_NS;
+    controller.tick(now);
+    let good = path_at(&robot, &controller, 20, 0.2);
+    type Spoil = fn(&mut ArmPath);
+    let cases: [(Spoil, PathError); 4] = [
+        (
+            |path| path.start_ns = 5 * TICK_NS,
+            PathError::Time { late_us: 5000 },
+        ),
+        (
+            |path| path.ramps[2].q0 += 0.01,
+            PathError::Jump { joint: 2 },
+        ),
+        (
+            |path| path.ramps[1].a *= 40.0,
+            PathError::Limits { joint: 1 },
+        ),
+        (|path| path.ramps[0].t2 = f64::NAN, PathError::NotFinite),
+    ];
+    for (spoil, refusal) in cases {
+        let mut spoilt = good;
+        spoil(&mut spoilt);
+        assert_eq!(controller.arm_path(now, &spoilt), Err(refusal));
+    }
+    let mode = controller.mode();
+    assert_eq!(mode, ControllerMode::Ready, "nothing has changed");
+    controller.arm_path(now, &good).unwrap();
     controller.brake("asked");
-    assert_eq!(
-        controller.arm_path(10 * TICK_NS, &good),
-        Err(PathError::NotFollowing)
-    );
+    let late = controller.arm_path(now, &good);
+    assert_eq!(late, Err(PathError::NotFollowing));
     assert_eq!(controller.state(0).refused, 5);
 }
 
 /// With two waiting paths, the first one would be skipped.
 #[test]
 fn a_path_behind_one_that_waits_is_refused() {
-    let robot = Robot::nominal();
-    let ready = robot.waiting();
-    let mut controller = Controller::new(robot.clone(), ready, &ready);
+    let (robot, _, mut controller) = waiting();
     controller.tick(10 * TICK_NS);
-    let first = path(
-        &robot,
-        &controller.state(0),
-        0,
-        20 * TICK_NS,
-        &[0.2; 7],
-        0.8,
-    );
+    let first = path_at(&robot, &controller, 20, 0.2);
     controller.arm_path(10 * TICK_NS, &first).unwrap();
-    let second = path(
-        &robot,
-        &controller.state(0),
-        0,
-        24 * TICK_NS,
-        &[0.9; 7],
-        0.8,
-    );
-    assert_eq!(
-        controller.arm_path(11 * TICK_NS, &second),
-        Err(PathError::Waiting)
-    );
-    (11..=20).for_each(|tick| {
+    let second = path_at(&robot, &controller, 24, 0.9);
+    let refused = controller.arm_path(11 * TICK_NS, &second);
+    assert_eq!(refused, Err(PathError::Waiting));
+    for tick in 11..=20 {
         controller.tick(tick * TICK_NS);
-    });
+    }
     controller.arm_path(20 * TICK_NS, &second).unwrap();
 }

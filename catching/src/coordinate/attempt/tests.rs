@@ -52,10 +52,8 @@ fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
 fn an_arm_is_asked_for_once_its_path_has_begun_and_alone_where_that_is_wanted() {
     let robot = Robot::nominal();
     let mut attempt = CatchAttempt::new(robot, CoordinatorConfig::default(), [0.0; JOINTS], None);
-    let mut predictions = BallPredictions {
-        count: 1,
-        ..BallPredictions::zeroed()
-    };
+    let mut predictions = BallPredictions::zeroed();
+    predictions.count = 1;
     predictions.balls[0] = BallPrediction {
         ball: 7,
         p: [4.0, 0.0, 1.5],
@@ -85,10 +83,7 @@ fn an_arm_is_asked_for_once_its_path_has_begun_and_alone_where_that_is_wanted() 
     assert_eq!(asked([true; ARMS], 0, true), [0, 1]);
     // Its path starts at 15 ms; the ball is assigned to it from then on.
     for (now_ms, arms) in [(2, &[][..]), (13, &[]), (14, &[0]), (40, &[0])] {
-        assert_eq!(
-            asked([true; ARMS], now_ms * 1_000_000, false),
-            arms,
-            "{now_ms}"
-        );
+        let asked = asked([true; ARMS], now_ms * 1_000_000, false);
+        assert_eq!(asked, arms, "{now_ms}");
     }
 }

@@ -2,7 +2,7 @@
 
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
-    ArmPath, BallPredictions, PlanFailure, PlanRequest, PlanResult,
+    ArmPath, BallPredictions, PlanFailure, PlanRequest, PlanResult, RampPacket,
 };
 
 use super::{Armed, Coordinator, CoordinatorOutputs, MeasuredPose};
@@ -169,14 +169,9 @@ impl Armed {
 
 /// Returns true for a plan with finite numbers, and for a valid request without a plan.
 fn is_usable(result: &PlanResult) -> bool {
-    let numbers = result
-        .ramps
-        .iter()
-        .flat_map(|ramp| [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end]);
-    let finite = numbers
-        .chain(result.q)
-        .chain([result.t, result.cost])
-        .all(f64::is_finite);
+    let of_ramp = |ramp: &RampPacket| [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end];
+    let numbers = result.ramps.iter().flat_map(of_ramp).chain(result.q);
+    let finite = numbers.chain([result.t, result.cost]).all(f64::is_finite);
     match result.failure() {
         _ if result.request.arm >= ARMS as u64 => false,
         Some(PlanFailure::NotFailed) => finite && (0.0..10.0).contains(&result.t),

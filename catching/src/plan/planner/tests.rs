@@ -128,12 +128,8 @@ fn keeps_limits(
 ) -> Result<(), TestCaseError> {
     prop_assert!(plan.t >= request.earliest && plan.t <= request.latest);
     for (ramp, joint) in plan.ramps.iter().zip(robot.arm(0).joints()) {
-        prop_assert!(
-            ramp.a.abs() <= joint.acceleration * (1.0 + 1e-6) + 1e-6,
-            "{} {}",
-            ramp.a,
-            joint.acceleration
-        );
+        let most = joint.acceleration * (1.0 + 1e-6) + 1e-6;
+        prop_assert!(ramp.a.abs() <= most, "{} {most}", ramp.a);
         prop_assert!(ramp.end <= plan.t + 1e-12);
         for i in 0..=200 {
             let (q, w) = ramp.at(ramp.end * f64::from(i) / 200.0);
@@ -164,54 +160,42 @@ fn caught(robot: &Robot) -> CatchRequest {
     passing(robot, [0.6, 0.4, 0.1])
 }
 
+/// Returns a planner, a request and its plan.
+fn planned() -> (Planner, CatchRequest, CatchPlan) {
+    let robot = Robot::nominal();
+    let (planner, caught) = (
+        Planner::new(&robot, 0, PlanConfig::default()),
+        caught(&robot),
+    );
+    let plan = planner.plan(&caught, &PlanConditions::default(), || false);
+    (planner, caught, plan.unwrap())
+}
+
 #[test]
 fn reasons_are_told_apart() {
-    let robot = Robot::nominal();
-    let planner = Planner::new(&robot, 0, PlanConfig::default());
-    let caught = caught(&robot);
-    let plan = planner
-        .plan(&caught, &PlanConditions::default(), || false)
-        .unwrap();
+    let (planner, caught, plan) = planned();
     assert!((0.5..0.95).contains(&plan.t), "{}", plan.t);
-    let away = CatchRequest {
-        ball: Flight {
-            v: Vector3::new(6.0, 0.0, 2.0),
-            ..caught.ball
-        },
-        ..caught
-    };
+    let mut away = caught;
+    away.ball.v = Vector3::new(6.0, 0.0, 2.0);
     let why = |request: &CatchRequest, out_of_time: bool| {
         let plan = planner.plan(request, &PlanConditions::default(), || out_of_time);
         plan.unwrap_err()
     };
     assert_eq!(why(&away, false), NoPlan::OutOfReach);
-    let mut q0 = caught.q0;
-    q0[0] += 1.5;
-    let soon = CatchRequest {
-        ball: caught.ball.after(0.78),
-        q0,
-        ..caught
-    };
+    let mut soon = caught;
+    soon.ball = caught.ball.after(0.78);
+    soon.q0[0] += 1.5;
     assert_eq!(why(&soon, false), NoPlan::NoCatch);
     assert_eq!(why(&caught, true), NoPlan::OutOfTime);
-    let numbers = CatchRequest {
-        w0: [f64::NAN; 7],
-        ..caught
-    };
-    assert_eq!(
-        why(&numbers, false).to_string(),
-        "the request has values that are not finite"
-    );
+    let mut numbers = caught;
+    numbers.w0 = [f64::NAN; 7];
+    let refused = why(&numbers, false).to_string();
+    assert_eq!(refused, "the request has values that are not finite");
 }
 
 #[test]
 fn a_repeated_plan_is_not_worse_and_needs_fewer_iterations() {
-    let robot = Robot::nominal();
-    let planner = Planner::new(&robot, 0, PlanConfig::default());
-    let caught = caught(&robot);
-    let plan = planner
-        .plan(&caught, &PlanConditions::default(), || false)
-        .unwrap();
+    let (planner, caught, plan) = planned();
     let CatchPlan { q, t, .. } = plan;
     let conditions = after(Some(CatchPoint { q, t }));
     let again = planner.plan(&caught, &conditions, || false).unwrap();

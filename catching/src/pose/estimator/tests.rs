@@ -1,5 +1,5 @@
 use super::*;
-use crate::pose::shaking::{DT_NS, REST, Run, chi_square, head, run};
+use crate::pose::shaking::{DT_NS, REST, chi_square, head, run};
 use nalgebra::{SMatrix, SVector, UnitQuaternion};
 
 fn estimator(config: PoseConfig) -> PoseEstimator {
@@ -30,14 +30,9 @@ fn a_head_that_stands_finds_the_planted_biases() {
         ..PoseConfig::default()
     };
     for seed in 0..5 {
-        let Run {
-            estimator,
-            poses,
-            accelerometer_bias,
-            ..
-        } = run(seed, config);
-        let at_rest = poses[((REST - 0.02) * 512.0) as usize];
-        let missing = accelerometer_bias - Vector3::from(at_rest.accelerometer_bias);
+        let run = run(seed, config);
+        let (estimator, at_rest) = (run.estimator, run.poses[((REST - 0.02) * 512.0) as usize]);
+        let missing = run.accelerometer_bias - Vector3::from(at_rest.accelerometer_bias);
         // Gravity times an attitude error of 1e-4 rad, three standard deviations, plus the remaining noise after
         // two seconds.
         assert!(missing.amax() < 9.81 * 3e-4 + 1e-3, "{missing}");
@@ -57,10 +52,7 @@ fn a_shaking_head_stays_within_its_own_covariance() {
         sum += (e.transpose() * covariance(&pose).try_inverse().unwrap() * e)[0];
     }
     let freedom = 9.0 * runs as f64;
-    let band = [
-        chi_square(freedom, -1.96) / runs as f64,
-        chi_square(freedom, 1.96) / runs as f64,
-    ];
+    let band = [-1.96, 1.96].map(|z| chi_square(freedom, z) / runs as f64);
     let nees = sum / runs as f64;
     assert!((band[0]..band[1]).contains(&nees), "{nees} {band:?}");
 }
@@ -93,108 +85,64 @@ fn a_bias_that_is_left_over_is_in_the_covariance() {
     for number in 1..=512 {
         pose = estimator.push(&sample(number), None).unwrap();
     }
-    assert!(
-        (pose.position[0] - 0.01).abs() < 1e-4,
-        "{}",
-        pose.position[0]
-    );
-    assert!(
-        (pose.covariance[0][0].sqrt() - 0.01).abs() < 3e-4,
-        "{}",
-        pose.covariance[0][0].sqrt()
-    );
+    let (x, sigma) = (pose.position[0], pose.covariance[0][0].sqrt());
+    assert!((x - 0.01).abs() < 1e-4, "{x}");
+    assert!((sigma - 0.01).abs() < 3e-4, "{sigma}");
+}
+
+/// Returns the sample after the last one of a run, later by the given time.
+fn next(last: &ImuSample, later_ns: u64) -> ImuSample {
+    ImuSample {
+        sensor_ns: last.sensor_ns + DT_NS + later_ns,
+        ..*last
+    }
 }
 
 #[test]
 fn invalid_samples_change_nothing() {
-    let Run {
-        mut estimator,
-        last,
-        ..
-    } = run(1, PoseConfig::default());
-    let next = |change: fn(&mut ImuSample)| {
-        let mut sample = last;
-        sample.sensor_ns += DT_NS;
-        change(&mut sample);
-        sample
-    };
+    let run = run(1, PoseConfig::default());
+    let (mut estimator, next) = (run.estimator, next(&run.last, 0));
     let mut untouched = estimator.clone();
     for bad in [f64::NAN, f64::INFINITY, 1e30] {
-        let mut sample = next(|_| ());
-        sample.acceleration[1] = bad;
-        assert!(matches!(
-            estimator.push(&sample, None),
-            Err(PoseError::Value { .. })
-        ));
-        sample.acceleration[1] = 0.0;
-        sample.rate[2] = bad;
-        assert!(matches!(
-            estimator.push(&sample, None),
-            Err(PoseError::Value { .. })
-        ));
+        let spoils: [fn(&mut ImuSample) -> &mut f64; 2] = [
+            |sample| &mut sample.acceleration[1],
+            |sample| &mut sample.rate[2],
+        ];
+        for spoil in spoils {
+            let mut sample = next;
+            *spoil(&mut sample) = bad;
+            let refused = estimator.push(&sample, None);
+            assert!(matches!(refused, Err(PoseError::Value { .. })));
+        }
     }
-    assert!(matches!(
-        estimator.push(&last, None),
-        Err(PoseError::Backwards { .. })
-    ));
+    let again = estimator.push(&run.last, None);
+    assert!(matches!(again, Err(PoseError::Backwards { .. })));
     let mut nowhere = Isometry3::identity();
     nowhere.translation.x = f64::NAN;
-    assert_eq!(
-        estimator.push(&next(|_| ()), Some(nowhere)),
-        Err(PoseError::Kinematics)
-    );
-    assert_eq!(
-        estimator.push(&next(|_| ()), None),
-        untouched.push(&next(|_| ()), None)
-    );
+    let refused = estimator.push(&next, Some(nowhere));
+    assert_eq!(refused, Err(PoseError::Kinematics));
+    assert_eq!(estimator.push(&next, None), untouched.push(&next, None));
 }
 
 #[test]
 fn a_gap_loses_the_pose_and_keeps_the_biases() {
-    let Run {
-        mut estimator,
-        poses,
-        last,
-        ..
-    } = run(1, PoseConfig::default());
-    let next = |change: fn(&mut ImuSample)| {
-        let mut sample = last;
-        sample.sensor_ns += DT_NS;
-        change(&mut sample);
-        sample
-    };
-    let far = next(|sample| sample.sensor_ns += 60_000_000);
-    assert!(matches!(
-        estimator.push(&far, None),
-        Err(PoseError::Gap { .. })
-    ));
-    assert_eq!(
-        estimator.push(&next(|sample| sample.sensor_ns += 62_000_000), None),
-        Err(PoseError::Unknown)
-    );
-    let again = estimator
-        .push(
-            &next(|sample| sample.sensor_ns += 64_000_000),
-            Some(head(0.0)),
-        )
-        .unwrap();
-    assert_eq!(
-        again.accelerometer_bias,
-        estimator.state.accelerometer_bias.data.0[0]
-    );
-    assert!(
-        (Vector3::from(again.accelerometer_bias)
-            - Vector3::from(poses.last().unwrap().accelerometer_bias))
-        .norm()
-            < 0.01
-    );
+    let run = run(1, PoseConfig::default());
+    let (mut estimator, last) = (run.estimator, run.last);
+    let far = estimator.push(&next(&last, 60_000_000), None);
+    assert!(matches!(far, Err(PoseError::Gap { .. })));
+    let lost = estimator.push(&next(&last, 62_000_000), None);
+    assert_eq!(lost, Err(PoseError::Unknown));
+    let again = estimator.push(&next(&last, 64_000_000), Some(head(0.0)));
+    let again = again.unwrap().accelerometer_bias;
+    assert_eq!(again, estimator.state.accelerometer_bias.data.0[0]);
+    let before = Vector3::from(run.poses.last().unwrap().accelerometer_bias);
+    assert!((Vector3::from(again) - before).norm() < 0.01);
 }
 
 #[test]
 fn poses_between_samples_lie_between_them() {
-    let Run {
-        estimator, poses, ..
-    } = run(2, PoseConfig::default());
+    let run = run(2, PoseConfig::default());
+    let (estimator, poses) = (run.estimator, run.poses);
     let middle = poses[poses.len() - 51];
     assert_eq!(estimator.at(middle.t_ns).unwrap(), middle);
     // Interpolation over half a step of 2 ms at 20 m/s^2 is exact to a micrometre; the tolerance covers the true
@@ -210,17 +158,13 @@ fn poses_between_samples_lie_between_them() {
 
 #[test]
 fn a_covariance_stays_symmetric_and_positive() {
-    let Run {
-        estimator, poses, ..
-    } = run(3, PoseConfig::default());
+    let run = run(3, PoseConfig::default());
+    let (estimator, poses) = (run.estimator, run.poses);
     let p = estimator.state.covariance;
     assert_eq!(p, p.transpose());
     assert!(p.cholesky().is_some());
-    assert!(
-        poses
-            .iter()
-            .all(|pose| covariance(pose).cholesky().is_some())
-    );
+    let factor = |pose: &HeadPose| covariance(pose).cholesky();
+    assert!(poses.iter().all(|pose| factor(pose).is_some()));
 }
 
 #[test]

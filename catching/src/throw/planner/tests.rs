@@ -36,16 +36,12 @@ fn keeps_limits(robot: &Robot, plan: &ThrowPlan) {
         let now = plan.motion.at(i as f64 * h);
         for (joint, limits) in robot.joints().iter().enumerate() {
             let [low, high] = limits.range;
-            assert!(
-                low - 1e-6 <= now.0[joint] && now.0[joint] <= high + 1e-6,
-                "{joint}"
-            );
+            let range = low - 1e-6..=high + 1e-6;
+            assert!(range.contains(&now.0[joint]), "{joint}");
             assert!(now.1[joint].abs() <= limits.speed * (1.0 + 1e-6), "{joint}");
             let change = (now.1[joint] - last.1[joint]) / h;
-            assert!(
-                change.abs() <= limits.acceleration * (1.0 + 1e-6),
-                "{joint} {change}"
-            );
+            let most = limits.acceleration * (1.0 + 1e-6);
+            assert!(change.abs() <= most, "{joint} {change}");
             let way = now.0[joint] - last.0[joint] - (now.1[joint] + last.1[joint]) / 2.0 * h;
             // Excludes jumps; allows a change of acceleration within the step.
             assert!(way.abs() < limits.acceleration * h * h, "{joint} {way}");
@@ -83,10 +79,8 @@ fn faster_joints_throw_farther() {
             joint.speed *= arm;
         }
         let robot = Robot::new(description);
-        thrower(&robot)
-            .plan(&request(farthest()))
-            .unwrap()
-            .distance()
+        let plan = thrower(&robot).plan(&request(farthest()));
+        plan.unwrap().distance()
     };
     let nominal = distance(1.0, 1.0);
     assert!(distance(0.7, 1.0) < nominal && distance(1.0, 0.8) < nominal);
@@ -119,19 +113,15 @@ fn a_throw_beside_an_earlier_one_is_found_from_it() {
     let robot = Robot::nominal();
     let thrower = thrower(&robot);
     let first = thrower.plan(&request(at(4.0, 0.3))).unwrap();
-    let again = ThrowRequest {
-        last: Some(first.unknowns),
-        ..request(at(4.1, 0.25))
-    };
+    let mut again = request(at(4.1, 0.25));
+    again.last = Some(first.unknowns);
     let second = thrower.plan(&again).unwrap();
     assert_eq!(second.effort.starts, 1);
     assert!((second.landing.p - Vector3::new(4.1, 0.25, 1.2)).norm() < 1e-3);
     assert!((0..8).all(|i| (first.q[i] - second.q[i]).abs() < 0.3));
     // If there is none close to it, all starts are tried.
-    let far = ThrowRequest {
-        aim: at(9.0, 0.0),
-        ..again
-    };
+    let mut far = again;
+    far.aim = at(9.0, 0.0);
     assert_eq!(thrower.plan(&far), Err(NoThrow::OutOfReach { wanted: 9.0 }));
 }
 
@@ -140,21 +130,16 @@ fn impossible_throws_are_rejected_with_a_reason() {
     let robot = Robot::nominal();
     let thrower = thrower(&robot);
     let good = request(at(4.0, 0.0));
-    let nobody = ThrowRequest {
-        holding: None,
-        ..good
+    let refused = |change: fn(&mut ThrowRequest)| {
+        let mut request = good;
+        change(&mut request);
+        thrower.plan(&request).unwrap_err()
     };
-    assert_eq!(thrower.plan(&nobody), Err(NoThrow::NoBall));
-    let third = ThrowRequest {
-        holding: Some(2),
-        ..good
-    };
-    assert_eq!(thrower.plan(&third), Err(NoThrow::NoBall));
-    let drag = ThrowRequest {
-        drag: f64::NAN,
-        ..good
-    };
-    assert_eq!(thrower.plan(&drag), Err(NoThrow::NotFinite));
+    assert_eq!(refused(|request| request.holding = None), NoThrow::NoBall);
+    let third = refused(|request| request.holding = Some(2));
+    assert_eq!(third, NoThrow::NoBall);
+    let drag = refused(|request| request.drag = f64::NAN);
+    assert_eq!(drag, NoThrow::NotFinite);
     let hasty = ThrowPlanConfig {
         coast: -0.1,
         ..ThrowPlanConfig::default()

@@ -11,7 +11,7 @@ use tactnet_recording::Recording;
 
 use super::RecordedError;
 use super::chain::{Chain, chains};
-use super::packets_of::packets_of;
+use super::packets_of::{Put, packets_of};
 
 /// One step from an exposure to its path.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -76,13 +76,13 @@ pub fn timing(recording: &Recording) -> Result<Timing, RecordedError> {
     }
     let caught = catch_times(recording)?;
     let commands = packets_of::<JointCommand>(recording, None)?;
-    let beat_to_command: Vec<f64> = commands
+    let beats = commands
         .iter()
-        .map(|put| between(put.packet.command_ns, put.ns))
-        .collect();
-    let periods: Vec<f64> = states
-        .windows(2)
-        .filter(|pair| pair[1].packet.number == pair[0].packet.number + 1)
+        .map(|put| between(put.packet.command_ns, put.ns));
+    let beat_to_command: Vec<f64> = beats.collect();
+    let follows = |pair: &&[Put<JointState>]| pair[1].packet.number == pair[0].packet.number + 1;
+    let periods = states.windows(2).filter(follows);
+    let periods: Vec<f64> = periods
         .map(|pair| between(pair[0].ns, pair[1].ns))
         .collect();
     let samples = packets_of::<ImuSample>(recording, None)?
@@ -134,11 +134,8 @@ const PARTS: [Part; 6] = [
 
 fn steps(chains: &[Chain]) -> Vec<Step> {
     let of = |each: &dyn Fn(&Chain) -> u64| {
-        let times: Vec<f64> = chains
-            .iter()
-            .map(|chain| milliseconds(each(chain)))
-            .collect();
-        Milliseconds::of(&times)
+        let times = chains.iter().map(|chain| milliseconds(each(chain)));
+        Milliseconds::of(&times.collect::<Vec<f64>>())
     };
     let step = |(name, process, begins, ends): Part| {
         Some(Step {

@@ -36,11 +36,7 @@ fn hands(report: &CalibrationReport) -> Markup {
         "Distances of hands at unseen poses: before {:.1} mm on average, after {:.2} mm, from random configurations {:.2} mm",
         report.raw.mean_mm, report.mean_mm, report.random.mean_mm
     );
-    let curves = [
-        samples.raw_mm.clone(),
-        samples.found_mm.clone(),
-        samples.random_mm.clone(),
-    ];
+    let curves = [&samples.raw_mm, &samples.found_mm, &samples.random_mm].map(Vec::clone);
     html! {
         @if let Some(figure) = at_most(&title, "distance [mm]", &curves) {
             h2 { "Hands at unseen poses" }
@@ -57,11 +53,7 @@ fn hands(report: &CalibrationReport) -> Markup {
 fn features(report: &CalibrationReport) -> Markup {
     let samples = &report.samples;
     let noise = rayleigh(samples.noise_px);
-    let curves = [
-        samples.before_px.clone(),
-        samples.residuals_px.clone(),
-        noise,
-    ];
+    let curves = [&samples.before_px, &samples.residuals_px, &noise].map(Vec::clone);
     if samples.residuals_px.is_empty() {
         return html! {};
     }
@@ -95,30 +87,20 @@ fn rayleigh(sigma: f64) -> Vec<f64> {
 }
 
 fn catches(report: &CalibrationReport) -> Markup {
-    let rates = [
-        (
-            "before",
-            report.catch_rate_before,
-            report.catch_rate_before_ci95,
-        ),
-        (
-            "after",
-            report.catch_rate_after,
-            report.catch_rate_after_ci95,
-        ),
-    ];
-    let all: Vec<Share> = rates
-        .into_iter()
-        .enumerate()
-        .filter_map(|(look, (name, share, ci95))| {
-            Some(Share {
-                name: name.into(),
-                look,
-                share: share?,
-                ci95: ci95?,
-            })
+    let share = |look, name: &str, share: Option<f64>, ci95: Option<[f64; 2]>| {
+        Some(Share {
+            name: name.into(),
+            look,
+            share: share?,
+            ci95: ci95?,
         })
-        .collect();
+    };
+    let (before, after) = (report.catch_rate_before, report.catch_rate_after);
+    let all = [
+        share(0, "before", before, report.catch_rate_before_ci95),
+        share(1, "after", after, report.catch_rate_after_ci95),
+    ];
+    let all: Vec<Share> = all.into_iter().flatten().collect();
     if all.is_empty() {
         return html! {};
     }

@@ -1,8 +1,8 @@
-use tactnet_catching::calibrate::{CalibrationError, Slip, SlipConfig, SlipWatch};
+use tactnet_catching::calibrate::{CalibrationError, Picture, Slip, SlipConfig, SlipWatch};
 use tactnet_catching_world::PlantedErrors;
 
 use super::*;
-use crate::page_parts::tests::assert_page;
+use crate::page_parts::tests::{assert_page, on_threads};
 
 fn trial(seed: u64, throws: u64) -> CalibrationTrial {
     CalibrationTrial {
@@ -55,8 +55,7 @@ fn hands_at_unseen_poses_are_where_the_calibrated_stack_puts_them() {
 #[test]
 fn a_calibrated_robot_catches_what_it_missed_whatever_the_number_of_threads() {
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let mut report = pool.unwrap().install(|| trial(4, 16).run(|_| ())).unwrap();
+        let mut report = on_threads(threads, || trial(4, 16).run(|_| ())).unwrap();
         report.solved.solve_seconds = 0.0;
         report
     };
@@ -134,10 +133,8 @@ fn what_no_solver_can_mend_is_named_and_the_last_calibration_stays() {
         let mut session = good.clone();
         spoil(&mut session);
         let error = calibrate(&session).unwrap_err();
-        assert!(
-            matches!(error, TrialError::Calibration(_)) && error.to_string().contains(named),
-            "{named}: {error}"
-        );
+        assert!(matches!(error, TrialError::Calibration(_)), "{error}");
+        assert!(error.to_string().contains(named), "{named}: {error}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), kept);
     }
     std::fs::remove_file(path).unwrap();
@@ -151,29 +148,19 @@ fn a_slipped_tendon_asks_for_calibration_and_a_good_robot_does_not() {
     // Another session of the same robot.
     let drawn = candidates(&model, &trial.config, 6, 10).unwrap();
     let later = rehearse(&model, &trial.world(), &trial.routine, &drawn, 6).unwrap();
-    let watch = |slipped: fn(&mut tactnet_catching::calibrate::Picture)| -> Option<Slip> {
+    let watch = |slipped: fn(&mut Picture)| -> Option<Slip> {
         let mut watch = SlipWatch::new(SlipConfig::default()).unwrap();
         later.pictures.iter().find_map(|picture| {
             let mut picture = *picture;
             slipped(&mut picture);
-            watch.picture(
-                &model,
-                &trial.config.noise,
-                &solved.unknowns,
-                &solved.covariance,
-                &picture,
-            )
+            let (x, covariance) = (&solved.unknowns, &solved.covariance);
+            watch.picture(&model, &trial.config.noise, x, covariance, &picture)
         })
     };
-    let quiet = watch(|_| ());
-    assert_eq!(quiet, None);
-    for slipped in [
-        (|p| p.q[1] -= 0.0175) as fn(&mut tactnet_catching::calibrate::Picture),
-        |p| p.q[4] -= 0.0175,
-        |p| p.neck.q[0] -= 0.0175,
-    ] {
-        assert!(watch(slipped).is_some());
-    }
+    assert_eq!(watch(|_| ()), None);
+    assert!(watch(|p| p.q[1] -= 0.0175).is_some());
+    assert!(watch(|p| p.q[4] -= 0.0175).is_some());
+    assert!(watch(|p| p.neck.q[0] -= 0.0175).is_some());
 }
 
 #[test]
@@ -181,8 +168,6 @@ fn a_session_without_anything_is_refused() {
     let model = Model::new(&Robot::nominal());
     let config = CalibrationConfig::default();
     let error = calibrate(&model, &Session::default(), &config, None).unwrap_err();
-    assert!(
-        matches!(error, CalibrationError::NeverSeen { arm: 0, .. }),
-        "{error}"
-    );
+    let is_unseen = matches!(error, CalibrationError::NeverSeen { arm: 0, .. });
+    assert!(is_unseen, "{error}");
 }

@@ -1,7 +1,7 @@
 use tactnet_catching::throw::NoThrow;
 
 use super::*;
-use crate::page_parts::tests::assert_page;
+use crate::page_parts::tests::{assert_page, on_threads};
 
 fn rally(config: RallyConfig, rallies: usize) -> Rally {
     Rally {
@@ -24,11 +24,7 @@ fn short() -> RallyConfig {
 #[test]
 fn robots_play_catch_and_games_repeat_to_the_bit_whatever_the_number_of_threads() {
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        let report = pool.install(|| rally(short(), 2).run(|| ())).unwrap();
+        let report = on_threads(threads, || rally(short(), 2).run(|| ())).unwrap();
         let page = rally_page(&report);
         (serde_json::to_value(&report).unwrap(), report.flights, page)
     };
@@ -65,10 +61,8 @@ fn balls_that_fly_as_nobody_expects_are_missed() {
     windy.world.thrower.distance = [1.5, 2.0];
     let report = windy.run(|| ()).unwrap();
     assert!(report.catches < report.throws, "{report:?}");
-    assert_eq!(
-        report.causes.values().sum::<usize>(),
-        report.throws - report.catches
-    );
+    let missed: usize = report.causes.values().sum();
+    assert_eq!(missed, report.throws - report.catches);
     assert!(report.beside_mm_rms > Some(300.0), "{report:?}");
 }
 
@@ -88,43 +82,24 @@ fn practice_brings_throws_nearer_to_their_target() {
 
 #[test]
 fn what_makes_no_sense_is_refused_with_its_setting() {
-    let refused = |config: RallyConfig| rally(config, 1).run(|| ()).unwrap_err();
-    let of = RallyConfig::default;
-    let far = refused(RallyConfig {
-        distance: 9.0,
-        ..of()
-    });
-    assert!(
-        matches!(far, TrialError::Throw(NoThrow::OutOfReach { .. })),
-        "{far}"
-    );
-    let cases = [
-        (
-            RallyConfig {
-                distance: 1.0,
-                ..of()
-            },
-            "`distance`",
-        ),
-        (
-            RallyConfig {
-                target: [4.8, 0.0, 1.0],
-                ..of()
-            },
-            "`target`",
-        ),
-        (RallyConfig { gain: -1.0, ..of() }, "`gain`"),
-        (RallyConfig { most: 0, ..of() }, "`most`"),
-        (
-            RallyConfig {
-                wheels: Some(0.0),
-                ..of()
-            },
-            "`wheels`",
-        ),
+    let refused = |spoil: fn(&mut RallyConfig)| {
+        let mut config = RallyConfig::default();
+        spoil(&mut config);
+        rally(config, 1).run(|| ()).unwrap_err()
+    };
+    let far = refused(|config| config.distance = 9.0);
+    let is_far = matches!(far, TrialError::Throw(NoThrow::OutOfReach { .. }));
+    assert!(is_far, "{far}");
+    type Spoil = fn(&mut RallyConfig);
+    let cases: [(Spoil, &str); 5] = [
+        (|config| config.distance = 1.0, "`distance`"),
+        (|config| config.target = [4.8, 0.0, 1.0], "`target`"),
+        (|config| config.gain = -1.0, "`gain`"),
+        (|config| config.most = 0, "`most`"),
+        (|config| config.wheels = Some(0.0), "`wheels`"),
     ];
-    for (config, named) in cases {
-        let error = refused(config).to_string();
+    for (spoil, named) in cases {
+        let error = refused(spoil).to_string();
         assert!(error.contains(named), "{named}: {error}");
     }
     let unknown = serde_json::from_str::<RallyConfig>(r#"{"distanc": 5}"#);

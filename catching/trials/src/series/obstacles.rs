@@ -99,7 +99,10 @@ impl ObstaclesReport {
         }
         let contacts = outcomes.iter().filter(|outcome| touched(outcome)).count();
         let looked = |among: &&AmongObstacles| among.look_seconds > 0.0;
-        let milliseconds = |seconds: f64| 1e3 * seconds;
+        let quantiles = |of: &dyn Fn(&AmongObstacles) -> Option<f64>| {
+            let seconds = among.iter().filter(looked).filter_map(of);
+            Quantiles::of(seconds.map(|seconds| 1e3 * seconds).collect())
+        };
         Some(Self {
             contacts,
             contacts_ci95: wilson_of_counts(contacts, outcomes.len()),
@@ -108,22 +111,8 @@ impl ObstaclesReport {
             obstructed: among.iter().filter(|among| among.obstructed > 0).count(),
             arms_held_up: among.iter().map(|among| among.arms_held_up).sum(),
             untouched_catches: untouched_catches(outcomes),
-            look_to_plan_ms: Quantiles::of(
-                among
-                    .iter()
-                    .filter(looked)
-                    .filter_map(|among| {
-                        Some(milliseconds(among.look_seconds + among.plan_seconds?))
-                    })
-                    .collect(),
-            ),
-            look_ms: Quantiles::of(
-                among
-                    .iter()
-                    .filter(looked)
-                    .map(|among| milliseconds(among.look_seconds))
-                    .collect(),
-            ),
+            look_to_plan_ms: quantiles(&|among| Some(among.look_seconds + among.plan_seconds?)),
+            look_ms: quantiles(&|among| Some(among.look_seconds)),
             without_map: None,
         })
     }

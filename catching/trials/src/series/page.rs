@@ -16,7 +16,7 @@ use crate::error::TrialError;
 use crate::look_ahead::LookAhead;
 use crate::page_parts::{axes, captioned, chart, legend, report_page};
 use crate::picture::picture;
-use crate::trace::{Trace, TraceTick};
+use crate::trace::{Trace, TracePlan, TraceTick};
 
 /// Minimum cost of plans that are not exact catches.
 const NEAR_MISS: f64 = 10.0;
@@ -52,19 +52,12 @@ fn flight_figures(series: &Series, report: &SeriesReport) -> Result<Markup, Tria
 
 /// Draws the root mean square errors over the time to the catch, those according to the filter, and the bound.
 fn errors(series: &Series, report: &SeriesReport) -> Option<Markup> {
-    let all: Vec<&LookAhead> = report
-        .outcomes
-        .iter()
-        .flat_map(|outcome| &outcome.balls)
-        .flat_map(|ball| &ball.predictions)
-        .collect();
+    let balls = report.outcomes.iter().flat_map(|outcome| &outcome.balls);
+    let all: Vec<&LookAhead> = balls.flat_map(|ball| &ball.predictions).collect();
     let frame = 1.0 / series.config.robot.description().cameras.rate;
     let rms = |left: f64, of: &dyn Fn(&LookAhead) -> f64| {
-        let squares: Vec<f64> = all
-            .iter()
-            .filter(|a| (a.left - left).abs() <= frame / 2.0)
-            .map(|a| of(a).powi(2))
-            .collect();
+        let near = all.iter().filter(|a| (a.left - left).abs() <= frame / 2.0);
+        let squares: Vec<f64> = near.map(|a| of(a).powi(2)).collect();
         (squares.len() >= 5).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     };
     let lefts: Vec<f64> = (0..16).map(|i| frame * (f64::from(i) + 1.0)).collect();
@@ -80,11 +73,8 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<Markup> {
     }
     let bound = typical_bound(&series.config.robot);
     let of_bound = |of: &dyn Fn(&Bound) -> f64| -> Vec<(f64, f64)> {
-        bound
-            .iter()
-            .filter(|b| b.left <= 0.65)
-            .map(|b| (1e3 * b.left, of(b)))
-            .collect()
+        let shown = bound.iter().filter(|b| b.left <= 0.65);
+        shown.map(|b| (1e3 * b.left, of(b))).collect()
     };
     let across = [
         errors_across,
@@ -110,11 +100,8 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<Markup> {
 
 /// Returns the bound of a throw from 5 m with 7 m/s.
 fn typical_bound(robot: &Robot) -> Vec<Bound> {
-    let release = Flight::without_spin(
-        Vector3::new(5.6, 0.0, 1.5),
-        Vector3::new(-6.6, 0.1, 2.6),
-        DRAG,
-    );
+    let (p, v) = (Vector3::new(5.6, 0.0, 1.5), Vector3::new(-6.6, 0.1, 2.6));
+    let release = Flight::without_spin(p, v, DRAG);
     let zeros = [0.0; tactnet_catching_packets::JOINTS];
     let head = robot.chest(&zeros) * robot.head(&zeros);
     bounds(&release, 0.02, 0.8, &head, &robot.description().cameras)
@@ -243,12 +230,9 @@ pub(super) fn rate_lines(
 
 /// Draws the costs of the exact plans of an arm; `None` for fewer than two.
 fn plan_costs(trace: &Trace, arm: usize) -> Option<String> {
-    let costs: Vec<(f64, f64)> = trace
-        .plans
-        .iter()
-        .filter(|plan| plan.arm == arm && plan.cost < NEAR_MISS)
-        .map(|plan| (plan.t, plan.cost))
-        .collect();
+    let exact = |plan: &&TracePlan| plan.arm == arm && plan.cost < NEAR_MISS;
+    let exact = trace.plans.iter().filter(exact);
+    let costs: Vec<(f64, f64)> = exact.map(|plan| (plan.t, plan.cost)).collect();
     if costs.len() < 2 {
         return None;
     }
@@ -258,9 +242,6 @@ fn plan_costs(trace: &Trace, arm: usize) -> Option<String> {
         time_axis(trace),
         Axis::linear("cost of the plan", 0.0..=(most * 5.0).ceil() / 5.0, 0.2),
     );
-    Some(chart(
-        "Cost of plans",
-        &axes,
-        &axes.line(Curve::nth(0), &costs, 1),
-    ))
+    let line = axes.line(Curve::nth(0), &costs, 1);
+    Some(chart("Cost of plans", &axes, &line))
 }

@@ -56,14 +56,10 @@ impl Series {
         let mut svg = String::new();
         for (place, (outcome, trace)) in self.row(0, length)?.iter().enumerate() {
             let caught = outcome.balls.iter().all(BallOutcome::caught);
-            let arm = trace
-                .plans
-                .last()
-                .map_or("no", |plan| ["left", "right"][plan.arm]);
-            let (x, y) = (
-                (place % COLUMNS) as f64 * WIDTH,
-                (place / COLUMNS) as f64 * HEIGHT,
-            );
+            let plan = trace.plans.last();
+            let arm = plan.map_or("no", |plan| ["left", "right"][plan.arm]);
+            let [column, row] = [place % COLUMNS, place / COLUMNS].map(|i| i as f64);
+            let (x, y) = (column * WIDTH, row * HEIGHT);
             let _ = write!(
                 svg,
                 "<svg x=\"{x:.0}\" y=\"{y:.0}\" width=\"{WIDTH}\" height=\"{HEIGHT}\">{}<text x=\"12\" y=\"20\">ball {}, {arm} arm, {}</text></svg>",
@@ -72,13 +68,8 @@ impl Series {
                 if caught { "caught" } else { "missed" }
             );
         }
-        let rows = (length as usize).div_ceil(COLUMNS) as f64;
+        let height = (length as usize).div_ceil(COLUMNS) as f64 * HEIGHT;
         let title = "Balls caught one after the other";
-        Ok(stand_alone(
-            COLUMNS as f64 * WIDTH,
-            rows * HEIGHT,
-            title,
-            &svg,
-        ))
+        Ok(stand_alone(COLUMNS as f64 * WIDTH, height, title, &svg))
     }
 }

@@ -38,12 +38,8 @@ impl World {
 
     /// Renders a depth picture now; `number` selects its noise.
     pub fn depth_picture(&self, number: u64) -> DepthPicture {
-        let own: Vec<PlacedCapsule> = self
-            .capsules
-            .iter()
-            .filter(|capsule| !capsule.is_head())
-            .map(|capsule| capsule.placed(&self.robot.places))
-            .collect();
+        let own = self.capsules.iter().filter(|capsule| !capsule.is_head());
+        let own: Vec<PlacedCapsule> = own.map(|one| one.placed(&self.robot.places)).collect();
         let head = &self.robot.frames.head;
         self.config
             .depth

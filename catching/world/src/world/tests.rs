@@ -9,6 +9,12 @@ fn world(config: &WorldConfig, seed: u64) -> World {
     World::new(&RobotDescription::nominal(), config, seed, &ready()).unwrap()
 }
 
+fn rigid() -> WorldConfig {
+    let mut config = WorldConfig::default();
+    config.torso.stiffness = crate::Stiffness::Rigid;
+    config
+}
+
 fn stay() -> JointCommand {
     JointCommand::still(ready())
 }
@@ -50,10 +56,8 @@ fn sensors_keep_their_rates() {
         assert_eq!((left.frame, right.frame), (frame as u64, frame as u64));
         assert_eq!(left.exposure_ns, right.exposure_ns);
         assert_eq!((left.camera, right.camera), (0, 1));
-        assert_eq!(
-            left.exposure_ns - pictures[0][0].exposure_ns,
-            frame as u64 * 40 * TICK_NS
-        );
+        let since_ns = left.exposure_ns - pictures[0][0].exposure_ns;
+        assert_eq!(since_ns, frame as u64 * 40 * TICK_NS);
     }
     for (number, sensed) in senses.iter().enumerate() {
         assert_eq!(sensed.joints.number, number as u64);
@@ -179,19 +183,13 @@ fn every_ball_gets_one_verdict() {
         }
         causes.extend(world.verdicts().iter().map(|verdict| verdict.miss));
     }
-    let balls: Vec<u64> = world
-        .verdicts()
-        .iter()
-        .map(|verdict| verdict.ball)
-        .collect();
+    let balls = world.verdicts().iter().map(|verdict| verdict.ball);
+    let balls: Vec<u64> = balls.collect();
     let mut sorted = balls.clone();
     sorted.sort_unstable();
     assert_eq!(sorted, (0..16).collect::<Vec<u64>>());
-    assert!(
-        causes
-            .iter()
-            .all(|miss| matches!(miss, Some(Miss::NeverCameNear | Miss::NoCommand)))
-    );
+    let far = |miss: &Option<Miss>| matches!(miss, Some(Miss::NeverCameNear | Miss::NoCommand));
+    assert!(causes.iter().all(far));
 }
 
 #[test]
@@ -212,13 +210,8 @@ fn commands_that_are_no_numbers_never_break_the_state() {
     }
     let moved = (world.truth().head.position - before.head.position).norm();
     assert!(moved < 1e-10, "{moved}");
-    assert_eq!(
-        world.ignored(),
-        Ignored {
-            joints: 500,
-            hands: [500, 0]
-        }
-    );
+    let (joints, hands) = (500, [500, 0]);
+    assert_eq!(world.ignored(), Ignored { joints, hands });
 }
 
 /// Steps between targets at opposite ends of the ranges, worse than any controller.
@@ -231,25 +224,15 @@ fn the_wildest_commands_leave_all_finite() {
         wild.dq = [far * 1e9; JOINTS];
         world.step(&wild, &NOBODY);
     }
-    let truth = world.truth();
-    assert!(truth.head.position.iter().all(|x| x.is_finite()));
+    let (head, deflection) = (world.truth().head.position, world.truth().deflection);
+    assert!(head.iter().all(|x| x.is_finite()));
     // Torques have no limits, but the torso keeps its shape.
-    assert!(
-        truth.deflection.iter().all(|e| e.abs() < 0.5),
-        "{:?}",
-        truth.deflection
-    );
+    assert!(deflection.iter().all(|e| e.abs() < 0.5), "{deflection:?}");
 }
 
 #[test]
 fn planted_errors_have_their_size() {
-    let rigid = WorldConfig {
-        torso: crate::TorsoConfig {
-            stiffness: crate::Stiffness::Rigid,
-            ..crate::TorsoConfig::default()
-        },
-        ..WorldConfig::default()
-    };
+    let rigid = rigid();
     let mut off = rigid.clone();
     off.errors.arm_mount = 0.06;
     for seed in 0..5 {
@@ -276,12 +259,8 @@ fn planted_errors_have_their_size() {
 fn a_joint_that_starts_out_of_range_is_named() {
     let mut start = ready();
     start[8] = 3.5;
-    let found = World::new(
-        &RobotDescription::nominal(),
-        &WorldConfig::default(),
-        1,
-        &start,
-    );
+    let (robot, config) = (RobotDescription::nominal(), WorldConfig::default());
+    let found = World::new(&robot, &config, 1, &start);
     let error = found.err().unwrap().to_string();
     assert!(error.contains("joint 8 starts at 3.5"), "{error}");
 }
@@ -341,28 +320,19 @@ fn a_ball_leaves_the_hand_that_it_was_given_to_and_flies_on_in_another_world() {
 /// The hand moves as if the joint were rotated; sensors, the other arm and the head do not change.
 #[test]
 fn a_slipped_tendon_moves_the_hand_and_no_sensor() {
-    let config = WorldConfig {
-        torso: crate::TorsoConfig {
-            stiffness: crate::Stiffness::Rigid,
-            ..crate::TorsoConfig::default()
-        },
-        ..WorldConfig::default()
-    };
+    let config = rigid();
     let mut world = world(&config, 3);
     world.step(&stay(), &NOBODY);
     let (before, sensed) = (world.truth(), world.sensed.joints.q);
-    let slip = TendonSlip {
-        arm: 1,
-        joint: 1,
-        angle: 0.0175,
-    };
+    let (arm, joint, angle) = (1, 1, 0.0175);
+    let slip = TendonSlip { arm, joint, angle };
     world.slip(&slip).unwrap();
     let after_step = world.step(&stay(), &NOBODY).joints.q;
     let after = world.truth();
     assert_eq!(after_step, sensed);
     let moved = |arm: usize| (after.hands[arm].position - before.hands[arm].position).norm();
     let mut turned = ready();
-    turned[joint::ARM[1].start + 1] += slip.angle;
+    turned[tactnet_catching_packets::joint::ARM[1].start + 1] += slip.angle;
     let mut there = World::new(&RobotDescription::nominal(), &config, 3, &turned).unwrap();
     there.step(&JointCommand::still(turned), &NOBODY);
     let beside = (after.hands[1].position - there.truth().hands[1].position).norm();

@@ -119,15 +119,9 @@ impl Scene {
         let mut over = String::new();
         for one in &self.boxes {
             if let Some([from, to]) = chord(one, aside) {
-                let (low, high) = (
-                    one.middle[2] - 0.5 * one.size[2],
-                    one.middle[2] + 0.5 * one.size[2],
-                );
-                over += &outline(
-                    &axes,
-                    &[(from, low), (to, low), (to, high), (from, high)],
-                    true,
-                );
+                let [low, high] = [-0.5, 0.5].map(|part| one.middle[2] + part * one.size[2]);
+                let corners = [(from, low), (to, low), (to, high), (from, high)];
+                over += &outline(&axes, &corners, true);
             }
         }
         over += &self.round(&axes, |p| (p.x, p.z), |p| (p.y - aside).abs());
@@ -186,11 +180,7 @@ impl Scene {
     ) -> String {
         let circle = |centre: &Vector3<f64>, radius: f64| {
             let (x, y) = onto(centre);
-            let opacity = if from_cut(centre) < radius {
-                0.75
-            } else {
-                0.25
-            };
+            let opacity = [0.25, 0.75][usize::from(from_cut(centre) < radius)];
             format!(
                 "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{:.1}\" opacity=\"{opacity}\"/>",
                 axes.x(x),
@@ -198,11 +188,8 @@ impl Scene {
                 radius * PIXELS / CELL
             )
         };
-        let arms: String = self
-            .spheres
-            .iter()
-            .map(|sphere| circle(&sphere.centre, sphere.radius))
-            .collect();
+        let spheres = self.spheres.iter();
+        let arms: String = spheres.map(|one| circle(&one.centre, one.radius)).collect();
         let ball = self.ball.map(|place| circle(&place, BALL_RADIUS));
         Curve::nth(1).group(&arms) + &Curve::nth(0).group(&ball.unwrap_or_default())
     }
@@ -327,11 +314,8 @@ mod tests {
         let config = WorldConfig {
             obstacles: ObstaclesConfig {
                 boxes: vec![BoxConfig {
-                    middle: [2.0, 0.3, 0.5],
-                    size: [0.4, 0.2, 1.0],
                     turn,
-                    drawn: [0.0; 3],
-                    drawn_turn: 0.0,
+                    ..BoxConfig::fixed([2.0, 0.3, 0.5], [0.4, 0.2, 1.0])
                 }],
             },
             ..WorldConfig::default()
@@ -374,28 +358,19 @@ mod tests {
         let field = DistanceField::new(grid, &solid);
         let place = Vector3::new(0.55, 0.1, 1.05);
         let point = towards(&field, &place);
-        assert!(
-            (field.distance(&point) + BELOW_SURFACE).abs() < 0.01,
-            "{point}"
-        );
-        assert!(
-            (point - Vector3::new(0.55, 0.63, 1.05)).norm() < 0.04,
-            "{point}"
-        );
-        assert_eq!(
-            towards(&DistanceField::empty(VoxelGrid::default()), &place),
-            place
-        );
+        let below = field.distance(&point) + BELOW_SURFACE;
+        assert!(below.abs() < 0.01, "{point}");
+        let off = (point - Vector3::new(0.55, 0.63, 1.05)).norm();
+        assert!(off < 0.04, "{point}");
+        let empty = DistanceField::empty(VoxelGrid::default());
+        assert_eq!(towards(&empty, &place), place);
     }
 
     #[test]
     fn shades_fade_with_the_distance() {
         let shades = [-0.1, 0.0, 0.05, 0.15, 0.3].map(|d| tactnet_plot::shade(share(d)));
         assert_eq!(shades[0], 1.0);
-        assert!(
-            shades.windows(2).all(|pair| pair[0] >= pair[1]),
-            "{shades:?}"
-        );
+        assert!(shades.is_sorted_by(|a, b| a >= b), "{shades:?}");
         assert!((shades[3] - 0.35).abs() < 1e-9 && share(0.3) == 0.0);
     }
 }
