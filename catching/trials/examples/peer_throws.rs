@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
+use serde_json::{Value, json};
 use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{Aim, ThrowPlanConfig, ThrowRequest, Thrower};
@@ -23,36 +23,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// A throw of maximum distance with its solution, in SI units, inertial frame.
-#[derive(Debug, Clone, Serialize)]
-struct PeerLaunch {
-    /// Arm, 0 for left and 1 for right.
-    arm: usize,
-    /// Direction of the throw about the vertical, from straight ahead, in rad.
-    heading: f64,
-    /// Height at which the flight ends, in m.
-    height: f64,
-    /// Drag of the ball, in 1/m.
-    drag: f64,
-    /// Duration of constant joint speeds before and after the release, in s.
-    coast: f64,
-    /// Maximum angle between the hand's axis and the velocity of the ball, in rad.
-    palm: f64,
-    /// Initial angles of turn and arm, shares of their maximum speeds, and time; the best first.
-    starts: Vec<Vec<f64>>,
-    /// Solution of this project, in the same order.
-    unknowns: Vec<f64>,
-    /// Length of its flight, in m.
-    distance: f64,
-    /// Computation time on one core including the initial values, in ms.
-    ms: f64,
-}
-
-/// Returns `count` throws.
+/// Returns `count` throws of maximum distance with their solutions, in SI units, inertial frame.
+///
+/// `starts` are initial angles of turn and arm, shares of their maximum speeds, and time, the best first; `unknowns` is
+/// the solution in the same order, found in `ms` ms on one core. Joint speeds are constant for `coast` s about the
+/// release; `palm` is the maximum angle between the hand's axis and the ball's velocity.
 ///
 /// # Errors
 /// A throw that cannot be planned.
-fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<PeerLaunch>, TrialError> {
+fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<Value>, TrialError> {
     // The exported problem has limits and flight, but not the robot's bodies, so that peers stay short.
     let config = ThrowPlanConfig {
         clearance: 0.0,
@@ -74,18 +53,18 @@ fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<PeerLaunch>
             let begun = Instant::now();
             let plan = thrower.plan(&request)?;
             let ms = begun.elapsed().as_secs_f64() * 1e3;
-            Ok(PeerLaunch {
-                arm: number % ARMS,
-                heading,
-                height,
-                drag: DRAG,
-                coast: config.coast,
-                palm: config.palm,
-                starts: thrower.starts(&request)?,
-                unknowns: plan.unknowns.to_vec(),
-                distance: plan.distance(),
-                ms,
-            })
+            Ok(json!({
+                "arm": number % ARMS,
+                "heading": heading,
+                "height": height,
+                "drag": DRAG,
+                "coast": config.coast,
+                "palm": config.palm,
+                "starts": thrower.starts(&request)?,
+                "unknowns": plan.unknowns.as_slice(),
+                "distance": plan.distance(),
+                "ms": ms,
+            }))
         })
         .collect()
 }

@@ -1,134 +1,44 @@
 //! Circles of throws for other trackers, with initial states and the results of this project.
+//!
+//! Everything is in SI units and pixels, in the inertial frame; `*_ns` in ns, `us` in µs, `across_mm` in mm, `along_ms`
+//! in ms. A circle is `[u, v, r]`, a state `x` is position, velocity, drag (1/m) and lift (1/s). Pictures come in pairs,
+//! left and right.
 
 use std::time::Instant;
 
 use nalgebra::{SMatrix, SVector, Vector3};
 use serde::Serialize;
+use serde_json::{Value, json};
 use tactnet_catching::Robot;
 use tactnet_catching::flight::{BALL_RADIUS, GRAVITY};
-use tactnet_catching::track::{BallState, Head, STATES, TrackConfig};
+use tactnet_catching::track::{BallState, Camera, Head, STATES, TrackConfig};
 use tactnet_catching_packets::packets::{BallPrediction, Circles, HeadPose};
 
 use crate::error::TrialError;
 use crate::look_ahead::TimedPrediction;
 use crate::still_head::{Detectors, StillThrow};
 
-/// Throws with all parameters of their models, in SI units and pixels, inertial frame.
-#[derive(Debug, Clone, Serialize)]
-pub struct PeerCircles {
-    /// Seed of throws, noise and clutter.
-    pub seed: u64,
-    /// Cameras.
-    pub cameras: PeerCameras,
-    /// Gravity minus buoyancy per effective mass, in m/s^2.
-    pub gravity: f64,
-    /// Radius of the ball, in m.
-    pub ball_radius: f64,
-    /// Settings of this project's tracker, equal for all throws.
-    pub config: TrackConfig,
-    /// Throws.
-    pub throws: Vec<PeerThrow>,
-}
-
-/// Two cameras along the head's x axis; y points left, z up.
+/// State of a ball, with its covariance row by row.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub struct PeerCameras {
-    /// Positions of the left and the right camera in the head frame, in m.
-    pub offsets: [[f64; 3]; 2],
-    /// Focal length, in pixels.
-    pub focal: f64,
-    /// Width and height of a picture, in pixels.
-    pub size: [f64; 2],
-    /// Exposure time, in s.
-    pub exposure: f64,
+struct PeerState {
+    t_ns: u64,
+    x: [f64; STATES],
+    covariance: [[f64; STATES]; STATES],
 }
 
-/// One ball, seen from a head at rest.
+/// A single filter with known association of circles and ball: the tracker's first report, and the subsequent pictures.
 #[derive(Debug, Clone, Serialize)]
-pub struct PeerThrow {
-    /// Number in the series.
-    pub number: u64,
-    /// Position of the head, in m.
-    pub head: [f64; 3],
-    /// Rotation from the head frame to the inertial frame, row by row.
-    pub head_rotation: [[f64; 3]; 3],
-    /// Time of the catch, in ns.
-    pub catch_ns: u64,
-    /// True position at the catch, in m.
-    pub p: [f64; 3],
-    /// True velocity at the catch, in m/s.
-    pub v: [f64; 3],
-    /// Pictures without clutter and misses; `None` if the tracker never reported the ball.
-    pub alone: Option<PeerFilter>,
-    /// Pictures with clutter and misses; `None` if the tracker did not report the ball before the evaluated
-    /// prediction.
-    pub cluttered: Option<PeerTrack>,
+struct PeerFilter {
+    start: PeerState,
+    pairs: Vec<PeerStep>,
 }
 
-/// Position, velocity, drag and lift, with their covariance.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct PeerState {
-    /// Time, in ns.
-    pub t_ns: u64,
-    /// Position in m, velocity in m/s, drag in 1/m, lift in 1/s.
-    pub x: [f64; STATES],
-    /// Covariance, row by row.
-    pub covariance: [[f64; STATES]; STATES],
-}
-
-/// A single filter with known association of circles and ball.
+/// A pair of pictures that contains only a ball, and the filter's state after it.
 #[derive(Debug, Clone, Serialize)]
-pub struct PeerFilter {
-    /// Initial state: the tracker's first report.
-    pub start: PeerState,
-    /// Subsequent pictures.
-    pub pairs: Vec<PeerStep>,
-}
-
-/// A pair of pictures that contains only a ball, and the filter state after it.
-#[derive(Debug, Clone, Serialize)]
-pub struct PeerStep {
-    /// u, v and r in pixels, left and right; `None` if the ball is not in the picture.
-    pub circles: [Option<[f64; 3]>; 2],
-    /// Filter state of this project at the time of the pictures.
-    pub ours: PeerState,
-    /// Computation time of this project's filter, in µs.
-    pub us: f64,
-}
-
-/// A tracker with a given initial state.
-#[derive(Debug, Clone, Serialize)]
-pub struct PeerTrack {
-    /// Initial state: the tracker's first report.
-    pub start: PeerState,
-    /// Subsequent pictures, up to the last pair at least 200 ms before the catch.
-    pub pairs: Vec<PeerPair>,
-    /// Result of this project's tracker after the last pair; `None` if it lost the ball.
-    pub ours: Option<PeerPrediction>,
-}
-
-/// All circles of a pair of pictures.
-#[derive(Debug, Clone, Serialize)]
-pub struct PeerPair {
-    /// Time of the exposure, in ns.
-    pub t_ns: u64,
-    /// u, v and r in pixels, left and right.
-    pub circles: [Vec<[f64; 3]>; 2],
-    /// Computation time of this project's tracker, in µs.
-    pub us: f64,
-}
-
-/// Prediction of this project's tracker after the last pair, and its error at the catch.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct PeerPrediction {
-    /// State of the tracker.
-    pub state: PeerState,
-    /// Error perpendicular to the flight, in mm.
-    pub across_mm: f64,
-    /// Error along the flight in ms; negative if early.
-    pub along_ms: f64,
-    /// Normalised squared error of the position.
-    pub nees: f64,
+struct PeerStep {
+    circles: [Option<[f64; 3]>; 2],
+    ours: PeerState,
+    us: f64,
 }
 
 /// Returns the first `count` throws of a seed, the same as those of a [`TrackBench`](crate::TrackBench). `progress`
@@ -142,27 +52,23 @@ pub fn peer_circles(
     seed: u64,
     count: usize,
     mut progress: impl FnMut(usize),
-) -> Result<PeerCircles, TrialError> {
+) -> Result<Value, TrialError> {
     let cameras = &robot.description().cameras;
     let mut throws = Vec::with_capacity(count);
     for number in 0..count as u64 {
         throws.push(peer_throw(robot, config, seed, number)?);
         progress(throws.len());
     }
-    let [left, right] = tactnet_catching::track::Camera::pair(cameras);
-    Ok(PeerCircles {
-        seed,
-        cameras: PeerCameras {
-            offsets: [left.offset.into(), right.offset.into()],
-            focal: left.focal,
-            size: left.size,
-            exposure: cameras.exposure,
-        },
-        gravity: GRAVITY,
-        ball_radius: BALL_RADIUS,
-        config,
-        throws,
-    })
+    let [left, right] = Camera::pair(cameras);
+    let offsets: [[f64; 3]; 2] = [left.offset.into(), right.offset.into()];
+    Ok(json!({
+        "seed": seed,
+        "cameras": {"offsets": offsets, "focal": left.focal, "size": left.size, "exposure": cameras.exposure},
+        "gravity": GRAVITY,
+        "ball_radius": BALL_RADIUS,
+        "config": config,
+        "throws": throws,
+    }))
 }
 
 fn peer_throw(
@@ -170,23 +76,24 @@ fn peer_throw(
     config: TrackConfig,
     seed: u64,
     number: u64,
-) -> Result<PeerThrow, TrialError> {
+) -> Result<Value, TrialError> {
     let alone = StillThrow::new(robot, Detectors::Perfect, seed, number)?;
     let cluttered = StillThrow::new(robot, Detectors::Usual, seed, number)?;
     let head = head(&alone.pairs[0].head);
-    Ok(PeerThrow {
-        number,
-        head: head.position.into(),
-        head_rotation: std::array::from_fn(|i| std::array::from_fn(|j| head.rotation[(i, j)])),
-        catch_ns: alone.catch_ns,
-        p: alone.catch.p.into(),
-        v: alone.catch.v.into(),
-        alone: filtered(&alone, robot, config)?,
-        cluttered: tracked(&cluttered, robot, config)?,
-    })
+    let rotation: [[f64; 3]; 3] = head.rotation.transpose().into();
+    Ok(json!({
+        "number": number,
+        "head": head.position.as_slice(),
+        "head_rotation": rotation,
+        "catch_ns": alone.catch_ns,
+        "p": alone.catch.p.as_slice(),
+        "v": alone.catch.v.as_slice(),
+        "alone": filtered(&alone, robot, config)?,
+        "cluttered": tracked(&cluttered, robot, config)?,
+    }))
 }
 
-/// Runs the filter alone on a ball, circle by circle.
+/// Runs the filter alone on a ball, circle by circle; `None` if the tracker never reported the ball.
 fn filtered(
     throw: &StillThrow,
     robot: &Robot,
@@ -230,12 +137,13 @@ fn filtered(
     Ok(Some(PeerFilter { start, pairs }))
 }
 
-/// Runs the tracker on a ball among clutter.
+/// Runs the tracker on a ball among clutter, up to the last pair at least 200 ms before the catch; `None` if it did not
+/// report the ball before. `ours` is its prediction after the last pair and the error at the catch.
 fn tracked(
     throw: &StillThrow,
     robot: &Robot,
     config: TrackConfig,
-) -> Result<Option<PeerTrack>, TrialError> {
+) -> Result<Option<Value>, TrialError> {
     let tracked = throw.track(robot, config)?;
     let first = tracked.said.first().map(reported);
     let Some((start, judged_ns)) = first.zip(throw.judged_ns()) else {
@@ -245,23 +153,21 @@ fn tracked(
         return Ok(None);
     }
     let pairs = throw.pairs.iter().zip(&tracked.micros);
-    Ok(Some(PeerTrack {
-        start,
-        pairs: pairs
-            .filter(|(pair, _)| (start.t_ns + 1..=judged_ns).contains(&pair.t_ns()))
-            .map(|(pair, us)| PeerPair {
-                t_ns: pair.t_ns(),
-                circles: pair.circles.each_ref().map(all),
-                us: *us,
-            })
-            .collect(),
-        ours: throw.ahead(&tracked).map(|(said, ahead)| PeerPrediction {
-            state: reported(said),
-            across_mm: ahead.across_mm,
-            along_ms: ahead.along_ms,
-            nees: ahead.nees,
-        }),
-    }))
+    let pairs: Vec<Value> = pairs
+        .filter(|(pair, _)| (start.t_ns + 1..=judged_ns).contains(&pair.t_ns()))
+        .map(|(pair, us)| {
+            json!({"t_ns": pair.t_ns(), "circles": pair.circles.each_ref().map(all), "us": us})
+        })
+        .collect();
+    let ours = throw.ahead(&tracked).map(|(said, ahead)| {
+        json!({
+            "state": reported(said),
+            "across_mm": ahead.across_mm,
+            "along_ms": ahead.along_ms,
+            "nees": ahead.nees,
+        })
+    });
+    Ok(Some(json!({"start": start, "pairs": pairs, "ours": ours})))
 }
 
 fn head(pose: &HeadPose) -> Head {
