@@ -13,7 +13,9 @@ impl TrainSpec {
     /// # Errors
     /// A missing or damaged file; more steps than the sweeps have.
     pub fn read_sweeps(&self) -> Result<Dataset, DataError> {
-        self.read_sweeps_of(&self.data, self.label_order)
+        let options = self.options_for(&self.data);
+        let dataset = DataSource::named(&self.data).read_with(&options)?;
+        self.with_rate_and_labels(dataset, self.label_order)
     }
 
     /// Reads other sweeps with the same settings, with labels in `order`. Other data that names its sample rate keeps it, even if it does not
@@ -24,12 +26,24 @@ impl TrainSpec {
     /// # Errors
     /// As [`TrainSpec::read_sweeps`].
     pub fn read_sweeps_of(&self, data: &str, order: LabelOrder) -> Result<Dataset, DataError> {
-        let is_own = data == self.data;
-        let mut dataset = DataSource::named(data).read_with(&ReadOptions {
+        let read = |options: &ReadOptions| DataSource::named(data).read_with(options);
+        let dataset = with_or_without_blocks(self.options_for(data), read)?;
+        self.with_rate_and_labels(dataset, order)
+    }
+
+    fn options_for(&self, data: &str) -> ReadOptions {
+        ReadOptions {
             keep: self.keep(),
-            rate_hz: self.rate_hz.filter(|_| is_own),
+            rate_hz: self.rate_hz.filter(|_| data == self.data),
             ..self.names_in(data)
-        })?;
+        }
+    }
+
+    fn with_rate_and_labels(
+        &self,
+        mut dataset: Dataset,
+        order: LabelOrder,
+    ) -> Result<Dataset, DataError> {
         if dataset.is_rate_assumed() {
             dataset = dataset.with_named_rate(self.rate_hz)?;
         }
@@ -86,7 +100,8 @@ impl TrainSpec {
                     keep: self.keep(),
                     ..self.names_in(data)
                 };
-                format::read_to_classify_with(&path, &options)?
+                let read = |options: &ReadOptions| format::read_to_classify_with(&path, options);
+                with_or_without_blocks(options, read)?
             }
             // The twin, or a missing file.
             other => {
@@ -164,6 +179,20 @@ impl TrainSpec {
     }
 }
 
+/// Reads data for a trained classifier: with the blocks that the training named, or without them where the data lack them.
+fn with_or_without_blocks<T>(
+    options: ReadOptions,
+    read: impl Fn(&ReadOptions) -> Result<T, DataError>,
+) -> Result<T, DataError> {
+    match read(&options) {
+        Err(_) if options.blocks.is_some() => read(&ReadOptions {
+            blocks: None,
+            ..options
+        }),
+        result => result,
+    }
+}
+
 /// Arranges the taxels of a file without rows and columns as in `shape`; returns true if that changed the rows.
 fn arranged(dataset: Dataset, shape: SweepShape) -> Result<(Dataset, bool), DataError> {
     let own = dataset.taxel_shape();
@@ -174,4 +203,56 @@ fn arranged(dataset: Dataset, shape: SweepShape) -> Result<(Dataset, bool), Data
         dataset.with_patch(shape.rows, shape.cols)?,
         shape.rows != own.rows,
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A robot's new sweeps have no sessions; the training data must have those that the user named.
+    #[test]
+    fn only_the_training_data_need_the_named_blocks() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, room: bool| {
+            let mut text = format!("sweep,material{},a,b\n", if room { ",room" } else { "" });
+            for sweep in 0..8 {
+                for step in 0..60 {
+                    let material = ["cork", "felt"][sweep % 2];
+                    let of = if room {
+                        format!(",{}", sweep / 4)
+                    } else {
+                        String::new()
+                    };
+                    text += &format!("{sweep},{material}{of},{},{}\n", step * sweep, step + sweep);
+                }
+            }
+            let path = dir.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path.to_str().unwrap().to_string()
+        };
+        let (with, without) = (write("with.csv", true), write("without.csv", false));
+        let spec = |data: &str| TrainSpec {
+            data: data.into(),
+            rate_hz: Some(100.0),
+            blocks: Some("room".into()),
+            ..TrainSpec::default()
+        };
+        let trained = spec(&with);
+        assert!(trained.read_sweeps().unwrap().has_blocks());
+        let other = |data: &str| trained.read_sweeps_of(data, LabelOrder::True).unwrap();
+        assert!(other(&with).has_blocks());
+        assert!(!other(&without).has_blocks());
+        assert_eq!(other(&without).taxel_shape().taxels(), 2);
+        let error = spec(&without).read_sweeps().unwrap_err().to_string();
+        assert!(error.contains("a column `room` for the blocks"), "{error}");
+        // A rate that is named for new data makes them the data of the settings.
+        let mut named = spec(&with);
+        named.name_rate_of(&without, Some(50.0));
+        assert!(
+            !named
+                .read_sweeps_of(&without, LabelOrder::True)
+                .unwrap()
+                .has_blocks()
+        );
+    }
 }
