@@ -1,5 +1,5 @@
-//! Keeps an arm away from its own robot on its whole way: from trunk, head and torso, and from the other arm during its
-//! motion.
+//! Keeps an arm away from its own robot on its whole way: from trunk, head, torso and platform, and from the other arm
+//! during its motion.
 //!
 //! ```text
 //! cost = weight / samples  sum over samples, pairs  max(0, soft - d(q))^2 + max(0, soft - d(q_stop))^2
@@ -26,8 +26,8 @@ use crate::safety::{Bodies, Hull, nearest};
 
 /// Number of joints that move upper arm, forearm and hand.
 const MOVED_BY: [usize; 3] = [3, 5, 7];
-/// Number of fixed bodies: trunk, head, two of the torso.
-const STILL: usize = 4;
+/// Number of fixed bodies: trunk, head, two of the torso, platform.
+const STILL: usize = 5;
 /// Number of arm parts: upper arm, forearm, hand.
 const PARTS: usize = 3;
 /// Amount by which an arm that starts too close may come closer, in m.
@@ -107,10 +107,10 @@ impl OwnBodies {
         let bodies = Bodies::new(robot.description());
         let waiting = robot.waiting();
         let [trunk, upper, lower] = bodies.torso(&waiting);
-        let head = bodies.head(&waiting);
+        let [head, platform] = bodies.head_and_platform(&waiting);
         let other = (arm + 1) % ARMS;
         Self {
-            still: [trunk, head, upper, lower].map(Body::of),
+            still: [trunk, head, upper, lower, platform].map(Body::of),
             bodies,
             arm,
             waiting,

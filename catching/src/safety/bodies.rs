@@ -7,14 +7,15 @@ use super::gjk::distance;
 use super::hull::Hull;
 use super::sweep::{Interval, Step, placed, reaches, swept};
 
-/// Number of bodies: trunk, head, two of the torso below the chest, then upper arm, forearm and hand, left and right.
-pub const BODIES: usize = 10;
+/// Number of bodies: trunk, head, two of the torso below the chest, platform, then upper arm, forearm and hand, left and
+/// right.
+pub const BODIES: usize = 11;
 /// Number of bodies that belong to no arm.
-const STILL: usize = 4;
+const STILL: usize = 5;
 /// Number of bodies per arm.
 const OF_ARM: usize = 3;
-/// Number of pairs that can collide: each body of an arm with trunk, head and torso, and with each body of the other
-/// arm.
+/// Number of pairs that can collide: each body of an arm with trunk, head, torso and platform, and with each body of the
+/// other arm.
 pub const PAIRS: usize = ARMS * OF_ARM * STILL + OF_ARM * OF_ARM;
 
 /// Body with its joint chain.
@@ -87,9 +88,12 @@ impl Bodies {
         })
     }
 
-    /// Returns the head at joint positions `q`, in the chest frame.
-    pub fn head(&self, q: &[f64; JOINTS]) -> Hull {
-        placed(&self.bodies[1].hull, &self.bodies[1].chain, q)
+    /// Returns head and platform at joint positions `q`, in the chest frame.
+    pub fn head_and_platform(&self, q: &[f64; JOINTS]) -> [Hull; 2] {
+        [1, 4].map(|body: usize| {
+            let body = &self.bodies[body];
+            placed(&body.hull, &body.chain, q)
+        })
     }
 
     /// Returns upper arm, forearm and hand of an arm (0 left, 1 right) at joint positions `q`, in the chest frame.
@@ -147,7 +151,7 @@ impl Builder {
         let head = corners([-0.02, 0.1], [-0.12, 0.12], [0.06, 0.16]);
         let to_head = vec![along_z(neck.height), turn(pan, z, 1.0), turn(tilt, y, 1.0)];
         self.add("head", &head, 0.04, to_head);
-        let [lower, upper] = [joint::TORSO.start + 1, joint::TORSO.start + 2];
+        let [yaw, lower, upper] = [0, 1, 2].map(|i| joint::TORSO.start + i);
         // Downwards from the upright chest.
         let to_upper = [turn(lower, y, 1.0), turn(upper, y, 1.0)];
         let upper_torso = [[0.0, 0.0, -0.16], [0.0, 0.0, -torso.upper_length]];
@@ -155,7 +159,16 @@ impl Builder {
         let mut to_lower = to_upper.to_vec();
         to_lower.extend([along_z(-torso.upper_length), turn(upper, y, -1.0)]);
         let lower_torso = [[0.0; 3], [0.0, 0.0, -torso.lower_length]];
-        self.add("lower torso", &lower_torso, 0.12, to_lower);
+        self.add("lower torso", &lower_torso, 0.12, to_lower.clone());
+        // Its upper side is half as high as the lowest pitch joint.
+        let height = -torso.lower_pitch_height;
+        let platform = corners([-0.25, 0.25], [-0.25, 0.25], [0.8 * height, 0.6 * height]);
+        to_lower.extend([
+            along_z(-torso.lower_length),
+            turn(lower, y, -1.0),
+            turn(yaw, z, -1.0),
+        ]);
+        self.add("platform", &platform, 0.06, to_lower);
     }
 
     fn add_arm(&mut self, side: usize, arm: &Arm) {
@@ -222,4 +235,32 @@ fn along_z(length: f64) -> Step {
 
 fn corners(x: [f64; 2], y: [f64; 2], z: [f64; 2]) -> [[f64; 3]; 8] {
     std::array::from_fn(|i| [x[i & 1], y[i >> 1 & 1], z[i >> 2 & 1]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Robot;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Seen from the room, the platform only slides sideways.
+        #[test]
+        fn the_platform_does_not_turn_with_the_torso(q in proptest::array::uniform4(-1.0..1.0f64)) {
+            let robot = Robot::nominal();
+            let bodies = Bodies::new(robot.description());
+            let mut moved = [0.0; JOINTS];
+            moved[..4].copy_from_slice(&q);
+            let at = |q: &[f64; JOINTS]| {
+                let [_, platform] = bodies.head_and_platform(q);
+                let in_room = |point: &Vector3<f64>| robot.chest(q).transform_point(&(*point).into());
+                platform.points().iter().map(in_room).collect::<Vec<_>>()
+            };
+            for (point, still) in at(&moved).iter().zip(at(&[0.0; JOINTS])) {
+                let shift = point - still;
+                prop_assert!((shift - Vector3::y() * q[0]).norm() < 1e-12, "{shift}");
+                prop_assert!((0.1..0.4).contains(&point.z), "{point}");
+            }
+        }
+    }
 }
