@@ -238,4 +238,5 @@ def main():
         print(f"{row['transport']:<16}{row['size']:>10}{row['median_us']:>13.1f}{row['p99_us']:>11.1f}")
 
 
-main()
+if __name__ == "__main__":
+    main()
