@@ -7,10 +7,13 @@
 //! probability of a ball. The ancestor of the best hypothesis some pictures ago is accepted (N-scan pruning).
 //!
 //! Hypotheses share tracks: each circle updates each track at most once.
+//!
+//! Clutter is not independent from picture to picture: round objects of a room are found again and again. A pair of
+//! circles is therefore no new ball if it is where a pair of an earlier picture was ([`Place`]).
 
 mod assign;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_packets::packets::MAX_CIRCLES;
 
@@ -30,6 +33,11 @@ pub(super) const MAX_SCANS: usize = 8;
 const MAX_TRACKS: usize = 8;
 /// Maximum number of circle pairs that may be new balls.
 const MAX_BIRTHS: usize = 64;
+/// Number of pictures whose pairs are remembered, and maximum number of pairs of each.
+const REMEMBERED: usize = 3;
+const MAX_PLACES: usize = 256;
+/// Error of the head's direction between remembered pictures, in rad. A thrown ball moves by many times more.
+const DIRECTION_ERROR: f64 = 0.002;
 /// Existence probability below which a track ends.
 const LEAST_EXISTENCE: f64 = 0.01;
 /// Distance in front of the head below which a ball has passed, in m.
@@ -110,6 +118,32 @@ struct Candidate {
     track: u16,
 }
 
+/// Position of a pair of circles in the inertial frame.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    p: Vector3<f64>,
+    covariance: Matrix3<f64>,
+}
+
+impl Place {
+    fn of(state: &BallState, head: &Head) -> Self {
+        let p = state.p();
+        let aside = DIRECTION_ERROR * (p - head.position).norm();
+        let covariance = state.covariance().fixed_view::<3, 3>(0, 0).into_owned();
+        Self {
+            p,
+            covariance: covariance + Matrix3::from_diagonal_element(aside * aside),
+        }
+    }
+
+    /// Returns true if both may be the same object at rest.
+    fn is_same(&self, other: &Self, gate: f64) -> bool {
+        let off = self.p - other.p;
+        let inverse = || (self.covariance + other.covariance).try_inverse();
+        off.norm_squared() < 1.0 && inverse().is_some_and(|s| (off.transpose() * s * off)[0] < gate)
+    }
+}
+
 /// All hypotheses, best first, with their tracks.
 #[derive(Debug, Clone)]
 pub(super) struct Hypotheses {
@@ -122,6 +156,8 @@ pub(super) struct Hypotheses {
     hypotheses: Vec<Hypothesis>,
     children: Vec<Child>,
     candidates: Vec<Candidate>,
+    /// Pairs of this picture and of earlier ones, newest first.
+    places: [Vec<Place>; REMEMBERED + 1],
     sights: Vec<Option<Sight>>,
     /// Log weight gain of an assigned circle, by track and circle.
     gains: Vec<f64>,
@@ -158,6 +194,7 @@ impl Hypotheses {
             hypotheses,
             children: Vec::with_capacity(MAX_HYPOTHESES + 1),
             candidates: Vec::with_capacity(MAX_BIRTHS),
+            places: std::array::from_fn(|_| Vec::with_capacity(MAX_PLACES)),
             sights: Vec::with_capacity(most),
             gains: vec![0.0; most * MAX_CIRCLES],
             misses: vec![0.0; most],
@@ -172,6 +209,7 @@ impl Hypotheses {
     /// Removes all tracks.
     pub fn clear(&mut self) {
         self.tracks.clear();
+        self.places.iter_mut().for_each(Vec::clear);
         self.hypotheses.truncate(1);
         let only = &mut self.hypotheses[0];
         (only.log_weight, only.count) = (0.0, 0);
@@ -291,13 +329,21 @@ impl Hypotheses {
     /// Collects the circle pairs that may be new balls. A left circle assigned in one hypothesis remains available in
     /// others.
     fn seek_births(&mut self, circles: [&[Vector3<f64>]; CAMERAS], head: &Head) {
-        let root = head.root();
+        let (root, gate) = (head.root(), self.config.gate);
+        self.places.rotate_right(1);
+        let [places, earlier @ ..] = &mut self.places;
+        places.clear();
         for (left, a) in circles[0].iter().enumerate() {
             for (right, b) in circles[1].iter().enumerate() {
-                if self.candidates.len() == MAX_BIRTHS {
-                    return;
+                let birth = birth(&self.cameras, [a, b], head, &root, &self.config);
+                let Some(birth) = birth else { continue };
+                let place = Place::of(&birth.state, head);
+                if places.len() < MAX_PLACES {
+                    places.push(place);
                 }
-                if let Some(birth) = birth(&self.cameras, [a, b], head, &root, &self.config) {
+                let was_there = |earlier: &Place| earlier.is_same(&place, gate);
+                let rests = earlier.iter().flatten().any(was_there);
+                if !rests && self.candidates.len() < MAX_BIRTHS {
                     self.candidates.push(Candidate {
                         left,
                         right,
