@@ -29,8 +29,7 @@ const TELL_NS: u64 = 100_000_000;
 
 tactnet_catching_packets::settings! {
     /// Targets of thrown balls. Missing fields have the values of `Default`.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ThrowBack {
         /// Landing point in the inertial frame, in m; if absent, the ball returns to its origin.
         #[serde(skip_serializing_if = "Option::is_none")]

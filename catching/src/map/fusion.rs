@@ -18,8 +18,7 @@ tactnet_catching_packets::settings! {
     /// up).
     ///
     /// 0.5 megapixels and a horizontal field of view of 70 degrees, mounted between the stereo cameras.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct DepthCamera in "camera.": MapError {
         /// Position in the head frame, in m.
         pub position: [f64; 3] = [0.08, 0.0, 0.1] => finite,
@@ -41,8 +40,7 @@ impl DepthCamera {
 
 tactnet_catching_packets::settings! {
     /// Settings of a [`Fusion`].
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct FusionConfig in "": MapError {
         /// Grid of cells, in the frame of the head pose.
         pub grid: VoxelGrid = VoxelGrid::default() => |_, grid: &VoxelGrid| grid.check(),

@@ -12,8 +12,7 @@ tactnet_catching_packets::settings! {
     /// Position and size of a grid.
     ///
     /// 2.56 m in each direction around the robot's workspace, in steps of 2 cm.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct VoxelGrid in "grid.": MapError {
         /// Corner with the lowest coordinates, in m.
         pub corner: [f64; 3] = [-0.78, -1.28, 0.0] => finite,

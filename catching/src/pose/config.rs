@@ -4,8 +4,7 @@ use serde::{Deserialize, Serialize};
 
 tactnet_catching_packets::settings! {
     /// Settings of a [`PoseEstimator`](super::PoseEstimator). Standard deviations are per axis.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct PoseConfig in "": PoseError {
         /// White noise of an accelerometer sample, in m/s^2.
         pub accelerometer_noise: f64 = 0.02 => positive,

@@ -16,8 +16,7 @@ use crate::safety::Bodies;
 
 tactnet_catching_packets::settings! {
     /// Settings of a throw planner.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ThrowPlanConfig in "": NoThrow {
         /// Time for which joints keep their velocities before and after the release, in s.
         pub coast: f64 = 0.008 => from_to([0.0, 0.1], "0 to 0.1 s"),

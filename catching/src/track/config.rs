@@ -12,8 +12,7 @@ pub const CLUTTER_OF_PICTURES: f64 = 24.0;
 
 tactnet_catching_packets::settings! {
     /// Settings of a [`BallTracker`](super::BallTracker).
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct TrackConfig in "": TrackError {
         /// Standard deviation of a circle's centre per axis, in pixels.
         pub centre_noise: f64 = 0.3 => positive,
@@ -69,8 +68,7 @@ tactnet_catching_packets::settings! {
 
 tactnet_catching_packets::settings! {
     /// Prior of a ball's motion when it is first seen.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ThrowPrior in "throws.": TrackError {
         /// Minimum and maximum speed, in m/s.
         pub speed: [f64; 2] = [3.0, 10.0] => rising,

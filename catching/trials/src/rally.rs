@@ -35,8 +35,7 @@ use tactnet_plot::wilson_of_counts;
 
 tactnet_catching_packets::settings! {
     /// Settings of two robots that play catch.
-    #[derive(Debug, Clone, PartialEq, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct RallyConfig {
         /// Distance between the robots' axes, in m.
         pub distance: f64 = 5.0,

@@ -37,8 +37,7 @@ const PEOPLE: [f64; 2] = [6.3, 8.5];
 
 tactnet_catching_packets::settings! {
     /// Settings of the pictures.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct PicturesConfig in "pictures.": WorldError {
         /// Standard deviation of the pixel noise, in grey levels of 0 to 255.
         pub noise: f64 = 2.0 => not_negative,

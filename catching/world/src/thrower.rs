@@ -24,8 +24,7 @@ tactnet_catching_packets::settings! {
     ///
     /// With this box, two nominal arms with the hands half a metre ahead can catch most throws: 76 % of 200 if they
     /// start 0.15 s after the release, 61 % for 0.25 s.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ThrowerConfig in "thrower.": WorldError {
         /// Minimum and maximum distance in front of the robot along x, in m.
         pub distance: [f64; 2] = [4.0, 6.0] => rising(f64::MIN_POSITIVE, ABOVE_0),
