@@ -30,6 +30,7 @@ mod figure;
 mod heat_map;
 mod legend;
 mod page;
+pub mod report;
 mod scale;
 mod series;
 mod text_width;
