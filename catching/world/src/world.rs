@@ -1,5 +1,6 @@
 //! The world: all parts together, tick by tick.
 
+mod cages;
 mod held_balls;
 mod surroundings;
 
@@ -10,11 +11,13 @@ use tactnet_catching_packets::packets::{
 use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
 
 use crate::ball::{Aerodynamics, BALL_STEP, BallState};
+use crate::caging::Approach;
 use crate::cameras::{CAMERAS, Cameras};
 use crate::config::WorldConfig;
 use crate::contact::{Contacts, deepest, is_clear_of};
 use crate::drives::TICK;
 use crate::error::{WorldError, within};
+use crate::fingers::{Basket, Fingers};
 use crate::hand::Hand;
 use crate::imu::Imu;
 use crate::judge::{Crossings, HandDuring, Verdict};
@@ -24,6 +27,7 @@ use crate::robot::{FrameMotion, Robot};
 use crate::shape::{CAPSULES, Capsule, capsules};
 use crate::stream::Stream;
 use crate::tendon::TendonSlip;
+pub use cages::Grasp;
 use held_balls::Away;
 use surroundings::PUT_APART;
 
@@ -116,6 +120,7 @@ struct Thrown {
     state: BallState,
     crossings: Crossings,
     phase: Phase,
+    approach: Approach,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,6 +143,8 @@ pub struct World {
     time_ns: u64,
     robot: Robot,
     hands: [Hand; ARMS],
+    basket: Basket,
+    fingers: [Fingers; ARMS],
     imu: Imu,
     cameras: Cameras,
     capsules: [Capsule; CAPSULES],
@@ -197,6 +204,8 @@ impl World {
         });
         Ok(Self {
             hands: std::array::from_fn(Hand::new),
+            basket: Basket::new(&config.fingers),
+            fingers: [Fingers::default(); ARMS],
             imu: Imu::new(
                 &config.imu,
                 &config.errors,
@@ -253,6 +262,7 @@ impl World {
                 state: release,
                 crossings: Crossings::default(),
                 phase: Phase::Held,
+                approach: Approach::Far,
             });
         }
         self.verdicts.reserve(self.thrown.len());
@@ -288,6 +298,7 @@ impl World {
             frames: [before[arm], self.robot.frames.hands[arm]],
             closes_ns: self.hands[arm].closes_ns(),
         });
+        self.touch(&during);
         for ball in &mut self.thrown {
             if let Some(verdict) = ball.advance([self.time_ns, end_ns], &during, &self.boxes) {
                 if let Some(crossing) = verdict.crossing.filter(|_| verdict.caught()) {

@@ -5,6 +5,7 @@ use tactnet_catching_packets::packets::HandOpening;
 
 use super::{BALL_STEPS, FlightSample, Phase, TICK_NS, Thrown, World, touches};
 use crate::ball::{Aerodynamics, BALL_STEP, BallState};
+use crate::caging::Approach;
 use crate::error::WorldError;
 use crate::judge::Crossings;
 use crate::release::{Held, OPENING_NS, Released, TOLD_NS};
@@ -138,6 +139,7 @@ impl World {
             state: release,
             crossings: Crossings::default(),
             phase: Phase::Held,
+            approach: Approach::Far,
         });
         self.verdicts.reserve(self.thrown.len());
     }
