@@ -53,7 +53,7 @@ pub use problems::{PlanProblem, plan_problem};
 pub use quantiles::Quantiles;
 pub use rally::{Rally, RallyConfig, RallyFlight, RallyReport, rally_page};
 pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
-pub use series::{ObstaclesReport, Series, SeriesReport, WithoutMap, series_page};
+pub use series::{FingersReport, ObstaclesReport, Series, SeriesReport, WithoutMap, series_page};
 pub use stepped_stack::StepObserver;
 pub use throw_aim::{AimRound, ThrowAim, ThrowAimReport};
 pub use throw_bench::{Goal, ThrowBench, ThrowReport};

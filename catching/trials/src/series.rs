@@ -1,5 +1,6 @@
 //! Series of throws and their statistics.
 
+mod fingers;
 mod modes;
 mod obstacles;
 mod page;
@@ -30,6 +31,7 @@ use tactnet_catching::ChainDelays;
 use tactnet_catching::plan::Objective;
 use tactnet_plot::wilson_of_counts;
 
+pub use fingers::FingersReport;
 pub use obstacles::{ObstaclesReport, WithoutMap};
 pub use page::series_page;
 
@@ -79,6 +81,8 @@ pub struct SeriesReport {
     pub ci95_high: f64,
     /// Share of caught throws of all throws.
     pub over_all_throws: f64,
+    /// Results of the second judge.
+    pub fingers: FingersReport,
     /// Number of missed balls in the catch space, by cause.
     pub misses: BTreeMap<String, usize>,
     /// Median error of the predictions 200 ms before the catch, perpendicular to the flight, in mm.
@@ -148,6 +152,7 @@ impl fmt::Display for SeriesReport {
         for (cause, count) in &self.misses {
             write!(f, "\n  missed, {cause}: {count}")?;
         }
+        write!(f, "{}", self.fingers)?;
         if let (Some(across), Some(along)) = (self.across_mm_rms_200ms, self.along_ms_rms_200ms) {
             write!(
                 f,
@@ -297,6 +302,7 @@ impl Series {
             ci95_low,
             ci95_high,
             over_all_throws: counts.caught_of_all as f64 / throws,
+            fingers: FingersReport::of(&outcomes),
             misses: counts.misses,
             across_mm_p50_200ms: errors.map(|errors| errors.across_mm[0]),
             across_mm_p95_200ms: errors.map(|errors| errors.across_mm[1]),
