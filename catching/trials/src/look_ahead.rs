@@ -4,9 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, Vector3};
 use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching_packets::packets::BallPrediction;
 use tactnet_catching_world::{FlightSample, TICK_NS};
-
-use crate::chi_square::chi_square_band;
-use crate::quantiles::quantile;
+use tactnet_plot::{chi_square_band, quantile};
 
 /// Time before the catch at which predictions are evaluated, in s.
 pub const AHEAD: f64 = 0.2;

@@ -233,7 +233,7 @@ impl Series {
         let outcomes: Result<Vec<ThrowOutcome>, TrialError> = (0..self.throws)
             .into_par_iter()
             .map(|number| {
-                let outcome = self.config.run(self.seed, number, &ready, &oracle);
+                let outcome = self.config.run(self.seed, number, &ready, &oracle, None);
                 done();
                 outcome
             })

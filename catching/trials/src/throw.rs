@@ -55,7 +55,7 @@ pub(crate) struct Watching<'a> {
 }
 
 impl ThrowConfig {
-    /// Simulates throw `number` of a series.
+    /// Simulates throw `number` of a series, and calls `steps` after each step of the coordinator.
     ///
     /// # Errors
     /// Invalid settings of the world or the stack.
@@ -65,25 +65,10 @@ impl ThrowConfig {
         number: u64,
         ready: &[f64; JOINTS],
         oracle: &CatchSpace,
-    ) -> Result<ThrowOutcome, TrialError> {
-        let simulated = self.simulate(seed, number, ready, oracle, Watching::default());
-        simulated.map(|(outcome, _)| outcome)
-    }
-
-    /// Simulates a throw and calls `steps` after each step of the coordinator.
-    ///
-    /// # Errors
-    /// Same as [`ThrowConfig::run`].
-    pub fn observe(
-        &self,
-        seed: u64,
-        number: u64,
-        ready: &[f64; JOINTS],
-        oracle: &CatchSpace,
-        steps: &mut StepObserver<'_>,
+        steps: Option<&mut StepObserver<'_>>,
     ) -> Result<ThrowOutcome, TrialError> {
         let watching = Watching {
-            steps: Some(steps),
+            steps,
             ..Watching::default()
         };
         let simulated = self.simulate(seed, number, ready, oracle, watching);

@@ -15,10 +15,10 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{WorldConfig, down_to};
 
 use crate::error::TrialError;
-use crate::quantiles::Quantiles;
 use crate::rally::{Player, lost, with_turn};
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
+use tactnet_plot::Quantiles;
 
 /// Goal for the length, in m.
 const GOAL: f64 = 7.0;

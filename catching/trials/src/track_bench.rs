@@ -7,8 +7,8 @@ use tactnet_catching::track::TrackConfig;
 
 use crate::error::TrialError;
 use crate::look_ahead::{Errors, LookAhead};
-use crate::quantiles::Quantiles;
 use crate::still_head::{Detectors, StillThrow};
+use tactnet_plot::Quantiles;
 
 /// Number of throws that are simulated in parallel before the tracker runs on them sequentially.
 const TOGETHER: usize = 200;

@@ -254,17 +254,22 @@ impl World {
             if ball > 0 {
                 release_ns += (gap / TICK).round() as u64 * TICK_NS;
             }
-            self.thrown.push(Thrown {
-                number,
-                air,
-                release_ns,
-                release,
-                state: release,
-                crossings: Crossings::default(),
-                phase: Phase::Held,
-                approach: Approach::Far,
-            });
+            self.hold(air, release_ns, release);
         }
+    }
+
+    /// Puts a ball into the thrower's hand until its release.
+    fn hold(&mut self, air: Aerodynamics, release_ns: u64, release: BallState) {
+        self.thrown.push(Thrown {
+            number: self.thrown.len() as u64,
+            air,
+            release_ns,
+            release,
+            state: release,
+            crossings: Crossings::default(),
+            phase: Phase::Held,
+            approach: Approach::Far,
+        });
         self.verdicts.reserve(self.thrown.len());
     }
 
