@@ -68,7 +68,7 @@ impl ThrowConfig {
         steps: Option<&mut StepObserver<'_>>,
     ) -> Result<ThrowOutcome, TrialError> {
         let watching = Watching {
-            steps,
+            steps: steps.map(|steps| steps as &mut StepObserver<'_>),
             ..Watching::default()
         };
         let simulated = self.simulate(seed, number, ready, oracle, watching);
