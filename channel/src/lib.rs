@@ -28,6 +28,7 @@ mod hub_thread;
 mod inbox;
 mod kept_packets;
 mod lanes;
+mod latest_value;
 mod listing;
 mod loan;
 mod memory_failure;
@@ -57,6 +58,7 @@ pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
 pub use hub_runs::hub_runs;
 pub use hub_thread::HubThread;
+pub use latest_value::{LatestValue, NewPackets, drain};
 pub use listing::{ListedChannel, list_channels};
 pub use loan::Loan;
 pub use memory_folder::{

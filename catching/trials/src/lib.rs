@@ -46,7 +46,7 @@ pub use calibration::{
 };
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass};
 pub use error::TrialError;
-pub use look_ahead::{AHEAD, LookAhead};
+pub use look_ahead::{AHEAD, LookAhead, PredictionErrors};
 pub use peer_circles::peer_circles;
 pub use picture::picture_file;
 pub use plan_bench::{PlanBench, PlanReport};

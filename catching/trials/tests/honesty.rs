@@ -27,7 +27,7 @@ fn most_balls_in_the_catch_space_are_caught() {
     assert!(report.rate >= 0.9, "{report:?}");
     assert!(report.fingers.rate >= 0.9, "{report:?}");
     // The covariance includes the shaking head: 3 in the mean, and 95 % of means of 30 balls within 2.2 and 3.9.
-    let nees = report.nees_200ms.unwrap();
+    let nees = report.ahead.nees_200ms.unwrap();
     assert!((1.8..4.2).contains(&nees), "{nees}");
 }
 
@@ -80,7 +80,7 @@ fn balls_are_caught_from_pictures() {
     let report = run(2, |config| config.pixels = true);
     assert!(report.in_catch_space >= 1, "{report:?}");
     assert_eq!(report.caught, report.in_catch_space, "{report:?}");
-    let across = report.across_mm_rms_200ms.unwrap();
+    let across = report.ahead.across_mm_rms_200ms.unwrap();
     assert!(across < 12.0, "{across}");
 }
 
