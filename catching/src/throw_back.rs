@@ -199,7 +199,7 @@ fn why(no_throw: NoThrow) -> &'static str {
     match no_throw {
         NoThrow::NoBall => "no hand holds a ball",
         NoThrow::NotFinite => "a target that is no place",
-        NoThrow::Setting { .. } => "a setting out of range",
+        NoThrow::Setting(_) => "a setting out of range",
         NoThrow::OutOfReach { .. } => "out of reach",
         NoThrow::Obstructed { .. } => "the robot would touch itself",
     }

@@ -6,8 +6,9 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::checks::{all, finite, positive};
 
-use super::error::{MapError, all, finite, positive};
+use super::error::MapError;
 use super::field::DistanceField;
 use super::grid::VoxelGrid;
 use super::own_body::mask;
@@ -62,7 +63,7 @@ impl FusionConfig {
         // With a thinner band, a surface could lie between the cells.
         let thick = |x: f64| x >= self.grid.voxel && x.is_finite();
         let expected = "at least the edge of a cell";
-        all("truncation", &self.truncation, expected, thick)
+        Ok(all("truncation", &self.truncation, expected, thick)?)
     }
 }
 

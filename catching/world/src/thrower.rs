@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::GRAVITY;
 use crate::ball::{Aerodynamics, BallState};
-use crate::error::{WorldError, range, rising};
+use crate::error::{WorldError, rising};
 
 /// Maximum duration of a flight in the aiming computation, in s.
 const LONGEST: f64 = 3.0;
@@ -51,7 +51,7 @@ impl ThrowerConfig {
         let setting = "thrower.box_least to box_greatest";
         let expected = "corners of which the second is nowhere the lesser";
         for side in self.box_least.into_iter().zip(self.box_greatest) {
-            range(setting, side.into(), f64::MIN, expected)?;
+            rising(f64::MIN, expected)(setting, &side.into())?;
         }
         let from = Vector3::new(
             self.distance[0],

@@ -16,7 +16,7 @@ use crate::cameras::{CAMERAS, Cameras};
 use crate::config::WorldConfig;
 use crate::contact::{Contacts, deepest, is_clear_of};
 use crate::drives::TICK;
-use crate::error::{WorldError, within};
+use crate::error::{WorldError, from_to};
 use crate::fingers::{Basket, Fingers};
 use crate::hand::Hand;
 use crate::imu::Imu;
@@ -168,7 +168,9 @@ pub struct World {
 
 fn check_rate(name: &'static str, rate: f64) -> Result<(), WorldError> {
     let a_tick = [f64::MIN_POSITIVE, 1.0 / TICK];
-    within(name, rate, a_tick, "at most one in a tick, 1000 Hz")
+    Ok(from_to(a_tick, "at most one in a tick, 1000 Hz")(
+        name, &rate,
+    )?)
 }
 
 impl World {
