@@ -146,43 +146,31 @@ impl Series {
 /// Draws palm, fingers and balls from the side, with the hand's axis to the right.
 fn close_up(grasp: &Grasp, config: &FingersConfig) -> String {
     let at = |along: f64, aside: f64| (ORIGIN.0 + SCALE * along, ORIGIN.1 - SCALE * aside);
-    let mut svg = String::new();
-    let mut line = |points: &[(f64, f64)], radius: f64, colour: &str| {
-        let points = points.iter().map(|(x, y)| format!("{x:.1},{y:.1} "));
-        let _ = write!(
-            svg,
+    let line = |points: &[(f64, f64)], radius: f64, colour: &str| {
+        let points = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}"));
+        format!(
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{:.1}\" stroke-linecap=\"round\" \
              stroke-linejoin=\"round\"/>",
-            points.collect::<String>().trim_end(),
+            points.collect::<Vec<_>>().join(" "),
             2.0 * radius * SCALE
-        );
+        )
     };
-    let finger = |index: usize| grasp.fingers[index].map(|node| at(node.z, node.x));
+    let finger = |index: usize, colour: &str| {
+        let chain = grasp.fingers[index].map(|node| at(node.z, node.x));
+        line(&chain, config.radius, colour)
+    };
     let palm = grasp.fingers[0][0].z;
-    line(
-        &[at(palm, -config.palm), at(palm, config.palm)],
-        0.004,
-        "#43596f",
-    );
-    // The finger behind the ball.
-    line(&finger(3), config.radius, "#c3ccd4");
-    let mut balls = String::new();
-    for ball in grasp
-        .balls
-        .iter()
-        .flatten()
-        .filter(|ball| ball.norm() < 0.25)
-    {
+    let palm = [at(palm, -config.palm), at(palm, config.palm)];
+    // The finger behind the ball first; the one before it is left out.
+    let mut svg = line(&palm, 0.004, "#43596f") + &finger(3, "#c3ccd4");
+    let balls = grasp.balls.iter().flatten();
+    for ball in balls.filter(|ball| ball.norm() < 0.25) {
         let (x, y) = at(ball.z, ball.x);
         let _ = write!(
-            balls,
+            svg,
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{:.1}\" fill=\"#c8551b\" opacity=\"0.8\"/>",
             BALL_RADIUS * SCALE
         );
     }
-    for index in [0, 2] {
-        line(&finger(index), config.radius, "#43596f");
-    }
-    svg.insert_str(0, &balls);
-    svg
+    svg + &finger(0, "#43596f") + &finger(2, "#43596f")
 }
