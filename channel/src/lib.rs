@@ -33,6 +33,7 @@ mod listing;
 mod loan;
 mod memory_failure;
 mod memory_folder;
+mod milliseconds;
 #[cfg(feature = "zenoh")]
 mod network_settings;
 mod own_file;
@@ -64,6 +65,7 @@ pub use loan::Loan;
 pub use memory_folder::{
     MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
 };
+pub use milliseconds::Milliseconds;
 pub use packet::{AsChannelId, ChannelId, Header, PacketType, Priority};
 pub use percentile::percentile;
 pub use put::{GetterLoss, PutPort, now_ns};

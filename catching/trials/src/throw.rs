@@ -22,10 +22,8 @@ use crate::watch::{Braked, Watch};
 const REST: f64 = 1.0;
 /// Standstill after the robot has looked around in s, until the torso is at rest.
 const REST_AFTER_LOOK: f64 = 2.5;
-/// Maximum time after a throw until its verdict, in s.
+/// Maximum time after a throw until its verdict, and from there until that of the second judge, in s.
 pub(crate) const LONGEST: f64 = 2.5;
-/// Maximum time after a verdict until that of the second judge, in s.
-const LONGEST_CAGE: f64 = 1.0;
 /// Maximum time after a throw until the robot waits for the next one, in s.
 pub(crate) const LONGEST_BACK: f64 = 20.0;
 
@@ -200,7 +198,7 @@ impl<'a> SimulatedThrow<'a> {
     pub fn judge_fingers(&mut self, outcomes: &mut [BallOutcome]) {
         self.watching = Watching::default();
         let balls = self.balls.clone();
-        for _ in 0..ticks(LONGEST_CAGE) {
+        for _ in 0..ticks(LONGEST) {
             if balls.clone().all(|ball| self.world.cage(ball).is_some()) {
                 break;
             }
