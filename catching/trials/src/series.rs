@@ -21,6 +21,7 @@ use crate::ablation::Ablation;
 use crate::bound::Bound;
 use crate::error::TrialError;
 use crate::look_ahead::{LookAhead, PredictionErrors};
+use crate::page_parts::percent;
 use crate::throw::Watching;
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
@@ -125,12 +126,10 @@ impl fmt::Display for SeriesReport {
         let what = ["balls", "pairs of balls"][usize::from(self.balls != 1)];
         write!(
             f,
-            "caught {} of {} {what} in the catch space: {:.1} % [{:.1}, {:.1}]; {:.1} % of all {} throws",
+            "caught {} of {} {what} in the catch space: {}; {:.1} % of all {} throws",
             self.caught,
             self.in_catch_space,
-            100.0 * self.rate,
-            100.0 * self.ci95_low,
-            100.0 * self.ci95_high,
+            percent(self.rate, [self.ci95_low, self.ci95_high]),
             100.0 * self.over_all_throws,
             self.throws
         )?;

@@ -33,11 +33,6 @@ impl BallOutcome {
     pub fn caught(&self) -> bool {
         self.verdict.is_some_and(|verdict| verdict.caught())
     }
-
-    /// Returns true if the fingers caged the ball.
-    pub fn caged(&self) -> bool {
-        self.cage == Some(Cage::Caged)
-    }
 }
 
 /// Result of a throw.

@@ -14,7 +14,7 @@ use crate::fingers::{Basket, FINGERS, FingerPoint, Fingers, nearest};
 use crate::robot::FrameMotion;
 
 /// Distance between the centres of ball and catch frame within which contacts are simulated, in m.
-const NEAR: f64 = 0.25;
+pub(crate) const NEAR: f64 = 0.25;
 /// Distance beyond which a ball has left, in m.
 const LEFT: f64 = 0.35;
 /// Maximum duration of the simulation of contacts, in ns.
@@ -88,13 +88,6 @@ impl Touch {
     }
 }
 
-/// Returns true if a ball is near one of the hands.
-pub(crate) fn is_near(position: &Vector3<f64>, hands: &[FrameMotion; ARMS]) -> bool {
-    hands
-        .iter()
-        .any(|hand| (position - hand.position).norm() < NEAR)
-}
-
 impl Copied {
     pub(crate) fn new(state: BallState, air: &Aerodynamics, mass: f64) -> Self {
         Self {
@@ -126,15 +119,28 @@ impl Copied {
                 continue;
             }
             let place = hand.rotation.transpose() * (self.state.position - hand.position);
-            let mut look = |finger, found: &FingerPoint, radius| {
-                touches[count] = self.touch(arm, hand, finger, found, &place, radius);
-                count += usize::from(touches[count].is_some());
+            let mut look = |finger, found: FingerPoint, radius: f64| {
+                let apart = place - found.point;
+                let depth = self.radius + radius - apart.norm();
+                if depth > 0.0 {
+                    let normal = hand.rotation * apart.normalize();
+                    let point = hand.rotation * found.point + normal * radius;
+                    touches[count] = Some(Touch {
+                        arm,
+                        finger,
+                        normal,
+                        carried: hand.velocity + hand.rate.cross(&point),
+                        motion: hand.rotation * found.motion,
+                        depth,
+                    });
+                    count += 1;
+                }
             };
-            look(None, &palm(basket, &place), 0.0);
+            look(None, palm(basket, &place), 0.0);
             for finger in 0..FINGERS {
                 let chain = basket.chain(finger, fingers[arm].angles[finger]);
                 for ends in chain.windows(2) {
-                    look(Some(finger), &nearest(ends, &place), basket.config.radius);
+                    look(Some(finger), nearest(ends, &place), basket.config.radius);
                 }
             }
         }
@@ -152,31 +158,6 @@ impl Copied {
         for touch in touches {
             self.state.position += touch.normal * ((touch.depth - SLOP).max(0.0) * CORRECTED);
         }
-    }
-
-    fn touch(
-        &self,
-        arm: usize,
-        hand: &FrameMotion,
-        finger: Option<usize>,
-        found: &FingerPoint,
-        place: &Vector3<f64>,
-        radius: f64,
-    ) -> Option<Touch> {
-        let apart = place - found.point;
-        let depth = self.radius + radius - apart.norm();
-        (depth > 0.0).then(|| {
-            let normal = hand.rotation * apart.normalize();
-            let point = hand.rotation * found.point + normal * radius;
-            Touch {
-                arm,
-                finger,
-                normal,
-                carried: hand.velocity + hand.rate.cross(&point),
-                motion: hand.rotation * found.motion,
-                depth,
-            }
-        })
     }
 
     /// Applies the impulses of a contact if ball and hand approach each other there, and returns true in that case.

@@ -10,13 +10,13 @@ use tactnet_plot::{stand_alone, wilson_of_counts};
 
 use super::{Series, SeriesReport, both_possible};
 use crate::error::TrialError;
+use crate::page_parts::percent;
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 use crate::trace::TraceTick;
 
-/// Time between two close-ups in s, as in the thesis, their number, and the time of the first one before the catch.
+/// Time between two close-ups in s, as in the thesis, and their number; the second one is at the catch.
 const EVERY: f64 = 0.0265;
 const CLOSE_UPS: usize = 6;
-const BEFORE: f64 = 0.0265;
 /// Width and height of a close-up in pixels, and its scale in pixels per metre.
 const WIDTH: f64 = 300.0;
 const HEIGHT: f64 = 220.0;
@@ -50,7 +50,8 @@ pub struct FingersReport {
 impl FingersReport {
     pub(super) fn of(throws: &[ThrowOutcome]) -> Self {
         let caught = |throw: &ThrowOutcome| throw.balls.iter().all(BallOutcome::caught);
-        let caged = |throw: &ThrowOutcome| throw.balls.iter().all(BallOutcome::caged);
+        let is_caged = |ball: &BallOutcome| ball.cage == Some(Cage::Caged);
+        let caged = |throw: &ThrowOutcome| throw.balls.iter().all(is_caged);
         let count =
             |is: &dyn Fn(&ThrowOutcome) -> bool| throws.iter().filter(|one| is(one)).count();
         let in_space = count(&|throw| both_possible(&throw.balls));
@@ -94,11 +95,9 @@ impl fmt::Display for FingersReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "\nwith simulated fingers caged {}: {:.1} % [{:.1}, {:.1}]; {:.1} % of all throws; {} caught but not caged, {} caged but not caught",
+            "\nwith simulated fingers caged {}: {}; {:.1} % of all throws; {} caught but not caged, {} caged but not caught",
             self.caged,
-            100.0 * self.rate,
-            100.0 * self.ci95[0],
-            100.0 * self.ci95[1],
+            percent(self.rate, self.ci95),
             100.0 * self.over_all_throws,
             self.caught_not_caged,
             self.caged_not_caught
@@ -122,7 +121,7 @@ impl Series {
         };
         let mut svg = String::new();
         for place in 0..CLOSE_UPS {
-            let t = plan.catch - BEFORE + place as f64 * EVERY;
+            let t = plan.catch + (place as f64 - 1.0) * EVERY;
             let near = |tick: &&TraceTick| tick.t + 1e-3 > t;
             let Some(tick) = trace.ticks.iter().find(near) else {
                 break;

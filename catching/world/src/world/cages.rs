@@ -6,7 +6,7 @@ use tactnet_catching_packets::packets::MAX_BALLS;
 
 use super::{BALL_STEPS, Phase, TICK_NS, World};
 use crate::ball::BALL_STEP;
-use crate::caging::{Approach, Cage, Copied, is_near};
+use crate::caging::{Approach, Cage, Copied, NEAR};
 use crate::fingers::FINGERS;
 use crate::judge::HandDuring;
 use crate::robot::FrameMotion;
@@ -37,20 +37,16 @@ impl World {
     /// Returns the fingers of a hand and the balls among them.
     pub fn grasp(&self, arm: usize) -> Grasp {
         let (hand, fingers) = (&self.robot.frames.hands[arm], &self.fingers[arm]);
-        let mut balls = [None; MAX_BALLS];
-        let near = self.thrown.iter().filter_map(|ball| match ball.approach {
-            Approach::Near(copy) => Some(copy.state.position),
+        let mut near = self.thrown.iter().filter_map(|ball| match ball.approach {
+            Approach::Near(copy) => Some(copy.state.position - hand.position),
             _ => None,
         });
-        for (place, ball) in balls.iter_mut().zip(near) {
-            *place = Some(hand.rotation.transpose() * (ball - hand.position));
-        }
         Grasp {
             fingers: std::array::from_fn(|finger| {
                 let chain = self.basket.chain(finger, fingers.angles[finger]);
                 chain.map(|node| node.point)
             }),
-            balls,
+            balls: std::array::from_fn(|_| Some(hand.rotation.transpose() * near.next()?)),
         }
     }
 
@@ -58,9 +54,9 @@ impl World {
     pub(super) fn touch(&mut self, during: &[HandDuring; ARMS]) {
         let mut any = false;
         for ball in &mut self.thrown {
-            let before = during.each_ref().map(|hand| hand.frames[0]);
+            let to = |hand: &HandDuring| ball.state.position - hand.frames[0].position;
             if matches!((ball.approach, ball.phase), (Approach::Far, Phase::Flying))
-                && is_near(&ball.state.position, &before)
+                && during.iter().any(|hand| to(hand).norm() < NEAR)
             {
                 let copy = Copied::new(ball.state, &ball.air, self.config.ball.mass);
                 ball.approach = Approach::Near(copy);
