@@ -37,8 +37,8 @@ impl Drop {
         }
     }
 
-    /// Returns the verdict, and the ball after each step with the energy of ball and fingers in J.
-    fn run(&self) -> (Cage, Vec<(Copied, f64)>) {
+    /// Returns the verdict, and the ball after each step with the energy of ball and fingers before and after it, in J.
+    fn run(&self) -> (Cage, Vec<(Copied, [f64; 2])>) {
         let basket = Basket::new(&FingersConfig::default());
         let config = BallConfig {
             air: 0.0,
@@ -63,16 +63,10 @@ impl Drop {
             let hands = [at(moving * t), at(Vector3::x() * 50.0)];
             fingers[0].closing = self.closes.is_some_and(|closes| closes <= t);
             basket.drive(&mut fingers[0], self.h);
+            let before = energy(&ball, &basket, &fingers[0]);
             ball.step(&air, self.h, &basket, &hands, &mut fingers);
+            steps.push((ball, [before, energy(&ball, &basket, &fingers[0])]));
             basket.turn(&mut fingers[0], self.h);
-            let BallState { position, velocity } = &ball.state;
-            let turning = SOLID * ball.radius.powi(2) * ball.spin.norm_squared();
-            let kinetic = 0.5 * ball.mass * (velocity.norm_squared() + turning);
-            let rates = fingers[0].rates.iter().map(|rate| rate * rate);
-            let energy = kinetic
-                + ball.mass * crate::GRAVITY * position.z
-                + 0.5 * basket.inertia * rates.sum::<f64>();
-            steps.push((ball, energy));
             if step % a_tick == 0
                 && let Some(cage) = ball.judge(1_000_000, &basket, &hands, &fingers)
             {
@@ -81,6 +75,14 @@ impl Drop {
         }
         unreachable!("the judge ends")
     }
+}
+
+fn energy(ball: &Copied, basket: &Basket, fingers: &Fingers) -> f64 {
+    let turning = SOLID * ball.radius.powi(2) * ball.spin.norm_squared();
+    let kinetic = 0.5 * ball.mass * (ball.state.velocity.norm_squared() + turning);
+    let rates = fingers.rates.iter().map(|rate| rate * rate);
+    let height = ball.state.position.z;
+    kinetic + ball.mass * crate::GRAVITY * height + 0.5 * basket.inertia * rates.sum::<f64>()
 }
 
 /// Returns random balls from the front, up to 6 cm off the axis and 30 degrees against it.
@@ -119,17 +121,11 @@ fn fingers_cage_a_ball_if_they_close_when_it_crosses_their_tips() {
 }
 
 #[test]
-fn contacts_with_a_resting_hand_never_add_energy() {
+fn contacts_never_add_energy() {
     for drop in drops(200) {
-        let open = Drop {
-            closes: None,
-            ..drop
-        };
-        let (_, steps) = open.run();
-        for pair in steps.windows(2) {
-            let (before, after) = (pair[0].1, pair[1].1);
-            // The correction of a penetration lifts the ball by less than 0.1 mm for each of two contacts: 1e-4 J.
-            assert!(after < before + 1e-4, "{before} J, then {after} J");
+        for (_, [before, after]) in drop.run().1 {
+            // Corrections of penetrations lift the ball by at most 0.1 mm for each of four contacts: 2e-4 J.
+            assert!(after < before + 2e-4, "{before} J, then {after} J");
         }
     }
 }
@@ -140,10 +136,10 @@ fn contacts_with_a_resting_hand_never_add_energy() {
 fn a_bounce_on_the_palm_follows_restitution_and_friction() {
     let config = FingersConfig::default();
     let (e, friction) = (config.restitution, config.friction);
-    for aside in [0.0, 0.4, 6.0] {
+    for aside in [0.0, 0.2, 2.0] {
         let drop = Drop {
-            position: [-0.002 * aside, 0.0, -0.04],
-            velocity: [aside, 0.0, -2.0],
+            position: [-0.0018 * aside, 0.0, -0.0555],
+            velocity: [aside, 0.0, -0.5],
             ..ALONG_THE_AXIS
         };
         let (_, steps) = drop.run();
