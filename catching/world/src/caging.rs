@@ -83,8 +83,11 @@ struct Touch {
 impl Touch {
     /// Returns the finger, if it is free to turn in this direction.
     fn gives_way(&self, turn: f64, basket: &Basket, fingers: &Fingers) -> Option<usize> {
-        let is_free = |finger: &usize| !basket.is_blocked(fingers.angles[*finger], turn);
-        self.finger.filter(is_free)
+        self.finger.filter(|&finger| {
+            // A finger that leaves its stop can be stopped.
+            let leaves = fingers.rates[finger] * turn < 0.0;
+            leaves || !basket.is_blocked(fingers.angles[finger], turn)
+        })
     }
 }
 
