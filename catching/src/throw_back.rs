@@ -29,8 +29,7 @@ const TELL_NS: u64 = 100_000_000;
 
 tactnet_catching_packets::settings! {
     /// Targets of thrown balls. Missing fields have the values of `Default`.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ThrowBack {
         /// Landing point in the inertial frame, in m; if absent, the ball returns to its origin.
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -200,7 +199,7 @@ fn why(no_throw: NoThrow) -> &'static str {
     match no_throw {
         NoThrow::NoBall => "no hand holds a ball",
         NoThrow::NotFinite => "a target that is no place",
-        NoThrow::Setting { .. } => "a setting out of range",
+        NoThrow::Setting(_) => "a setting out of range",
         NoThrow::OutOfReach { .. } => "out of reach",
         NoThrow::Obstructed { .. } => "the robot would touch itself",
     }

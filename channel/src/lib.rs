@@ -28,10 +28,12 @@ mod hub_thread;
 mod inbox;
 mod kept_packets;
 mod lanes;
+mod latest_value;
 mod listing;
 mod loan;
 mod memory_failure;
 mod memory_folder;
+mod milliseconds;
 #[cfg(feature = "zenoh")]
 mod network_settings;
 mod own_file;
@@ -57,11 +59,13 @@ pub use get::{GetPort, GetSide, Received, Start, Wait};
 pub use hub::{ChannelState, Hub};
 pub use hub_runs::hub_runs;
 pub use hub_thread::HubThread;
+pub use latest_value::{LatestValue, NewPackets, drain};
 pub use listing::{ListedChannel, list_channels};
 pub use loan::Loan;
 pub use memory_folder::{
     MEMORY_FOLDER_VARIABLE, free_memory, memory_folder, remove_abandoned_buses, remove_bus,
 };
+pub use milliseconds::Milliseconds;
 pub use packet::{AsChannelId, ChannelId, Header, PacketType, Priority};
 pub use percentile::percentile;
 pub use put::{GetterLoss, PutPort, now_ns};

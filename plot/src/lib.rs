@@ -25,11 +25,14 @@
 
 mod axes;
 mod axis;
+mod chi_square;
 mod escape;
 mod figure;
 mod heat_map;
 mod legend;
 mod page;
+mod quantiles;
+pub mod report;
 mod scale;
 mod series;
 mod text_width;
@@ -40,11 +43,13 @@ mod wilson;
 
 pub use axes::Axes;
 pub use axis::{Axis, Tick};
+pub use chi_square::chi_square_band;
 pub use escape::escape;
 pub use figure::{figure, stand_alone};
 pub use heat_map::{HeatMap, shade};
 pub use legend::{key, legend};
 pub use page::Page;
+pub use quantiles::{Quantiles, quantile};
 pub use scale::Scale;
 pub use series::Series;
 pub use text_width::text_width;

@@ -54,7 +54,8 @@ fn content(path: &std::path::Path) -> String {
 #[test]
 fn each_mode_moves_the_robot_differently_and_the_picture_of_the_modes_shows_all() {
     let lab = Lab::new();
-    let (all, ramps) = (lab.path("modes.svg"), lab.path("ramps.svg"));
+    let [all, ramps, fingers] =
+        ["modes.svg", "ramps.svg", "fingers.svg"].map(|name| lab.path(name));
     let mut pictures = Vec::new();
     for mode in ["soft", "latest", "cool"] {
         let picture = lab.path(mode);
@@ -64,6 +65,7 @@ fn each_mode_moves_the_robot_differently_and_the_picture_of_the_modes_shows_all(
         if mode == "soft" {
             one.arg("--modes-picture").arg(&all);
             one.arg("--ramps-picture").arg(&ramps);
+            one.arg("--fingers-picture").arg(&fingers);
         }
         assert_eq!(json(one)["mode"], mode);
         pictures.push(content(&picture));
@@ -90,6 +92,10 @@ fn each_mode_moves_the_robot_differently_and_the_picture_of_the_modes_shows_all(
     }
     // Desired and measured rates of 7 joints of the arm, 3 of the torso, 2 of the neck and the platform; a legend.
     assert_eq!(ramps.matches("<polyline").count(), 2 * (2 * 13));
+    // Six close-ups, each with the palm, three visible fingers and the ball.
+    let fingers = content(&fingers);
+    assert_eq!(fingers.matches("<polyline").count(), 6 * 4);
+    assert_eq!(fingers.matches("<circle").count(), 6);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 use serde::Deserialize;
 
+use crate::settings::Numbers;
 use crate::{ARM_JOINTS, ARMS, JOINTS, joint};
 
 /// Description of the nominal robot.
@@ -26,127 +27,137 @@ pub enum DescriptionError {
     },
 }
 
-/// Limits of a joint, in rad for a rotating and m for a sliding joint.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Joint {
-    /// Lowest and highest position, in rad or m.
-    pub range: [f64; 2],
-    /// Maximum speed, in rad/s or m/s.
-    pub speed: f64,
-    /// Maximum acceleration, in rad/s^2 or m/s^2.
-    pub acceleration: f64,
+/// Defines parts of a description and their checks: functions of the setting's name and its value.
+macro_rules! parts {
+    ($(
+        $(#[$attribute:meta])*
+        pub struct $name:ident {
+            $($(#[$of_field:meta])* pub $field:ident: $type:ty $(=> $check:expr)?,)*
+        }
+    )*) => { $(
+        $(#[$attribute])*
+        #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct $name {
+            $($(#[$of_field])* pub $field: $type,)*
+        }
+
+        impl $name {
+            fn check(name: &str, part: &Self) -> Result<(), DescriptionError> {
+                $($($check(&format!("{name}.{}", stringify!($field)), &part.$field)?;)?)*
+                Ok(())
+            }
+        }
+    )* };
 }
 
-/// Rigid body, in the frame of the joint that moves it.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Link {
-    /// Mass, in kg.
-    pub mass: f64,
-    /// Centre of mass, in m.
-    pub centre: [f64; 3],
-    /// Principal moments of inertia about the centre of mass, in kg m^2. The principal axes are parallel to the frame.
-    pub inertia: [f64; 3],
-}
+parts! {
+    /// Limits of a joint, in rad for a rotating and m for a sliding joint.
+    pub struct Joint {
+        /// Lowest and highest position, in rad or m.
+        pub range: [f64; 2] => ordered,
+        /// Maximum speed, in rad/s or m/s.
+        pub speed: f64 => positive,
+        /// Maximum acceleration, in rad/s^2 or m/s^2.
+        pub acceleration: f64 => positive,
+    }
 
-/// Platform that moves sideways, along y.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Platform {
-    /// Limits of the axis.
-    pub joint: Joint,
-    /// Mass properties of the body.
-    pub link: Link,
-}
+    /// Rigid body, in the frame of the joint that moves it.
+    pub struct Link {
+        /// Mass, in kg.
+        pub mass: f64 => positive,
+        /// Centre of mass, in m.
+        pub centre: [f64; 3] => finite,
+        /// Principal moments of inertia about the centre of mass, in kg m^2. The principal axes are parallel to the frame.
+        pub inertia: [f64; 3] => moments,
+    }
 
-/// Torso: three joints about z, y and y, and a passive joint that keeps the chest upright.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Torso {
-    /// Joint limits: vertical axis, lower pitch, upper pitch.
-    pub joints: [Joint; 3],
-    /// Height of the lower pitch axis above the floor, in m.
-    pub lower_pitch_height: f64,
-    /// Distance from the lower to the upper pitch axis, in m.
-    pub lower_length: f64,
-    /// Distance from the upper pitch axis to the chest frame, in m.
-    pub upper_length: f64,
-    /// Bodies: column, lower part, upper part, chest.
-    pub links: [Link; 4],
-}
+    /// Platform that moves sideways, along y.
+    pub struct Platform {
+        /// Limits of the axis.
+        pub joint: Joint => Joint::check,
+        /// Mass properties of the body.
+        pub link: Link => Link::check,
+    }
 
-/// Neck: pan about z, then tilt about y.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Neck {
-    /// Joint limits: pan, tilt.
-    pub joints: [Joint; 2],
-    /// Height of the tilt axis above the chest frame, in m.
-    pub height: f64,
-    /// Bodies: neck, head.
-    pub links: [Link; 2],
-}
+    /// Torso: three joints about z, y and y, and a passive joint that keeps the chest upright.
+    pub struct Torso {
+        /// Joint limits: vertical axis, lower pitch, upper pitch.
+        pub joints: [Joint; 3] => each(Joint::check),
+        /// Height of the lower pitch axis above the floor, in m.
+        pub lower_pitch_height: f64 => positive,
+        /// Distance from the lower to the upper pitch axis, in m.
+        pub lower_length: f64 => positive,
+        /// Distance from the upper pitch axis to the chest frame, in m.
+        pub upper_length: f64 => positive,
+        /// Bodies: column, lower part, upper part, chest.
+        pub links: [Link; 4] => each(Link::check),
+    }
 
-/// Stereo cameras. The head frame has x forward, y left, z up and its origin at the intersection of pan and tilt axis.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Cameras {
-    /// Midpoint between the cameras in the head frame, in m.
-    pub centre: [f64; 3],
-    /// Distance between the cameras along y, in m.
-    pub baseline: f64,
-    /// Width of a picture, in pixels.
-    pub width: u32,
-    /// Height of a picture, in pixels.
-    pub height: u32,
-    /// Focal length, in pixels.
-    pub focal: f64,
-    /// Exposure time, in s.
-    pub exposure: f64,
-    /// Frame rate, in Hz.
-    pub rate: f64,
-    /// Lens distortion k1 and k2. A ray through `(a, b)`, in focal lengths from the optical axis, is imaged at `(a, b)
-    /// (1 + k1 s + k2 s^2)` with `s = a^2 + b^2`.
-    #[serde(default)]
-    pub distortion: [f64; 2],
-    /// Offsets of the left and the right camera from their nominal positions (`centre` and `baseline`), in the head
-    /// frame, in m.
-    #[serde(default)]
-    pub shifts: [[f64; 3]; 2],
-}
+    /// Neck: pan about z, then tilt about y.
+    pub struct Neck {
+        /// Joint limits: pan, tilt.
+        pub joints: [Joint; 2] => each(Joint::check),
+        /// Height of the tilt axis above the chest frame, in m.
+        pub height: f64 => finite,
+        /// Bodies: neck, head.
+        pub links: [Link; 2] => each(Link::check),
+    }
 
-/// Inertial measurement unit of the head, with axes parallel to the head frame.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Imu {
-    /// Position in the head frame, in m.
-    pub position: [f64; 3],
-    /// Sample rate, in Hz.
-    pub rate: f64,
-}
+    /// Stereo cameras. The head frame has x forward, y left, z up and its origin at the intersection of pan and tilt axis.
+    pub struct Cameras {
+        /// Midpoint between the cameras in the head frame, in m.
+        pub centre: [f64; 3] => finite,
+        /// Distance between the cameras along y, in m.
+        pub baseline: f64 => positive,
+        /// Width of a picture, in pixels.
+        pub width: u32 => positive,
+        /// Height of a picture, in pixels.
+        pub height: u32 => positive,
+        /// Focal length, in pixels.
+        pub focal: f64 => positive,
+        /// Exposure time, in s.
+        pub exposure: f64 => positive,
+        /// Frame rate, in Hz.
+        pub rate: f64 => positive,
+        /// Lens distortion k1 and k2. A ray through `(a, b)`, in focal lengths from the optical axis, is imaged at `(a, b)
+        /// (1 + k1 s + k2 s^2)` with `s = a^2 + b^2`.
+        #[serde(default)]
+        pub distortion: [f64; 2],
+        /// Offsets of the left and the right camera from their nominal positions (`centre` and `baseline`), in the head
+        /// frame, in m.
+        #[serde(default)]
+        pub shifts: [[f64; 3]; 2] => finite,
+    }
 
-/// Arm with joint axes z, -y, z, y, z, -y, z and spherical shoulder and wrist.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Arm {
-    /// Mounting position in the chest frame, in m.
-    pub position: [f64; 3],
-    /// Rotation of the first axis from the vertical about the chest's x axis, in rad. Positive values turn z towards
-    /// -y.
-    pub lean: f64,
-    /// Distance from the mounting to the shoulder, in m.
-    pub base_to_shoulder: f64,
-    /// Distance from shoulder to elbow, in m.
-    pub shoulder_to_elbow: f64,
-    /// Distance from elbow to wrist, in m.
-    pub elbow_to_wrist: f64,
-    /// Distance from the wrist to the catch frame along the last axis, in m.
-    pub wrist_to_catch: f64,
-    /// Joint limits, from the shoulder.
-    pub joints: [Joint; ARM_JOINTS],
-    /// Bodies, one behind each joint.
-    pub links: [Link; ARM_JOINTS],
+    /// Inertial measurement unit of the head, with axes parallel to the head frame.
+    pub struct Imu {
+        /// Position in the head frame, in m.
+        pub position: [f64; 3] => finite,
+        /// Sample rate, in Hz.
+        pub rate: f64 => positive,
+    }
+
+    /// Arm with joint axes z, -y, z, y, z, -y, z and spherical shoulder and wrist.
+    pub struct Arm {
+        /// Mounting position in the chest frame, in m.
+        pub position: [f64; 3] => finite,
+        /// Rotation of the first axis from the vertical about the chest's x axis, in rad. Positive values turn z towards
+        /// -y.
+        pub lean: f64 => finite,
+        /// Distance from the mounting to the shoulder, in m.
+        pub base_to_shoulder: f64 => positive,
+        /// Distance from shoulder to elbow, in m.
+        pub shoulder_to_elbow: f64 => positive,
+        /// Distance from elbow to wrist, in m.
+        pub elbow_to_wrist: f64 => positive,
+        /// Distance from the wrist to the catch frame along the last axis, in m.
+        pub wrist_to_catch: f64 => positive,
+        /// Joint limits, from the shoulder.
+        pub joints: [Joint; ARM_JOINTS] => each(Joint::check),
+        /// Bodies, one behind each joint.
+        pub links: [Link; ARM_JOINTS] => each(Link::check),
+    }
 }
 
 /// Description of the whole robot.
@@ -197,73 +208,23 @@ impl RobotDescription {
     }
 
     fn check(&self) -> Result<(), DescriptionError> {
-        self.platform.joint.check("platform.joint")?;
-        self.platform.link.check("platform.link")?;
-        each("torso.joints", &self.torso.joints, Joint::check)?;
-        each("torso.links", &self.torso.links, Link::check)?;
-        positive("torso.lower_pitch_height", self.torso.lower_pitch_height)?;
-        positive("torso.lower_length", self.torso.lower_length)?;
-        positive("torso.upper_length", self.torso.upper_length)?;
-        each("neck.joints", &self.neck.joints, Joint::check)?;
-        each("neck.links", &self.neck.links, Link::check)?;
-        finite("neck.height", &[self.neck.height])?;
-        self.cameras.check()?;
-        finite("imu.position", &self.imu.position)?;
-        positive("imu.rate", self.imu.rate)?;
-        each("arms", &self.arms, Arm::check)
-    }
-}
-
-impl Joint {
-    fn check(&self, name: &str) -> Result<(), DescriptionError> {
-        let [low, high] = self.range;
-        let found = || format!("[{low}, {high}]");
-        let ordered = low.is_finite() && high.is_finite() && low < high;
-        ensure(
-            ordered,
-            &format!("{name}.range"),
-            "[lowest, highest]",
-            found,
-        )?;
-        positive(&format!("{name}.speed"), self.speed)?;
-        positive(&format!("{name}.acceleration"), self.acceleration)
-    }
-}
-
-impl Link {
-    fn check(&self, name: &str) -> Result<(), DescriptionError> {
-        positive(&format!("{name}.mass"), self.mass)?;
-        finite(&format!("{name}.centre"), &self.centre)?;
-        let [a, b, c] = self.inertia;
-        let name = format!("{name}.inertia");
-        for x in self.inertia {
-            positive(&name, x)?;
-        }
-        let possible = a <= b + c && b <= a + c && c <= a + b;
-        let expected = "moments that satisfy the triangle inequality";
-        ensure(possible, &name, expected, || format!("[{a}, {b}, {c}]"))
+        Platform::check("platform", &self.platform)?;
+        Torso::check("torso", &self.torso)?;
+        Neck::check("neck", &self.neck)?;
+        Cameras::check("cameras", &self.cameras)?;
+        self.cameras.check_exposure()?;
+        self.cameras.check_distortion()?;
+        Imu::check("imu", &self.imu)?;
+        each(Arm::check)("arms", &self.arms)
     }
 }
 
 impl Cameras {
-    fn check(&self) -> Result<(), DescriptionError> {
-        finite("cameras.centre", &self.centre)?;
-        finite("cameras.shifts", self.shifts.as_flattened())?;
-        for (name, value) in [
-            ("cameras.baseline", self.baseline),
-            ("cameras.width", f64::from(self.width)),
-            ("cameras.height", f64::from(self.height)),
-            ("cameras.focal", self.focal),
-            ("cameras.exposure", self.exposure),
-            ("cameras.rate", self.rate),
-        ] {
-            positive(name, value)?;
-        }
+    fn check_exposure(&self) -> Result<(), DescriptionError> {
         let expected = "less than the time between two pictures";
         let short = self.exposure * self.rate < 1.0;
         let found = || self.exposure.to_string();
-        ensure(short, "cameras.exposure", expected, found)?;
-        self.check_distortion()
+        ensure(short, "cameras.exposure", expected, found)
     }
 
     /// Checks that the lens neither folds nor strongly scales the picture, up to 1.2 times the corner's radius.
@@ -285,43 +246,49 @@ impl Cameras {
     }
 }
 
-impl Arm {
-    fn check(&self, name: &str) -> Result<(), DescriptionError> {
-        let [x, y, z] = self.position;
-        finite(&format!("{name}.position and lean"), &[x, y, z, self.lean])?;
-        for (field, value) in [
-            ("base_to_shoulder", self.base_to_shoulder),
-            ("shoulder_to_elbow", self.shoulder_to_elbow),
-            ("elbow_to_wrist", self.elbow_to_wrist),
-            ("wrist_to_catch", self.wrist_to_catch),
-        ] {
-            positive(&format!("{name}.{field}"), value)?;
-        }
-        each(&format!("{name}.joints"), &self.joints, Joint::check)?;
-        each(&format!("{name}.links"), &self.links, Link::check)
+/// Returns a check of several parts, whose names have their index.
+fn each<T>(
+    check: fn(&str, &T) -> Result<(), DescriptionError>,
+) -> impl Fn(&str, &[T]) -> Result<(), DescriptionError> {
+    move |name, parts| {
+        let mut parts = parts.iter().enumerate();
+        parts.try_for_each(|(i, part)| check(&format!("{name}[{i}]"), part))
     }
 }
 
-/// Checks each of several parts, whose names have their index.
-fn each<T>(
-    name: &str,
-    parts: &[T],
-    check: fn(&T, &str) -> Result<(), DescriptionError>,
-) -> Result<(), DescriptionError> {
-    let mut parts = parts.iter().enumerate();
-    parts.try_for_each(|(i, part)| check(part, &format!("{name}[{i}]")))
+fn positive(setting: &str, value: &impl Numbers) -> Result<(), DescriptionError> {
+    let is_sound = |x: f64| x.is_finite() && x > 0.0;
+    numbers(setting, value, "a number greater than 0", is_sound)
 }
 
-fn positive(setting: &str, value: f64) -> Result<(), DescriptionError> {
-    let sound = value.is_finite() && value > 0.0;
-    ensure(sound, setting, "a number greater than 0", || {
-        value.to_string()
+fn finite(setting: &str, value: &impl Numbers) -> Result<(), DescriptionError> {
+    numbers(setting, value, "a finite number", f64::is_finite)
+}
+
+fn numbers(
+    setting: &str,
+    value: &impl Numbers,
+    expected: &'static str,
+    is_sound: fn(f64) -> bool,
+) -> Result<(), DescriptionError> {
+    let mut numbers = value.numbers();
+    numbers.try_for_each(|x| ensure(is_sound(x), setting, expected, || x.to_string()))
+}
+
+fn ordered(setting: &str, range: &[f64; 2]) -> Result<(), DescriptionError> {
+    let [low, high] = range;
+    let ordered = low.is_finite() && high.is_finite() && low < high;
+    ensure(ordered, setting, "[lowest, highest]", || {
+        format!("{range:?}")
     })
 }
 
-fn finite(setting: &str, values: &[f64]) -> Result<(), DescriptionError> {
-    let mut values = values.iter();
-    values.try_for_each(|x| ensure(x.is_finite(), setting, "a finite number", || x.to_string()))
+fn moments(setting: &str, inertia: &[f64; 3]) -> Result<(), DescriptionError> {
+    positive(setting, inertia)?;
+    let [a, b, c] = inertia;
+    let possible = *a <= b + c && *b <= a + c && *c <= a + b;
+    let expected = "moments that satisfy the triangle inequality";
+    ensure(possible, setting, expected, || format!("{inertia:?}"))
 }
 
 /// Returns an error unless a value is `sound`.

@@ -5,6 +5,7 @@
 //! inertial frame is on the floor below the platform's start position. Its x axis points forward (towards the thrower),
 //! y left and z up. The chest frame is rotated about z only, because a passive joint keeps the chest upright.
 
+pub mod checks;
 mod description;
 pub mod packets;
 mod settings;

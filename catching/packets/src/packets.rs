@@ -58,288 +58,212 @@ pub const MAX_BALLS: usize = 2;
 
 packets! {
     /// Measurements of all joints.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct JointState {
         /// Sample number; a gap means lost samples.
-        #[recorded(1)]
-        pub number: u64,
+        #[recorded(1)] pub number: u64,
         /// Time of the measurement, in ns.
-        #[recorded(2)]
-        pub sensor_ns: u64,
+        #[recorded(2)] pub sensor_ns: u64,
         /// Motor-side positions, in rad and m.
-        #[recorded(3)]
-        pub q: [f64; JOINTS],
+        #[recorded(3)] pub q: [f64; JOINTS],
         /// Velocities, in rad/s and m/s.
-        #[recorded(4)]
-        pub dq: [f64; JOINTS],
+        #[recorded(4)] pub dq: [f64; JOINTS],
         /// Link-side torques and forces, in Nm and N.
-        #[recorded(5)]
-        pub tau: [f64; JOINTS],
+        #[recorded(5)] pub tau: [f64; JOINTS],
     }
 
     /// Commanded positions and velocities of all joints.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct JointCommand {
         /// Command number.
-        #[recorded(1)]
-        pub number: u64,
+        #[recorded(1)] pub number: u64,
         /// Time of the command, in ns.
-        #[recorded(2)]
-        pub command_ns: u64,
+        #[recorded(2)] pub command_ns: u64,
         /// Positions, in rad and m.
-        #[recorded(3)]
-        pub q: [f64; JOINTS],
+        #[recorded(3)] pub q: [f64; JOINTS],
         /// Velocities, in rad/s and m/s.
-        #[recorded(4)]
-        pub dq: [f64; JOINTS],
+        #[recorded(4)] pub dq: [f64; JOINTS],
     }
 
     /// Sample of the head's inertial measurement unit (IMU), in the IMU frame.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct ImuSample {
         /// Sample number.
-        #[recorded(1)]
-        pub number: u64,
+        #[recorded(1)] pub number: u64,
         /// Time of the measurement, in ns.
-        #[recorded(2)]
-        pub sensor_ns: u64,
+        #[recorded(2)] pub sensor_ns: u64,
         /// Specific force (acceleration minus gravity), in m/s^2.
-        #[recorded(3)]
-        pub acceleration: [f64; 3],
+        #[recorded(3)] pub acceleration: [f64; 3],
         /// Angular velocity, in rad/s.
-        #[recorded(4)]
-        pub rate: [f64; 3],
+        #[recorded(4)] pub rate: [f64; 3],
     }
 
     /// Circle detected in a picture.
     #[derive(PartialEq)]
     pub struct Circle {
         /// Horizontal centre of the outline, in pixels from the left edge.
-        #[recorded(1)]
-        pub u: f64,
+        #[recorded(1)] pub u: f64,
         /// Vertical centre of the outline, in pixels from the top edge.
-        #[recorded(2)]
-        pub v: f64,
+        #[recorded(2)] pub v: f64,
         /// Mean radius, in pixels.
-        #[recorded(3)]
-        pub r: f64,
+        #[recorded(3)] pub r: f64,
         /// Detector response, 0 to 1.
-        #[recorded(4)]
-        pub response: f64,
+        #[recorded(4)] pub response: f64,
     }
 
     /// Circles detected in one picture.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct Circles {
         /// Picture number, the same for both cameras.
-        #[recorded(1)]
-        pub frame: u64,
+        #[recorded(1)] pub frame: u64,
         /// Middle of the exposure, in ns.
-        #[recorded(2)]
-        pub exposure_ns: u64,
+        #[recorded(2)] pub exposure_ns: u64,
         /// Camera: 0 left, 1 right.
-        #[recorded(3)]
-        pub camera: u32,
+        #[recorded(3)] pub camera: u32,
         /// Number of valid entries in `circles`.
         pub count: u32,
         /// Circles, of which the first `count` are valid.
-        #[recorded(5, count)]
-        pub circles: [Circle; MAX_CIRCLES],
+        #[recorded(5, count)] pub circles: [Circle; MAX_CIRCLES],
     }
 
     /// Estimated pose of the head.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct HeadPose {
         /// Time of the estimate, in ns.
-        #[recorded(1)]
-        pub t_ns: u64,
+        #[recorded(1)] pub t_ns: u64,
         /// Position of the head frame in the inertial frame, in m.
-        #[recorded(2)]
-        pub position: [f64; 3],
+        #[recorded(2)] pub position: [f64; 3],
         /// Rotation from the head frame to the inertial frame, as quaternion x, y, z, w.
-        #[recorded(3)]
-        pub quaternion: [f64; 4],
+        #[recorded(3)] pub quaternion: [f64; 4],
         /// Velocity in the inertial frame, in m/s.
-        #[recorded(4)]
-        pub velocity: [f64; 3],
+        #[recorded(4)] pub velocity: [f64; 3],
         /// Accelerometer bias in the head frame, in m/s^2.
-        #[recorded(5)]
-        pub accelerometer_bias: [f64; 3],
+        #[recorded(5)] pub accelerometer_bias: [f64; 3],
         /// Gyroscope bias in the head frame, in rad/s.
-        #[recorded(6)]
-        pub gyroscope_bias: [f64; 3],
+        #[recorded(6)] pub gyroscope_bias: [f64; 3],
         /// Error covariance of position, velocity, rotation (all in the inertial frame) and both biases, row by row. At
         /// rest, tilt and accelerometer bias cannot be separated; their cross-covariance shows that together they move
         /// the head only little.
-        #[recorded(7)]
-        pub covariance: [[f64; 15]; 15],
+        #[recorded(7)] pub covariance: [[f64; 15]; 15],
     }
 
     /// Estimated state of a flying ball.
     #[derive(PartialEq)]
     pub struct BallPrediction {
         /// Ball number, constant while the ball is tracked.
-        #[recorded(1)]
-        pub ball: u64,
+        #[recorded(1)] pub ball: u64,
         /// Time of the state, in ns.
-        #[recorded(2)]
-        pub t_ns: u64,
+        #[recorded(2)] pub t_ns: u64,
         /// Position, in m.
-        #[recorded(3)]
-        pub p: [f64; 3],
+        #[recorded(3)] pub p: [f64; 3],
         /// Velocity, in m/s.
-        #[recorded(4)]
-        pub v: [f64; 3],
+        #[recorded(4)] pub v: [f64; 3],
         /// Drag coefficient `k` of `dv/dt = g - k |v| v + lift x v`, in 1/m.
-        #[recorded(5)]
-        pub k: f64,
+        #[recorded(5)] pub k: f64,
         /// Lift vector of the spin (`lift x v` in `dv/dt`), in 1/s.
-        #[recorded(6)]
-        pub lift: [f64; 3],
+        #[recorded(6)] pub lift: [f64; 3],
         /// Covariance of p, v, k and lift, row by row, relative to the head. It excludes errors of the head pose that
         /// shift ball and head alike.
-        #[recorded(7)]
-        pub covariance: [[f64; 10]; 10],
+        #[recorded(7)] pub covariance: [[f64; 10]; 10],
         /// Probability that the ball exists.
-        #[recorded(8)]
-        pub existence: f32,
+        #[recorded(8)] pub existence: f32,
         /// Number of exposures in which both cameras detected the ball.
-        #[recorded(9)]
-        pub frames: u32,
+        #[recorded(9)] pub frames: u32,
     }
 
     /// Estimated states of all balls in flight.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct BallPredictions {
         /// Exposure time of the latest pictures that the prediction uses, in ns.
-        #[recorded(1)]
-        pub exposure_ns: u64,
+        #[recorded(1)] pub exposure_ns: u64,
         /// Number of valid entries in `balls`.
         pub count: u64,
         /// Balls, sorted by number.
-        #[recorded(3, count)]
-        pub balls: [BallPrediction; MAX_BALLS],
+        #[recorded(3, count)] pub balls: [BallPrediction; MAX_BALLS],
     }
 
     /// Gaze target of the head.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct Gaze {
         /// Number of valid entries in `flights`. The head turns to their mean position.
         pub count: u64,
         /// Flights in the inertial frame.
-        #[recorded(2, count)]
-        pub flights: [FlightPacket; MAX_BALLS],
+        #[recorded(2, count)] pub flights: [FlightPacket; MAX_BALLS],
     }
 
     /// Outcome of a throw.
-    #[derive(PartialEq)]
-    #[version(2)]
+    #[derive(PartialEq)] #[version(2)]
     pub struct CatchOutcome {
         /// Throw number.
-        #[recorded(1)]
-        pub throw: u64,
+        #[recorded(1)] pub throw: u64,
         /// Ball number.
-        #[recorded(2)]
-        pub ball: u64,
+        #[recorded(2)] pub ball: u64,
         /// Time of the release, in ns.
-        #[recorded(3)]
-        pub release_ns: u64,
+        #[recorded(3)] pub release_ns: u64,
         /// Time at which the ball crossed a hand's plane, in ns; 0 if it never did.
-        #[recorded(4)]
-        pub crossing_ns: u64,
+        #[recorded(4)] pub crossing_ns: u64,
         /// Distance from the hand axis at the crossing, in m.
-        #[recorded(5)]
-        pub across: f64,
+        #[recorded(5)] pub across: f64,
         /// Time from the crossing to the hand's closing, in s.
-        #[recorded(6)]
-        pub along: f64,
+        #[recorded(6)] pub along: f64,
         /// Angle between the hand axis and the ball's reversed velocity, in rad.
-        #[recorded(7)]
-        pub angle: f64,
+        #[recorded(7)] pub angle: f64,
         /// 1 if the ball was caught, otherwise 0.
-        #[recorded(8)]
-        pub caught: u32,
+        #[recorded(8)] pub caught: u32,
         /// Cause of a miss: 0 caught, 1 never near, 2 no command, 3 across, 4 angle, 5 too early, 6 too late.
-        #[recorded(9)]
-        pub cause: u32,
+        #[recorded(9)] pub cause: u32,
         /// Arms that were able to catch the ball: 0 none, 1 left, 2 right, 3 both.
-        #[recorded(10)]
-        pub arms: u32,
+        #[recorded(10)] pub arms: u32,
         /// Arm: 0 left, 1 right.
-        #[recorded(11)]
-        pub arm: u32,
+        #[recorded(11)] pub arm: u32,
         /// True material of the ball if it was measured after the catch, otherwise empty.
-        #[recorded(12)]
-        pub material: Text<56>,
+        #[recorded(12)] pub material: Text<56>,
         /// Predicted material; empty if not measured.
-        #[recorded(13)]
-        pub felt: Text<56>,
+        #[recorded(13)] pub felt: Text<56>,
         /// Posterior probability of the predicted material, 0 to 1.
-        #[recorded(14)]
-        pub posterior: f64,
+        #[recorded(14)] pub posterior: f64,
         /// Number of sweeps over the ball.
-        #[recorded(15)]
-        pub sweeps: u32,
+        #[recorded(15)] pub sweeps: u32,
         /// Reserved; always zero.
         pub reserved: u32,
     }
 
     /// Grip state of a hand.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct HandState {
         /// Time, in ns.
-        #[recorded(1)]
-        pub t_ns: u64,
+        #[recorded(1)] pub t_ns: u64,
         /// Arm: 0 left, 1 right.
-        #[recorded(2)]
-        pub arm: u32,
+        #[recorded(2)] pub arm: u32,
         /// 1 if the hand holds an object, otherwise 0.
-        #[recorded(3)]
-        pub holds: u32,
+        #[recorded(3)] pub holds: u32,
         /// Number of successful catches of all hands so far.
-        #[recorded(4)]
-        pub grip: u64,
+        #[recorded(4)] pub grip: u64,
     }
 
     /// Predicted material of a caught ball.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct FeltMaterial {
         /// Number of the grip, as counted in [`HandState`].
-        #[recorded(1)]
-        pub grip: u64,
+        #[recorded(1)] pub grip: u64,
         /// Most probable material; empty if no sweep was usable.
-        #[recorded(2)]
-        pub material: Text<56>,
+        #[recorded(2)] pub material: Text<56>,
         /// Posterior probability of the material, 0 to 1.
-        #[recorded(3)]
-        pub posterior: f64,
+        #[recorded(3)] pub posterior: f64,
         /// Number of sweeps used.
-        #[recorded(4)]
-        pub sweeps: u32,
+        #[recorded(4)] pub sweeps: u32,
         /// Reserved; always zero.
         pub reserved: u32,
     }
 
     /// Closing command of a hand.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct HandCommand {
         /// Arm: 0 left, 1 right.
-        #[recorded(1)]
-        pub arm: u64,
+        #[recorded(1)] pub arm: u64,
         /// Time at which the ball's centre reaches the catch frame, in ns. The hand closes such that it encloses the
         /// ball at this time.
-        #[recorded(2)]
-        pub catch_ns: u64,
+        #[recorded(2)] pub catch_ns: u64,
     }
 }
 
@@ -396,6 +320,11 @@ choices_of! {
     CalibrationState.hold: CalibrationHold as hold;
 }
 
+/// Lists a constant of types.
+macro_rules! each {
+    ($constant:ident of $($name:ident)*) => { &[$($name::$constant),*] };
+}
+
 /// Description of the packets for code generators of other languages.
 pub const DESCRIPTION: Description = Description {
     project: "tactnet_catching",
@@ -408,48 +337,15 @@ pub const DESCRIPTION: Description = Description {
         ),
         ("MAX_BALLS", "Maximum number of balls at a time.", MAX_BALLS),
     ],
-    choices: &[
-        ControllerOrder::CHOICE,
-        ControllerMode::CHOICE,
-        CatchPhase::CHOICE,
-        ThrowPhase::CHOICE,
-        CalibrationHold::CHOICE,
-        PlanObjective::CHOICE,
-        PlanFailure::CHOICE,
-    ],
-    packets: &[
-        JointState::LAYOUT,
-        JointCommand::LAYOUT,
-        ImuSample::LAYOUT,
-        Circle::LAYOUT,
-        Circles::LAYOUT,
-        HeadPose::LAYOUT,
-        BallPrediction::LAYOUT,
-        BallPredictions::LAYOUT,
-        RampPacket::LAYOUT,
-        ArmPath::LAYOUT,
-        BodyPath::LAYOUT,
-        FlightPacket::LAYOUT,
-        Gaze::LAYOUT,
-        PlanRequest::LAYOUT,
-        PlanResult::LAYOUT,
-        ControllerCommand::LAYOUT,
-        ControllerState::LAYOUT,
-        SafetyState::LAYOUT,
-        CatchStatus::LAYOUT,
-        CoordinatorStep::LAYOUT,
-        CatchOutcome::LAYOUT,
-        HandState::LAYOUT,
-        FeltMaterial::LAYOUT,
-        HandCommand::LAYOUT,
-        ThrowPath::LAYOUT,
-        HandOpening::LAYOUT,
-        ThrowStatus::LAYOUT,
-        ThrownBack::LAYOUT,
-        MarkerFeature::LAYOUT,
-        MarkerFeatures::LAYOUT,
-        CalibrationState::LAYOUT,
-    ],
+    choices: each!(CHOICE of
+        ControllerOrder ControllerMode CatchPhase ThrowPhase CalibrationHold PlanObjective
+        PlanFailure),
+    packets: each!(LAYOUT of
+        JointState JointCommand ImuSample Circle Circles HeadPose BallPrediction BallPredictions
+        RampPacket ArmPath BodyPath FlightPacket Gaze PlanRequest PlanResult ControllerCommand
+        ControllerState SafetyState CatchStatus CoordinatorStep CatchOutcome HandState FeltMaterial
+        HandCommand ThrowPath HandOpening ThrowStatus ThrownBack MarkerFeature MarkerFeatures
+        CalibrationState),
 };
 
 #[cfg(test)]

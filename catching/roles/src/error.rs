@@ -20,18 +20,10 @@ pub enum RoleError {
     /// Invalid section of the classifier.
     #[error(transparent)]
     Skin(#[from] tactnet_skin::SkinError),
-    /// Invalid description of the robot.
+    /// Invalid description of the robot, or invalid calibration.
     #[error("{path}: {reason}", path = .path.display())]
-    Robot {
-        /// File of the description.
-        path: PathBuf,
-        /// Reason in plain words.
-        reason: String,
-    },
-    /// Invalid calibration.
-    #[error("{path}: {reason}", path = .path.display())]
-    Calibration {
-        /// File of the calibration.
+    File {
+        /// Path of the file.
         path: PathBuf,
         /// Reason in plain words.
         reason: String,
@@ -62,8 +54,7 @@ impl RoleError {
             Self::Skin(error) => error.is_usage(),
             Self::Pose(_) | Self::Track(_) => false,
             Self::Settings(_)
-            | Self::Robot { .. }
-            | Self::Calibration { .. }
+            | Self::File { .. }
             | Self::NoCalibration
             | Self::Slip(_)
             | Self::NoRole { .. } => true,

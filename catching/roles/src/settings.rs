@@ -120,7 +120,7 @@ impl RoleSettings {
         let Some(path) = &self.robot else {
             return Ok(Robot::nominal());
         };
-        let failed = |reason: String| RoleError::Robot {
+        let failed = |reason: String| RoleError::File {
             path: path.clone(),
             reason,
         };
@@ -138,7 +138,7 @@ impl RoleSettings {
         let Some(path) = &self.calibration else {
             return Ok(None);
         };
-        let failed = |reason: String| RoleError::Calibration {
+        let failed = |reason: String| RoleError::File {
             path: path.clone(),
             reason,
         };

@@ -6,8 +6,7 @@ use crate::plan::Objective;
 
 tactnet_catching_packets::settings! {
     /// Settings of the coordinator.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct CoordinatorConfig {
         /// Objective of the plans.
         pub objective: Objective = Objective::Soft,

@@ -6,8 +6,9 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::checks::{all, finite, positive};
 
-use super::error::{MapError, all, finite, positive};
+use super::error::MapError;
 use super::field::DistanceField;
 use super::grid::VoxelGrid;
 use super::own_body::mask;
@@ -18,8 +19,7 @@ tactnet_catching_packets::settings! {
     /// up).
     ///
     /// 0.5 megapixels and a horizontal field of view of 70 degrees, mounted between the stereo cameras.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct DepthCamera in "camera.": MapError {
         /// Position in the head frame, in m.
         pub position: [f64; 3] = [0.08, 0.0, 0.1] => finite,
@@ -41,8 +41,7 @@ impl DepthCamera {
 
 tactnet_catching_packets::settings! {
     /// Settings of a [`Fusion`].
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct FusionConfig in "": MapError {
         /// Grid of cells, in the frame of the head pose.
         pub grid: VoxelGrid = VoxelGrid::default() => |_, grid: &VoxelGrid| grid.check(),
@@ -64,7 +63,7 @@ impl FusionConfig {
         // With a thinner band, a surface could lie between the cells.
         let thick = |x: f64| x >= self.grid.voxel && x.is_finite();
         let expected = "at least the edge of a cell";
-        all("truncation", &self.truncation, expected, thick)
+        Ok(all("truncation", &self.truncation, expected, thick)?)
     }
 }
 

@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::checks::{all, finite};
 
-use super::error::{MapError, all, finite};
+use super::error::MapError;
 
 /// Maximum number of cells of a grid: 256 in each direction.
 const MOST_CELLS: usize = 1 << 24;
@@ -12,8 +13,7 @@ tactnet_catching_packets::settings! {
     /// Position and size of a grid.
     ///
     /// 2.56 m in each direction around the robot's workspace, in steps of 2 cm.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct VoxelGrid in "grid.": MapError {
         /// Corner with the lowest coordinates, in m.
         pub corner: [f64; 3] = [-0.78, -1.28, 0.0] => finite,
@@ -26,7 +26,7 @@ tactnet_catching_packets::settings! {
 
 fn edge(setting: &'static str, length: &f64) -> Result<(), MapError> {
     let possible = |x| (1e-3..=1.0).contains(&x);
-    all(setting, length, "0.001 to 1 m", possible)
+    Ok(all(setting, length, "0.001 to 1 m", possible)?)
 }
 
 impl VoxelGrid {
@@ -40,7 +40,8 @@ impl VoxelGrid {
         let count = cells.try_fold(1usize, |product, n| product.checked_mul(*n));
         let few = count.is_some_and(|count| count <= MOST_CELLS);
         let expected = "at least 2 in each direction, 16777216 at most in all";
-        all("grid.cells", &self.cells, expected, |n| n >= 2.0 && few)
+        let possible = |n| n >= 2.0 && few;
+        Ok(all("grid.cells", &self.cells, expected, possible)?)
     }
 
     /// Returns the number of cells.

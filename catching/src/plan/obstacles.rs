@@ -30,8 +30,7 @@ const FLIGHT_STEP: f64 = 5e-3;
 
 tactnet_catching_packets::settings! {
     /// Distances that plans keep from obstacles.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ObstacleConfig {
         /// Distance below which the motion has a cost, in m.
         pub soft: f64 = 0.1,

@@ -21,8 +21,7 @@ use crate::robot::{ArmKinematics, Robot};
 
 tactnet_catching_packets::settings! {
     /// Settings of a planner.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct PlanConfig {
         /// Grid of a first plan.
         pub first: Grid = Grid::first(),

@@ -35,8 +35,7 @@ const TOO_NEAR_ALREADY: f64 = 1e-3;
 
 tactnet_catching_packets::settings! {
     /// Distances that plans keep from the robot's own bodies.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct WayConfig {
         /// Minimum distance of a clear way, in m; 0 disables the check.
         pub hard: f64 = 0.02,

@@ -1,11 +1,11 @@
 //! Settings and errors of the pose estimator.
 
 use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::checks::{SettingError, all};
 
 tactnet_catching_packets::settings! {
     /// Settings of a [`PoseEstimator`](super::PoseEstimator). Standard deviations are per axis.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct PoseConfig in "": PoseError {
         /// White noise of an accelerometer sample, in m/s^2.
         pub accelerometer_noise: f64 = 0.02 => positive,
@@ -34,27 +34,17 @@ tactnet_catching_packets::settings! {
     }
 }
 
-fn positive(setting: &'static str, found: &f64) -> Result<(), PoseError> {
-    if *found > 0.0 && *found < 1e3 {
-        return Ok(());
-    }
-    Err(PoseError::Setting {
-        setting,
-        found: *found,
-    })
+fn positive(setting: &'static str, found: &f64) -> Result<(), SettingError> {
+    let expected = "a number between 0 and 1000";
+    all(setting, found, expected, |x| x > 0.0 && x < 1e3)
 }
 
 /// Error of a pose estimator. Invalid input does not change the estimate.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PoseError {
     /// A setting is out of range.
-    #[error("`{setting}`: expected a number between 0 and 1000, found {found}")]
-    Setting {
-        /// Name of the setting.
-        setting: &'static str,
-        /// Value of the setting.
-        found: f64,
-    },
+    #[error(transparent)]
+    Setting(#[from] SettingError),
     /// A value is not a number or exceeds the sensor's range. The sample is ignored.
     #[error("sample {number}: expected values within the sensor's range, found {found}")]
     Value {

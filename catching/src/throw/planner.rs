@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::checks::{SettingError, from_to};
 use tactnet_catching_packets::{ARMS, JOINTS};
 
 use super::descent::{ThrowSolution, descend};
@@ -16,8 +17,7 @@ use crate::safety::Bodies;
 
 tactnet_catching_packets::settings! {
     /// Settings of a throw planner.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ThrowPlanConfig in "": NoThrow {
         /// Time for which joints keep their velocities before and after the release, in s.
         pub coast: f64 = 0.008 => from_to([0.0, 0.1], "0 to 0.1 s"),
@@ -38,21 +38,6 @@ tactnet_catching_packets::settings! {
         pub starts: usize = 24,
         /// Maximum number of QP iterations per descent.
         pub iterations: usize = 100,
-    }
-}
-
-/// Returns a check that a setting is within limits.
-fn from_to(
-    [low, high]: [f64; 2],
-    expected: &'static str,
-) -> impl Fn(&'static str, &f64) -> Result<(), NoThrow> {
-    move |setting, &found| match (low..=high).contains(&found) {
-        true => Ok(()),
-        false => Err(NoThrow::Setting {
-            setting,
-            expected,
-            found,
-        }),
     }
 }
 
@@ -120,15 +105,8 @@ pub enum NoThrow {
     #[error("the request has values that are not finite, or a negative drag")]
     NotFinite,
     /// A setting of the planner is out of range.
-    #[error("`{setting}`: expected {expected}, found {found}")]
-    Setting {
-        /// Name of the setting.
-        setting: &'static str,
-        /// Expected value.
-        expected: &'static str,
-        /// Actual value.
-        found: f64,
-    },
+    #[error(transparent)]
+    Setting(#[from] SettingError),
     /// The target is out of reach.
     #[error("the target at {wanted:.2} m is out of reach within the joint limits")]
     OutOfReach {

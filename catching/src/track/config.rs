@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::Numbers;
+use tactnet_catching_packets::checks::{SettingError, all, finite};
 
 use super::mht::{MAX_HYPOTHESES, MAX_SCANS};
 use crate::flight::DRAG;
@@ -12,8 +13,7 @@ pub const CLUTTER_OF_PICTURES: f64 = 24.0;
 
 tactnet_catching_packets::settings! {
     /// Settings of a [`BallTracker`](super::BallTracker).
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct TrackConfig in "": TrackError {
         /// Standard deviation of a circle's centre per axis, in pixels.
         pub centre_noise: f64 = 0.3 => positive,
@@ -69,8 +69,7 @@ tactnet_catching_packets::settings! {
 
 tactnet_catching_packets::settings! {
     /// Prior of a ball's motion when it is first seen.
-    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ThrowPrior in "throws.": TrackError {
         /// Minimum and maximum speed, in m/s.
         pub speed: [f64; 2] = [3.0, 10.0] => rising,
@@ -99,51 +98,30 @@ impl TrackConfig {
     }
 }
 
-/// Returns an error unless all numbers of a setting satisfy a condition.
-fn all(
-    setting: &'static str,
-    value: &impl Numbers,
-    expected: &'static str,
-    is_valid: impl Fn(f64) -> bool,
-) -> Result<(), TrackError> {
-    match value.numbers().find(|number| !is_valid(*number)) {
-        Some(found) => Err(TrackError::Setting {
-            setting,
-            expected,
-            found,
-        }),
-        None => Ok(()),
-    }
-}
-
-fn positive(setting: &'static str, value: &impl Numbers) -> Result<(), TrackError> {
+fn positive(setting: &'static str, value: &impl Numbers) -> Result<(), SettingError> {
     let expected = "a number between 0 and 1000";
     all(setting, value, expected, |x| x > 0.0 && x < 1e3)
 }
 
-fn probability(setting: &'static str, value: &f64) -> Result<(), TrackError> {
+fn probability(setting: &'static str, value: &f64) -> Result<(), SettingError> {
     let expected = "a probability between 0 and 1";
     all(setting, value, expected, |x| x > 0.0 && x < 1.0)
 }
 
-fn share(setting: &'static str, value: &f64) -> Result<(), TrackError> {
+fn share(setting: &'static str, value: &f64) -> Result<(), SettingError> {
     all(setting, value, "a number from 0 to 1", |x| {
         (0.0..=1.0).contains(&x)
     })
 }
 
-fn finite(setting: &'static str, value: &[f64; 3]) -> Result<(), TrackError> {
-    all(setting, value, "numbers", f64::is_finite)
-}
-
-fn rising(setting: &'static str, [least, greatest]: &[f64; 2]) -> Result<(), TrackError> {
+fn rising(setting: &'static str, [least, greatest]: &[f64; 2]) -> Result<(), SettingError> {
     let expected = "[lowest, highest], both greater than 0";
     all(setting, least, expected, |least| {
         least > 0.0 && least < *greatest && *greatest < 1e4
     })
 }
 
-fn up_to(most: usize) -> impl Fn(&'static str, &usize) -> Result<(), TrackError> {
+fn up_to(most: usize) -> impl Fn(&'static str, &usize) -> Result<(), SettingError> {
     let expected = "a count from 1 to the documented maximum";
     move |setting, value| all(setting, value, expected, |x| x >= 1.0 && x <= most as f64)
 }
@@ -152,15 +130,8 @@ fn up_to(most: usize) -> impl Fn(&'static str, &usize) -> Result<(), TrackError>
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum TrackError {
     /// A setting is out of range.
-    #[error("`{setting}`: expected {expected}, found {found}")]
-    Setting {
-        /// Name of the setting.
-        setting: &'static str,
-        /// Expected value.
-        expected: &'static str,
-        /// Actual value.
-        found: f64,
-    },
+    #[error(transparent)]
+    Setting(#[from] SettingError),
     /// The pictures are not a pair.
     #[error(
         "expected the left and the right circles of one exposure, found pictures {left} and {right}"

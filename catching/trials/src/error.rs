@@ -5,6 +5,7 @@ use tactnet_catching::map::MapError;
 use tactnet_catching::pose::PoseError;
 use tactnet_catching::throw::NoThrow;
 use tactnet_catching::track::TrackError;
+use tactnet_catching_packets::checks::SettingError;
 use tactnet_catching_world::WorldError;
 
 /// Error of a trial.
@@ -35,15 +36,8 @@ pub enum TrialError {
     #[error("the robot did not return to its waiting pose")]
     NotBack,
     /// A setting is out of range.
-    #[error("`{setting}`: expected {expected}, found {found}")]
-    Setting {
-        /// Name of the setting.
-        setting: &'static str,
-        /// Expected values.
-        expected: &'static str,
-        /// Value found.
-        found: String,
-    },
+    #[error(transparent)]
+    Setting(#[from] SettingError),
     /// The calibration failed; the previous one stays valid.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),

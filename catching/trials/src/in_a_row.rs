@@ -65,7 +65,7 @@ impl SimulatedThrow<'_> {
                 break;
             }
         }
-        let outcome = ThrowOutcome {
+        let mut outcome = ThrowOutcome {
             number,
             balls: self.outcomes(oracle),
             no_plans: self.stack.no_plans() - no_plans,
@@ -73,7 +73,9 @@ impl SimulatedThrow<'_> {
             stops: self.stack.safety().brakes() - stops,
             braked: None,
         };
-        Ok((outcome, self.end_trace().unwrap_or_default()))
+        let trace = self.end_trace().unwrap_or_default();
+        self.judge_fingers(&mut outcome.balls);
+        Ok((outcome, trace))
     }
 }
 

@@ -8,7 +8,6 @@
 mod ablation;
 mod bound;
 mod calibration;
-mod chi_square;
 mod detect_bench;
 mod error;
 mod eyes;
@@ -21,7 +20,9 @@ mod perception;
 mod picture;
 mod plan_bench;
 mod problems;
-mod quantiles;
+mod quantiles {
+    pub(crate) use tactnet_plot::Quantiles;
+}
 mod rally;
 mod safety_bench;
 mod series;
@@ -45,16 +46,16 @@ pub use calibration::{
 };
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass};
 pub use error::TrialError;
-pub use look_ahead::{AHEAD, LookAhead};
+pub use look_ahead::{AHEAD, LookAhead, PredictionErrors};
 pub use peer_circles::peer_circles;
 pub use picture::picture_file;
 pub use plan_bench::{PlanBench, PlanReport};
 pub use problems::{PlanProblem, plan_problem};
-pub use quantiles::Quantiles;
 pub use rally::{Rally, RallyConfig, RallyFlight, RallyReport, rally_page};
 pub use safety_bench::{PeerHulls, SafetyBench, SafetyReport};
-pub use series::{ObstaclesReport, Series, SeriesReport, WithoutMap, series_page};
+pub use series::{FingersReport, ObstaclesReport, Series, SeriesReport, WithoutMap, series_page};
 pub use stepped_stack::StepObserver;
+pub use tactnet_plot::Quantiles;
 pub use throw_aim::{AimRound, ThrowAim, ThrowAimReport};
 pub use throw_bench::{Goal, ThrowBench, ThrowReport};
 pub use throw_config::{Mapping, ThrowConfig};

@@ -1,12 +1,11 @@
 //! Errors of predictions, compared with the true ball at the hand.
 
 use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, Vector3};
+use serde::Serialize;
 use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching_packets::packets::BallPrediction;
 use tactnet_catching_world::{FlightSample, TICK_NS};
-
-use crate::chi_square::chi_square_band;
-use crate::quantiles::quantile;
+use tactnet_plot::{chi_square_band, quantile};
 
 /// Time before the catch at which predictions are evaluated, in s.
 pub const AHEAD: f64 = 0.2;
@@ -147,49 +146,55 @@ pub(crate) fn between(thought: &Isometry3<f64>, is: &Isometry3<f64>) -> Isometry
 /// Error perpendicular to the flight from which a prediction is far off, in mm.
 const FAR_OFF_MM: f64 = 50.0;
 
-/// Errors of many predictions, and the consistency of the filter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Errors {
-    /// Median and 95th percentile of the error perpendicular to the flight, in mm.
-    pub across_mm: [f64; 2],
-    /// Share of predictions that are more than 5 cm off perpendicular to the flight.
-    pub far_off: f64,
-    /// Root mean square error perpendicular to the flight, in mm.
-    pub across_mm_rms: f64,
+/// Errors of the last predictions at least 200 ms before the catch, and the consistency of the filter. `None` without
+/// predictions, and for the filter without a covariance.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct PredictionErrors {
+    /// Median error perpendicular to the flight, in mm.
+    pub across_mm_p50_200ms: Option<f64>,
+    /// 95th percentile of that error, in mm.
+    pub across_mm_p95_200ms: Option<f64>,
+    /// Share of these predictions that are more than 5 cm off.
+    pub far_off_200ms: Option<f64>,
+    /// Root mean square of that error, in mm.
+    pub across_mm_rms_200ms: Option<f64>,
     /// Root mean square error along the flight, in ms.
-    pub along_ms_rms: f64,
-    /// Mean normalised squared error of the position; 3 if the covariance is correct.
-    pub nees: f64,
+    pub along_ms_rms_200ms: Option<f64>,
+    /// Mean normalised squared error of the position; 3 if the filter's covariance is correct.
+    pub nees_200ms: Option<f64>,
     /// 95 % band of that mean for a correct covariance.
-    pub nees_band: [f64; 2],
+    pub nees_band: Option<[f64; 2]>,
+    /// True if the mean is within the band.
+    pub nees_in_band: Option<bool>,
+    /// Number of balls behind these statistics.
+    pub predictions: usize,
 }
 
-impl Errors {
-    /// Returns the statistics of predictions, or `None` for none.
-    pub fn of(ahead: &[LookAhead]) -> Option<Self> {
+impl PredictionErrors {
+    /// Returns the statistics of predictions; without those of the covariance if it is not `estimated`.
+    pub(crate) fn of(ahead: &[LookAhead], estimated: bool) -> Self {
         if ahead.is_empty() {
-            return None;
+            return Self::default();
         }
         let number = ahead.len() as f64;
         let rms = |of: fn(&LookAhead) -> f64| {
-            (ahead.iter().map(|a| of(a).powi(2)).sum::<f64>() / number).sqrt()
+            Some((ahead.iter().map(|a| of(a).powi(2)).sum::<f64>() / number).sqrt())
         };
         let mut across: Vec<f64> = ahead.iter().map(|a| a.across_mm).collect();
         across.sort_by(f64::total_cmp);
         let far_off = across.iter().filter(|mm| **mm > FAR_OFF_MM).count();
-        Some(Self {
-            across_mm: [0.5, 0.95].map(|share| quantile(&across, share)),
-            far_off: far_off as f64 / number,
-            across_mm_rms: rms(|a| a.across_mm),
-            along_ms_rms: rms(|a| a.along_ms),
-            nees: ahead.iter().map(|a| a.nees).sum::<f64>() / number,
-            nees_band: chi_square_band(3.0, ahead.len()),
-        })
-    }
-
-    /// Returns true if the mean is within its band.
-    pub fn nees_in_band(&self) -> bool {
-        let [low, high] = self.nees_band;
-        low <= self.nees && self.nees <= high
+        let nees = ahead.iter().map(|a| a.nees).sum::<f64>() / number;
+        let band @ [low, high] = chi_square_band(3.0, ahead.len());
+        Self {
+            across_mm_p50_200ms: Some(quantile(&across, 0.5)),
+            across_mm_p95_200ms: Some(quantile(&across, 0.95)),
+            far_off_200ms: Some(far_off as f64 / number),
+            across_mm_rms_200ms: rms(|a| a.across_mm),
+            along_ms_rms_200ms: rms(|a| a.along_ms),
+            nees_200ms: estimated.then_some(nees),
+            nees_band: estimated.then_some(band),
+            nees_in_band: estimated.then_some(low <= nees && nees <= high),
+            predictions: ahead.len(),
+        }
     }
 }

@@ -12,7 +12,7 @@ use tactnet_catching::plan::{
 };
 
 use crate::problems::{PlanProblem, plan_problem};
-use crate::quantiles::Quantiles;
+use tactnet_plot::Quantiles;
 
 /// Time between two pictures in s, and thus between a plan and its correction.
 const FRAME: f64 = 0.04;

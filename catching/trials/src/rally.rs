@@ -19,6 +19,7 @@ use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{ThrowPlan, ThrowPlanConfig};
 use tactnet_catching::throw_back::ThrowBack;
+use tactnet_catching_packets::checks::{all, from_to};
 use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{BallState, Released, WorldConfig};
 
@@ -35,8 +36,7 @@ use tactnet_plot::wilson_of_counts;
 
 tactnet_catching_packets::settings! {
     /// Settings of two robots that play catch.
-    #[derive(Debug, Clone, PartialEq, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct RallyConfig {
         /// Distance between the robots' axes, in m.
         pub distance: f64 = 5.0,
@@ -165,26 +165,13 @@ impl Rally {
             gain,
             ..
         } = &self.config;
-        let bad = |setting, expected, found: String| {
-            Err(TrialError::Setting {
-                setting,
-                expected,
-                found,
-            })
-        };
-        if !(distance.is_finite() && *distance > 1.5) {
-            return bad("distance", "more than 1.5 m", distance.to_string());
-        }
-        if !target.iter().all(|x| x.is_finite()) || target[0] >= distance - 0.5 {
-            let expected = "a place nearer to the catcher than to the thrower";
-            return bad("target", expected, format!("{target:?}"));
-        }
-        if !(0.0..=1.5).contains(gain) {
-            return bad("gain", "0 to 1.5", gain.to_string());
-        }
-        if self.config.most == 0 {
-            return bad("most", "1 or more", self.config.most.to_string());
-        }
+        let far = |x: f64| x.is_finite() && x > 1.5;
+        all("distance", distance, "more than 1.5 m", far)?;
+        let near = |x: f64| x.is_finite() && target[0] < distance - 0.5;
+        let expected = "a place nearer to the catcher than to the thrower";
+        all("target", target, expected, near)?;
+        from_to([0.0, 1.5], "0 to 1.5")("gain", gain)?;
+        from_to([1.0, f64::MAX], "1 or more")("most", &self.config.most)?;
         Ok(())
     }
 
@@ -395,13 +382,7 @@ pub(crate) fn with_turn(
     let Some(wheels) = wheels else {
         return Ok(description);
     };
-    if !(0.1..=2.0).contains(&wheels) {
-        return Err(TrialError::Setting {
-            setting: "wheels",
-            expected: "0.1 to 2 m",
-            found: wheels.to_string(),
-        });
-    }
+    from_to([0.1, 2.0], "0.1 to 2 m")("wheels", &wheels)?;
     let platform = description.platform.joint;
     let turn = &mut description.torso.joints[0];
     turn.speed = platform.speed / wheels;

@@ -1,5 +1,6 @@
 //! Series of throws and their statistics.
 
+mod fingers;
 mod modes;
 mod obstacles;
 mod page;
@@ -19,7 +20,8 @@ use tactnet_catching_world::{Miss, Verdict};
 use crate::ablation::Ablation;
 use crate::bound::Bound;
 use crate::error::TrialError;
-use crate::look_ahead::{Errors, LookAhead};
+use crate::look_ahead::{LookAhead, PredictionErrors};
+use crate::page_parts::percent;
 use crate::throw::Watching;
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
@@ -30,6 +32,7 @@ use tactnet_catching::ChainDelays;
 use tactnet_catching::plan::Objective;
 use tactnet_plot::wilson_of_counts;
 
+pub use fingers::FingersReport;
 pub use obstacles::{ObstaclesReport, WithoutMap};
 pub use page::series_page;
 
@@ -79,31 +82,18 @@ pub struct SeriesReport {
     pub ci95_high: f64,
     /// Share of caught throws of all throws.
     pub over_all_throws: f64,
+    /// Results of the second judge.
+    pub fingers: FingersReport,
     /// Number of missed balls in the catch space, by cause.
     pub misses: BTreeMap<String, usize>,
-    /// Median error of the predictions 200 ms before the catch, perpendicular to the flight, in mm.
-    pub across_mm_p50_200ms: Option<f64>,
-    /// 95th percentile of that error, in mm.
-    pub across_mm_p95_200ms: Option<f64>,
-    /// Share of these predictions that are more than 5 cm off.
-    pub far_off_200ms: Option<f64>,
-    /// Root mean square of that error, in mm.
-    pub across_mm_rms_200ms: Option<f64>,
-    /// Root mean square error along the flight, in ms.
-    pub along_ms_rms_200ms: Option<f64>,
+    /// Errors of the predictions.
+    #[serde(flatten)]
+    pub ahead: PredictionErrors,
     /// Cramer-Rao bound of the error perpendicular to the flight in mm, for the same flights with a head at rest and
     /// balls without spin.
     pub across_mm_bound: Option<f64>,
     /// Cramer-Rao bound of the error along the flight, in ms.
     pub along_ms_bound: Option<f64>,
-    /// Mean normalised squared error of these predictions; 3 if the filter's covariance is correct.
-    pub nees_200ms: Option<f64>,
-    /// 95 % band of that mean for a correct covariance.
-    pub nees_band: Option<[f64; 2]>,
-    /// True if the mean is within the band.
-    pub nees_in_band: Option<bool>,
-    /// Number of balls behind these statistics.
-    pub predictions: usize,
     /// Number of plan requests without a solution, per throw.
     pub no_plans: f64,
     /// Number of throws in which the safety monitor demanded a stop while the robot moved.
@@ -136,28 +126,28 @@ impl fmt::Display for SeriesReport {
         let what = ["balls", "pairs of balls"][usize::from(self.balls != 1)];
         write!(
             f,
-            "caught {} of {} {what} in the catch space: {:.1} % [{:.1}, {:.1}]; {:.1} % of all {} throws",
+            "caught {} of {} {what} in the catch space: {}; {:.1} % of all {} throws",
             self.caught,
             self.in_catch_space,
-            100.0 * self.rate,
-            100.0 * self.ci95_low,
-            100.0 * self.ci95_high,
+            percent(self.rate, [self.ci95_low, self.ci95_high]),
             100.0 * self.over_all_throws,
             self.throws
         )?;
         for (cause, count) in &self.misses {
             write!(f, "\n  missed, {cause}: {count}")?;
         }
-        if let (Some(across), Some(along)) = (self.across_mm_rms_200ms, self.along_ms_rms_200ms) {
+        write!(f, "{}", self.fingers)?;
+        let ahead = &self.ahead;
+        if let (Some(across), Some(along)) = (ahead.across_mm_rms_200ms, ahead.along_ms_rms_200ms) {
             write!(
                 f,
                 "\npredicted 200 ms before the catch: {across:.1} mm across the flight, {along:.2} ms along it (root mean squares)"
             )?;
         }
         if let (Some(median), Some(most), Some(far)) = (
-            self.across_mm_p50_200ms,
-            self.across_mm_p95_200ms,
-            self.far_off_200ms,
+            ahead.across_mm_p50_200ms,
+            ahead.across_mm_p95_200ms,
+            ahead.far_off_200ms,
         ) {
             write!(
                 f,
@@ -165,7 +155,7 @@ impl fmt::Display for SeriesReport {
                 100.0 * far
             )?;
         }
-        if let (Some(nees), Some([low, high])) = (self.nees_200ms, self.nees_band) {
+        if let (Some(nees), Some([low, high])) = (ahead.nees_200ms, ahead.nees_band) {
             write!(
                 f,
                 "\nnormalised squared error of it: {nees:.2}, {low:.2} to {high:.2} if the filter's covariance is right"
@@ -228,7 +218,7 @@ impl Series {
         let outcomes: Result<Vec<ThrowOutcome>, TrialError> = (0..self.throws)
             .into_par_iter()
             .map(|number| {
-                let outcome = self.config.run(self.seed, number, &ready, &oracle);
+                let outcome = self.config.run(self.seed, number, &ready, &oracle, None);
                 done();
                 outcome
             })
@@ -264,9 +254,6 @@ impl Series {
         let counts = CatchCounts::of(&outcomes);
         let balls = || outcomes.iter().flat_map(|outcome| &outcome.balls);
         let ahead: Vec<LookAhead> = balls().filter_map(|ball| ball.ahead).collect();
-        let errors = Errors::of(&ahead);
-        // The true state has no covariance.
-        let known = errors.filter(|_| !self.config.perfect_perception);
         let bounds: Vec<&Bound> = balls().filter_map(|ball| ball.bound.as_ref()).collect();
         let least = |of: fn(&Bound) -> f64| {
             (!bounds.is_empty()).then(|| {
@@ -297,18 +284,11 @@ impl Series {
             ci95_low,
             ci95_high,
             over_all_throws: counts.caught_of_all as f64 / throws,
+            fingers: FingersReport::of(&outcomes),
             misses: counts.misses,
-            across_mm_p50_200ms: errors.map(|errors| errors.across_mm[0]),
-            across_mm_p95_200ms: errors.map(|errors| errors.across_mm[1]),
-            far_off_200ms: errors.map(|errors| errors.far_off),
-            across_mm_rms_200ms: errors.map(|errors| errors.across_mm_rms),
-            along_ms_rms_200ms: errors.map(|errors| errors.along_ms_rms),
+            ahead: PredictionErrors::of(&ahead, !self.config.perfect_perception),
             across_mm_bound: least(|bound| bound.across_mm),
             along_ms_bound: least(|bound| bound.along_ms),
-            nees_200ms: known.map(|errors| errors.nees),
-            nees_band: known.map(|errors| errors.nees_band),
-            nees_in_band: known.map(|errors| errors.nees_in_band()),
-            predictions: ahead.len(),
             no_plans: outcomes.iter().map(|of| of.no_plans as f64).sum::<f64>() / throws,
             stopped: outcomes.iter().filter(|of| of.stops > 0).count(),
             braked: brakes(&|_| true),

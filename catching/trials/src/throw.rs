@@ -22,7 +22,7 @@ use crate::watch::{Braked, Watch};
 const REST: f64 = 1.0;
 /// Standstill after the robot has looked around in s, until the torso is at rest.
 const REST_AFTER_LOOK: f64 = 2.5;
-/// Maximum time after a throw until its verdict, in s.
+/// Maximum time after a throw until its verdict, and from there until that of the second judge, in s.
 pub(crate) const LONGEST: f64 = 2.5;
 /// Maximum time after a throw until the robot waits for the next one, in s.
 pub(crate) const LONGEST_BACK: f64 = 20.0;
@@ -53,7 +53,7 @@ pub(crate) struct Watching<'a> {
 }
 
 impl ThrowConfig {
-    /// Simulates throw `number` of a series.
+    /// Simulates throw `number` of a series, and calls `steps` after each step of the coordinator.
     ///
     /// # Errors
     /// Invalid settings of the world or the stack.
@@ -63,25 +63,10 @@ impl ThrowConfig {
         number: u64,
         ready: &[f64; JOINTS],
         oracle: &CatchSpace,
-    ) -> Result<ThrowOutcome, TrialError> {
-        let simulated = self.simulate(seed, number, ready, oracle, Watching::default());
-        simulated.map(|(outcome, _)| outcome)
-    }
-
-    /// Simulates a throw and calls `steps` after each step of the coordinator.
-    ///
-    /// # Errors
-    /// Same as [`ThrowConfig::run`].
-    pub fn observe(
-        &self,
-        seed: u64,
-        number: u64,
-        ready: &[f64; JOINTS],
-        oracle: &CatchSpace,
-        steps: &mut StepObserver<'_>,
+        steps: Option<&mut StepObserver<'_>>,
     ) -> Result<ThrowOutcome, TrialError> {
         let watching = Watching {
-            steps: Some(steps),
+            steps: steps.map(|steps| steps as &mut StepObserver<'_>),
             ..Watching::default()
         };
         let simulated = self.simulate(seed, number, ready, oracle, watching);
@@ -99,7 +84,7 @@ impl ThrowConfig {
     ) -> Result<(ThrowOutcome, Option<Trace>), TrialError> {
         let mut throw = SimulatedThrow::new(self, world_seed(seed, number), ready, watching)?;
         let braked = throw.run();
-        let outcome = ThrowOutcome {
+        let mut outcome = ThrowOutcome {
             number,
             balls: throw.outcomes(oracle),
             no_plans: throw.stack.no_plans(),
@@ -107,7 +92,9 @@ impl ThrowConfig {
             stops: throw.stack.safety().brakes(),
             braked,
         };
-        Ok((outcome, throw.end_trace()))
+        let trace = throw.end_trace();
+        throw.judge_fingers(&mut outcome.balls);
+        Ok((outcome, trace))
     }
 }
 
@@ -201,10 +188,25 @@ impl<'a> SimulatedThrow<'a> {
         let truth = self.world.truth();
         if let (Some(trace), Some(thrown_ns)) = (&mut self.watching.trace, self.thrown_ns) {
             let since = (now_ns - thrown_ns) as f64 * 1e-9;
-            trace.tick(since, &config.robot, &truth, command, &sensed);
+            trace.tick(since, &config.robot, &self.world, command, &sensed);
         }
         self.stack.sense(&sensed, &truth);
         commands
+    }
+
+    /// Goes on without observers until the second judge has decided on the balls of the last throw.
+    pub fn judge_fingers(&mut self, outcomes: &mut [BallOutcome]) {
+        self.watching = Watching::default();
+        let balls = self.balls.clone();
+        for _ in 0..ticks(LONGEST) {
+            if balls.clone().all(|ball| self.world.cage(ball).is_some()) {
+                break;
+            }
+            self.tick();
+        }
+        for (outcome, ball) in outcomes.iter_mut().zip(balls) {
+            outcome.cage = self.world.cage(ball);
+        }
     }
 
     /// Returns the trace since the last throw, with the executed plans.
@@ -272,6 +274,7 @@ impl<'a> SimulatedThrow<'a> {
             bound,
             predictions,
             verdict,
+            cage: None,
         }
     }
 

@@ -11,10 +11,10 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{WorldConfig, down_to};
 
 use crate::error::TrialError;
-use crate::quantiles::quantile;
 use crate::rally::{Player, Throw, with_turn};
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
+use tactnet_plot::quantile;
 
 /// Settings of the measurement.
 #[derive(Debug, Clone)]

@@ -11,14 +11,15 @@ use tactnet_catching::throw::{
     Aim, Swing, THROW_JOINTS, ThrowJoints, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower,
 };
 use tactnet_catching::throw_back::ThrowBack;
+use tactnet_catching_packets::checks::positive;
 use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{WorldConfig, down_to};
 
 use crate::error::TrialError;
-use crate::quantiles::Quantiles;
 use crate::rally::{Player, lost, with_turn};
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
+use tactnet_plot::Quantiles;
 
 /// Goal for the length, in m.
 const GOAL: f64 = 7.0;
@@ -105,13 +106,7 @@ impl ThrowBench {
     /// Invalid settings, or an impossible throw.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<ThrowReport, TrialError> {
         let height = self.height;
-        if !(height.is_finite() && height > 0.0) {
-            return Err(TrialError::Setting {
-                setting: "height",
-                expected: "a number greater than 0, m",
-                found: height.to_string(),
-            });
-        }
+        positive("height", &height)?;
         let description = with_turn(self.robot.description(), self.wheels)?;
         let robot = Robot::new(description.clone());
         let plan = self.plan(&description, ARMS - 1)?;

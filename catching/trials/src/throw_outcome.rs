@@ -1,7 +1,7 @@
 //! Results of throws in stepped time.
 
 use tactnet_catching_packets::ARMS;
-use tactnet_catching_world::{Contacts, Verdict};
+use tactnet_catching_world::{Cage, Contacts, Verdict};
 
 use crate::bound::Bound;
 use crate::look_ahead::LookAhead;
@@ -12,6 +12,8 @@ use crate::watch::Braked;
 pub struct BallOutcome {
     /// Verdict of the judge; `None` if the throw ended before.
     pub verdict: Option<Verdict>,
+    /// Verdict of the second judge, which simulates the fingers; `None` if the throw ended before.
+    pub cage: Option<Cage>,
     /// Arms that could have caught the ball.
     pub arms: [bool; ARMS],
     /// True if the tracker predicted the ball.

@@ -7,7 +7,7 @@ use tactnet_catching::Robot;
 use tactnet_catching::map::DistanceField;
 use tactnet_catching_packets::packets::{JointCommand, MAX_BALLS};
 use tactnet_catching_packets::{ARMS, JOINTS, joint};
-use tactnet_catching_world::{Sensed, StandingBox, Truth};
+use tactnet_catching_world::{Grasp, Sensed, StandingBox, World};
 
 /// State at a tick.
 #[derive(Debug, Clone)]
@@ -21,6 +21,8 @@ pub struct TraceTick {
     /// True shoulder, elbow, wrist and catch frame of each arm in the inertial frame, without calibration errors, in
     /// m.
     pub arms: [[Vector3<f64>; 4]; ARMS],
+    /// Fingers of both hands and the balls among them.
+    pub grasps: [Grasp; ARMS],
     /// Hip, knee and chest, in m.
     pub torso: [Vector3<f64>; 3],
     /// Head, in m.
@@ -66,11 +68,11 @@ impl Trace {
         &mut self,
         t: f64,
         robot: &Robot,
-        truth: &Truth,
+        world: &World,
         command: &JointCommand,
         sensed: &Sensed,
     ) {
-        let q = &sensed.joints.q;
+        let (q, truth) = (&sensed.joints.q, world.truth());
         let (chest, torso) = (&truth.chest, &robot.description().torso);
         let hip = Vector3::new(
             0.0,
@@ -87,6 +89,7 @@ impl Trace {
                 let points = robot.arm(arm).points(&angles);
                 points.map(|point| chest.position + chest.rotation * point)
             }),
+            grasps: std::array::from_fn(|arm| world.grasp(arm)),
             torso: [hip, knee, chest.position],
             head: truth.head.position,
             t,

@@ -6,9 +6,9 @@ use tactnet_catching::Robot;
 use tactnet_catching::track::TrackConfig;
 
 use crate::error::TrialError;
-use crate::look_ahead::{Errors, LookAhead};
-use crate::quantiles::Quantiles;
+use crate::look_ahead::{LookAhead, PredictionErrors};
 use crate::still_head::{Detectors, StillThrow};
+use tactnet_plot::Quantiles;
 
 /// Number of throws that are simulated in parallel before the tracker runs on them sequentially.
 const TOGETHER: usize = 200;
@@ -44,19 +44,9 @@ pub struct TrackFigures {
     pub clutter: f64,
     /// Detection probability of a ball in a picture.
     pub detection: f64,
-    /// Root mean square error of the last predictions at least 200 ms before the catch, perpendicular to the flight,
-    /// in mm.
-    pub across_mm_rms_200ms: Option<f64>,
-    /// Root mean square error along the flight, in ms.
-    pub along_ms_rms_200ms: Option<f64>,
-    /// Mean normalised squared error of these predictions; 3 if the filter's covariance is correct.
-    pub nees_200ms: Option<f64>,
-    /// 95 % band of that mean for a correct covariance.
-    pub nees_band: Option<[f64; 2]>,
-    /// True if the mean is within the band.
-    pub nees_in_band: Option<bool>,
-    /// Number of balls behind these statistics.
-    pub predictions: usize,
+    /// Errors of the predictions.
+    #[serde(flatten)]
+    pub ahead: PredictionErrors,
     /// Number of balls without a correct prediction 200 ms before the catch.
     pub lost: usize,
     /// Time from the circles of a pair of pictures with a flying ball to the prediction on one core, in µs.
@@ -135,16 +125,10 @@ impl Kept {
 
     fn figures(self, kind: Detectors) -> TrackFigures {
         let cameras = kind.cameras();
-        let errors = Errors::of(&self.ahead);
         TrackFigures {
             clutter: cameras.clutter,
             detection: cameras.detection,
-            across_mm_rms_200ms: errors.map(|errors| errors.across_mm_rms),
-            along_ms_rms_200ms: errors.map(|errors| errors.along_ms_rms),
-            nees_200ms: errors.map(|errors| errors.nees),
-            nees_band: errors.map(|errors| errors.nees_band),
-            nees_in_band: errors.map(|errors| errors.nees_in_band()),
-            predictions: self.ahead.len(),
+            ahead: PredictionErrors::of(&self.ahead, true),
             lost: self.lost,
             pair_us: Quantiles::of(self.micros),
         }
@@ -170,15 +154,21 @@ mod tests {
     fn predictions_keep_their_limits_and_repeat_to_the_bit_but_for_times() {
         let report = run(30, 2);
         for figures in [&report.without_clutter, &report.with_clutter] {
-            assert!(figures.across_mm_rms_200ms.unwrap() <= 4.4, "{figures:?}");
-            assert!(figures.along_ms_rms_200ms.unwrap() <= 1.3, "{figures:?}");
+            assert!(
+                figures.ahead.across_mm_rms_200ms.unwrap() <= 4.4,
+                "{figures:?}"
+            );
+            assert!(
+                figures.ahead.along_ms_rms_200ms.unwrap() <= 1.3,
+                "{figures:?}"
+            );
             // The band of 30 balls is 2.2 to 3.9; the filter expects a little more noise than there is.
-            let nees = figures.nees_200ms.unwrap();
+            let nees = figures.ahead.nees_200ms.unwrap();
             assert!((1.8..3.9).contains(&nees), "{nees}");
             assert!(figures.lost <= 1, "{figures:?}");
         }
         let clear = &report.without_clutter;
-        assert_eq!((clear.lost, clear.predictions), (0, 30), "{clear:?}");
+        assert_eq!((clear.lost, clear.ahead.predictions), (0, 30), "{clear:?}");
         let bits = |report: TrackReport| {
             [report.without_clutter, report.with_clutter].map(|figures| {
                 let mut timeless = figures;

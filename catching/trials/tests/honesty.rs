@@ -25,8 +25,9 @@ fn most_balls_in_the_catch_space_are_caught() {
     let report = run(30, |_| ());
     assert!(report.in_catch_space > 10);
     assert!(report.rate >= 0.9, "{report:?}");
+    assert!(report.fingers.rate >= 0.9, "{report:?}");
     // The covariance includes the shaking head: 3 in the mean, and 95 % of means of 30 balls within 2.2 and 3.9.
-    let nees = report.nees_200ms.unwrap();
+    let nees = report.ahead.nees_200ms.unwrap();
     assert!((1.8..4.2).contains(&nees), "{nees}");
 }
 
@@ -36,6 +37,8 @@ fn closing_late_or_beside_the_ball_catches_nothing() {
     assert_eq!(late.over_all_throws, 0.0);
     let early = run(15, |config| config.closing_error = -0.03);
     assert_eq!(early.over_all_throws, 0.0);
+    let caged = early.fingers.over_all_throws;
+    assert!(caged < 0.1, "caged by closed fingers: {caged}");
     // Hands are displaced by 4 cm from their described place, in a random direction for each throw.
     let beside = run(30, |config| config.world.errors.arm_mount = 0.04);
     assert!(beside.over_all_throws < 0.25, "{beside:?}");
@@ -77,7 +80,7 @@ fn balls_are_caught_from_pictures() {
     let report = run(2, |config| config.pixels = true);
     assert!(report.in_catch_space >= 1, "{report:?}");
     assert_eq!(report.caught, report.in_catch_space, "{report:?}");
-    let across = report.across_mm_rms_200ms.unwrap();
+    let across = report.ahead.across_mm_rms_200ms.unwrap();
     assert!(across < 12.0, "{across}");
 }
 

@@ -21,8 +21,7 @@ pub(crate) const BALL_STEP: f64 = 1e-4;
 
 tactnet_catching_packets::settings! {
     /// Properties of balls and air.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct BallConfig in "ball.": WorldError {
         /// Radius, in m.
         pub radius: f64 = 0.0425 => positive,
@@ -66,6 +65,8 @@ pub(crate) struct Aerodynamics {
     /// Maximum lift per effective mass, in 1/m.
     lift_limit: f64,
     pub(crate) radius: f64,
+    /// Angular velocity at the release, in rad/s.
+    pub(crate) spin: Vector3<f64>,
     restitution: f64,
 }
 
@@ -92,6 +93,7 @@ impl Aerodynamics {
             lift: spin * (pressure * config.lift_slope * config.radius),
             lift_limit: pressure * config.lift_limit,
             radius: config.radius,
+            spin,
             restitution: config.restitution,
         }
     }

@@ -27,8 +27,7 @@ const CLUTTER_RESPONSE: [f64; 2] = [0.7, 0.85];
 
 tactnet_catching_packets::settings! {
     /// Settings of the circle detector.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct CamerasConfig in "cameras.": WorldError {
         /// Standard deviation of the centre along each axis, in pixels.
         pub centre_noise: f64 = 0.3 => not_negative,

@@ -7,6 +7,7 @@ use crate::cameras::CamerasConfig;
 use crate::depth::DepthConfig;
 use crate::drives::DrivesConfig;
 use crate::error::WorldError;
+use crate::fingers::FingersConfig;
 use crate::imu::ImuConfig;
 use crate::markers::MarkersConfig;
 use crate::obstacles::ObstaclesConfig;
@@ -42,6 +43,8 @@ pub struct WorldConfig {
     pub depth: DepthConfig,
     /// Deviations of the robot from its description.
     pub errors: PlantedErrors,
+    /// Fingers and palms of the second judge.
+    pub fingers: FingersConfig,
     /// Release of balls by the hands.
     pub release: ReleaseConfig,
 }
@@ -65,6 +68,7 @@ impl WorldConfig {
         self.pictures.check_settings()?;
         self.obstacles.check()?;
         self.depth.check_settings()?;
+        self.fingers.check_settings()?;
         self.release.check_settings()?;
         self.errors.check_settings()
     }
@@ -77,7 +81,8 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_named() {
         type Spoil = fn(&mut WorldConfig);
-        let cases: [(&str, Spoil); 23] = [
+        let cases: [(&str, Spoil); 24] = [
+            ("fingers.restitution", |c| c.fingers.restitution = 1.1),
             ("pictures.noise", |c| c.pictures.noise = -1.0),
             ("pictures.ball", |c| c.pictures.ball = [0.5, 1.5]),
             ("ball.mass", |c| c.ball.mass = 0.0),

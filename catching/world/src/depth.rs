@@ -22,8 +22,7 @@ tactnet_catching_packets::settings! {
     ///
     /// 0.5 megapixels, horizontal field of view 70 degrees; noise of the first Kinect (Khoshelham and Elberink 2012:
     /// 1.4 mm at 1 m).
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct DepthConfig in "depth.": WorldError {
         /// Position in the head frame, in m.
         pub position: [f64; 3] = [0.08, 0.0, 0.1] => from_to([-1.0, 1.0], "-1 to 1 m"),

@@ -17,8 +17,7 @@ pub(crate) const TICK: f64 = 1e-3;
 
 tactnet_catching_packets::settings! {
     /// Settings of the drives.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct DrivesConfig in "drives.": WorldError {
         /// Delay from a command to its effect, in s; rounded to ms.
         pub latency: f64 = 0.003 => from_to([0.0, 1.0], "seconds, 0 to 1"),

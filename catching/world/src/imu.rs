@@ -14,8 +14,7 @@ use crate::stream::Stream;
 
 tactnet_catching_packets::settings! {
     /// Errors of the inertial unit, each a standard deviation per axis.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ImuConfig in "imu.": WorldError {
         /// White noise of the accelerometer per sample, in m/s^2.
         pub accelerometer_noise: f64 = 0.02 => not_negative,

@@ -97,10 +97,8 @@ impl Crossings {
     ) -> bool {
         for (arm, hand) in hands.iter().enumerate() {
             let axis_and_middle = |part: f64| {
-                let [from, to] = &hand.frames;
-                let axis = from.rotation.column(2) * (1.0 - part) + to.rotation.column(2) * part;
-                let middle = from.position * (1.0 - part) + to.position * part;
-                (axis.normalize(), middle)
+                let frame = FrameMotion::between(&hand.frames, part);
+                (frame.rotation.column(2).normalize(), frame.position)
             };
             let intervals = (flight.len() - 1) as f64;
             let before_plane = |i: usize| {

@@ -15,6 +15,7 @@
 //! Hz |
 //! | cameras | outline of a sphere, with noise, misses and clutter; simultaneous exposures | 25 Hz |
 //! | hands | enclose the ball 10 ms after they start to close; release it 10 ms after they start to open | 1 ms |
+//! | fingers | four chains of three phalanges and a palm in contact with a copy of each ball ([`Cage`]) | 0.1 ms |
 //! | obstacles | boxes; contacts with the robot, collisions with balls | 1 ms |
 //! | depth camera | rays to boxes, floor and the robot itself, with noise and invalid pixels | on request |
 //! | markers | [`MarkersConfig`]: features of a calibration session, with noise, misses and outliers | on request |
@@ -29,11 +30,12 @@
 //! damping, noise, latency, spin) are settings. Their defaults are estimates, most of them from the digest of its
 //! chapter 3.
 //!
-//! Not modelled: self-collisions, contact forces, contact of the ball with robot and fingers, occlusion of the ball
-//! by boxes and arms, the delay from exposure to circles (the caller adds it), elasticity of the neck, bending of the
-//! arms by their motion, torque limits.
+//! Not modelled: self-collisions, contact forces, contact of the ball with the robot's arms and body, occlusion of the
+//! ball by boxes and arms, the delay from exposure to circles (the caller adds it), elasticity of the neck, bending of
+//! the arms by their motion, torque limits.
 
 mod ball;
+mod caging;
 mod cameras;
 mod config;
 mod contact;
@@ -41,6 +43,7 @@ mod depth;
 mod drives;
 mod dynamics;
 mod error;
+mod fingers;
 mod hand;
 mod imu;
 mod judge;
@@ -61,12 +64,14 @@ mod torso;
 mod world;
 
 pub use ball::{BallConfig, BallState};
+pub use caging::Cage;
 pub use cameras::CamerasConfig;
 pub use config::WorldConfig;
 pub use contact::{Contact, Contacts};
 pub use depth::{DepthConfig, DepthPicture};
 pub use drives::{ACCELERATION_HEADROOM, DrivesConfig};
 pub use error::WorldError;
+pub use fingers::FingersConfig;
 pub use hand::{CLOSED_NS, CLOSING_NS};
 pub use imu::ImuConfig;
 pub use judge::{Crossing, MAX_ACROSS, MAX_ALONG_NS, MAX_ANGLE, Miss, NEAR, Verdict};
@@ -79,7 +84,7 @@ pub use robot::FrameMotion;
 pub use tendon::TendonSlip;
 pub use thrower::ThrowerConfig;
 pub use torso::{Stiffness, TorsoConfig};
-pub use world::{BallTruth, FlightSample, Ignored, Sensed, TICK_NS, Truth, World, down_to};
+pub use world::{BallTruth, FlightSample, Grasp, Ignored, Sensed, TICK_NS, Truth, World, down_to};
 
 /// Gravity, in m/s^2.
 pub const GRAVITY: f64 = 9.81;

@@ -21,7 +21,7 @@ use tactnet_catching_packets::{Cameras as Optics, RobotDescription};
 
 use crate::cameras::{CAMERAS, Cameras};
 use crate::config::WorldConfig;
-use crate::error::{WorldError, from_to, not_negative, range, within};
+use crate::error::{WorldError, from_to, not_negative, rising};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 use crate::world::Truth;
@@ -37,8 +37,7 @@ const PEOPLE: [f64; 2] = [6.3, 8.5];
 
 tactnet_catching_packets::settings! {
     /// Settings of the pictures.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct PicturesConfig in "pictures.": WorldError {
         /// Standard deviation of the pixel noise, in grey levels of 0 to 255.
         pub noise: f64 = 2.0 => not_negative,
@@ -55,8 +54,8 @@ tactnet_catching_packets::settings! {
 
 /// Returns an error unless a range consists of shares.
 fn shares(setting: &'static str, value: &[f64; 2]) -> Result<(), WorldError> {
-    range(setting, *value, 0.0, "[least, greatest] share of 255")?;
-    within(setting, value[1], [0.0, 1.0], "shares up to 1")
+    rising(0.0, "[least, greatest] share of 255")(setting, value)?;
+    Ok(from_to([0.0, 1.0], "shares up to 1")(setting, value)?)
 }
 
 /// A circle in a picture without noise and distortion.
@@ -107,7 +106,7 @@ impl Pictures {
             ("description.cameras.width", optics.width),
             ("description.cameras.height", optics.height),
         ] {
-            within(setting, pixels.into(), [16.0, 8192.0], "16 to 8192 pixels")?;
+            from_to([16.0, 8192.0], "16 to 8192 pixels")(setting, &pixels)?;
         }
         let mut rng = Stream::People.rng(seed, 0);
         let mut between = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();

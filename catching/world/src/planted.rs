@@ -18,8 +18,7 @@ const SLIP_WAY: f64 = 0.15;
 tactnet_catching_packets::settings! {
     /// Planted errors. Geometric errors have the given size and a random direction, drawn for the run or for the robot
     /// of [`PlantedErrors::robot`]. Maximum errors are drawn uniformly with either sign.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct PlantedErrors in "errors.": WorldError {
         /// Maximum slip of the platform's wheels, in m; drawn for each run.
         pub platform_slip: f64 = 0.006 => not_negative,

@@ -20,8 +20,7 @@ pub(crate) const TOLD_NS: u64 = 25_000_000;
 
 tactnet_catching_packets::settings! {
     /// Settings of releases.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ReleaseConfig in "release.": WorldError {
         /// Standard deviation of the release time, in s.
         pub jitter: f64 = 0.0005 => not_negative,

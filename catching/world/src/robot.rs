@@ -32,9 +32,19 @@ pub struct FrameMotion {
     pub rate: Vector3<f64>,
 }
 
-#[cfg(test)]
 impl FrameMotion {
+    /// Returns the frame between two others, interpolated linearly; `part` is 0 at the first and 1 at the second.
+    pub(crate) fn between([from, to]: &[Self; 2], part: f64) -> Self {
+        Self {
+            position: from.position.lerp(&to.position, part),
+            rotation: from.rotation * (1.0 - part) + to.rotation * part,
+            velocity: from.velocity.lerp(&to.velocity, part),
+            rate: from.rate.lerp(&to.rate, part),
+        }
+    }
+
     /// Returns a frame at rest.
+    #[cfg(test)]
     pub(crate) fn still(position: Vector3<f64>, rotation: Matrix3<f64>) -> Self {
         Self {
             position,

@@ -28,7 +28,8 @@ impl TendonSlip {
         }
         let last = (ARM_JOINTS - 1) as f64;
         from_to([0.0, last], "a joint from 0 to 6")("slip.joint", &self.joint)?;
-        from_to([-0.2, 0.2], "a magnitude of at most 0.2 rad")("slip.angle", &self.angle)
+        from_to([-0.2, 0.2], "a magnitude of at most 0.2 rad")("slip.angle", &self.angle)?;
+        Ok(())
     }
 }
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::GRAVITY;
 use crate::ball::{Aerodynamics, BallState};
-use crate::error::{WorldError, range, rising};
+use crate::error::{WorldError, rising};
 
 /// Maximum duration of a flight in the aiming computation, in s.
 const LONGEST: f64 = 3.0;
@@ -24,8 +24,7 @@ tactnet_catching_packets::settings! {
     ///
     /// With this box, two nominal arms with the hands half a metre ahead can catch most throws: 76 % of 200 if they
     /// start 0.15 s after the release, 61 % for 0.25 s.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct ThrowerConfig in "thrower.": WorldError {
         /// Minimum and maximum distance in front of the robot along x, in m.
         pub distance: [f64; 2] = [4.0, 6.0] => rising(f64::MIN_POSITIVE, ABOVE_0),
@@ -52,7 +51,7 @@ impl ThrowerConfig {
         let setting = "thrower.box_least to box_greatest";
         let expected = "corners of which the second is nowhere the lesser";
         for side in self.box_least.into_iter().zip(self.box_greatest) {
-            range(setting, side.into(), f64::MIN, expected)?;
+            rising(f64::MIN, expected)(setting, &side.into())?;
         }
         let from = Vector3::new(
             self.distance[0],

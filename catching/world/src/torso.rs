@@ -31,8 +31,7 @@ pub enum Stiffness {
 
 tactnet_catching_packets::settings! {
     /// Settings of the springs of the torso.
-    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-    #[serde(deny_unknown_fields, default)]
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct TorsoConfig in "torso.": WorldError {
         /// Elastic or rigid.
         pub stiffness: Stiffness = Stiffness::Elastic,

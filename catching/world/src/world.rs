@@ -1,5 +1,6 @@
 //! The world: all parts together, tick by tick.
 
+mod cages;
 mod held_balls;
 mod surroundings;
 
@@ -10,11 +11,13 @@ use tactnet_catching_packets::packets::{
 use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription, joint};
 
 use crate::ball::{Aerodynamics, BALL_STEP, BallState};
+use crate::caging::Approach;
 use crate::cameras::{CAMERAS, Cameras};
 use crate::config::WorldConfig;
 use crate::contact::{Contacts, deepest, is_clear_of};
 use crate::drives::TICK;
-use crate::error::{WorldError, within};
+use crate::error::{WorldError, from_to};
+use crate::fingers::{Basket, Fingers};
 use crate::hand::Hand;
 use crate::imu::Imu;
 use crate::judge::{Crossings, HandDuring, Verdict};
@@ -24,6 +27,7 @@ use crate::robot::{FrameMotion, Robot};
 use crate::shape::{CAPSULES, Capsule, capsules};
 use crate::stream::Stream;
 use crate::tendon::TendonSlip;
+pub use cages::Grasp;
 use held_balls::Away;
 use surroundings::PUT_APART;
 
@@ -116,6 +120,7 @@ struct Thrown {
     state: BallState,
     crossings: Crossings,
     phase: Phase,
+    approach: Approach,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,6 +143,8 @@ pub struct World {
     time_ns: u64,
     robot: Robot,
     hands: [Hand; ARMS],
+    basket: Basket,
+    fingers: [Fingers; ARMS],
     imu: Imu,
     cameras: Cameras,
     capsules: [Capsule; CAPSULES],
@@ -161,7 +168,9 @@ pub struct World {
 
 fn check_rate(name: &'static str, rate: f64) -> Result<(), WorldError> {
     let a_tick = [f64::MIN_POSITIVE, 1.0 / TICK];
-    within(name, rate, a_tick, "at most one in a tick, 1000 Hz")
+    Ok(from_to(a_tick, "at most one in a tick, 1000 Hz")(
+        name, &rate,
+    )?)
 }
 
 impl World {
@@ -197,6 +206,8 @@ impl World {
         });
         Ok(Self {
             hands: std::array::from_fn(Hand::new),
+            basket: Basket::new(&config.fingers),
+            fingers: [Fingers::default(); ARMS],
             imu: Imu::new(
                 &config.imu,
                 &config.errors,
@@ -245,16 +256,22 @@ impl World {
             if ball > 0 {
                 release_ns += (gap / TICK).round() as u64 * TICK_NS;
             }
-            self.thrown.push(Thrown {
-                number,
-                air,
-                release_ns,
-                release,
-                state: release,
-                crossings: Crossings::default(),
-                phase: Phase::Held,
-            });
+            self.hold(air, release_ns, release);
         }
+    }
+
+    /// Puts a ball into the thrower's hand until its release.
+    fn hold(&mut self, air: Aerodynamics, release_ns: u64, release: BallState) {
+        self.thrown.push(Thrown {
+            number: self.thrown.len() as u64,
+            air,
+            release_ns,
+            release,
+            state: release,
+            crossings: Crossings::default(),
+            phase: Phase::Held,
+            approach: Approach::Far,
+        });
         self.verdicts.reserve(self.thrown.len());
     }
 
@@ -288,6 +305,7 @@ impl World {
             frames: [before[arm], self.robot.frames.hands[arm]],
             closes_ns: self.hands[arm].closes_ns(),
         });
+        self.touch(&during);
         for ball in &mut self.thrown {
             if let Some(verdict) = ball.advance([self.time_ns, end_ns], &during, &self.boxes) {
                 if let Some(crossing) = verdict.crossing.filter(|_| verdict.caught()) {

@@ -58,13 +58,16 @@ fn print_figures(name: &str, figures: &TrackFigures) -> anyhow::Result<()> {
         figures.clutter,
         100.0 * figures.detection
     ))?;
-    if let (Some(across), Some(along)) = (figures.across_mm_rms_200ms, figures.along_ms_rms_200ms) {
+    if let (Some(across), Some(along)) = (
+        figures.ahead.across_mm_rms_200ms,
+        figures.ahead.along_ms_rms_200ms,
+    ) {
         output::print(format_args!(
             "  {across:.2} mm across the flight, {along:.2} ms along it; lost: {}",
             figures.lost
         ))?;
     }
-    if let (Some(nees), Some([low, high])) = (figures.nees_200ms, figures.nees_band) {
+    if let (Some(nees), Some([low, high])) = (figures.ahead.nees_200ms, figures.ahead.nees_band) {
         output::print(format_args!(
             "  normalised squared error: {nees:.2}, {low:.2} to {high:.2} if the filter's covariance is right"
         ))?;

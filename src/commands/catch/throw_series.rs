@@ -44,7 +44,7 @@ pub struct ThrowSeriesArgs {
     /// Throw N balls one after the other before the robot returns to its waiting pose; rounds `--throws` up to whole
     /// rows
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=10),
-        conflicts_with_all = ["obstacles", "watch", "page", "modes_picture", "ramps_picture", "view"])]
+        conflicts_with_all = ["obstacles", "watch", "page", "modes_picture", "ramps_picture", "fingers_picture", "view"])]
     in_a_row: Option<u64>,
     /// Delays of the stack
     #[arg(long, value_enum, default_value_t = TimingChoice::Ours)]
@@ -102,6 +102,9 @@ pub struct ThrowSeriesArgs {
     /// Draw the desired and measured joint velocities of the page's throw as an SVG file
     #[arg(long, value_name = "FILE")]
     ramps_picture: Option<PathBuf>,
+    /// Draw close-ups of the hand and its fingers in the page's throw as an SVG file
+    #[arg(long, value_name = "FILE")]
+    fingers_picture: Option<PathBuf>,
     #[command(flatten)]
     viewer: ViewerArgs,
     /// Print one JSON document
@@ -165,6 +168,7 @@ pub fn run(arguments: &ThrowSeriesArgs) -> anyhow::Result<ExitCode> {
         &arguments.picture,
         &arguments.modes_picture,
         &arguments.ramps_picture,
+        &arguments.fingers_picture,
     ];
     for file in files.into_iter().flatten() {
         super::check_folder(file)?;
@@ -215,6 +219,9 @@ fn write_pictures(
     }
     if let Some(path) = &arguments.ramps_picture {
         write(path, series.ramps_picture(report)?)?;
+    }
+    if let Some(path) = &arguments.fingers_picture {
+        write(path, series.fingers_picture(report)?)?;
     }
     Ok(())
 }

@@ -9,58 +9,43 @@ packets! {
     #[derive(PartialEq)]
     pub struct MarkerFeature {
         /// Horizontal centre, in pixels from the left edge, with the described lens distortion removed.
-        #[recorded(1)]
-        pub u: f64,
+        #[recorded(1)] pub u: f64,
         /// Vertical centre, in pixels from the top edge, with the described lens distortion removed.
-        #[recorded(2)]
-        pub v: f64,
+        #[recorded(2)] pub v: f64,
         /// 1 if the marker was found, otherwise 0.
-        #[recorded(3)]
-        pub found: u64,
+        #[recorded(3)] pub found: u64,
     }
 
     /// Wrist markers detected in both pictures of one exposure.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct MarkerFeatures {
         /// Picture number.
-        #[recorded(1)]
-        pub frame: u64,
+        #[recorded(1)] pub frame: u64,
         /// Middle of the exposure on the camera clock, in ns.
-        #[recorded(2)]
-        pub exposure_ns: u64,
+        #[recorded(2)] pub exposure_ns: u64,
         /// Left arm's marker in the left and the right picture.
-        #[recorded(3)]
-        pub left: [MarkerFeature; 2],
+        #[recorded(3)] pub left: [MarkerFeature; 2],
         /// Right arm's marker in the left and the right picture.
-        #[recorded(4)]
-        pub right: [MarkerFeature; 2],
+        #[recorded(4)] pub right: [MarkerFeature; 2],
     }
 
     /// Result of the calibration monitor, which compares detected markers with their expected positions.
-    #[derive(PartialEq)]
-    #[version(1)]
+    #[derive(PartialEq)] #[version(1)]
     pub struct CalibrationState {
         /// Time, in ns.
-        #[recorded(1)]
-        pub t_ns: u64,
+        #[recorded(1)] pub t_ns: u64,
         /// A [`CalibrationHold`].
-        #[recorded(2)]
-        pub hold: u64,
+        #[recorded(2)] pub hold: u64,
         /// Time since which the calibration is invalid, in ns; 0 while it is valid or undecided.
-        #[recorded(3)]
-        pub since_ns: u64,
+        #[recorded(3)] pub since_ns: u64,
         /// Number of innovations since the start, for the left and the right arm's marker. One feature in one picture
         /// is one innovation.
-        #[recorded(4)]
-        pub innovations: [u64; ARMS],
+        #[recorded(4)] pub innovations: [u64; ARMS],
         /// Mean normalised squared innovation over the last window of each arm. The expected value of a valid
         /// calibration is 2; the value is 0 before the first innovation.
-        #[recorded(5)]
-        pub mean_square: [f64; ARMS],
+        #[recorded(5)] pub mean_square: [f64; ARMS],
         /// Identity of the calibration.
-        #[recorded(6)]
-        pub identity: Text<16>,
+        #[recorded(6)] pub identity: Text<16>,
     }
 }
 

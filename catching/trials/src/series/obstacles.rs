@@ -7,11 +7,10 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Serialize;
+use tactnet_plot::{Quantiles, wilson_of_counts};
 
 use super::SeriesReport;
-use crate::quantiles::Quantiles;
 use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
-use tactnet_plot::wilson_of_counts;
 
 pub(super) use page::scene_figures;
 

@@ -3,10 +3,9 @@
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::HandOpening;
 
-use super::{BALL_STEPS, FlightSample, Phase, TICK_NS, Thrown, World, touches};
+use super::{BALL_STEPS, FlightSample, TICK_NS, World, touches};
 use crate::ball::{Aerodynamics, BALL_STEP, BallState};
 use crate::error::WorldError;
-use crate::judge::Crossings;
 use crate::release::{Held, OPENING_NS, Released, TOLD_NS};
 use crate::stream::Stream;
 
@@ -130,16 +129,7 @@ impl World {
         self.take_away_missed(1);
         let air = Aerodynamics::new(&self.config.ball, released.drag, released.spin);
         let release = flown(&air, released.state, ago);
-        self.thrown.push(Thrown {
-            number: self.thrown.len() as u64,
-            air,
-            release_ns: self.time_ns,
-            release,
-            state: release,
-            crossings: Crossings::default(),
-            phase: Phase::Held,
-        });
-        self.verdicts.reserve(self.thrown.len());
+        self.hold(air, self.time_ns, release);
     }
 }
 

@@ -1,9 +1,18 @@
 //! Percentiles of durations.
 
 use serde::Serialize;
-use tactnet_channel::percentile;
+
+use crate::percentile;
 
 /// Percentiles of durations, in ms.
+///
+/// ```
+/// use tactnet_channel::Milliseconds;
+///
+/// let times = Milliseconds::of(&[3.0, 1.0, 2.0]).unwrap();
+/// assert_eq!((times.count, times.p50, times.max), (3, 2.0, 3.0));
+/// assert_eq!(Milliseconds::of(&[]), None);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Milliseconds {
     /// Number of durations.
