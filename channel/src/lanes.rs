@@ -79,13 +79,24 @@ impl Lane {
 #[derive(Debug, Default)]
 pub(crate) struct Lanes(Mutex<LaneList>);
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct LaneList {
     open: Vec<(Arc<Lane>, LossCounter)>,
     /// Packets that were lost in lanes which are closed.
     lost: u64,
     /// Numbers of put-ports whose lanes are closed, oldest first.
     closed: VecDeque<u128>,
+}
+
+impl Default for LaneList {
+    fn default() -> Self {
+        Self {
+            open: Vec::new(),
+            lost: 0,
+            // A closed lane must not allocate: put-ports end while frames are processed.
+            closed: VecDeque::with_capacity(REMEMBERED),
+        }
+    }
 }
 
 impl Lanes {

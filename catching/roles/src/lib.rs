@@ -46,7 +46,6 @@ pub use error::RoleError;
 pub use latest_value::drain;
 pub use milliseconds::Milliseconds;
 pub use picture::PictureHead;
-pub use planner::planning_ends_ns;
 pub use role::Role;
 pub use settings::RoleSettings;
 pub use stage_view::{Side, Stage, StageView};

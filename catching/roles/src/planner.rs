@@ -16,7 +16,7 @@ const TO_COORDINATOR_NS: u64 = 1_000_000;
 /// Returns the time at which a planner stops its search and publishes its best result, in ns.
 ///
 /// - `phases`: settings of the coordinator that asks
-pub fn planning_ends_ns(question: &PlanRequest, phases: &PhaseConfig) -> u64 {
+fn planning_ends_ns(question: &PlanRequest, phases: &PhaseConfig) -> u64 {
     question
         .start_ns
         .saturating_sub(phases.path_lead_ns() + TO_COORDINATOR_NS)

@@ -1,5 +1,7 @@
 //! Planner of one arm as a function from packet to packet.
 
+use std::cell::Cell;
+
 use bytemuck::Zeroable;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{PlanFailure, PlanRequest, PlanResult};
@@ -32,8 +34,8 @@ impl Default for Answering<'_> {
 /// objective is unknown.
 ///
 /// - `planner`: planner of the requested arm
-/// - `out_of_time`: returns true to end the search; a search that is never ended has a reproducible result, bit by
-///   bit
+/// - `out_of_time`: returns true to end the search; the result of a search that is not cut short is reproducible, bit
+///   by bit
 pub fn answer(
     planner: &Planner,
     question: &PlanRequest,
@@ -41,6 +43,12 @@ pub fn answer(
     out_of_time: impl Fn() -> bool + Copy,
 ) -> Option<PlanResult> {
     let asked = asked(question)?;
+    let cut_short = Cell::new(false);
+    let out_of_time = || {
+        let ends = out_of_time();
+        cut_short.set(cut_short.get() || ends);
+        ends
+    };
     let conditions = PlanConditions {
         surroundings: answering.surroundings,
         last: (question.has_last == 1).then_some(CatchPoint {
@@ -62,7 +70,10 @@ pub fn answer(
                 None => missed,
             })
         });
-    Some(result_packet(question, &plan))
+    Some(PlanResult {
+        cut_short: cut_short.get().into(),
+        ..result_packet(question, &plan)
+    })
 }
 
 /// Returns `None` if the arm or the objective of the packet is unknown.
@@ -118,7 +129,7 @@ mod tests {
     use tactnet_catching_packets::packets::PlanObjective;
 
     use super::*;
-    use crate::plan::{Effort, Objective, Violation};
+    use crate::plan::{Effort, Objective, PlanConfig, Violation};
 
     #[test]
     fn a_request_asks_with_all_its_numbers_and_only_for_known_arms_and_objectives() {
@@ -164,6 +175,36 @@ mod tests {
     }
 
     #[test]
+    fn a_search_that_the_time_limit_ends_is_reported_as_cut_short() {
+        let robot = crate::robot::Robot::nominal();
+        let planner = Planner::new(&robot, 0, PlanConfig::default());
+        let target = [0.7, 0.4, 0.2].into();
+        let flight = Flight::without_spin(target, [-5.5, 0.0, -2.0].into(), 0.03).after(-0.7);
+        let question = PlanRequest {
+            flight: flight.packet(0),
+            earliest: 0.0,
+            latest: 1.8,
+            objective: PlanObjective::Soft as u64,
+            ..PlanRequest::zeroed()
+        };
+        // The result may depend on the limit as soon as it expires during the search, at whichever of its looks.
+        let looks = Cell::new(0);
+        let cut_short_at = |look: u32| {
+            looks.set(0);
+            let ends = || looks.replace(looks.get() + 1) == look;
+            answer(&planner, &question, &Answering::default(), ends)
+                .unwrap()
+                .cut_short
+        };
+        assert_eq!(cut_short_at(u32::MAX), 0);
+        let all = looks.get();
+        assert!(all > 10, "{all}");
+        for look in [0, all / 2, all - 1] {
+            assert_eq!(cut_short_at(look), 1, "look {look} of {all}");
+        }
+    }
+
+    #[test]
     fn a_result_holds_the_plan_or_the_reason_of_its_absence() {
         let packet = PlanRequest::zeroed();
         let plan = CatchPlan {
@@ -178,6 +219,7 @@ mod tests {
         assert_eq!(result.failure(), Some(PlanFailure::NotFailed));
         assert_eq!((result.q, result.t, result.cost), (plan.q, 0.6, 1.5));
         assert_eq!(result.ramps.each_ref().map(Ramp::of), plan.ramps);
+        assert_eq!(result.cut_short, 0);
         let missing = result_packet(&packet, &Err(NoPlan::Obstructed));
         assert_eq!(missing.failure(), Some(PlanFailure::Obstructed));
     }

@@ -150,7 +150,7 @@ packets! {
 
     /// Result of a planner.
     #[derive(PartialEq)]
-    #[version(2)]
+    #[version(3)]
     pub struct PlanResult {
         /// Request that it answers.
         #[recorded(1)]
@@ -185,6 +185,9 @@ packets! {
         /// Number of quadratic programs solved in all descents.
         #[recorded(11)]
         pub iterations: u32,
+        /// 1 if the time limit ended the search, otherwise 0.
+        #[recorded(12)]
+        pub cut_short: u64,
     }
 }
 
