@@ -42,15 +42,6 @@ pub struct Candidate {
     pub gaze: [f64; 2],
 }
 
-/// Result of the choice.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Chosen {
-    /// Indices of the candidates, in the order in which they were taken.
-    pub numbers: Vec<usize>,
-    /// `log det M` with the chosen candidates.
-    pub log_det: f64,
-}
-
 /// Draws a random configuration. Returns `None` if the marker is not visible or the way from the waiting pose is
 /// blocked.
 ///
@@ -127,7 +118,7 @@ fn is_free(robot: &Robot, bodies: &Bodies, candidate: &Candidate) -> bool {
     })
 }
 
-/// Chooses `of_each_arm` configurations of each arm.
+/// Chooses `of_each_arm` configurations of each arm, in the order in which they are taken.
 ///
 /// - `views`: neck motions relative to the gaze while pictures are taken
 ///
@@ -139,7 +130,7 @@ pub fn choose(
     candidates: &[Candidate],
     views: &[NeckMotion],
     of_each_arm: usize,
-) -> Result<Chosen, CalibrationError> {
+) -> Result<Vec<Candidate>, CalibrationError> {
     for arm in 0..ARMS {
         let found = candidates.iter().filter(|c| c.arm == arm).count();
         if found < of_each_arm {
@@ -157,17 +148,14 @@ pub fn choose(
     let mut known = DMatrix::<f64>::identity(UNKNOWNS, UNKNOWNS);
     let mut bounds = vec![f64::INFINITY; candidates.len()];
     let mut left = [of_each_arm; ARMS];
-    let mut chosen = Chosen {
-        numbers: Vec::with_capacity(ARMS * of_each_arm),
-        log_det: 0.0,
-    };
+    let mut chosen = Vec::with_capacity(ARMS * of_each_arm);
     while left != [0; ARMS] {
         let lower = lower_factor(&known);
         let mut fresh = vec![false; candidates.len()];
         // Recompute until the largest bound is up to date.
         let best = loop {
             let best = (0..candidates.len())
-                .filter(|i| left[candidates[*i].arm] > 0 && !chosen.numbers.contains(i))
+                .filter(|i| left[candidates[*i].arm] > 0 && !chosen.contains(i))
                 .max_by(|a, b| bounds[*a].total_cmp(&bounds[*b]))
                 .expect("enough candidates of each arm were checked above");
             if fresh[best] {
@@ -177,11 +165,10 @@ pub fn choose(
             fresh[best] = true;
         };
         known += &rows[best] * rows[best].transpose();
-        chosen.log_det += bounds[best];
-        chosen.numbers.push(best);
+        chosen.push(best);
         left[candidates[best].arm] -= 1;
     }
-    Ok(chosen)
+    Ok(chosen.into_iter().map(|best| candidates[best]).collect())
 }
 
 /// Returns `log det M` with the given candidates.
@@ -290,29 +277,22 @@ mod tests {
         let candidates = candidates(&model, 24);
         let views = [[0.0; 2], [0.2, -0.15]].map(NeckMotion::standing);
         let chosen = choose(&model, &config, &candidates, &views, 3).unwrap();
-        assert_eq!(chosen.numbers.len(), 6);
-        let pick = |numbers: &[usize]| -> Vec<Candidate> {
-            numbers.iter().map(|i| candidates[*i]).collect()
-        };
-        let all = gain(&model, &config, &pick(&chosen.numbers), &views).unwrap();
-        // The tolerance covers rounding: a sum of logarithms against one determinant.
-        assert!((all - chosen.log_det).abs() < 1e-6, "{all}");
+        assert_eq!(chosen.len(), 6);
+        let all = gain(&model, &config, &chosen, &views).unwrap();
         let first = gain(&model, &config, &candidates[..6], &views).unwrap();
         assert!(all > first, "{all} {first}");
-        let mut taken: Vec<usize> = Vec::new();
-        for &next in &chosen.numbers {
-            let with = |i: usize| {
-                let mut numbers = taken.clone();
-                numbers.push(i);
-                gain(&model, &config, &pick(&numbers), &views).unwrap()
-            };
-            let room = |arm| taken.iter().filter(|i| candidates[**i].arm == arm).count() < 3;
-            let best = (0..candidates.len())
-                .filter(|i| !taken.contains(i) && room(candidates[*i].arm))
-                .map(with)
+        for (number, next) in chosen.iter().enumerate() {
+            let taken = &chosen[..number];
+            let with = |one: &Candidate| gain(&model, &config, &[taken, &[*one]].concat(), &views);
+            let room = |arm| taken.iter().filter(|one| one.arm == arm).count() < 3;
+            let left = candidates
+                .iter()
+                .filter(|one| !taken.contains(one) && room(one.arm));
+            let best = left
+                .map(|one| with(one).unwrap())
                 .fold(f64::NEG_INFINITY, f64::max);
-            assert!(with(next) > best - 1e-6);
-            taken.push(next);
+            // The tolerance covers rounding.
+            assert!(with(next).unwrap() > best - 1e-6);
         }
     }
 
