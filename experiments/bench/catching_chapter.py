@@ -4,7 +4,7 @@
     python experiments/bench/catching_chapter.py --tactnet target/release/tactnet --out experiments/results/catching_chapter.json
 
 Runs each command once and keeps its JSON. A repeated call resumes; rows of another build run again. Takes about half an hour on two cores,
-mostly for the obstacles.
+mostly for the obstacles. `--detected` runs the calibrations alone, each with features from truth plus noise and from rendered pictures.
 """
 
 import argparse
@@ -12,6 +12,7 @@ import json
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROWS = [
@@ -25,27 +26,35 @@ ROWS = [
     "catch throw-series --obstacles --throws 60 --seed 5",
 ]
 
+DETECTED = [f"catch calibrate --simulate --seed {seed} --throws 0{pixels}" for seed in range(1, 9) for pixels in ("", " --pixels")]
+
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tactnet", required=True, help="the program")
     parser.add_argument("--out", required=True, type=Path, help="JSON file of the results")
+    parser.add_argument("--detected", action="store_true", help="calibrations with features from pictures instead")
     arguments = parser.parse_args()
+    begun = time.monotonic()
+    commands = DETECTED if arguments.detected else ROWS
     build = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True, text=True).stdout)
     kept = json.loads(arguments.out.read_text()) if arguments.out.exists() else {}
     done = {row["command"]: row for row in kept.get("rows", [])} if kept.get("commit") == build["git"] else {}
-    for number, row in enumerate(ROWS):
-        command = f"tactnet {row}"
-        if command in done:
-            continue
-        begun = time.monotonic()
-        result = subprocess.run([arguments.tactnet, *row.split(), "--json"], stdout=subprocess.PIPE, text=True)
-        if result.returncode:
-            sys.exit(f"`{command}` failed")
-        done[command] = {"command": command, **json.loads(result.stdout)}
-        rows = [done[f"tactnet {other}"] for other in ROWS if f"tactnet {other}" in done]
-        arguments.out.write_text(json.dumps({"commit": build["git"], "rows": rows}, indent=1) + "\n")
-        print(f"{number + 1} of {len(ROWS)}: {command}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
+
+    todo = [row for row in commands if f"tactnet {row}" not in done]
+
+    def run(row):
+        return subprocess.run([arguments.tactnet, *row.split(), "--json"], stdout=subprocess.PIPE, text=True)
+
+    # A calibration from pictures keeps one core busy.
+    with ThreadPoolExecutor(2 if arguments.detected else 1) as pool:
+        for row, result in zip(todo, pool.map(run, todo)):
+            if result.returncode:
+                sys.exit(f"`tactnet {row}` failed")
+            done[f"tactnet {row}"] = {"command": f"tactnet {row}", **json.loads(result.stdout)}
+            rows = [done[f"tactnet {other}"] for other in commands if f"tactnet {other}" in done]
+            arguments.out.write_text(json.dumps({"commit": build["git"], "rows": rows}, indent=1) + "\n")
+            print(f"{len(done)} of {len(commands)}: {row}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,16 +1,17 @@
-//! Greedy D-optimal choice of informative configurations.
+//! Greedy choice of the configurations that determine the hands best.
 //!
-//! The information matrix is `M = I + sum J^T J`, in standard deviations of the priors. A configuration with rows `J`
-//! adds `log det(I + J M^-1 J^T)` to `log det M`. The algorithm repeatedly takes the configuration that adds most. The
-//! gain of a configuration never increases when others are taken. Earlier values are therefore upper bounds, and only
-//! few must be recomputed.
+//! The information matrix is `M = I + sum J^T J`, in standard deviations of the priors. The mean square error of hands is
+//! `tr(W M^-1)`, where `W` is the mean of `H^T H` over poses, with the derivatives `H` of a hand in the cameras' frames.
+//! A configuration with rows `J` reduces it by `tr((I + J M^-1 J^T)^-1 J M^-1 W M^-1 J^T)`. The algorithm repeatedly
+//! takes the configuration that reduces it most. Maximising `log det M` instead determines directions that hands do not
+//! depend on, and leaves hands less exact than random configurations.
 
-use nalgebra::{DMatrix, Point3, Vector3};
+use nalgebra::{DMatrix, Matrix3xX, Point3, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 
 use super::error::CalibrationError;
 use super::gravity::loads;
-use super::model::Model;
+use super::model::{Model, seen_from_camera};
 use super::problem::CalibrationConfig;
 use super::session::{NeckMotion, Picture};
 use super::unknowns::{UNKNOWNS, Unknowns, at};
@@ -28,6 +29,10 @@ const NECK_MARGIN: [f64; 2] = [0.32, 0.24];
 const CLEARANCE: f64 = 0.04;
 /// Number of checked positions on the way from the waiting pose.
 const WAY_CHECKS: usize = 12;
+/// Maximum number of poses at which hands are considered.
+const POSES: usize = 100;
+/// Reason why information matrices have Cholesky factors.
+const POSITIVE: &str = "the identity plus squares is positive definite";
 /// Margin at each picture edge, as a fraction of width or height, in which markers are ignored.
 const PICTURE_MARGIN: f64 = 0.02;
 
@@ -40,15 +45,6 @@ pub struct Candidate {
     pub q: [f64; ARM_JOINTS],
     /// Pan and tilt towards the marker, in rad.
     pub gaze: [f64; 2],
-}
-
-/// Result of the choice.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Chosen {
-    /// Indices of the candidates, in the order in which they were taken.
-    pub numbers: Vec<usize>,
-    /// `log det M` with the chosen candidates.
-    pub log_det: f64,
 }
 
 /// Draws a random configuration. Returns `None` if the marker is not visible or the way from the waiting pose is
@@ -127,7 +123,7 @@ fn is_free(robot: &Robot, bodies: &Bodies, candidate: &Candidate) -> bool {
     })
 }
 
-/// Chooses `of_each_arm` configurations of each arm.
+/// Chooses `of_each_arm` configurations of each arm, in the order in which they are taken.
 ///
 /// - `views`: neck motions relative to the gaze while pictures are taken
 ///
@@ -139,7 +135,7 @@ pub fn choose(
     candidates: &[Candidate],
     views: &[NeckMotion],
     of_each_arm: usize,
-) -> Result<Chosen, CalibrationError> {
+) -> Result<Vec<Candidate>, CalibrationError> {
     for arm in 0..ARMS {
         let found = candidates.iter().filter(|c| c.arm == arm).count();
         if found < of_each_arm {
@@ -155,33 +151,23 @@ pub fn choose(
         .map(|candidate| rows(model, config, candidate, views))
         .collect::<Result<_, _>>()?;
     let mut known = DMatrix::<f64>::identity(UNKNOWNS, UNKNOWNS);
-    let mut bounds = vec![f64::INFINITY; candidates.len()];
+    let weight = hands(model, config, candidates)?;
     let mut left = [of_each_arm; ARMS];
-    let mut chosen = Chosen {
-        numbers: Vec::with_capacity(ARMS * of_each_arm),
-        log_det: 0.0,
-    };
+    let mut chosen = Vec::with_capacity(ARMS * of_each_arm);
     while left != [0; ARMS] {
-        let lower = lower_factor(&known);
-        let mut fresh = vec![false; candidates.len()];
-        // Recompute until the largest bound is up to date.
-        let best = loop {
-            let best = (0..candidates.len())
-                .filter(|i| left[candidates[*i].arm] > 0 && !chosen.numbers.contains(i))
-                .max_by(|a, b| bounds[*a].total_cmp(&bounds[*b]))
-                .expect("enough candidates of each arm were checked above");
-            if fresh[best] {
-                break best;
-            }
-            bounds[best] = added(&lower, &rows[best]);
-            fresh[best] = true;
-        };
+        let covariance = known.clone().cholesky().map(|factor| factor.inverse());
+        let covariance = covariance.expect(POSITIVE);
+        let weighted = &covariance * &weight * &covariance;
+        let (_, best) = (0..candidates.len())
+            .filter(|i| left[candidates[*i].arm] > 0 && !chosen.contains(i))
+            .map(|i| (reduced(&covariance, &weighted, &rows[i]), i))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .expect("enough candidates of each arm were checked above");
         known += &rows[best] * rows[best].transpose();
-        chosen.log_det += bounds[best];
-        chosen.numbers.push(best);
+        chosen.push(best);
         left[candidates[best].arm] -= 1;
     }
-    Ok(chosen)
+    Ok(chosen.into_iter().map(|best| candidates[best]).collect())
 }
 
 /// Returns `log det M` with the given candidates.
@@ -199,27 +185,42 @@ pub fn gain(
         let rows = rows(model, config, candidate, views)?;
         known += &rows * rows.transpose();
     }
-    Ok(log_det(&lower_factor(&known)))
+    let lower = known.cholesky().expect(POSITIVE).unpack();
+    Ok(2.0 * lower.diagonal().iter().map(|x| x.ln()).sum::<f64>())
 }
 
-fn lower_factor(known: &DMatrix<f64>) -> DMatrix<f64> {
-    known
-        .clone()
-        .cholesky()
-        .expect("the identity plus squares is positive definite")
-        .unpack()
+/// Returns the reduction of the hands' mean square error, in m^2. The columns of `rows` are the rows of `J`.
+fn reduced(covariance: &DMatrix<f64>, weighted: &DMatrix<f64>, rows: &DMatrix<f64>) -> f64 {
+    let spread = rows.tr_mul(&(covariance * rows)) + DMatrix::identity(rows.ncols(), rows.ncols());
+    let factor = spread.cholesky().expect(POSITIVE);
+    factor.solve(&rows.tr_mul(&(weighted * rows))).trace()
 }
 
-fn log_det(lower: &DMatrix<f64>) -> f64 {
-    2.0 * lower.diagonal().iter().map(|x| x.ln()).sum::<f64>()
-}
-
-/// Returns `log det(I + J M^-1 J^T)`. The columns of `rows` are the rows of `J`.
-fn added(lower: &DMatrix<f64>, rows: &DMatrix<f64>) -> f64 {
-    let mut reduced = rows.clone();
-    lower.solve_lower_triangular_mut(&mut reduced);
-    let square = reduced.tr_mul(&reduced) + DMatrix::identity(rows.ncols(), rows.ncols());
-    log_det(&lower_factor(&square))
+/// Returns the mean of `H^T H` over poses and cameras, in m^2, from differences of half a standard deviation.
+fn hands(
+    model: &Model,
+    config: &CalibrationConfig,
+    poses: &[Candidate],
+) -> Result<DMatrix<f64>, CalibrationError> {
+    let (guess, sigmas) = (config.priors.guess(), config.priors.sigmas()?);
+    let poses = &poses[..poses.len().min(POSES)];
+    let mut mean = DMatrix::zeros(UNKNOWNS, UNKNOWNS);
+    for pose in poses {
+        let loads = loads(model.robot(), pose.arm, &pose.q);
+        for camera in 0..CAMERAS {
+            let seen = |unknown: usize, part: f64| {
+                let mut x = guess.clone();
+                x[unknown] += part * sigmas[unknown];
+                seen_from_camera(model, &x, camera, pose.arm, &pose.q, &loads, pose.gaze)
+            };
+            let columns: Vec<_> = (0..UNKNOWNS)
+                .map(|i| seen(i, 0.5) - seen(i, -0.5))
+                .collect();
+            let slope = Matrix3xX::from_columns(&columns);
+            mean += slope.tr_mul(&slope) / (CAMERAS * poses.len()) as f64;
+        }
+    }
+    Ok(mean)
 }
 
 /// Returns the transposed scaled Jacobian of a candidate's features, `[UNKNOWNS][rows]`.
@@ -282,37 +283,39 @@ mod tests {
         found
     }
 
-    /// The lazy choice equals the plain greedy choice.
+    /// Returns the root mean square error of hands after configurations, in m.
+    fn error(model: &Model, of: &[Candidate], views: &[NeckMotion], poses: &[Candidate]) -> f64 {
+        let config = CalibrationConfig::default();
+        let mut known = DMatrix::<f64>::identity(UNKNOWNS, UNKNOWNS);
+        for one in of {
+            let rows = rows(model, &config, one, views).unwrap();
+            known += &rows * rows.transpose();
+        }
+        let covariance = known.cholesky().unwrap().inverse();
+        let weight = hands(model, &config, poses).unwrap();
+        (weight * covariance).trace().sqrt()
+    }
+
     #[test]
-    fn the_choice_is_the_greedy_one_and_beats_the_first_candidates() {
+    fn each_configuration_is_the_one_that_leaves_the_least_error_of_hands() {
         let model = Model::new(&Robot::nominal());
         let config = CalibrationConfig::default();
         let candidates = candidates(&model, 24);
         let views = [[0.0; 2], [0.2, -0.15]].map(NeckMotion::standing);
         let chosen = choose(&model, &config, &candidates, &views, 3).unwrap();
-        assert_eq!(chosen.numbers.len(), 6);
-        let pick = |numbers: &[usize]| -> Vec<Candidate> {
-            numbers.iter().map(|i| candidates[*i]).collect()
-        };
-        let all = gain(&model, &config, &pick(&chosen.numbers), &views).unwrap();
-        // The tolerance covers rounding: a sum of logarithms against one determinant.
-        assert!((all - chosen.log_det).abs() < 1e-6, "{all}");
-        let first = gain(&model, &config, &candidates[..6], &views).unwrap();
-        assert!(all > first, "{all} {first}");
-        let mut taken: Vec<usize> = Vec::new();
-        for &next in &chosen.numbers {
-            let with = |i: usize| {
-                let mut numbers = taken.clone();
-                numbers.push(i);
-                gain(&model, &config, &pick(&numbers), &views).unwrap()
-            };
-            let room = |arm| taken.iter().filter(|i| candidates[**i].arm == arm).count() < 3;
-            let best = (0..candidates.len())
-                .filter(|i| !taken.contains(i) && room(candidates[*i].arm))
-                .map(with)
-                .fold(f64::NEG_INFINITY, f64::max);
-            assert!(with(next) > best - 1e-6);
-            taken.push(next);
+        assert_eq!(chosen.len(), 6);
+        let error = |of: &[Candidate]| error(&model, of, &views, &candidates);
+        assert!(error(&chosen) < error(&candidates[..6]));
+        for (number, next) in chosen.iter().enumerate() {
+            let taken = &chosen[..number];
+            let with = |one: &Candidate| error(&[taken, &[*one]].concat());
+            let room = |arm| taken.iter().filter(|one| one.arm == arm).count() < 3;
+            let left = candidates
+                .iter()
+                .filter(|one| !taken.contains(one) && room(one.arm));
+            let best = left.map(with).fold(f64::INFINITY, f64::min);
+            // The tolerance covers rounding.
+            assert!(with(next) < best * (1.0 + 1e-9));
         }
     }
 

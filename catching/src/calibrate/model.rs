@@ -131,9 +131,14 @@ impl Model {
 
     /// Returns the projected marker in pixels, or `None` if it is not in front of the camera.
     pub fn feature(&self, x: &Unknowns, picture: &Picture, camera: usize) -> Option<Vector2<f64>> {
-        let marker = three(x, at::marker(picture.arm));
-        let seen = self.way(x, picture, camera, &marker).seen;
+        let seen = self.marker(x, picture, camera);
         (seen.x > MIN_DEPTH).then(|| self.lens(x, camera, &seen).0)
+    }
+
+    /// Returns the marker in the frame of a camera (forward, left, up), in m.
+    pub(crate) fn marker(&self, x: &Unknowns, picture: &Picture, camera: usize) -> Vector3<f64> {
+        let marker = three(x, at::marker(picture.arm));
+        self.way(x, picture, camera, &marker).seen
     }
 
     /// Returns the projected marker with its derivatives, or `None` if it is not in front of the camera.

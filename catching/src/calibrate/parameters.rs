@@ -1,5 +1,7 @@
 //! Result of a calibration.
 
+use std::slice::from_mut;
+
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, RobotDescription};
@@ -8,7 +10,7 @@ use super::unknowns::{UNKNOWNS, Unknowns, at};
 use crate::track::CAMERAS;
 
 /// Deviations of a robot from its description.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     /// Cameras: left, right.
@@ -24,7 +26,7 @@ pub struct Calibration {
 }
 
 /// Deviations of a camera from its description.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraCalibration {
     /// Focal length minus the described one, in pixels.
@@ -40,7 +42,7 @@ pub struct CameraCalibration {
 }
 
 /// Deviations of an arm from its description.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArmCalibration {
     /// Link angle minus sensor angle without load, in rad.
@@ -56,7 +58,7 @@ pub struct ArmCalibration {
 }
 
 /// Deviations of the neck from its description.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NeckCalibration {
     /// Link angle minus sensor angle of pan and tilt, in rad.
@@ -64,7 +66,7 @@ pub struct NeckCalibration {
 }
 
 /// Deviations of the IMU from its description.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImuCalibration {
     /// Rotation vector from the IMU frame to the head frame, in rad.
@@ -76,7 +78,7 @@ pub struct ImuCalibration {
 }
 
 /// Delays of time stamps.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClockCalibration {
     /// Picture time stamp minus joint time stamp of the same moment, in s.
@@ -92,72 +94,49 @@ impl Calibration {
     /// Panics unless there are [`UNKNOWNS`] values.
     pub fn of(x: &Unknowns) -> Self {
         assert_eq!(x.len(), UNKNOWNS, "unknowns");
-        fn array<const N: usize>(x: &Unknowns, first: usize) -> [f64; N] {
-            std::array::from_fn(|i| x[first + i])
+        let mut found = Self::default();
+        for (first, values) in found.slices() {
+            values.copy_from_slice(&x.as_slice()[first..first + values.len()]);
         }
-        Self {
-            cameras: std::array::from_fn(|camera| {
-                let own = at::camera(camera);
-                CameraCalibration {
-                    focal: x[own],
-                    centre: array(x, own + at::CENTRE),
-                    distortion: array(x, own + at::DISTORTION),
-                    turn: array(x, own + at::TURN),
-                    shift: array(x, own + at::SHIFT),
-                }
-            }),
-            arms: std::array::from_fn(|arm| ArmCalibration {
-                offsets: array(x, at::offsets(arm)),
-                compliances: array(x, at::compliances(arm)),
-                mount: array(x, at::mount(arm)),
-                lengths: array(x, at::lengths(arm)),
-                marker: array(x, at::marker(arm)),
-            }),
-            neck: NeckCalibration {
-                offsets: array(x, at::NECK),
-            },
-            imu: ImuCalibration {
-                turn: array(x, at::IMU_TURN),
-                accelerometer_bias: array(x, at::ACCELEROMETER_BIAS),
-                gyroscope_bias: array(x, at::GYROSCOPE_BIAS),
-            },
-            clocks: ClockCalibration {
-                camera_joints: x[at::CAMERA_JOINTS],
-                camera_imu: x[at::CAMERA_IMU],
-            },
-        }
+        found
     }
 
     /// Returns the values of all unknowns.
     pub fn unknowns(&self) -> Unknowns {
         let mut x = Unknowns::zeros(UNKNOWNS);
-        let mut put = |first: usize, values: &[f64]| {
+        for (first, values) in self.clone().slices() {
             x.as_mut_slice()[first..first + values.len()].copy_from_slice(values);
-        };
-        for (camera, own) in self.cameras.iter().enumerate() {
-            let first = at::camera(camera);
-            put(first, &[own.focal]);
-            put(first + at::CENTRE, &own.centre);
-            put(first + at::DISTORTION, &own.distortion);
-            put(first + at::TURN, &own.turn);
-            put(first + at::SHIFT, &own.shift);
         }
-        for (arm, own) in self.arms.iter().enumerate() {
-            put(at::offsets(arm), &own.offsets);
-            put(at::compliances(arm), &own.compliances);
-            put(at::mount(arm), &own.mount);
-            put(at::lengths(arm), &own.lengths);
-            put(at::marker(arm), &own.marker);
-        }
-        put(at::NECK, &self.neck.offsets);
-        put(at::IMU_TURN, &self.imu.turn);
-        put(at::ACCELEROMETER_BIAS, &self.imu.accelerometer_bias);
-        put(at::GYROSCOPE_BIAS, &self.imu.gyroscope_bias);
-        put(
-            at::CAMERA_JOINTS,
-            &[self.clocks.camera_joints, self.clocks.camera_imu],
-        );
         x
+    }
+
+    /// Returns all parameters with the indices of their first unknowns.
+    fn slices(&mut self) -> Vec<(usize, &mut [f64])> {
+        let (clocks, imu) = (&mut self.clocks, &mut self.imu);
+        let mut all: Vec<(usize, &mut [f64])> = vec![
+            (at::NECK, &mut self.neck.offsets),
+            (at::IMU_TURN, &mut imu.turn),
+            (at::ACCELEROMETER_BIAS, &mut imu.accelerometer_bias),
+            (at::GYROSCOPE_BIAS, &mut imu.gyroscope_bias),
+            (at::CAMERA_JOINTS, from_mut(&mut clocks.camera_joints)),
+            (at::CAMERA_IMU, from_mut(&mut clocks.camera_imu)),
+        ];
+        for (camera, own) in self.cameras.iter_mut().enumerate() {
+            let first = at::camera(camera);
+            all.push((first, from_mut(&mut own.focal)));
+            all.push((first + at::CENTRE, &mut own.centre));
+            all.push((first + at::DISTORTION, &mut own.distortion));
+            all.push((first + at::TURN, &mut own.turn));
+            all.push((first + at::SHIFT, &mut own.shift));
+        }
+        for (arm, own) in self.arms.iter_mut().enumerate() {
+            all.push((at::offsets(arm), &mut own.offsets));
+            all.push((at::compliances(arm), &mut own.compliances));
+            all.push((at::mount(arm), &mut own.mount));
+            all.push((at::lengths(arm), &mut own.lengths));
+            all.push((at::marker(arm), &mut own.marker));
+        }
+        all
     }
 
     /// Returns a description with the calibrated positions of cameras and arms, arm lengths, and joint ranges in link

@@ -6,12 +6,14 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use nalgebra::Vector3;
-use tactnet_catching_packets::packets::{ImuSample, JointState};
+use tactnet_catching_packets::packets::{Circles, ImuSample, JointState};
 use tactnet_catching_packets::{ARM_JOINTS, joint};
 
 use super::joint_history::{AROUND_NS, JointHistory};
+use super::model::Model;
 use super::routine::Phase;
 use super::session::{NeckMotion, Picture, Rest, Session, Turn};
+use super::unknowns::Unknowns;
 use crate::track::CAMERAS;
 
 /// Number of IMU samples that are averaged while the head turns.
@@ -121,23 +123,52 @@ impl Recorder {
         features: &[[Option<[f64; 2]>; CAMERAS]; 2],
         phase: Phase,
     ) {
+        if let Some(picture) = self.picture(phase) {
+            self.push(stamp_ns, picture, features[picture.arm]);
+        }
+    }
+
+    /// Adds the circles of a pair of pictures, among which the model finds the marker. Returns its features.
+    ///
+    /// - `x`: unknowns that give the marker's expected position
+    pub fn circles(
+        &mut self,
+        model: &Model,
+        x: &Unknowns,
+        circles: &[Circles; CAMERAS],
+        phase: Phase,
+    ) -> [Option<[f64; 2]>; CAMERAS] {
+        let Some(picture) = self.picture(phase) else {
+            return [None; CAMERAS];
+        };
+        let features = model.find_marker(x, &picture, circles);
+        self.push(circles[0].exposure_ns, picture, features);
+        features
+    }
+
+    /// Returns arm and neck now, without features, if the phase is that of a marker.
+    fn picture(&self, phase: Phase) -> Option<Picture> {
         let (Phase::Marker { configuration, arm }, Some(joints)) = (phase, self.history.last())
         else {
-            return;
+            return None;
         };
-        if features[arm] == [None; CAMERAS] {
-            return;
-        }
         let own = joint::ARM[arm].start;
-        let picture = Picture {
+        Some(Picture {
             configuration,
             arm,
-            features: features[arm],
+            features: [None; CAMERAS],
             q: std::array::from_fn::<_, ARM_JOINTS, _>(|i| joints.q[own + i]),
             loads: std::array::from_fn(|i| -joints.tau[own + i]),
-            neck: NeckMotion::standing([0.0; 2]),
-        };
-        self.wait(stamp_ns, Waiting::Picture(picture));
+            neck: NeckMotion::standing(std::array::from_fn(|i| joints.q[joint::NECK.start + i])),
+        })
+    }
+
+    /// Adds features to a picture, whose neck at its time stamp is not known yet.
+    fn push(&mut self, stamp_ns: u64, mut picture: Picture, features: [Option<[f64; 2]>; CAMERAS]) {
+        picture.features = features;
+        if features != [None; CAMERAS] {
+            self.wait(stamp_ns, Waiting::Picture(picture));
+        }
     }
 
     /// Returns the recorded session.

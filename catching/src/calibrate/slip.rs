@@ -31,13 +31,6 @@ tactnet_catching_packets::settings! {
     }
 }
 
-/// Alarm: a new calibration is needed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Slip {
-    /// Mean of the normalised squares. Its expected value is 2 for a valid calibration.
-    pub mean: f64,
-}
-
 /// Slip detector.
 #[derive(Debug, Clone)]
 pub struct SlipWatch {
@@ -76,9 +69,9 @@ impl SlipWatch {
         (count > 0).then(|| self.squares.iter().sum::<f64>() / count as f64)
     }
 
-    /// Adds an innovation, in pixels, with its covariance. Returns an alarm if the mean exceeds the limit. Non-finite
-    /// values are ignored.
-    pub fn push(&mut self, innovation: &Vector2<f64>, covariance: &Matrix2<f64>) -> Option<Slip> {
+    /// Adds an innovation, in pixels, with its covariance. Returns the mean normalised square, which is 2 for a valid
+    /// calibration, if it exceeds the limit and a new calibration is needed. Non-finite values are ignored.
+    pub fn push(&mut self, innovation: &Vector2<f64>, covariance: &Matrix2<f64>) -> Option<f64> {
         let square = covariance
             .cholesky()
             .map(|factor| innovation.dot(&factor.solve(innovation)))
@@ -88,8 +81,8 @@ impl SlipWatch {
         }
         self.squares.push_back(square.min(self.config.clip));
         self.innovations += 1;
-        let mean = self.mean().filter(|_| self.is_full())?;
-        (mean > self.config.limit).then_some(Slip { mean })
+        self.mean()
+            .filter(|mean| self.is_full() && *mean > self.config.limit)
     }
 
     /// Adds a marker's features in a pair of pictures.
@@ -102,26 +95,19 @@ impl SlipWatch {
         x: &Unknowns,
         covariance: &DMatrix<f64>,
         picture: &Picture,
-    ) -> Option<Slip> {
+    ) -> Option<f64> {
         let mut slip = None;
         for (camera, found) in picture.features.iter().enumerate() {
             let Some(found) = found else { continue };
             let Some(block) = model.feature_with_slope(x, picture, camera) else {
                 continue;
             };
-            let n = block.columns.len();
-            let slope = SMatrix::<f64, 2, 36>::from_fn(|row, column| {
-                if column < n {
-                    block.jacobian[row][column]
-                } else {
-                    0.0
-                }
-            });
+            // The Jacobian is zero beyond the columns.
+            let slope = SMatrix::<f64, 2, 36>::from_fn(|row, column| block.jacobian[row][column]);
             let of_columns = SMatrix::<f64, 36, 36>::from_fn(|a, b| {
-                if a < n && b < n {
-                    covariance[(block.columns[a], block.columns[b])]
-                } else {
-                    0.0
+                match [a, b].map(|i| block.columns.get(i)) {
+                    [Some(&a), Some(&b)] => covariance[(a, b)],
+                    _ => 0.0,
                 }
             });
             let noise = Matrix2::identity() * noise.feature.powi(2);

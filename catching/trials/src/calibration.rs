@@ -1,6 +1,7 @@
 //! Calibration of the simulated robot and its evaluation: positions of hands in held-out poses, and catch rates
 //! before and after.
 
+mod features;
 mod file;
 mod page;
 mod rehearsal;
@@ -20,6 +21,7 @@ use tactnet_catching::calibrate::{
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_world::WorldConfig;
 
+pub use features::FeatureReport;
 pub use file::{CalibrationFileError, keep_calibration};
 pub use page::calibration_page;
 pub use samples::CalibrationSamples;
@@ -29,7 +31,7 @@ use crate::error::TrialError;
 use crate::series::{Series, SeriesReport};
 use crate::throw_config::ThrowConfig;
 use rehearsal::{candidates, rehearse};
-use samples::{millimetres, residuals};
+use samples::residuals;
 use tactnet_plot::wilson_of_counts;
 use unseen::{Standing, distances};
 
@@ -43,7 +45,8 @@ const APART: u64 = 7_919;
 pub struct CalibrationTrial {
     /// Robot as described.
     pub robot: Robot,
-    /// World including planted errors. If they name no robot, they are those of robot `seed`.
+    /// World including planted errors. If they name no robot, they are those of robot `seed`. If its pictures show
+    /// markers, the features are detected in them, otherwise they are truth plus noise.
     pub world: WorldConfig,
     /// Settings of the calibration.
     pub config: CalibrationConfig,
@@ -105,11 +108,13 @@ pub struct CalibrationReport {
     /// Result of the session.
     #[serde(flatten)]
     pub solved: SolveReport,
+    /// Features of the session compared with the true markers.
+    pub detected: FeatureReport,
     /// Number of random candidates for the configurations.
     pub candidates: usize,
     /// `log det` of the information from the chosen configurations, relative to the priors.
     pub log_det: f64,
-    /// Results of the same number of random configurations.
+    /// Results of the same number of random configurations, always with features from truth plus noise.
     pub random: RandomFigures,
     /// Number of throws before and after the calibration each.
     pub throws: u64,
@@ -216,20 +221,25 @@ impl CalibrationTrial {
         let configurations = self.choose(&model)?;
         progress(Progress::Moving);
         let world = self.world();
-        let sessions: Vec<Session> = [&configurations.chosen, &configurations.random]
-            .into_par_iter()
-            .map(|of| rehearse(&model, &world, &self.routine, of, self.seed))
-            .collect::<Result<_, _>>()?;
+        let mut without = world.clone();
+        without.pictures.markers = false;
+        let sessions: Vec<(Session, FeatureReport)> = [
+            (&world, &configurations.chosen),
+            (&without, &configurations.random),
+        ]
+        .into_par_iter()
+        .map(|(world, of)| rehearse(&model, world, &self.routine, of, self.seed))
+        .collect::<Result<_, _>>()?;
         progress(Progress::Solving);
-        let (report, solved) = SolveReport::new(&model, &self.config, &sessions[0], None)?;
-        let (_, beside) = SolveReport::new(&model, &self.config, &sessions[1], None)?;
+        let (report, solved) = SolveReport::new(&model, &self.config, &sessions[0].0, None)?;
+        let (_, beside) = SolveReport::new(&model, &self.config, &sessions[1].0, None)?;
         let poses = self.poses(&model, &world)?;
         let raw = distances(&poses, &model, &Unknowns::zeros(UNKNOWNS));
         let all_found = distances(&poses, &model, &solved.unknowns);
         let all_random = distances(&poses, &model, &beside.unknowns);
         let (found, found_random) = (Distances::of(&all_found), Distances::of(&all_random));
         let (before_px, residuals_px) =
-            residuals(&model, &self.config, &sessions[0], &solved.unknowns)?;
+            residuals(&model, &self.config, &sessions[0].0, &solved.unknowns)?;
         let mut all = CalibrationReport {
             seed: self.seed,
             mean_mm: found.mean_mm,
@@ -237,6 +247,7 @@ impl CalibrationTrial {
             raw: Distances::of(&raw),
             unseen: self.unseen,
             solved: report,
+            detected: sessions[0].1,
             candidates: self.candidates,
             log_det: configurations.log_det,
             random: RandomFigures {
@@ -244,7 +255,7 @@ impl CalibrationTrial {
                 log_det_gain: configurations.log_det - configurations.random_log_det,
                 mean_mm: found_random.mean_mm,
                 worst_mm: found_random.worst_mm,
-                robot_seconds: sessions[1].robot_seconds,
+                robot_seconds: sessions[1].0.robot_seconds,
             },
             throws: self.throws,
             in_catch_space: 0,
@@ -254,11 +265,11 @@ impl CalibrationTrial {
             catch_rate_after_ci95: None,
             misses_before: BTreeMap::new(),
             misses_after: BTreeMap::new(),
-            session: sessions.into_iter().next().unwrap_or_default(),
+            session: sessions.into_iter().next().unwrap_or_default().0,
             samples: CalibrationSamples {
-                raw_mm: millimetres(&raw),
-                found_mm: millimetres(&all_found),
-                random_mm: millimetres(&all_random),
+                raw_mm: raw,
+                found_mm: all_found,
+                random_mm: all_random,
                 before_px,
                 residuals_px,
                 noise_px: self.config.noise.feature,
@@ -275,8 +286,8 @@ impl CalibrationTrial {
         // Candidates alternate between both arms.
         let random = drawn[..ARMS * self.of_each_arm].to_vec();
         Ok(Configurations {
-            chosen: chosen.numbers.iter().map(|number| drawn[*number]).collect(),
-            log_det: chosen.log_det,
+            log_det: gain(model, &self.config, &chosen, &views)?,
+            chosen,
             random_log_det: gain(model, &self.config, &random, &views)?,
             random,
         })

@@ -29,14 +29,13 @@ impl Eyes {
         })
     }
 
-    /// Renders both pictures of a time and detects circles, with gates at the predicted balls.
+    /// Renders both pictures of a time and detects circles.
     ///
-    /// - `head`: estimated head pose
+    /// - `expected`: predicted balls, which give gates, and estimated head pose
     pub fn see(
         &mut self,
         truth: &Truth,
-        head: &HeadPose,
-        expected: &BallPredictions,
+        expected: Option<(&BallPredictions, &HeadPose)>,
     ) -> [Circles; 2] {
         let frame = self.frame;
         self.frame += 1;
@@ -48,7 +47,6 @@ impl Eyes {
                 ..Circles::zeroed()
             };
             self.pictures.draw(truth, frame, camera, &mut self.pixels);
-            let expected = Some((expected, head));
             self.detector
                 .find_expected(&self.pixels, expected, &mut circles);
             circles

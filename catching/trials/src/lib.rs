@@ -42,7 +42,7 @@ pub use ablation::Ablation;
 pub use bound::{Bound, bounds};
 pub use calibration::{
     CalibrationFileError, CalibrationReport, CalibrationSamples, CalibrationTrial, Distances,
-    Progress, RandomFigures, SolveReport, calibration_page, keep_calibration,
+    FeatureReport, Progress, RandomFigures, SolveReport, calibration_page, keep_calibration,
 };
 pub use detect_bench::{DetectBench, DetectFigures, DetectReport, RadiusClass};
 pub use error::TrialError;

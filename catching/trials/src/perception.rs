@@ -242,7 +242,7 @@ impl Perception {
             }
             Source::Sensors | Source::Kinematics => {
                 let pair = match &mut self.eyes {
-                    Some(eyes) => Some(eyes.see(truth, &known, &self.last)),
+                    Some(eyes) => Some(eyes.see(truth, Some((&self.last, &known)))),
                     None => {
                         let [left, right] = &exposure.circles;
                         self.tracker.pair(left);

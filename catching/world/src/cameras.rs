@@ -172,16 +172,8 @@ impl Cameras {
         head: &FrameMotion,
         point: &Vector3<f64>,
     ) -> Option<[f64; 2]> {
-        let (eye, turn) = self.mount(camera);
-        let seen = turn.tr_mul(&(head.rotation.tr_mul(&(point - head.position)) - eye));
-        if seen.x <= 0.0 {
-            return None;
-        }
-        let (right, down) = (-seen.y / seen.x, -seen.z / seen.x);
-        let aside = right.hypot(down).max(f64::MIN_POSITIVE);
-        let away = (self.optics.focal + self.errors[camera].focal) * aside;
-        let pixel = self.on_sensor(camera, away, [right / aside, down / aside]);
-        self.contains(&pixel).then_some(pixel)
+        self.outline(camera, head, point, 0.0)
+            .map(|circle| [circle.u, circle.v])
     }
 
     /// Returns the pixel at a distance `away` (pixels) from the principal point, in a direction (right, down) of

@@ -1,4 +1,4 @@
-//! Markers on the wrists for the calibration, as detected in both pictures.
+//! Markers on the wrists for the calibration, as detected in both pictures or as drawn into them.
 //!
 //! A marker is a small ball on a stalk, visible from all sides; occlusion is not simulated.
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARMS;
 
 use crate::cameras::{CAMERAS, Cameras};
-use crate::error::{WorldError, from_to, not_negative, probability};
+use crate::error::{WorldError, from_to, not_negative, positive, probability};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 
@@ -21,6 +21,8 @@ tactnet_catching_packets::settings! {
         /// Left and right place in the frame of the arm's last link (origin at the wrist), in m; `errors.marker`
         /// displaces them.
         pub places: [[f64; 3]; ARMS] = [[0.05, 0.04, 0.06], [0.05, -0.04, 0.06]] => from_to([f64::MIN, f64::MAX], "numbers"),
+        /// Radius in rendered pictures, in m.
+        pub radius: f64 = 0.01 => positive,
         /// Standard deviation of a feature along each axis, in pixels.
         pub noise: f64 = 0.25 => not_negative,
         /// Detection probability of a marker in a picture, independent for each camera.
@@ -33,23 +35,38 @@ tactnet_catching_packets::settings! {
 }
 
 impl MarkersConfig {
-    /// Returns the detections in the latest pictures, in pixels: of the left and the right marker, each in the left
-    /// and the right picture.
+    /// Returns the frames of the markers.
     ///
     /// - `wrists`: frames of the arms' last links
     /// - `moved`: displacement of the markers from their nominal places, in m
+    pub(crate) fn frames(
+        &self,
+        wrists: &[FrameMotion; ARMS],
+        moved: &[Vector3<f64>; ARMS],
+    ) -> [FrameMotion; ARMS] {
+        std::array::from_fn(|arm| {
+            let wrist = wrists[arm];
+            let away = wrist.rotation * (Vector3::from(self.places[arm]) + moved[arm]);
+            FrameMotion {
+                position: wrist.position + away,
+                velocity: wrist.velocity + wrist.rate.cross(&away),
+                ..wrist
+            }
+        })
+    }
+
+    /// Returns the detections in the latest pictures, in pixels: of the left and the right marker, each in the left
+    /// and the right picture.
+    ///
+    /// - `markers`: frames of the markers
     pub(crate) fn find(
         &self,
         cameras: &Cameras,
         head: &FrameMotion,
-        wrists: &[FrameMotion; ARMS],
-        moved: &[Vector3<f64>; ARMS],
+        markers: &[FrameMotion; ARMS],
         seed: u64,
     ) -> [[Option<[f64; 2]>; CAMERAS]; ARMS] {
         std::array::from_fn(|arm| {
-            let wrist = &wrists[arm];
-            let place = Vector3::from(self.places[arm]) + moved[arm];
-            let point = wrist.position + wrist.rotation * place;
             std::array::from_fn(|camera| {
                 let index = picture(cameras.last_frame(), camera, arm as u64);
                 let mut rng = Stream::Marker.rng(seed, index);
@@ -60,7 +77,7 @@ impl MarkersConfig {
                     let noise: f64 = StandardNormal.sample(&mut rng);
                     noise * self.noise
                 });
-                let pixel = cameras.project(camera, head, &point)?;
+                let pixel = cameras.project(camera, head, &markers[arm].position)?;
                 let aside = if outlying < self.outlying {
                     away
                 } else {
@@ -88,10 +105,7 @@ mod tests {
     /// 2000 markers straight ahead, 0.8 m in front of the centre between the cameras.
     #[test]
     fn features_have_the_given_noise_and_shares() {
-        let config = MarkersConfig {
-            places: [[0.0; 3]; ARMS],
-            ..MarkersConfig::default()
-        };
+        let config = MarkersConfig::default();
         let optics = RobotDescription::nominal().cameras;
         let head = frame(Vector3::zeros());
         let wrist = frame(Vector3::from(optics.centre) + Vector3::new(0.8, 0.0, 0.0));
@@ -100,8 +114,7 @@ mod tests {
         for seed in 0..runs {
             let (detector, errors) = (CamerasConfig::default(), PlantedErrors::default());
             let cameras = Cameras::new(&detector, &errors, &optics, seed);
-            let (wrists, moved) = ([wrist; ARMS], [Vector3::zeros(); ARMS]);
-            let [left, _] = config.find(&cameras, &head, &wrists, &moved, seed);
+            let [left, _] = config.find(&cameras, &head, &[wrist; ARMS], seed);
             // Half the baseline at 0.8 m; to the right in the left picture.
             let expected = [800.0 + 1386.0 * 0.1 / 0.8, 800.0 - 1386.0 * 0.1 / 0.8];
             for (pixel, expected) in left.iter().zip(expected) {

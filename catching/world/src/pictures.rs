@@ -2,9 +2,9 @@
 //!
 //! Pictures are rendered from the true state only. The background is infinitely far away: it rotates, but has no
 //! parallax. People and balls are ellipsoids, lit from one side, which hide everything behind them. A picture
-//! averages over the exposure time and has noise. The lens distortion is that of the robot's description: a ray
-//! through `(a, b)`, in focal lengths to the right and below the optical axis, is imaged at `(a, b) (1 + k1 s + k2 s^2)`
-//! with `s = a^2 + b^2`.
+//! averages over the exposure time and has noise. The lens distortion is that of the robot's description, after the
+//! planted errors of the camera: a ray through `(a, b)`, in focal lengths to the right and below the optical axis, is
+//! imaged at `(a, b) (1 + k1 s + k2 s^2)` with `s = a^2 + b^2`.
 //!
 //! Not modelled: parallax of the background, reflections, shadows, arms in the picture, focus.
 
@@ -12,6 +12,8 @@ mod noise;
 mod optics;
 mod solid;
 mod surroundings;
+
+use std::sync::Arc;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::RngExt;
@@ -32,6 +34,8 @@ use surroundings::Surroundings;
 
 /// Direction of the light in the inertial frame: above and behind the robot's left shoulder.
 const LIGHT: [f64; 3] = [-0.45, 0.4, 0.8];
+/// Brightness of a fully lit marker, as a share of 255.
+const MARKER_SHADE: f32 = 0.9;
 /// Distances of people from the robot, in m: behind the thrower, so that they hide no ball.
 const PEOPLE: [f64; 2] = [6.3, 8.5];
 
@@ -47,6 +51,8 @@ tactnet_catching_packets::settings! {
         pub people: usize = 3 => from_to([0.0, 50.0], "0 to 50"),
         /// Minimum and maximum brightness of a fully lit ball, as a share of 255; drawn for each ball.
         pub ball: [f64; 2] = [0.6, 0.95] => shares,
+        /// True to draw the markers on the wrists.
+        pub markers: bool = false,
         /// Delay of the exposure relative to its timestamp, in s.
         pub clock_offset: f64 = 0.0 => from_to([-0.02, 0.02], "a magnitude of at most 20 ms"),
     }
@@ -68,7 +74,9 @@ pub struct Pictures {
     cameras: Cameras,
     optics: Optics,
     radius: f64,
-    rays: Rays,
+    marker_radius: f64,
+    /// Rays of each camera; shared if both lenses are equal.
+    rays: [Arc<Rays>; CAMERAS],
     surroundings: Surroundings,
     people: Vec<Person>,
     noise: Noise,
@@ -124,10 +132,17 @@ impl Pictures {
                 }
             })
             .collect();
+        let [left, right] = config.errors.each_camera(seed);
+        let rays = Arc::new(Rays::new(&optics, &left));
+        let rays = match left.has_lens_of(&right) {
+            true => [rays.clone(), rays],
+            false => [rays, Arc::new(Rays::new(&optics, &right))],
+        };
         Ok(Self {
             cameras: Cameras::new(&config.cameras, &config.errors, &optics, seed),
             radius: config.ball.radius,
-            rays: Rays::new(&optics),
+            marker_radius: config.markers.radius,
+            rays,
             surroundings: Surroundings::draw(config.pictures.discs, seed),
             people,
             noise: Noise::new(config.pictures.noise, seed),
@@ -168,7 +183,7 @@ impl Pictures {
             .noise
             .of(Stream::PictureNoise.rng(self.seed, picture(frame, camera, 0)));
         for (v, line) in pixels.chunks_exact_mut(width).enumerate() {
-            let rays = self.rays.row(v);
+            let rays = self.rays[camera].row(v);
             self.row.fill(0.0);
             for view in &views {
                 self.surroundings
@@ -192,14 +207,15 @@ impl Pictures {
     fn solids(&self, truth: &Truth, camera: usize) -> Vec<Solid> {
         let exposure = self.optics.exposure;
         let offset = self.config.clock_offset;
-        let light = Vector3::from(LIGHT).normalize();
-        let eyes = [-0.5, 0.5].map(|part| self.eye(camera, &truth.head, offset + part * exposure));
+        let (light, rays) = (Vector3::from(LIGHT).normalize(), &self.rays[camera]);
+        let during = [-0.5, 0.5].map(|part| offset + part * exposure);
+        let eyes = during.map(|dt| self.eye(camera, &truth.head, dt));
         let now = truth.time_ns as f64 * 1e-9;
         let mut solids: Vec<Solid> = Vec::new();
         let mut add = |centres: [Vector3<f64>; 2], axes: Vector3<f64>, shades: [f32; 2]| {
             let seen = [0, 1].map(|i| eyes[i].turn.tr_mul(&(centres[i] - eyes[i].position)));
             let turn = (eyes[0].turn + eyes[1].turn) * 0.5;
-            solids.extend(Solid::new(seen, axes, &turn, light, shades, &self.rays));
+            solids.extend(Solid::new(seen, axes, &turn, light, shades, rays));
         };
         for person in &self.people {
             let sway = Vector3::new(0.0, 0.04 * (1.3 * now + person.phase).sin(), 0.0);
@@ -212,14 +228,18 @@ impl Pictures {
             add([chest; 2], Vector3::new(0.14, 0.22, 0.36), [cloth; 2]);
             add([head; 2], Vector3::new(0.1, 0.08, 0.12), face);
         }
+        let marker_axes = Vector3::repeat(self.marker_radius);
+        for marker in truth.markers.iter().filter(|_| self.config.markers) {
+            let centres = during.map(|dt| marker.position + marker.velocity * dt);
+            add(centres, marker_axes, [MARKER_SHADE; 2]);
+        }
         for ball in truth.balls.iter().flatten() {
             let brightness = Stream::BallBrightness
                 .rng(self.seed, ball.number)
                 .random::<f64>();
             let [dark, bright] = self.config.ball;
             let shade = (dark + (bright - dark) * brightness) as f32;
-            let at = |dt: f64| ball.state.position + ball.state.velocity * dt;
-            let centres = [-0.5, 0.5].map(|part| at(offset + part * exposure));
+            let centres = during.map(|dt| ball.state.position + ball.state.velocity * dt);
             add(centres, Vector3::repeat(self.radius), [shade; 2]);
         }
         solids.sort_by(|a, b| b.depth().total_cmp(&a.depth()));
@@ -296,7 +316,7 @@ mod tests {
         assert!((40.0..220.0).contains(&mean), "{mean}");
     }
 
-    /// Pictures with and without the ball differ only within its outline.
+    /// Pictures with and without the ball differ only within its outline, also with a lens that is not as described.
     #[test]
     fn a_ball_is_drawn_where_its_outline_says() {
         let mut description = description();
@@ -304,6 +324,8 @@ mod tests {
         description.cameras.exposure = 1e-6;
         let mut config = WorldConfig::default();
         (config.pictures.noise, config.pictures.people) = (0.0, 0);
+        let errors = &mut config.errors;
+        (errors.focal, errors.centre, errors.distortion) = (10.0, 8.0, 0.015);
         let mut pictures = Pictures::new(&description, &config, 5).unwrap();
         let [width, _] = pictures.size();
         let mut seen = 0;

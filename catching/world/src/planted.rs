@@ -37,7 +37,7 @@ tactnet_catching_packets::settings! {
         /// Maximum error of the principal point along each axis, in pixels.
         pub centre: f64 = 0.0 => not_negative,
         /// Maximum residual distortion k1 of each lens, and twice the maximum of k2, in the form of the description's
-        /// `distortion`. It affects circles and markers; rendered pictures have the lens of the description.
+        /// `distortion`.
         pub distortion: f64 = 0.0 => not_negative,
         /// Maximum error of the lengths of the arms' links, in m. Markers do not reveal the last one, from the wrist to
         /// the catch frame.
@@ -76,6 +76,14 @@ pub(crate) struct CameraErrors {
     pub(crate) centre: [f64; 2],
     /// Distortion coefficients k1 and k2.
     pub(crate) distortion: [f64; 2],
+}
+
+impl CameraErrors {
+    /// Returns true if both cameras have the same lens.
+    pub(crate) fn has_lens_of(&self, other: &Self) -> bool {
+        let lens = |of: &Self| (of.focal, of.centre, of.distortion);
+        lens(self) == lens(other)
+    }
 }
 
 /// Errors of the joint sensors: `q_link = q + offset + compliance * load`.

@@ -95,6 +95,8 @@ pub struct Truth {
     pub chest: FrameMotion,
     /// Catch frames of the left and the right hand.
     pub hands: [FrameMotion; ARMS],
+    /// Frames of the arms' last links, moved to the markers.
+    pub markers: [FrameMotion; ARMS],
     /// Deflections of the torso's links from their drives, in rad: yaw, lower pitch, upper pitch.
     pub deflection: [f64; 3],
     /// Displacement of the platform from its drive, in m.
@@ -385,6 +387,7 @@ impl World {
             head: self.robot.frames.head,
             chest: self.robot.frames.chest,
             hands: self.robot.frames.hands,
+            markers: self.true_markers(),
             deflection: self.robot.deflection(),
             slip: self.robot.slip(),
         }

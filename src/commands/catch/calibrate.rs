@@ -9,7 +9,8 @@ use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{CalibrationConfig, KeptCalibration, Model, RoutineConfig};
 use tactnet_catching_stage::recorded::{read_session, write_session};
 use tactnet_catching_trials::{
-    CalibrationReport, CalibrationTrial, Progress, SolveReport, calibration_page, keep_calibration,
+    CalibrationReport, CalibrationTrial, FeatureReport, Progress, SolveReport, calibration_page,
+    keep_calibration,
 };
 use tactnet_catching_world::{PlantedErrors, WorldConfig};
 
@@ -51,6 +52,9 @@ pub struct CalibrateArgs {
     /// at the hands]
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     world: Option<PathBuf>,
+    /// Render the camera pictures and detect the markers in them (several minutes)
+    #[arg(long, conflicts_with = "from")]
+    pixels: bool,
     /// Record the session to a new MCAP file
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     record: Option<PathBuf>,
@@ -110,13 +114,14 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     if let Some(page) = &arguments.page {
         super::check_folder(page)?;
     }
-    let world = match arguments.world.as_deref() {
+    let mut world = match arguments.world.as_deref() {
         Some(path) => super::world(Some(path))?,
         None => WorldConfig {
             errors: PlantedErrors::uncalibrated(arguments.seed),
             ..WorldConfig::default()
         },
     };
+    world.pictures.markers |= arguments.pixels;
     let trial = CalibrationTrial {
         robot: super::robot(arguments.robot.as_ref())?,
         world,
@@ -154,6 +159,17 @@ fn simulate(arguments: &CalibrateArgs) -> anyhow::Result<ExitCode> {
 
 fn print(report: &CalibrationReport) -> anyhow::Result<()> {
     print_solved(&report.solved)?;
+    let FeatureReport {
+        shown,
+        found,
+        missed,
+        wrong,
+        ..
+    } = report.detected;
+    output::print(format_args!(
+        "features: {found} of {shown} whole markers found, {missed} missed, {wrong} false; {:.2} px off (median, 95 % below {:.2})",
+        report.detected.error_px_median, report.detected.error_px_p95
+    ))?;
     output::print(format_args!(
         "hands at {} unseen poses, seen from both cameras: {:.1} mm off before, {:.1} mm at the worst; {:.2} mm after, {:.2} mm at the worst",
         report.unseen, report.raw.mean_mm, report.raw.worst_mm, report.mean_mm, report.worst_mm

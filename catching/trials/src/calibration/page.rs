@@ -57,20 +57,15 @@ fn features(report: &CalibrationReport) -> Markup {
     if samples.residuals_px.is_empty() {
         return html! {};
     }
-    let title = format!(
-        "Residuals of markers in pictures: the median is {:.2} times that of the noise, {:.1} % are more than five standard deviations off",
-        report.solved.fit,
-        100.0 * report.solved.outlying
-    );
     let caption = format!(
-        "How far markers are in pictures from where the model puts them. After calibration the median is {:.2} times that of noise of {} \
+        "Distances of markers in pictures from where the model puts them. After calibration the median is {:.2} times that of noise of {} \
          pixels each way; {:.1} % are more than five standard deviations off, most of them features that are something else.",
         report.solved.fit,
         samples.noise_px,
         100.0 * report.solved.outlying
     );
     html! {
-        @if let Some(figure) = at_most(&title, "residual [pixels]", &curves) {
+        @if let Some(figure) = at_most("Residuals of markers in pictures", "residual [pixels]", &curves) {
             h2 { "Markers in pictures" }
             (captioned(&figure, &caption))
             (legend(&["before", "after", "noise alone, as the stack assumes it"]))

@@ -3,14 +3,17 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tactnet_catching::calibrate::{
-    CalibrationConfig, Candidate, Model, Recorder, Routine, RoutineConfig, Session, draw_candidate,
+    CalibrationConfig, Candidate, Model, Phase, Recorder, Routine, RoutineConfig, Session,
+    draw_candidate,
 };
 use tactnet_catching::safety::Bodies;
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_world::{TICK_NS, World, WorldConfig};
 
+use super::features::{FeatureCounts, FeatureReport};
 use crate::error::TrialError;
+use crate::eyes::Eyes;
 
 /// Maximum number of draws of a configuration with visible markers.
 const DRAWS: usize = 2_000_000;
@@ -47,7 +50,8 @@ pub(crate) fn candidates(
     Ok(found)
 }
 
-/// Runs a session: the robot moves through its configurations and back, with a tick of 1 ms.
+/// Runs a session: the robot moves through its configurations and back, with a tick of 1 ms. If the pictures of the
+/// world show markers, the features are detected in them. Returns the session and its features compared with the truth.
 ///
 /// # Errors
 /// Invalid settings of the world.
@@ -57,10 +61,18 @@ pub(crate) fn rehearse(
     routine: &RoutineConfig,
     configurations: &[Candidate],
     seed: u64,
-) -> Result<Session, TrialError> {
+) -> Result<(Session, FeatureReport), TrialError> {
     let robot = model.robot();
+    let guess = CalibrationConfig::default().priors.guess();
     let routine = Routine::new(robot, routine, configurations);
+    let mut eyes = match world.pictures.markers {
+        true => Some(Eyes::new(robot, world, seed)?),
+        false => None,
+    };
     let mut world = World::new(robot.description(), world, seed, &robot.waiting())?;
+    let mut counts = FeatureCounts::default();
+    let cameras = &robot.description().cameras;
+    let size = [cameras.width, cameras.height].map(f64::from);
     let mut recorder = Recorder::new(routine.seconds());
     let ticks = (routine.seconds() * 1e9) as u64 / TICK_NS + 100;
     for number in 0..ticks {
@@ -78,9 +90,26 @@ pub(crate) fn rehearse(
         if let Some(sample) = &sensed.imu {
             recorder.sample(sample, phase);
         }
-        if let Some([left, _]) = &sensed.circles {
-            recorder.features(left.exposure_ns, &world.marker_features(), phase);
+        let (Some([left, _]), Phase::Marker { arm, .. }) = (&sensed.circles, phase) else {
+            continue;
+        };
+        let features = match &mut eyes {
+            Some(eyes) => {
+                let mut circles = eyes.see(&world.truth(), None);
+                circles
+                    .iter_mut()
+                    .for_each(|of| of.exposure_ns = left.exposure_ns);
+                recorder.circles(model, &guess, &circles, phase)
+            }
+            None => {
+                let features = world.marker_features();
+                recorder.features(left.exposure_ns, &features, phase);
+                features[arm]
+            }
+        };
+        for (camera, found) in features.into_iter().enumerate() {
+            counts.add(found, world.true_feature(camera, arm), size);
         }
     }
-    Ok(recorder.finish())
+    Ok((recorder.finish(), counts.report()))
 }

@@ -21,13 +21,6 @@ pub struct CalibrationSamples {
     pub noise_px: f64,
 }
 
-/// Returns lengths in mm.
-///
-/// - `metres`: the lengths in m
-pub(crate) fn millimetres(metres: &[f64]) -> Vec<f64> {
-    metres.iter().map(|length| 1e3 * length).collect()
-}
-
 /// Returns the residuals of the features with the description and with `found`, in pixels.
 ///
 /// # Errors

@@ -1,7 +1,13 @@
-use tactnet_catching::calibrate::{CalibrationError, Picture, Slip, SlipConfig, SlipWatch};
-use tactnet_catching_world::PlantedErrors;
+use nalgebra::Vector3;
+use tactnet_catching::calibrate::{
+    CalibrationError, Phase, Picture, Recorder, SlipConfig, SlipWatch,
+};
+use tactnet_catching_packets::joint;
+use tactnet_catching_packets::packets::JointCommand;
+use tactnet_catching_world::{BallState, BallTruth, PlantedErrors, Truth, World};
 
 use super::*;
+use crate::eyes::Eyes;
 use crate::page_parts::tests::{assert_page, on_threads};
 
 fn trial(seed: u64, throws: u64) -> CalibrationTrial {
@@ -78,7 +84,7 @@ fn recorded() -> (Model, Session, CalibrationTrial) {
     let trial = trial(5, 0);
     let model = Model::new(&trial.robot);
     let drawn = candidates(&model, &trial.config, 5, 20).unwrap();
-    let session = rehearse(&model, &trial.world(), &trial.routine, &drawn, 5).unwrap();
+    let (session, _) = rehearse(&model, &trial.world(), &trial.routine, &drawn, 5).unwrap();
     (model, session, trial)
 }
 
@@ -147,8 +153,8 @@ fn a_slipped_tendon_asks_for_calibration_and_a_good_robot_does_not() {
     let (_, solved) = SolveReport::new(&model, &trial.config, &session, None).unwrap();
     // Another session of the same robot.
     let drawn = candidates(&model, &trial.config, 6, 10).unwrap();
-    let later = rehearse(&model, &trial.world(), &trial.routine, &drawn, 6).unwrap();
-    let watch = |slipped: fn(&mut Picture)| -> Option<Slip> {
+    let (later, _) = rehearse(&model, &trial.world(), &trial.routine, &drawn, 6).unwrap();
+    let watch = |slipped: fn(&mut Picture)| -> Option<f64> {
         let mut watch = SlipWatch::new(SlipConfig::default()).unwrap();
         later.pictures.iter().find_map(|picture| {
             let mut picture = *picture;
@@ -170,4 +176,71 @@ fn a_session_without_anything_is_refused() {
     let error = calibrate(&model, &Session::default(), &config, None).unwrap_err();
     let is_unseen = matches!(error, CalibrationError::NeverSeen { arm: 0, .. });
     assert!(is_unseen, "{error}");
+}
+
+/// Returns a trial with rendered pictures, shorter sweeps and much clutter.
+fn rendered() -> CalibrationTrial {
+    let mut trial = trial(5, 0);
+    let sweep = &mut trial.routine.sweep;
+    (sweep.seconds, sweep.rounds) = (0.6, [0.5, 0.25]);
+    let pictures = &mut trial.world.pictures;
+    (pictures.markers, pictures.discs, pictures.people) = (true, 60, 8);
+    trial
+}
+
+#[test]
+fn rendered_markers_are_found_before_clutter_and_sessions_repeat_to_the_bit() {
+    let trial = rendered();
+    let model = Model::new(&trial.robot);
+    let drawn = candidates(&model, &trial.config, 5, 6).unwrap();
+    let run = |_| rehearse(&model, &trial.world(), &trial.routine, &drawn, 5).unwrap();
+    let [(session, features), again] = [0, 1].map(run);
+    assert_eq!((&session, features), (&again.0, again.1));
+    assert!(features.shown > 120, "{features:?}");
+    // The solver's loss tolerates a few.
+    assert!(100 * features.wrong <= features.shown, "{features:?}");
+    assert_eq!(features.found + features.missed, features.shown);
+    assert!(
+        features.found as f64 > 0.85 * features.shown as f64,
+        "{features:?}"
+    );
+    assert!(
+        features.error_px_median < 0.3 && features.error_px_p95 < 2.0,
+        "{features:?}"
+    );
+}
+
+#[test]
+fn a_hidden_marker_is_missed_and_gives_no_false_place() {
+    let trial = rendered();
+    let (model, world) = (Model::new(&trial.robot), trial.world());
+    let pose = candidates(&model, &trial.config, 5, 1).unwrap()[0];
+    let mut q = trial.robot.waiting();
+    q[joint::ARM[pose.arm].clone()].copy_from_slice(&pose.q);
+    q[joint::NECK].copy_from_slice(&pose.gaze);
+    let mut eyes = Eyes::new(&trial.robot, &world, 5).unwrap();
+    let mut world = World::new(trial.robot.description(), &world, 5, &q).unwrap();
+    let mut recorder = Recorder::new(1.0);
+    recorder.joints(&world.step(&JointCommand::still(q), &[None; ARMS]).joints);
+    let guess = trial.config.priors.guess();
+    let (arm, configuration) = (pose.arm, 0);
+    let mut see = |truth: &Truth| {
+        let circles = eyes.see(truth, None);
+        recorder.circles(
+            &model,
+            &guess,
+            &circles,
+            Phase::Marker { configuration, arm },
+        )
+    };
+    let mut truth = world.truth();
+    assert!(see(&truth).iter().all(Option::is_some));
+    let marker = truth.markers[arm].position;
+    // A ball between the head and the marker.
+    let state = BallState {
+        position: marker + (truth.head.position - marker) * 0.2,
+        velocity: Vector3::zeros(),
+    };
+    truth.balls[0] = Some(BallTruth { number: 0, state });
+    assert_eq!(see(&truth), [None; 2]);
 }

@@ -66,22 +66,22 @@ impl Standing {
         ];
         std::array::from_fn(|camera| {
             let thought = seen_from_camera(model, x, camera, self.arm, &q, &loads, neck);
-            (thought - self.seen[camera]).norm()
+            1e3 * (thought - self.seen[camera]).norm()
         })
     }
 }
 
 impl Distances {
-    /// Computes the statistics of distances in m.
+    /// Computes the statistics of distances in mm.
     pub(crate) fn of(all: &[f64]) -> Self {
         Self {
-            mean_mm: 1e3 * all.iter().sum::<f64>() / all.len().max(1) as f64,
-            worst_mm: 1e3 * all.iter().copied().fold(0.0, f64::max),
+            mean_mm: all.iter().sum::<f64>() / all.len().max(1) as f64,
+            worst_mm: all.iter().copied().fold(0.0, f64::max),
         }
     }
 }
 
-/// Returns the distances in the poses with the given unknowns in m, two cameras per pose.
+/// Returns the distances in the poses with the given unknowns in mm, two cameras per pose.
 pub(crate) fn distances(poses: &[Standing], model: &Model, x: &Unknowns) -> Vec<f64> {
     poses
         .iter()

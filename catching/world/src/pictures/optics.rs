@@ -2,6 +2,8 @@
 
 use tactnet_catching_packets::Cameras;
 
+use crate::planted::CameraErrors;
+
 /// Number of fixed-point iterations for the undistortion; each reduces the error about tenfold.
 const STEPS: usize = 12;
 
@@ -13,6 +15,7 @@ pub(super) struct Rays {
     right: Vec<f32>,
     down: Vec<f32>,
     optics: Cameras,
+    errors: CameraErrors,
 }
 
 /// Rays of one row of pixels.
@@ -23,13 +26,13 @@ pub(super) struct RayRow<'a> {
 }
 
 impl Rays {
-    pub(super) fn new(optics: &Cameras) -> Self {
+    pub(super) fn new(optics: &Cameras, errors: &CameraErrors) -> Self {
         let (width, height) = (optics.width as usize, optics.height as usize);
         let mut right = Vec::with_capacity(width * height);
         let mut down = Vec::with_capacity(width * height);
         for v in 0..height {
             for u in 0..width {
-                let [a, b] = undistorted(optics, pixel(optics, [u as f64 + 0.5, v as f64 + 0.5]));
+                let [a, b] = ray(optics, errors, [u as f64 + 0.5, v as f64 + 0.5]);
                 right.push(a as f32);
                 down.push(b as f32);
             }
@@ -40,6 +43,7 @@ impl Rays {
             right,
             down,
             optics: *optics,
+            errors: *errors,
         }
     }
 
@@ -54,57 +58,63 @@ impl Rays {
     /// Returns the pixels `[left, right, top, bottom]` (ends excluded) whose rays are within `reach` of `(a, b)`, or
     /// `None` if there are none.
     pub(super) fn window(&self, [a, b]: [f64; 2], reach: f64) -> Option<[usize; 4]> {
-        let corners = [
-            [-1.0, -1.0],
-            [1.0, -1.0],
-            [-1.0, 1.0],
-            [1.0, 1.0],
-            [0.0, 1.0],
-            [0.0, -1.0],
-            [1.0, 0.0],
-            [-1.0, 0.0],
-        ];
         let mut least = [f64::INFINITY; 2];
         let mut most = [f64::NEG_INFINITY; 2];
-        for corner in corners {
-            let seen = distorted(&self.optics, [a + reach * corner[0], b + reach * corner[1]]);
+        for corner in 0..9 {
+            let [i, j] = [corner / 3, corner % 3].map(|step| reach * f64::from(step - 1));
+            let seen = self.place([a + i, b + j]);
             for i in 0..2 {
                 least[i] = least[i].min(seen[i]);
                 most[i] = most[i].max(seen[i]);
             }
         }
-        let focal = self.optics.focal;
-        let of = |x: f64, size: usize| (x * focal + size as f64 / 2.0).clamp(0.0, size as f64);
+        let of = |x: f64, size: usize| x.clamp(0.0, size as f64) as usize;
         let window = [
-            of(least[0], self.width).floor() as usize,
-            of(most[0], self.width).ceil() as usize,
-            of(least[1], self.height).floor() as usize,
-            of(most[1], self.height).ceil() as usize,
+            of(least[0], self.width),
+            of(most[0].ceil(), self.width),
+            of(least[1], self.height),
+            of(most[1].ceil(), self.height),
         ];
         (window[0] < window[1] && window[2] < window[3]).then_some(window)
     }
+
+    /// Returns the place of a ray, in pixels.
+    fn place(&self, ray: [f64; 2]) -> [f64; 2] {
+        let (optics, errors) = (&self.optics, &self.errors);
+        let seen = distorted(errors.distortion, ray);
+        let scale = (optics.focal + errors.focal) / optics.focal;
+        let seen = [0, 1].map(|i| seen[i] * scale + errors.centre[i] / optics.focal);
+        let seen = distorted(optics.distortion, seen);
+        let size = [self.width, self.height];
+        [0, 1].map(|i| seen[i] * optics.focal + size[i] as f64 / 2.0)
+    }
 }
 
-/// Converts pixels from the upper left corner to focal lengths from the principal point.
-fn pixel(optics: &Cameras, [u, v]: [f64; 2]) -> [f64; 2] {
-    [
-        (u - f64::from(optics.width) / 2.0) / optics.focal,
-        (v - f64::from(optics.height) / 2.0) / optics.focal,
-    ]
+/// Returns the ray through a place in pixels, which the lens of the description and that of the planted errors bend.
+fn ray(optics: &Cameras, errors: &CameraErrors, place: [f64; 2]) -> [f64; 2] {
+    let size = [optics.width, optics.height].map(f64::from);
+    let seen = [0, 1].map(|i| (place[i] - size[i] / 2.0) / optics.focal);
+    let seen = undistorted(optics.distortion, seen);
+    let scale = optics.focal / (optics.focal + errors.focal);
+    let seen = [0, 1].map(|i| (seen[i] - errors.centre[i] / optics.focal) * scale);
+    undistorted(errors.distortion, seen)
 }
 
-fn distorted(optics: &Cameras, [a, b]: [f64; 2]) -> [f64; 2] {
+fn stretch([k1, k2]: [f64; 2], [a, b]: [f64; 2]) -> f64 {
     let s = a * a + b * b;
-    let factor = 1.0 + s * (optics.distortion[0] + s * optics.distortion[1]);
-    [a * factor, b * factor]
+    1.0 + s * (k1 + s * k2)
 }
 
-fn undistorted(optics: &Cameras, seen: [f64; 2]) -> [f64; 2] {
+fn distorted(distortion: [f64; 2], ray: [f64; 2]) -> [f64; 2] {
+    let factor = stretch(distortion, ray);
+    ray.map(|x| x * factor)
+}
+
+fn undistorted(distortion: [f64; 2], seen: [f64; 2]) -> [f64; 2] {
     let mut ray = seen;
     for _ in 0..STEPS {
-        let s = ray[0] * ray[0] + ray[1] * ray[1];
-        let factor = 1.0 + s * (optics.distortion[0] + s * optics.distortion[1]);
-        ray = [seen[0] / factor, seen[1] / factor];
+        let factor = stretch(distortion, ray);
+        ray = seen.map(|x| x / factor);
     }
     ray
 }
@@ -112,19 +122,25 @@ fn undistorted(optics: &Cameras, seen: [f64; 2]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::planted::PlantedErrors;
     use tactnet_catching_packets::RobotDescription;
 
     #[test]
     fn rays_fall_on_the_pixels_that_they_go_through() {
         let mut optics = RobotDescription::nominal().cameras;
         optics.distortion = [-0.08, 0.02];
-        let rays = Rays::new(&optics);
-        for (u, v) in [(0, 0), (800, 625), (1599, 1249), (1234, 56)] {
-            let row = rays.row(v);
-            let seen = distorted(&optics, [f64::from(row.right[u]), f64::from(row.down[u])]);
-            assert!((seen[0] * optics.focal + 800.0 - u as f64 - 0.5).abs() < 1e-3);
-            assert!((seen[1] * optics.focal + 625.0 - v as f64 - 0.5).abs() < 1e-3);
+        let errors = |planted: PlantedErrors| planted.each_camera(0)[0];
+        for errors in [PlantedErrors::default(), PlantedErrors::uncalibrated(3)].map(errors) {
+            let rays = Rays::new(&optics, &errors);
+            for (u, v) in [(0, 0), (800, 625), (1599, 1249), (1234, 56)] {
+                let row = rays.row(v);
+                let ray = [f64::from(row.right[u]), f64::from(row.down[u])];
+                let seen = rays.place(ray);
+                assert!((seen[0] - u as f64 - 0.5).abs() < 1e-3);
+                assert!((seen[1] - v as f64 - 0.5).abs() < 1e-3);
+            }
         }
+        let rays = Rays::new(&optics, &errors(PlantedErrors::default()));
         let middle = rays.window([0.0, 0.0], 0.01).unwrap();
         assert_eq!(middle, [786, 814, 611, 639]);
         assert_eq!(rays.window([2.0, 0.0], 0.01), None);

@@ -2,12 +2,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::packets::Circle;
 
 use super::World;
 use crate::cameras::CAMERAS;
 use crate::contact::{Contacts, is_clear_of};
 use crate::depth::DepthPicture;
 use crate::obstacles::StandingBox;
+use crate::robot::FrameMotion;
 use crate::shape::PlacedCapsule;
 
 /// Minimum distance between a rearranged box and the robot, in m.
@@ -52,10 +54,26 @@ impl World {
         self.config.markers.find(
             &self.cameras,
             &self.robot.frames.head,
-            &self.robot.wrists(),
-            &self.markers,
+            &self.true_markers(),
             self.seed,
         )
+    }
+
+    /// Returns the frames of the arms' last links, moved to the markers.
+    pub(super) fn true_markers(&self) -> [FrameMotion; ARMS] {
+        self.config
+            .markers
+            .frames(&self.robot.wrists(), &self.markers)
+    }
+
+    /// Returns the true projection of an arm's marker in a camera: its centre and the radius of its outline, or `None`
+    /// if the centre is outside the picture.
+    pub fn true_feature(&self, camera: usize, arm: usize) -> Option<Circle> {
+        let (head, point) = (&self.robot.frames.head, self.true_markers()[arm].position);
+        let radius = self.config.markers.radius;
+        let [u, v] = self.cameras.project(camera, head, &point)?;
+        let outline = self.cameras.outline(camera, head, &point, radius)?;
+        Some(Circle { u, v, ..outline })
     }
 
     /// Returns the poses of the cameras in the inertial frame: position of the lens in m, and rotation from the
