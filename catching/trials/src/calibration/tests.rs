@@ -201,8 +201,8 @@ fn rendered_markers_are_found_before_clutter_and_sessions_repeat_to_the_bit() {
         features.found + features.missed + features.wrong,
         features.shown
     );
-    // About four of five are found in both pictures of a pair.
-    assert!(10 * features.found > 6 * features.shown, "{features:?}");
+    // With this clutter half of them are found in both pictures of a pair; in a whole session four of five.
+    assert!(10 * features.found > 4 * features.shown, "{features:?}");
     assert!(100 * features.wrong <= features.shown, "{features:?}");
     let errors = [features.error_px_median, features.error_px_p95];
     assert!(errors[0] < 0.3 && errors[1] < 2.0, "{features:?}");
