@@ -24,7 +24,7 @@ const SCALE: f64 = 850.0;
 /// Place of the catch frame in a close-up, in pixels.
 const ORIGIN: (f64, f64) = (120.0, 118.0);
 
-/// Numbers of throws whose balls real fingers would have caged, beside the first judge's.
+/// Numbers of throws whose balls the simulated fingers caged, compared with those that the first judge counts.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FingersReport {
     /// Number of caged throws in the catch space.
