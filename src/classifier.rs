@@ -5,10 +5,10 @@ use std::path::Path;
 use tactnet_data::{SplitManifest, SweepShape, SweepView, TrainSplit};
 use tactnet_models::Weights;
 use tactnet_pipeline::{
-    Adaptation, BatchReport, Calibration, FittedModel, Likeness, LikenessReport, ModelConfig,
-    ModelRecipe, NewSweeps, OnlineClassifier, PredictionMethod, Predictions, Provenance,
-    RiskPolicy, RunConfig, RunDir, Thresholds, TrainEmbeddings, TrainJob, TrainSpec, fit_model,
-    novelty_scores,
+    Adaptation, BatchReport, Calibration, Enrolled, FittedModel, FormerSweeps, LeftOutMember,
+    Likeness, LikenessReport, ModelConfig, ModelRecipe, NewSweeps, OnlineClassifier,
+    PredictionMethod, Predictions, Provenance, RiskPolicy, RunConfig, RunDir, Thresholds,
+    TrainEmbeddings, TrainJob, TrainSpec, enroll_into_committee, fit_model, novelty_scores,
 };
 
 use crate::Error;
@@ -267,7 +267,8 @@ impl Classifier {
     /// - `sweeps`: sweeps of the new material; their label is ignored
     ///
     /// # Errors
-    /// Fails if the name exists, for sweeps of another shape or sample rate, and for baselines and committees.
+    /// Fails if the name exists, for sweeps of another shape or sample rate, and for baselines and committees, which need
+    /// [`enroll_with`](Self::enroll_with) or training.
     ///
     /// # Example
     /// ```
@@ -292,6 +293,46 @@ impl Classifier {
             sweeps,
             material,
         )?;
+        self.grown(enrolled, sweeps)
+    }
+
+    /// Returns a committee with one more material, from a few sweeps. Its networks learn the material on their embeddings, its baselines are
+    /// fitted again; members for which the sweeps are too few are left out and returned. Thresholds of a calibration are left out.
+    ///
+    /// - `train`: training sweeps of the committee
+    /// - `sweeps`: sweeps of the new material; their label is ignored
+    ///
+    /// # Errors
+    /// Fails if the name exists, for sweeps of another shape or sample rate, and for models that are no committee.
+    ///
+    /// # Example
+    /// ```
+    /// # use tactnet::{Dataset, Recipe, Seed, TwinConfig};
+    /// # let small = TwinConfig { materials: 3, sweeps: 10, steps: 120, ..TwinConfig::default() };
+    /// let dataset = Dataset::twin(&small)?;
+    /// let fold = dataset.folds(Seed(1)).first();
+    /// # let file = std::env::temp_dir().join(format!("two-{}.toml", std::process::id()));
+    /// std::fs::write(&file, "name = 'two'\nmembers = ['lda', 'means']")?;
+    /// let committee = Recipe::read(&file)?.fit(&fold.train)?;
+    /// # std::fs::remove_file(&file)?;
+    /// let (extended, left_out) = committee.enroll_with(&fold.train, "new felt", &fold.test)?;
+    /// assert_eq!((extended.materials().last(), left_out.len()), (Some("new felt"), 0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn enroll_with(
+        &self,
+        train: &TrainSplit<'_>,
+        material: &str,
+        sweeps: &SweepView<'_>,
+    ) -> Result<(Self, Vec<LeftOutMember>), Error> {
+        let former = FormerSweeps { train, aside: None };
+        let enrolled = enroll_into_committee(&self.fitted, &former, sweeps, material)?;
+        let left_out = enrolled.left_out.clone();
+        Ok((self.grown(enrolled, sweeps)?, left_out))
+    }
+
+    /// Returns this classifier with the results of an enrolment.
+    fn grown(&self, enrolled: Enrolled, sweeps: &SweepView<'_>) -> Result<Self, Error> {
         let device = self.config.spec.device.open()?;
         let label = enrolled.config.labels.len() - 1;
         let likeness = self.likeness.as_ref();

@@ -34,7 +34,7 @@ pub use tactnet_data::{
 };
 pub use tactnet_models::{Belief, Compute};
 pub use tactnet_pipeline::{
-    AdaptRisk, Adaptation, BatchReport, LikenessReport, LikenessVerdict, MeanRemoval, NewSweeps,
-    OnlineClassifier, PipelineError as Error, PredictionMethod, Predictions, Recovery,
-    RegressionReport, RiskPolicy, SweepBelief,
+    AdaptRisk, Adaptation, BatchReport, LeftOutMember, LikenessReport, LikenessVerdict,
+    MeanRemoval, NewSweeps, OnlineClassifier, PipelineError as Error, PredictionMethod,
+    Predictions, Recovery, RegressionReport, RiskPolicy, SweepBelief,
 };

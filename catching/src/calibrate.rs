@@ -29,6 +29,7 @@ mod routine;
 mod session;
 mod slip;
 mod solve;
+mod stamps;
 mod unknowns;
 
 pub use choose::{Candidate, choose, draw_candidate, gain};

@@ -18,10 +18,10 @@ mod coordinator;
 mod neck;
 mod room;
 
-pub use answer::{Answering, answer};
+pub use answer::{Answering, answer, request_for};
 pub use assign::{Assignment, assign};
 pub use body::BodyMotion;
-pub use config::{CoordinatorConfig, NextPose, PhaseConfig};
+pub use config::{CoordinatorConfig, MAX_PLANNERS, NextPose, PhaseConfig};
 pub use coordinator::{Coordinator, CoordinatorInputs, CoordinatorOutputs};
 pub use neck::{GazeTargets, Neck};
 pub use room::Room;

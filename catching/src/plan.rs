@@ -39,5 +39,5 @@ pub(crate) use obstacles::TOO_NEAR_ALREADY;
 pub use obstacles::{ChestWay, ObstacleConfig, Surroundings};
 pub use planner::{CatchPlan, CatchPoint, Effort, PlanConditions, PlanConfig, PlanGoal, Planner};
 pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, Violation};
-pub use seeds::Grid;
+pub use seeds::{Grid, Share};
 pub use way::WayConfig;

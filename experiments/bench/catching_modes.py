@@ -27,10 +27,15 @@ def pooled(name, rows):
     total = {key: sum(row[key] for row in rows) for key in ("throws", "in_catch_space", "caught", "stopped")}
     rate, low, high = wilson(total["caught"], total["in_catch_space"])
     everywhere = sum(row["over_all_throws"] * row["throws"] for row in rows) / total["throws"]
-    squares = {}
-    for key in ("across_mm_rms_200ms", "along_ms_rms_200ms"):
-        squares[key] = math.sqrt(sum(row[key] ** 2 * row["predictions"] for row in rows) / sum(row["predictions"] for row in rows))
-    return {"name": name, **total, "rate": rate, "ci95_low": low, "ci95_high": high, "over_all_throws": everywhere, **squares}
+    predictions = sum(row["predictions"] for row in rows)
+
+    def mean(key, power):
+        return (sum(row[key] ** power * row["predictions"] for row in rows) / predictions) ** (1 / power)
+
+    errors = {key: mean(key, 2) for key in ("across_mm_rms_200ms", "along_ms_rms_200ms")}
+    errors |= {key: mean(key, 1) for key in ("far_off_200ms", "nees_200ms")}
+    interval = {"rate": rate, "ci95_low": low, "ci95_high": high}
+    return {"name": name, **total, **interval, "over_all_throws": everywhere, "predictions": predictions, **errors}
 
 
 def main():

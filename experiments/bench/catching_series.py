@@ -3,8 +3,10 @@
 
     python experiments/bench/catching_series.py --tactnet target/release/tactnet --out experiments/results/catching_series.json
     python experiments/bench/catching_series.py --tactnet target/release/tactnet --fingers --out experiments/results/catching_caged.json
+    python experiments/bench/catching_series.py --tactnet target/release/tactnet --pixels --out experiments/results/catching_pixels.json
 
-`--fingers` compares the judge with simulated fingers (three modes, lead of the fingers, assumed values) instead. Runs `tactnet catch throw-series` once for each row and keeps its JSON with its options. A repeated call resumes; rows of another build run
+`--fingers` compares the judge with simulated fingers (three modes, lead of the fingers, assumed values) instead; `--pixels` runs three seeds
+from rendered pictures and pools them. Runs `tactnet catch throw-series` once for each row and keeps its JSON with its options. A repeated call resumes; rows of another build run
 again. Takes about 20 minutes on two cores; `--throws N` shortens it. Prints the table of the results page.
 """
 
@@ -16,6 +18,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from catching_modes import pooled
+
 # Name, options, settings of the world, share of the throws.
 ROWS = [
     ("whole stack", [], {}, 1),
@@ -26,15 +30,15 @@ ROWS = [
     ("head and balls known", ["--perfect-perception"], {}, 1),
     ("calibration off by 3 mm, 2 mm, 2 mrad", [], {"errors": {"arm_mount": 0.003, "camera_mount": 0.002, "camera_turn": 0.002}}, 1),
     ("without the inertial unit", ["--without", "imu"], {}, 0.5),
+    ("without the inertial unit, arms alone", ["--without", "imu", "--without", "lower-body"], {}, 0.5),
     ("without drag", ["--without", "drag"], {}, 0.5),
     ("without re-planning", ["--without", "replan"], {}, 0.5),
     ("without near misses", ["--without", "near-miss"], {}, 1),
     ("without the lower body", ["--without", "lower-body"], {}, 1),
     ("hands close 30 ms late", ["--closing-error", "30"], {}, 0.2),
-    ("from pictures", ["--pixels"], {}, 0.1),
-    ("from pictures, seed 2", ["--pixels", "--seed", "2"], {}, 0.1),
-    ("from pictures, seed 3", ["--pixels", "--seed", "3"], {}, 0.1),
 ]
+
+PIXELS = [(f"from pictures, seed {seed}", ["--pixels", "--seed", str(seed)], {}, 0.1) for seed in (1, 2, 3)]
 
 FINGERS = [
     ("soft", ["--mode", "soft"], {}, 1),
@@ -59,6 +63,7 @@ def main():
     parser.add_argument("--tactnet", required=True, help="the program")
     parser.add_argument("--throws", type=int, default=1000, help="throws of a whole row (default 1000)")
     parser.add_argument("--fingers", action="store_true", help="compare the judge with simulated fingers")
+    parser.add_argument("--pixels", action="store_true", help="three seeds from rendered pictures")
     parser.add_argument("--out", required=True, type=Path, help="JSON file of the results")
     arguments = parser.parse_args()
     build = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True, text=True).stdout)
@@ -66,7 +71,7 @@ def main():
     if kept.get("commit") != build["git"] or kept.get("throws") != arguments.throws:
         kept = {"rows": []}
     done = {row["name"]: row for row in kept["rows"]}
-    all_rows = FINGERS if arguments.fingers else ROWS
+    all_rows = FINGERS if arguments.fingers else PIXELS if arguments.pixels else ROWS
     for number, (name, options, world, share) in enumerate(all_rows):
         if name in done:
             continue
@@ -83,7 +88,10 @@ def main():
             sys.exit(f"{name}: `tactnet {' '.join(command)}` failed")
         done[name] = {"name": name, "command": " ".join(["tactnet", *command]), "world": world, **json.loads(result.stdout)}
         rows = [done[other] for other, *_ in all_rows if other in done]
-        arguments.out.write_text(json.dumps({"commit": build["git"], "throws": arguments.throws, "rows": rows}, indent=1) + "\n")
+        found = {"commit": build["git"], "throws": arguments.throws, "rows": rows}
+        if arguments.pixels:
+            found["pooled"] = pooled("from pictures", rows)
+        arguments.out.write_text(json.dumps(found, indent=1) + "\n")
         print(f"{number + 1} of {len(all_rows)}: {name}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
     if arguments.fingers:
         return print_fingers([done[name] for name, *_ in all_rows])

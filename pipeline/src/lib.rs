@@ -48,6 +48,7 @@ pub use baseline::recipe::{BaselineRecipe, ClassicalClassifier, FeatureScaling};
 pub use baseline::ridge::RidgeRecipe;
 pub use baseline::svm::SvmRecipe;
 pub use burn::tensor::Device;
+pub use committee::enroll::{FormerSweeps, enroll_into_committee};
 pub use committee::fitted::MemberConfig;
 pub use committee::recipe::{CommitteeRecipe, LeftOutMember};
 pub use committee::training::{FittedModel, fit_model};

@@ -28,6 +28,7 @@ use clap::{Subcommand, ValueEnum};
 pub use run::{felt_materials, show as show_event};
 pub use skin::SkinSettings;
 use tactnet_catching::Robot;
+use tactnet_catching::coordinate::MAX_PLANNERS;
 use tactnet_catching::plan::Objective;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_world::{PlantedErrors, WorldConfig};
@@ -91,6 +92,13 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
         CatchCommand::Replay(arguments) => recorded::run_replay(&arguments),
         CatchCommand::Role(arguments) => role::run(&arguments),
     }
+}
+
+/// Parses a number of planners of an arm.
+pub fn planners(text: &str) -> Result<u32, String> {
+    let range = 1..=MAX_PLANNERS;
+    let number = text.parse().ok().filter(|number| range.contains(number));
+    number.ok_or_else(|| format!("expected a number from 1 to {MAX_PLANNERS}"))
 }
 
 /// Returns the robot of a description file, or the built-in one.

@@ -9,7 +9,7 @@ use tactnet_catching::safety::Bodies;
 use tactnet_catching_packets::packets::{
     CalibrationHold, CalibrationState, JointCommand, JointState, MarkerFeature, MarkerFeatures,
 };
-use tactnet_catching_packets::{ARMS, JOINTS, joint};
+use tactnet_catching_packets::{ARMS, joint};
 use tactnet_catching_roles::{RoleSettings, catching_channels};
 use tactnet_catching_world::{PlantedErrors, TendonSlip, World, WorldConfig};
 use tactnet_channel::{Bus, Domain, GetPort, Priority, PutPort, Start, Table, Wait, remove_bus};
@@ -171,12 +171,7 @@ impl Standing {
         };
         Self {
             world: World::new(robot.description(), &config, 1, &q).unwrap(),
-            stay: JointCommand {
-                number: 0,
-                command_ns: 0,
-                q,
-                dq: [0.0; JOINTS],
-            },
+            stay: JointCommand::still(q),
             joints: bus.put_port("joint/state", Priority::RealTime).unwrap(),
             features: bus.put_port("marker/features", Priority::Normal).unwrap(),
             said: bus.get_port("calibration/state", Start::Now).unwrap(),

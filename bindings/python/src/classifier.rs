@@ -7,7 +7,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use tactnet::Recipe;
 use tactnet_data::{Seed, SweepView, TrainSplit};
-use tactnet_pipeline::{MeanRemoval, NewSweeps, RiskPolicy};
+use tactnet_pipeline::{LeftOutMember, MeanRemoval, NewSweeps, RiskPolicy};
 
 use crate::dataset::Dataset;
 use crate::error::{TactnetError, raised};
@@ -145,6 +145,25 @@ impl Classifier {
         .map_err(raised)
     }
 
+    /// Returns a committee with one more material, learned from all sweeps of `dataset`, and why members were left out.
+    ///
+    /// - `train`: training sweeps of the committee
+    fn enroll_with(
+        &self,
+        py: Python<'_>,
+        train: &Dataset,
+        material: &str,
+        dataset: &Dataset,
+    ) -> PyResult<(Self, Vec<String>)> {
+        let (grown, left_out) = detached_with(py, &self.inner, |own| {
+            let train = TrainSplit::all(&train.inner, Seed(1));
+            own.enroll_with(&train, material, &SweepView::all(&dataset.inner))
+        })?
+        .map_err(raised)?;
+        let reasons = left_out.iter().map(lacks).collect();
+        Ok((grown.into(), reasons))
+    }
+
     /// Returns a classifier that is adapted to sweeps of another skin, robot or day, and its warnings.
     ///
     /// - `labelled`: True: the output layer is also fitted to the labels
@@ -178,10 +197,7 @@ impl Classifier {
         let last = adapted.adaptations().last();
         let risks = last.map_or(Vec::new(), |last| {
             let risks = last.risks.iter().map(ToString::to_string);
-            let left_out = last.left_out.iter();
-            let left_out =
-                left_out.map(|of| format!("the committee lacks `{}` now: {}", of.name, of.reason));
-            risks.chain(left_out).collect()
+            risks.chain(last.left_out.iter().map(lacks)).collect()
         });
         Ok((adapted.into(), risks))
     }
@@ -227,4 +243,12 @@ impl Classifier {
             inner.shape()
         )
     }
+}
+
+/// Returns the sentence about a member that a committee has lost.
+fn lacks(member: &LeftOutMember) -> String {
+    format!(
+        "the committee lacks `{}` now: {}",
+        member.name, member.reason
+    )
 }

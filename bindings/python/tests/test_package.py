@@ -256,6 +256,25 @@ def test_a_committee_is_the_mean_of_its_members(data, tmp_path):
     assert np.abs(adapted.predict_proba(other[test]) - mean).max() < 1e-9
 
 
+def test_a_committee_learns_a_material_as_if_trained_with_it(data, tmp_path):
+    own, _, train, test = data
+    (tmp_path / "two.toml").write_text('name = "two"\nmembers = ["lda", "svm-spectra"]')
+    is_new, new = own.y == own.materials[-1], own.materials[-1]
+    old = [at for at in train if not is_new[at]]
+    few = [at for at in train if is_new[at]][:4]
+    committee = tactnet.TactNetCommittee(recipe=tmp_path / "two.toml", rate=own.rate)
+    grown = committee.fit(own.X[old], own.y[old]).enroll(own.X[few], new, own.X[old], own.y[old])
+    assert grown.classes_.tolist() == [*committee.classes_, new]
+    assert len(committee.classes_) == len(own.materials) - 1
+    again = tactnet.TactNetCommittee(recipe=tmp_path / "two.toml", rate=own.rate).fit(own.X[[*old, *few]], own.y[[*old, *few]])
+    order = [again.classes_.tolist().index(name) for name in grown.classes_]
+    assert np.abs(grown.predict_proba(own.X[test]) - again.predict_proba(own.X[test])[:, order]).max() < 1e-9
+    with pytest.warns(UserWarning, match="lacks `svm-spectra`"):
+        committee.enroll(own.X[few[:1]], new, own.X[old], own.y[old])
+    with pytest.raises(tactnet.TactnetError, match="knows a material of this name"):
+        committee.enroll(own.X[few], own.materials[0], own.X[old], own.y[old])
+
+
 def test_frame_by_frame_is_the_whole_sweep(data, network):
     own, _, _, test = data
     online = network.online()

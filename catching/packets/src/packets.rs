@@ -73,7 +73,7 @@ packets! {
     }
 
     /// Commanded positions and velocities of all joints.
-    #[derive(PartialEq)] #[version(1)]
+    #[derive(PartialEq)] #[version(2)]
     pub struct JointCommand {
         /// Command number.
         #[recorded(1)] pub number: u64,
@@ -83,6 +83,8 @@ packets! {
         #[recorded(3)] pub q: [f64; JOINTS],
         /// Velocities, in rad/s and m/s.
         #[recorded(4)] pub dq: [f64; JOINTS],
+        /// 1 to engage the brakes of the torso, otherwise 0.
+        #[recorded(5)] pub torso_brakes: u64,
     }
 
     /// Sample of the head's inertial measurement unit (IMU), in the IMU frame.
@@ -275,6 +277,7 @@ impl JointCommand {
             command_ns: 0,
             q,
             dq,
+            torso_brakes: 0,
         }
     }
 

@@ -1,6 +1,6 @@
 //! Planner process of one arm.
 
-use tactnet_catching::coordinate::{Answering, PhaseConfig, answer};
+use tactnet_catching::coordinate::{Answering, PhaseConfig, answer, request_for};
 use tactnet_catching::plan::Planner;
 use tactnet_catching_packets::packets::PlanRequest;
 use tactnet_channel::now_ns;
@@ -22,14 +22,16 @@ fn planning_ends_ns(question: &PlanRequest, phases: &PhaseConfig) -> u64 {
         .saturating_sub(phases.path_lead_ns() + TO_COORDINATOR_NS)
 }
 
-pub(crate) fn run(shell: &Shell<'_>, arm: usize) -> Result<RoleReport, RoleError> {
+/// - `number`: number among the planners of the arm, from 0
+pub(crate) fn run(shell: &Shell<'_>, arm: usize, number: u32) -> Result<RoleReport, RoleError> {
     let (bus, settings) = (shell.bus, &shell.settings);
     let corrections = settings.corrections()?;
     let (requests, results) = (PLAN_REQUEST.get(bus)?, PLAN_RESULT.put(bus)?);
     let planner = Planner::new(corrections.robot(), arm, settings.planner);
     let phases = settings.phases();
     let times = shell.repeat(100, |times| {
-        let Some(question) = next(&requests)?.filter(|question| question.arm == arm as u64) else {
+        let request = next(&requests)?.filter(|request| request.arm == arm as u64);
+        let Some(question) = request.and_then(|request| request_for(number, &request)) else {
             return Ok(());
         };
         let begun = now_ns();

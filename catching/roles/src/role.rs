@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use serde::{Deserialize, Serialize};
+use tactnet_catching::coordinate::MAX_PLANNERS;
 use tactnet_channel::Bus;
 
 use crate::{
@@ -11,8 +11,7 @@ use crate::{
 };
 
 /// A process of the stack.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// Detects circles in pictures.
     Eyes,
@@ -22,10 +21,13 @@ pub enum Role {
     Tracker,
     /// Chooses paths for predicted balls.
     Coordinator,
-    /// Plans motions of the left arm.
-    PlannerLeft,
-    /// Plans motions of the right arm.
-    PlannerRight,
+    /// Plans motions of an arm.
+    Planner {
+        /// Arm: 0 left, 1 right.
+        arm: usize,
+        /// Number among the planners of the arm, from 0.
+        number: u32,
+    },
     /// Turns paths into joint commands at 1 kHz.
     Controller,
     /// Checks joint commands for self-collisions at 1 kHz.
@@ -41,12 +43,12 @@ pub enum Role {
 }
 
 impl Role {
-    /// All roles, in a valid start order.
+    /// All roles, in a valid start order, with one planner for each arm.
     pub const ALL: [Self; 12] = [
         Self::Safety,
         Self::Hand,
-        Self::PlannerLeft,
-        Self::PlannerRight,
+        Self::Planner { arm: 0, number: 0 },
+        Self::Planner { arm: 1, number: 0 },
         Self::Pose,
         Self::Tracker,
         Self::Eyes,
@@ -57,22 +59,28 @@ impl Role {
         Self::SlipWatch,
     ];
 
-    /// Returns the name of the role, such as `planner-left`.
-    pub fn name(self) -> &'static str {
-        match self {
+    /// Returns the name of the role, such as `tracker`, `planner-left` or, for the second one, `planner-left-2`.
+    pub fn name(self) -> String {
+        let name = match self {
+            Self::Planner { arm, number } => {
+                let side = if arm == 0 { "left" } else { "right" };
+                return match number {
+                    0 => format!("planner-{side}"),
+                    _ => format!("planner-{side}-{}", number + 1),
+                };
+            }
             Self::Eyes => "eyes",
             Self::Pose => "pose",
             Self::Tracker => "tracker",
             Self::Coordinator => "coordinator",
-            Self::PlannerLeft => "planner-left",
-            Self::PlannerRight => "planner-right",
             Self::Controller => "controller",
             Self::Safety => "safety",
             Self::Hand => "hand",
             Self::Feel => "feel",
             Self::Thrower => "thrower",
             Self::SlipWatch => "slip-watch",
-        }
+        };
+        name.into()
     }
 
     /// Returns true for the loops at 1 kHz.
@@ -101,8 +109,7 @@ impl Role {
             Self::Pose => pose::run(shell),
             Self::Tracker => tracker::run(shell),
             Self::Coordinator => coordinator::run(shell),
-            Self::PlannerLeft => planner::run(shell, 0),
-            Self::PlannerRight => planner::run(shell, 1),
+            Self::Planner { arm, number } => planner::run(shell, arm, number),
             Self::Controller => controller::run(shell),
             Self::Safety => safety::run(shell),
             Self::Hand => hand::run(shell),
@@ -145,7 +152,10 @@ impl FromStr for Role {
     type Err = RoleError;
 
     fn from_str(name: &str) -> Result<Self, RoleError> {
-        let found = Self::ALL.into_iter().find(|role| role.name() == name);
+        let planners =
+            (1..MAX_PLANNERS).flat_map(|number| [0, 1].map(|arm| Self::Planner { arm, number }));
+        let mut roles = Self::ALL.into_iter().chain(planners);
+        let found = roles.find(|role| role.name() == name);
         found.ok_or_else(|| RoleError::NoRole {
             name: name.into(),
             known: Self::ALL.map(Self::name).join(", "),
@@ -162,6 +172,9 @@ mod tests {
         for role in Role::ALL {
             assert_eq!(role.name().parse::<Role>().unwrap(), role);
         }
+        let third = Role::Planner { arm: 1, number: 2 };
+        assert_eq!(third.name(), "planner-right-3");
+        assert_eq!("planner-right-3".parse::<Role>().unwrap(), third);
         let error = "world".parse::<Role>().unwrap_err();
         assert!(error.is_usage());
         assert!(error.to_string().contains("planner-left"), "{error}");

@@ -13,6 +13,7 @@ use super::joint_history::{AROUND_NS, JointHistory};
 use super::model::Model;
 use super::routine::Phase;
 use super::session::{NeckMotion, Picture, Rest, Session, Turn};
+use super::stamps::StampLine;
 use super::unknowns::Unknowns;
 use crate::track::CAMERAS;
 
@@ -49,6 +50,9 @@ pub struct Recorder {
     waiting: VecDeque<(u64, Waiting)>,
     rest: Option<(usize, Sums)>,
     turn: Sums,
+    /// Time stamps of cameras and inertial unit without jitter.
+    cameras: StampLine,
+    imu: StampLine,
 }
 
 impl Recorder {
@@ -65,6 +69,8 @@ impl Recorder {
             waiting: VecDeque::new(),
             rest: None,
             turn: Sums::default(),
+            cameras: StampLine::default(),
+            imu: StampLine::default(),
         }
     }
 
@@ -89,6 +95,10 @@ impl Recorder {
 
     /// Adds an IMU sample.
     pub fn sample(&mut self, sample: &ImuSample, phase: Phase) {
+        let sample = &ImuSample {
+            sensor_ns: self.imu.time(sample.number, sample.sensor_ns),
+            ..*sample
+        };
         if let Some((number, sums)) = self.rest
             && phase != Phase::Rest(number)
         {
@@ -117,14 +127,17 @@ impl Recorder {
 
     /// Adds the features of a pair of pictures, in pixels. First index: left and right arm's marker; second index: left
     /// and right picture.
+    ///
+    /// - `frame`: number of the pair
     pub fn features(
         &mut self,
+        frame: u64,
         stamp_ns: u64,
         features: &[[Option<[f64; 2]>; CAMERAS]; 2],
         phase: Phase,
     ) {
         if let Some(picture) = self.picture(phase) {
-            self.push(stamp_ns, picture, features[picture.arm]);
+            self.push(frame, stamp_ns, picture, features[picture.arm]);
         }
     }
 
@@ -142,7 +155,8 @@ impl Recorder {
             return [None; CAMERAS];
         };
         let features = model.find_marker(x, &picture, circles);
-        self.push(circles[0].exposure_ns, picture, features);
+        let [left, _] = circles;
+        self.push(left.frame, left.exposure_ns, picture, features);
         features
     }
 
@@ -164,8 +178,15 @@ impl Recorder {
     }
 
     /// Adds features to a picture, whose neck at its time stamp is not known yet.
-    fn push(&mut self, stamp_ns: u64, mut picture: Picture, features: [Option<[f64; 2]>; CAMERAS]) {
+    fn push(
+        &mut self,
+        frame: u64,
+        stamp_ns: u64,
+        mut picture: Picture,
+        features: [Option<[f64; 2]>; CAMERAS],
+    ) {
         picture.features = features;
+        let stamp_ns = self.cameras.time(frame, stamp_ns);
         if features != [None; CAMERAS] {
             self.wait(stamp_ns, Waiting::Picture(picture));
         }
@@ -244,9 +265,9 @@ mod tests {
             recorder.joints(&state);
             if tick == 50 {
                 let features = [[None; 2], [Some([1.0, 2.0]), None]];
-                recorder.features(53_400_000, &features, phase);
-                recorder.features(53_400_000, &features, Phase::Way);
-                recorder.features(53_400_000, &[[Some([0.0; 2]); 2], [None; 2]], phase);
+                recorder.features(1, 53_400_000, &features, phase);
+                recorder.features(1, 53_400_000, &features, Phase::Way);
+                recorder.features(2, 53_400_000, &[[Some([0.0; 2]); 2], [None; 2]], phase);
             }
         }
         let session = recorder.finish();

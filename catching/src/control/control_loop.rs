@@ -171,6 +171,7 @@ impl ControlLoop {
         let controller = self.controller.as_mut()?;
         let (q, dq) = controller.tick(effect_ns);
         let (q, dq) = (*q, *dq);
+        let torso_brakes = controller.brakes_torso(effect_ns).into();
         let changed = came || self.told != Some(controller.mode());
         self.told = Some(controller.mode());
         let due = changed || self.number.is_multiple_of(STATE_EVERY);
@@ -181,6 +182,7 @@ impl ControlLoop {
                 command_ns: now_ns,
                 q,
                 dq,
+                torso_brakes,
             }),
             state: due.then(|| controller.state(now_ns)),
         })

@@ -145,6 +145,12 @@ impl Controller {
         self.mode
     }
 
+    /// Returns true if the brakes of the torso are to be engaged.
+    pub fn brakes_torso(&self, now_ns: u64) -> bool {
+        self.throwing
+            .is_some_and(|throwing| throwing.brakes_torso(now_ns))
+    }
+
     /// Returns the state as a packet.
     pub fn state(&self, now_ns: u64) -> ControllerState {
         let throwing = self.throwing.map(|throwing| throwing.arm_path(now_ns));

@@ -83,6 +83,11 @@ impl Throwing {
         now_ns < self.end_ns
     }
 
+    /// Returns true during the swing, in which the brakes of the torso are engaged (thesis, section 3.5.4).
+    pub fn brakes_torso(&self, now_ns: u64) -> bool {
+        now_ns >= self.path.swing_ns
+    }
+
     /// Returns the current motion of the throwing arm as a packet.
     pub fn arm_path(&self, now_ns: u64) -> ArmPath {
         let (start_ns, ramps) = self.leg(now_ns);

@@ -8,7 +8,8 @@ use tactnet_catching_packets::packets::{PlanFailure, PlanRequest, PlanResult};
 
 use crate::flight::Flight;
 use crate::plan::{
-    CatchPlan, CatchPoint, CatchRequest, NoPlan, OtherArm, PlanConditions, Planner, Surroundings,
+    CatchPlan, CatchPoint, CatchRequest, NoPlan, OtherArm, PlanConditions, Planner, Share,
+    Surroundings,
 };
 use crate::ramp::Ramp;
 
@@ -55,6 +56,7 @@ pub fn answer(
             q: question.last_q,
             t: question.last_t,
         }),
+        share: share(question),
         ..PlanConditions::default()
     };
     let plan = planner
@@ -73,6 +75,29 @@ pub fn answer(
     Some(PlanResult {
         cut_short: cut_short.get().into(),
         ..result_packet(question, &plan)
+    })
+}
+
+/// Returns the part of the search that a request asks for.
+fn share(question: &PlanRequest) -> Share {
+    match question.planners {
+        0 | 1 => Share::ALL,
+        of => Share {
+            index: (question.planner % of) as usize,
+            of: of as usize,
+        },
+    }
+}
+
+/// Returns the request as planner `planner` of an arm answers it; `None` if it is for another planner.
+pub fn request_for(planner: u32, request: &PlanRequest) -> Option<PlanRequest> {
+    let asked = match request.planners {
+        0 | 1 => planner == request.planner,
+        all => planner < all,
+    };
+    asked.then_some(PlanRequest {
+        planner,
+        ..*request
     })
 }
 

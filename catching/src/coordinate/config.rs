@@ -22,6 +22,18 @@ tactnet_catching_packets::settings! {
         pub lower_body: bool = true,
         /// Minimum time between a correction and the catch, in s.
         pub last_correction: f64 = 0.03,
+        /// Number of planners of each arm, at most 8. They share the search of a first plan, and correct it in turns.
+        pub planners: u32 = 1,
+    }
+}
+
+/// Maximum number of planners of an arm.
+pub const MAX_PLANNERS: u32 = 8;
+
+impl CoordinatorConfig {
+    /// Returns the number of planners of each arm, from 1 to [`MAX_PLANNERS`].
+    pub fn planners(&self) -> u32 {
+        self.planners.clamp(1, MAX_PLANNERS)
     }
 }
 

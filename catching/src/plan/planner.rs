@@ -11,7 +11,7 @@ use super::nearest::approach;
 use super::no_plan::{NoPlan, RequestError};
 use super::obstacles::{ObstacleConfig, Obstacles, Surroundings};
 use super::problem::{CatchRequest, Problem, Violation};
-use super::seeds::{Grid, Seeds};
+use super::seeds::{Grid, Seeds, Share};
 use super::sqp::{Descent, Solution, descend};
 use super::way::{OwnBodies, WayConfig};
 use crate::flight::FlightPath;
@@ -128,6 +128,8 @@ pub struct PlanConditions<'a> {
     pub last: Option<CatchPoint>,
     /// Goal of the plan.
     pub goal: PlanGoal,
+    /// Part of the search, for planners that share it.
+    pub share: Share,
 }
 
 impl PlanConditions<'_> {
@@ -183,7 +185,7 @@ impl Planner {
         }
         problem.end_flight_at_obstacles()?;
         match conditions.goal {
-            PlanGoal::Catch => self.search_catch(problem, conditions.last, &mut out_of_time),
+            PlanGoal::Catch => self.search_catch(problem, conditions, &mut out_of_time),
             PlanGoal::NearestMiss => {
                 self.search_nearest_miss(&problem, conditions.last, &mut out_of_time)
             }
@@ -193,9 +195,10 @@ impl Planner {
     fn search_catch<'a>(
         &'a self,
         mut problem: Problem<'a>,
-        last: Option<CatchPoint>,
+        conditions: &PlanConditions<'_>,
         out_of_time: &mut impl FnMut() -> bool,
     ) -> Result<CatchPlan, NoPlan> {
+        let (last, share) = (conditions.last, conditions.share);
         let mut candidates = Candidates::new();
         let mut effort = Effort::default();
         if let Some(last) = last.filter(CatchPoint::is_finite) {
@@ -211,7 +214,7 @@ impl Planner {
             Some(_) => (self.config.again, self.config.starts_again),
             None => (self.config.first, self.config.starts),
         };
-        let seeds = Seeds::search(&problem, grid, &mut *out_of_time);
+        let seeds = Seeds::search(&problem, grid, share, &mut *out_of_time);
         effort.candidates = seeds.feasible;
         for seed in seeds.best().iter().filter(|seed| seed.lack == 0.0) {
             let solution = seed.solution(&problem);
@@ -219,7 +222,7 @@ impl Planner {
                 candidates.offer(Some(solution));
             }
         }
-        for seed in seeds.best().iter().take(starts) {
+        for seed in seeds.best().iter().take(starts.div_ceil(share.of)) {
             if out_of_time() {
                 effort.cut_short = true;
                 break;
@@ -251,7 +254,7 @@ impl Planner {
             let x: Point = std::array::from_fn(|i| last.q.get(i).copied().unwrap_or(last.t));
             approach_from(&x, out_of_time);
         }
-        let seeds = Seeds::search(problem, self.config.again, &mut *out_of_time);
+        let seeds = Seeds::search(problem, self.config.again, Share::ALL, &mut *out_of_time);
         for seed in seeds.best().iter().take(self.config.starts_again) {
             approach_from(&seed.x, out_of_time);
         }
@@ -365,7 +368,7 @@ impl Planner {
         if problem.times[0] > problem.times[1] {
             return Err(NoPlan::NoCatch);
         }
-        let seeds = Seeds::search(problem, grid, || false);
+        let seeds = Seeds::search(problem, grid, Share::ALL, || false);
         let effort = Effort {
             candidates: seeds.feasible,
             ..Effort::default()
@@ -385,7 +388,7 @@ impl Planner {
         self.check(request)?;
         let request = &self.within_limits(request);
         let problem = self.problem(request, None);
-        let seeds = Seeds::search(&problem, self.config.first, || false);
+        let seeds = Seeds::search(&problem, self.config.first, Share::ALL, || false);
         let starts = seeds.best().iter().take(self.config.starts);
         Ok(starts
             .map(|seed| CatchPoint {

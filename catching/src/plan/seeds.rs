@@ -47,6 +47,26 @@ impl Grid {
     }
 }
 
+/// Part of a search: every `of`-th catch time of the grid, from the time `index` on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Share {
+    /// Number of the part, from 0.
+    pub index: usize,
+    /// Number of parts.
+    pub of: usize,
+}
+
+impl Share {
+    /// The whole search.
+    pub const ALL: Self = Self { index: 0, of: 1 };
+}
+
+impl Default for Share {
+    fn default() -> Self {
+        Self::ALL
+    }
+}
+
 /// Maximum sum of interval violations of a candidate, in rad. Descents may make it feasible.
 const MAX_LACK: f64 = 1.5;
 
@@ -90,8 +110,13 @@ pub(crate) struct Seeds {
 }
 
 impl Seeds {
-    /// Searches a grid until `out_of_time`, which is called once per time and hand angle.
-    pub fn search(problem: &Problem, grid: Grid, mut out_of_time: impl FnMut() -> bool) -> Self {
+    /// Searches a part of a grid until `out_of_time`, which is called once per time and hand angle.
+    pub fn search(
+        problem: &Problem,
+        grid: Grid,
+        share: Share,
+        mut out_of_time: impl FnMut() -> bool,
+    ) -> Self {
         let mut seeds = Self {
             seeds: [Seed {
                 x: [0.0; ARM_JOINTS + 1],
@@ -106,7 +131,7 @@ impl Seeds {
             return seeds;
         };
         seeds.within_reach = true;
-        for i in 0..grid.times {
+        for i in (share.index..grid.times).step_by(share.of) {
             let t = first + (last - first) * (i as f64 + 0.5) / grid.times as f64;
             let ball = problem.path.at(t);
             if problem

@@ -32,7 +32,7 @@ pub enum StageError {
     #[error("the {name} {source}")]
     Process {
         /// Name of its role.
-        name: &'static str,
+        name: String,
         /// Error, including its last message.
         source: ProcessError,
     },
@@ -40,7 +40,7 @@ pub enum StageError {
     #[error("the {name} ended {times} times: {said}")]
     KeepsEnding {
         /// Name of its role.
-        name: &'static str,
+        name: String,
         /// Number of ends.
         times: usize,
         /// Its last message.

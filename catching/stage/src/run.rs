@@ -61,7 +61,7 @@ pub struct Feel<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub enum RunEvent {
     /// All processes are ready. Holds their names and process IDs.
-    Started(Vec<(&'static str, u32)>),
+    Started(Vec<(String, u32)>),
     /// A throw is finished.
     Thrown {
         /// Number of finished throws.
@@ -80,7 +80,7 @@ pub enum RunEvent {
     /// A process ended by itself, and will be restarted.
     Ended {
         /// Name of the process.
-        name: &'static str,
+        name: String,
         /// True if the robot brakes because of it.
         brakes: bool,
         /// Last message of the process.
@@ -89,7 +89,7 @@ pub enum RunEvent {
     /// A process was restarted.
     Restarted {
         /// Name of the process.
-        name: &'static str,
+        name: String,
         /// New process ID.
         process: u32,
     },

@@ -56,7 +56,7 @@ impl HeardCatches {
 /// Parts of the report that do not come from packets.
 #[derive(Debug, Default)]
 pub(crate) struct FinishedRun {
-    pub processes: BTreeMap<&'static str, RoleReport>,
+    pub processes: BTreeMap<String, RoleReport>,
     pub world: WorldReport,
     /// Number of processes that were restarted.
     pub restarts: u64,
@@ -117,7 +117,7 @@ pub struct RunReport {
     /// Duration of the run, in s.
     pub seconds: f64,
     /// Statistics of each process.
-    pub processes: BTreeMap<&'static str, RoleReport>,
+    pub processes: BTreeMap<String, RoleReport>,
     /// Statistics of the world.
     pub world: WorldReport,
     /// Statistics of the recording, if there is one.

@@ -5,10 +5,12 @@ use std::time::Instant;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::plan::{
-    CatchPoint, CatchRequest, Grid, Objective, PlanConditions, PlanConfig, Planner,
+    CatchPlan, CatchPoint, CatchRequest, Grid, NoPlan, Objective, PlanConditions, PlanConfig,
+    Planner, Share,
 };
 
 use crate::problems::{PlanProblem, plan_problem};
@@ -26,6 +28,8 @@ pub struct PlanBench {
     pub seed: u64,
     /// Objective of the plans.
     pub objective: Objective,
+    /// Number of planners that share the search of a first plan, each on a thread.
+    pub planners: usize,
 }
 
 /// Results.
@@ -39,7 +43,9 @@ pub struct PlanReport {
     pub seed: u64,
     /// Objective of the plans.
     pub objective: Objective,
-    /// Computation times of first plans on one core, in ms.
+    /// Number of planners that share the search of a first plan, each on a thread.
+    pub planners: usize,
+    /// Computation times of first plans, in ms.
     pub first_plan_ms: Quantiles,
     /// Computation times of plans one picture later, which start from the previous plan, on one core, in ms.
     pub replan_ms: Option<Quantiles>,
@@ -65,9 +71,10 @@ struct Judged {
     best_cost: Option<f64>,
 }
 
-/// Planners of both arms, and planners with a dense grid and 32 descents.
+/// Planners of both arms, threads for them, and planners with a dense grid and 32 descents.
 struct Planners {
     own: [Planner; 2],
+    threads: ThreadPool,
     oracles: [Planner; 2],
     grid: Grid,
 }
@@ -110,6 +117,7 @@ impl PlanBench {
             drawn,
             seed: self.seed,
             objective: self.objective,
+            planners: self.planners,
             first_plan_ms: Quantiles::of(tally.first_ms).expect("at least one problem was solved"),
             replan_ms: Quantiles::of(tally.replan_ms),
             missed: tally.missed,
@@ -135,6 +143,10 @@ impl PlanBench {
         };
         Planners {
             own: std::array::from_fn(|arm| Planner::new(robot, arm, PlanConfig::default())),
+            threads: ThreadPoolBuilder::new()
+                .num_threads(self.planners)
+                .build()
+                .expect("the system has threads"),
             oracles: std::array::from_fn(|arm| Planner::new(robot, arm, oracle)),
             grid,
         }
@@ -158,7 +170,7 @@ impl PlanBench {
         let PlanProblem { arm, request } = &judged.problem;
         let planner = &planners.own[*arm];
         let begun = Instant::now();
-        let plan = planner.plan(request, &PlanConditions::default(), || false);
+        let plan = self.first_plan(&planners.threads, planner, request);
         let took = begun.elapsed().as_secs_f64() * 1e3;
         let Ok(plan) = plan else {
             if judged.on_grid {
@@ -193,6 +205,30 @@ impl PlanBench {
             oracle.plan(&moved, &conditions, || false).is_ok()
         };
         tally.replans_missed += usize::from(next.is_err() && possible());
+    }
+
+    /// Returns the best plan of planners that share the search.
+    fn first_plan(
+        &self,
+        threads: &ThreadPool,
+        planner: &Planner,
+        request: &CatchRequest,
+    ) -> Result<CatchPlan, NoPlan> {
+        let of = self.planners;
+        if of == 1 {
+            return planner.plan(request, &PlanConditions::default(), || false);
+        }
+        let part = |index| {
+            let conditions = PlanConditions {
+                share: Share { index, of },
+                ..PlanConditions::default()
+            };
+            planner.plan(request, &conditions, || false)
+        };
+        let plans: Vec<_> = threads.install(|| (0..of).into_par_iter().map(part).collect());
+        let cost = |plan: &Result<CatchPlan, _>| plan.as_ref().map_or(f64::INFINITY, |it| it.cost);
+        let best = plans.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
+        best.expect("there is a planner")
     }
 
     /// Returns the request one picture later: the arm has moved along its path, and the ball is seen slightly

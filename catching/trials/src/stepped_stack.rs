@@ -12,7 +12,8 @@ use tactnet_catching::Robot;
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::control::{ControlConfig, ControlInputs, ControlLoop};
 use tactnet_catching::coordinate::{
-    Answering, Coordinator, CoordinatorInputs, CoordinatorOutputs, PhaseConfig, Room, answer,
+    Answering, Coordinator, CoordinatorInputs, CoordinatorOutputs, MAX_PLANNERS, PhaseConfig, Room,
+    answer, request_for,
 };
 use tactnet_catching::hand::{HandInputs, HandRelay};
 use tactnet_catching::map::DistanceField;
@@ -210,6 +211,7 @@ impl SteppedStack {
         for path in self.sent.paths.iter().flatten() {
             let is_of = |result: &&PlanResult| {
                 (result.request.arm, result.request.ball) == (path.arm, path.ball)
+                    && result.ramps == path.ramps
             };
             let result = results.iter().find(is_of);
             self.chosen.extend(result.map(|result| (now_ns, *result)));
@@ -277,14 +279,14 @@ impl SteppedStack {
                 near_misses: self.near_misses,
             };
             let planner = &self.planners[request.arm as usize];
-            let Some(result) = answer(planner, request, &answering, || false) else {
-                continue;
-            };
-            let obstructed = result.failure() == Some(PlanFailure::Obstructed);
-            self.obstructed += u64::from(obstructed);
             let latest_ns = request.start_ns.saturating_sub(self.phases.path_lead_ns());
             let due_ns = (latest_ns / TICK_NS * TICK_NS).max(now_ns + TICK_NS);
-            self.results.push_back((due_ns, result));
+            let asked = (0..MAX_PLANNERS).filter_map(|number| request_for(number, request));
+            for result in asked.filter_map(|of| answer(planner, &of, &answering, || false)) {
+                let obstructed = result.failure() == Some(PlanFailure::Obstructed);
+                self.obstructed += u64::from(obstructed);
+                self.results.push_back((due_ns, result));
+            }
             self.first_plan
                 .get_or_insert_with(|| begun.elapsed().as_secs_f64());
         }

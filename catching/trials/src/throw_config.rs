@@ -46,6 +46,8 @@ pub struct ThrowConfig {
     pub watch: bool,
     /// Objective of the planners.
     pub objective: Objective,
+    /// Number of planners of each arm.
+    pub planners: u32,
     /// Pose in which the robot waits for the next ball.
     pub next: NextPose,
     /// Time at rest after which the torso counts as still, in s; 0 for a simulation that begins at rest.
@@ -70,6 +72,7 @@ impl ThrowConfig {
             pixels: false,
             watch: false,
             objective: Objective::default(),
+            planners: 1,
             next: NextPose::Waiting,
             still: 0.0,
             mapping: Mapping::Off,
@@ -117,6 +120,7 @@ impl ThrowConfig {
             replan: !self.is_without(Ablation::Replan),
             lower_body: self.moves_lower_body(),
             objective: self.objective,
+            planners: self.planners,
             ..CoordinatorConfig::default()
         }
     }

@@ -14,7 +14,7 @@ use tactnet_catching_packets::Cameras as Optics;
 use tactnet_catching_packets::packets::{Circle, Circles, MAX_CIRCLES};
 
 use crate::error::{WorldError, from_to, not_negative, probability, rising};
-use crate::planted::{CameraErrors, PlantedErrors};
+use crate::planted::{CameraErrors, PlantedErrors, StampDelay};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 
@@ -59,8 +59,8 @@ pub(crate) struct Cameras {
     optics: Optics,
     mounts: [Mount; CAMERAS],
     errors: [CameraErrors; CAMERAS],
-    /// Delay of the timestamps, in ns.
-    late_ns: u64,
+    /// Delay of the timestamps.
+    late: StampDelay,
     seed: u64,
     /// Time of the first picture, in s.
     phase: f64,
@@ -77,7 +77,7 @@ impl Cameras {
     ) -> Self {
         let (shift, turn) = errors.camera_mount(seed);
         let centre = Vector3::from(optics.centre) + shift;
-        let [late_ns, _] = errors.clocks(seed);
+        let [late, _] = errors.clocks(seed);
         let errors = errors.each_camera(seed);
         let mounts = std::array::from_fn(|camera| {
             let side = optics.baseline * (0.5 - camera as f64);
@@ -92,7 +92,7 @@ impl Cameras {
         Self {
             mounts,
             errors,
-            late_ns,
+            late,
             clutter: Poisson::new(config.clutter).ok(),
             config: config.clone(),
             optics: *optics,
@@ -119,7 +119,7 @@ impl Cameras {
         let pictures = std::array::from_fn(|camera| {
             let mut circles = Circles {
                 frame: self.frame,
-                exposure_ns: now_ns + self.late_ns,
+                exposure_ns: now_ns + self.late.of(self.frame),
                 camera: camera as u32,
                 count: 0,
                 circles: [Circle {

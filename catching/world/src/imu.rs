@@ -8,7 +8,7 @@ use tactnet_catching_packets::packets::ImuSample;
 
 use crate::drives::TICK;
 use crate::error::{WorldError, not_negative};
-use crate::planted::PlantedErrors;
+use crate::planted::{PlantedErrors, StampDelay};
 use crate::robot::{Felt, SUBSTEPS};
 use crate::stream::Stream;
 
@@ -63,8 +63,8 @@ pub(crate) struct Imu {
     noise: ChaCha8Rng,
     /// Rotation from its frame to the frame in the description.
     turn: Matrix3<f64>,
-    /// Delay of the timestamps, in ns.
-    late_ns: u64,
+    /// Delay of the timestamps.
+    late: StampDelay,
     /// Samples per second.
     rate: f64,
     /// Number of samples so far.
@@ -81,7 +81,7 @@ impl Imu {
         seed: u64,
         felt: Felt,
     ) -> Self {
-        let [_, late_ns] = errors.clocks(seed);
+        let [_, late] = errors.clocks(seed);
         let mut rng = Stream::ImuErrors.rng(seed, 0);
         let mut axes = |noise, bias| Axes::draw(noise, bias, config.scale, &mut rng);
         Self {
@@ -89,7 +89,7 @@ impl Imu {
             gyroscope: axes(config.gyroscope_noise, config.gyroscope_bias),
             noise: Stream::ImuNoise.rng(seed, 0),
             turn: errors.imu_turn(seed),
-            late_ns,
+            late,
             rate,
             count: 0,
             before: felt,
@@ -120,7 +120,7 @@ impl Imu {
             let rate = turned(&first.rate, &felt[after].rate);
             ImuSample {
                 number: self.count,
-                sensor_ns: sensor_ns + self.late_ns,
+                sensor_ns: sensor_ns + self.late.of(self.count),
                 acceleration: self.accelerometer.measure(&force, &mut self.noise),
                 rate: self.gyroscope.measure(&rate, &mut self.noise),
             }

@@ -57,9 +57,34 @@ tactnet_catching_packets::settings! {
         pub camera_clock: f64 = 0.0 => not_negative,
         /// Maximum delay of timestamps of the inertial unit, in s; never negative.
         pub imu_clock: f64 = 0.0 => not_negative,
+        /// Mean of the exponentially distributed jitter of the timestamps of pictures and the inertial unit, in s.
+        pub stamp_jitter: f64 = 0.0 => not_negative,
         /// Number of the robot. Runs with the same number share the same errors, whatever their seed. The slip of the
         /// wheels is still drawn for each run.
         pub robot: Option<u64> = None,
+    }
+}
+
+/// Delay of the timestamps of a sensor.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StampDelay {
+    constant_ns: u64,
+    /// Mean of the jitter, in ns.
+    jitter_ns: f64,
+    seed: u64,
+    /// Number of the sensor.
+    sensor: u64,
+}
+
+impl StampDelay {
+    /// Returns the delay of a packet by its number, in ns.
+    pub(crate) fn of(&self, number: u64) -> u64 {
+        if self.jitter_ns == 0.0 {
+            return self.constant_ns;
+        }
+        let mut rng = Stream::StampJitter.rng(self.seed, number << 1 | self.sensor);
+        let jitter = -self.jitter_ns * (1.0 - rng.random::<f64>()).ln();
+        self.constant_ns + jitter.round() as u64
     }
 }
 
@@ -213,11 +238,16 @@ impl PlantedErrors {
         turned(self.imu_turn, &mut Stream::ImuTurn.rng(self.of(seed), 0))
     }
 
-    /// Draws the delays of the timestamps of pictures and of the inertial unit, in ns.
-    pub(crate) fn clocks(&self, seed: u64) -> [u64; 2] {
+    /// Draws the delays of the timestamps of pictures and of the inertial unit.
+    pub(crate) fn clocks(&self, seed: u64) -> [StampDelay; 2] {
         let mut rng = Stream::Clocks.rng(self.of(seed), 0);
-        [self.camera_clock, self.imu_clock]
-            .map(|most| (rng.random::<f64>() * most * 1e9).round() as u64)
+        let delays = [(self.camera_clock, 0), (self.imu_clock, 1)];
+        delays.map(|(most, sensor)| StampDelay {
+            constant_ns: (rng.random::<f64>() * most * 1e9).round() as u64,
+            jitter_ns: self.stamp_jitter * 1e9,
+            seed,
+            sensor,
+        })
     }
 
     /// Returns the seed of the geometric errors.
@@ -318,7 +348,7 @@ mod tests {
                 assert!((camera.shift.norm() - errors.each_camera_mount).abs() < 1e-12);
                 assert!(camera.focal.abs() <= errors.focal);
             }
-            let [camera, imu] = errors.clocks(0);
+            let [camera, imu] = errors.clocks(0).map(|delay| delay.of(0));
             assert!(camera <= 6_000_000 && imu <= 4_000_000);
         }
     }

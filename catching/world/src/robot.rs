@@ -182,6 +182,7 @@ impl Robot {
         if let Some(links) = &mut self.links {
             links.sag(&self.tree, &self.drives.q);
         }
+        let braked = command.torso_brakes == 1;
         let h = TICK / SUBSTEPS as f64;
         for substep in 0..SUBSTEPS {
             let (q, dq) = (self.drives.q, self.drives.dq);
@@ -191,7 +192,7 @@ impl Robot {
                 dq: std::array::from_fn(|i| dq[i] + ddq[i] * h / 2.0),
                 ddq,
             });
-            let (inverse, places) = self.torso.advance(&self.tree, &middle, h);
+            let (inverse, places) = self.torso.advance(&self.tree, &middle, h, braked);
             self.felt[substep] = self.feel(&places[HEAD], &inverse.accelerations[HEAD]);
             self.torques = without_passive(&inverse.torques);
         }

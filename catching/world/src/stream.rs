@@ -59,6 +59,8 @@ pub(crate) enum Stream {
     Marker = 25,
     /// Lengths of an arm's links; index: the arm.
     ArmLengths = 26,
+    /// Jitter of a timestamp; index: the packet with the sensor.
+    StampJitter = 27,
 }
 
 impl Stream {

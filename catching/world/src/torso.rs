@@ -111,12 +111,18 @@ impl Torso {
 
     /// Advances by `h`, with the drives at `middle` in the middle of the step. Returns torques, accelerations and
     /// poses of that time.
+    ///
+    /// - `braked`: true to hold the deflections
     pub(crate) fn advance(
         &mut self,
         tree: &Tree,
         middle: &Prescribed,
         h: f64,
+        braked: bool,
     ) -> (Inverse, [Place; BODIES]) {
+        if braked {
+            (self.de, self.dde) = (Vector3::zeros(), Vector3::zeros());
+        }
         self.e += self.de * (h / 2.0);
         // In the middle of the step, before the new acceleration is known.
         let rate = self.de + self.dde * (h / 2.0);
@@ -127,7 +133,7 @@ impl Torso {
             &with_passive(&middle.ddq),
             self.gravity,
         );
-        let Some((stiffness, damping)) = self.springs else {
+        let Some((stiffness, damping)) = self.springs.filter(|_| !braked) else {
             return (inverse, places);
         };
         let (inertia, columns) = self.inertia(tree, &places);
@@ -231,7 +237,7 @@ mod tests {
             torso.e += Vector3::new(0.03, 0.01, -0.015);
             let start = energy(&torso) - bottom;
             for _ in 0..10_000 {
-                torso.advance(&tree, &still(pose()), 5e-4);
+                torso.advance(&tree, &still(pose()), 5e-4, false);
                 let now = energy(&torso) - bottom;
                 // Second order: (w h)^2 / 8 for the faster mode of both pitches, about 100 rad/s.
                 assert!((now / start - 1.0).abs() < 2e-3, "{now} {start}");
@@ -246,16 +252,34 @@ mod tests {
         let mut torso = Torso::new(&tree, &TorsoConfig::default(), GRAVITY, &pose()).unwrap();
         let rest = torso.e;
         for _ in 0..2000 {
-            torso.advance(&tree, &still(pose()), 5e-4);
+            torso.advance(&tree, &still(pose()), 5e-4, false);
         }
         assert!((torso.e - rest).norm() < 1e-12, "balance");
         torso.de = Vector3::new(0.5, -0.2, 0.1);
         for _ in 0..20_000 {
-            torso.advance(&tree, &still(pose()), 5e-4);
+            torso.advance(&tree, &still(pose()), 5e-4, false);
         }
         // The slower mode of both pitches decays with about 0.8 /s: e^-8 of 0.02 rad.
         let off = (torso.e - rest).norm();
         assert!(off < 2e-5, "{off}");
+    }
+
+    #[test]
+    fn brakes_hold_the_deflections() {
+        let tree = tree();
+        let mut torso = Torso::new(&tree, &TorsoConfig::default(), GRAVITY, &pose()).unwrap();
+        torso.de = Vector3::new(0.5, -0.2, 0.1);
+        let held = torso.e;
+        let mut middle = still(pose());
+        middle.ddq[7] = 15.0;
+        let (inverse, _) = torso.advance(&tree, &middle, 5e-4, true);
+        assert_eq!((torso.e, torso.de), (held, Vector3::zeros()));
+        // The brakes carry the torques of the arm's acceleration.
+        let (resting, _) = torso.advance(&tree, &still(pose()), 5e-4, true);
+        let carried = spring_torques(&inverse.torques) - spring_torques(&resting.torques);
+        assert!(carried.norm() > 1.0, "{carried}");
+        torso.advance(&tree, &middle, 5e-4, false);
+        assert!(torso.de.norm() > 1e-3);
     }
 
     #[test]
@@ -271,7 +295,7 @@ mod tests {
         let mut crossings = Vec::new();
         for step in 0..4000 {
             let before = torso.e.x;
-            torso.advance(&tree, &still([0.0; JOINTS]), 5e-4);
+            torso.advance(&tree, &still([0.0; JOINTS]), 5e-4, false);
             if before > 0.0 && torso.e.x <= 0.0 {
                 crossings.push(f64::from(step) * 5e-4);
             }
@@ -290,7 +314,7 @@ mod tests {
         for _ in 0..20 {
             let (stiffness, damping) = torso.springs.unwrap();
             let before = torso.de;
-            let (inverse, _) = torso.advance(&tree, &middle, 5e-4);
+            let (inverse, _) = torso.advance(&tree, &middle, 5e-4, false);
             let e = torso.e - torso.de * 2.5e-4;
             let de = (before + torso.de) / 2.0;
             let spring = -(stiffness.component_mul(&e) + damping.component_mul(&de));

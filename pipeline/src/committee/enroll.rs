@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Sweeps with which a committee was made.
-pub(crate) struct FormerSweeps<'a> {
+pub struct FormerSweeps<'a> {
     /// Sweeps that the members were fitted to.
     pub train: &'a TrainSplit<'a>,
     /// Sweeps set aside for calibration, with the target rates.
@@ -27,21 +27,34 @@ struct Grown {
     left_out: Vec<LeftOutMember>,
 }
 
-/// Adds `material` to a committee, whose posterior stays the plain mean of its members' posteriors.
+/// Adds `material` to the committee `classifier`, whose posterior stays the plain mean of its members' posteriors.
 ///
 /// Each network learns the material by [`enroll`]; baselines are fitted again to the training sweeps and the new ones. Members for which
 /// the new sweeps are too few are left out. Thresholds are fitted again to the sweeps set aside, all of which are of the other materials.
 ///
 /// # Errors
-/// A name that is already known; sweeps of another shape or rate, or of unequal length; a fit that fails.
-pub(crate) fn enroll_into_committee(
+/// A classifier that is no committee; a name that is already known; training sweeps of other materials; sweeps of another shape or rate, or
+/// of unequal length; a fit that fails.
+pub fn enroll_into_committee(
     classifier: &Classifier,
-    committee: &Committee,
     former: &FormerSweeps<'_>,
     sweeps: &SweepView<'_>,
     material: &str,
 ) -> Result<Enrolled, PipelineError> {
+    let Some(committee) = classifier.committee() else {
+        return Err(PipelineError::enroll(material, "the model is no committee"));
+    };
     refuse_known(classifier, sweeps, material)?;
+    if !former
+        .train
+        .dataset()
+        .labels()
+        .names()
+        .eq(classifier.config().labels.names())
+    {
+        let reason = "the training sweeps are not of the materials that the committee knows";
+        return Err(PipelineError::enroll(material, reason));
+    }
     let joined = joined_sweeps(classifier.config(), former.train, sweeps, material)?;
     let all = TrainSplit::all(&joined, classifier.config().seed);
     let grown = grown(committee, former.train, &all, sweeps, material)?;
@@ -209,8 +222,7 @@ mod tests {
             aside: None,
         };
         let learn = |sweeps: &SweepView<'_>, name: &str| {
-            let members = committee.committee().unwrap();
-            enroll_into_committee(&committee, members, &former, sweeps, name)
+            enroll_into_committee(&committee, &former, sweeps, name)
         };
         let new = SweepView::new(&four, sweeps[..5].to_vec());
         let found = learn(&new, &material).unwrap();
@@ -249,5 +261,17 @@ mod tests {
         assert_eq!(lacking, ["svm-spectra"], "it needs two sweeps");
         let known = learn(&one, three.labels().name(0)).unwrap_err();
         assert!(known.to_string().contains("knows a material of this name"));
+        let alone = enroll_into_committee(&alone, &former, &new, &material).unwrap_err();
+        assert!(alone.to_string().contains("no committee"), "{alone}");
+        let others = four.of_materials(&[1, 2, 3]).unwrap();
+        let former = FormerSweeps {
+            train: &TrainSplit::all(&others, Seed(1)),
+            aside: None,
+        };
+        let other = enroll_into_committee(&committee, &former, &new, "felt").unwrap_err();
+        assert!(
+            other.to_string().contains("not of the materials"),
+            "{other}"
+        );
     }
 }

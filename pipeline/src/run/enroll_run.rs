@@ -24,9 +24,6 @@ impl RunDir {
         sweeps: &SweepView<'_>,
         material: &str,
     ) -> Result<Enrolled, PipelineError> {
-        let Some(committee) = classifier.committee() else {
-            return Err(self.refused("it is not a committee"));
-        };
         if !self.enrolled()?.is_empty() || !self.adaptations()?.is_empty() {
             let reason = "a committee learns a material only once after its training, and not after an adaptation; train it again with all \
                           materials";
@@ -52,6 +49,6 @@ impl RunDir {
             train: &fitted.train,
             aside: aside.as_ref().map(|(target, aside)| (*target, &**aside)),
         };
-        enroll_into_committee(classifier, committee, &former, sweeps, material)
+        enroll_into_committee(classifier, &former, sweeps, material)
     }
 }

@@ -23,6 +23,9 @@ pub struct PlanBenchArgs {
     /// Objective of the plans
     #[arg(long, value_enum, default_value_t = ObjectiveChoice::Soft)]
     objective: ObjectiveChoice,
+    /// Number of threads that share the search of a first plan
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = catch::planners)]
+    planners: u32,
     /// Description of the robot [default: built-in]
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
@@ -39,6 +42,7 @@ pub fn run(arguments: &PlanBenchArgs) -> anyhow::Result<ExitCode> {
         problems,
         seed: arguments.seed,
         objective: arguments.objective.into(),
+        planners: arguments.planners as usize,
     };
     let report = bench.run(&robot, progress_of(problems, "problems"));
     OutputFormat::from_flag(arguments.json).report(&report, print)

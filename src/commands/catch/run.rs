@@ -63,6 +63,9 @@ pub struct RunArgs {
     /// then the right hand
     #[arg(long, value_name = "DX,DY,DZ", requires = "throw_back", allow_hyphen_values = true, value_parser = place)]
     aim_beside: Vec<[f64; 3]>,
+    /// Number of planners of each arm, each a process; they share the search of a first plan and correct it in turns
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = super::planners)]
+    planners: u32,
     /// Let the self-collision monitor report instead of brake
     #[arg(long)]
     watch: bool,
@@ -180,6 +183,7 @@ fn stack(arguments: &RunArgs) -> anyhow::Result<RoleSettings> {
     }
     // With two balls only the arms move, as in the thesis.
     stack.coordinator.lower_body = arguments.balls == 1;
+    stack.coordinator.planners = arguments.planners;
     stack.throw.at = arguments.throw_back.flatten();
     stack.throw.beside = super::throw::hands(&arguments.aim_beside)?;
     stack.throw.after_feeling = arguments.feel.is_some();

@@ -12,6 +12,7 @@ use tactnet_catching_trials::{
 };
 use tactnet_catching_world::ObstaclesConfig;
 
+use super::planners;
 use super::throw_progress::throw_progress;
 use super::viewer::ViewerArgs;
 use crate::output::{self, OutputFormat};
@@ -52,6 +53,9 @@ pub struct ThrowSeriesArgs {
     /// Objective of the planners
     #[arg(long, value_enum, default_value_t = ModeChoice::Soft)]
     mode: ModeChoice,
+    /// Number of planners of each arm, which share the search of a first plan
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = planners)]
+    planners: u32,
     /// Part of the stack to disable; may be given more than once
     #[arg(long, value_enum, value_name = "PART")]
     without: Vec<AblationChoice>,
@@ -252,6 +256,7 @@ fn series(arguments: &ThrowSeriesArgs) -> anyhow::Result<Series> {
                 ModeChoice::Latest => Objective::Latest,
                 ModeChoice::Cool => Objective::Cool,
             },
+            planners: arguments.planners,
             without,
             balls: arguments.balls.into(),
             perfect_perception: arguments.perfect_perception,

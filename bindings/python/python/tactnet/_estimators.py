@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, Sequence
 
 import numpy as np
@@ -159,6 +160,20 @@ class TactNetCommittee(_OfRecipe):
             random_state=random_state,
             progress=progress,
         )
+
+    def enroll(self, X: Any, material: Any, X_train: Any, y_train: Any) -> SweepClassifier:
+        """Returns a committee with one more material, learned from a few sweeps X of it. This object is unchanged.
+
+        X_train, y_train: the sweeps of ``fit``, to which members that are no networks are fitted again. Warns of members that X is too small for;
+            the new committee lacks them.
+        """
+        train, new = self._dataset(X_train, y_train), self._dataset(X)
+        classifier, left_out = self.classifier_.enroll_with(train, str(material), new)
+        for reason in left_out:
+            warnings.warn(reason, UserWarning, stacklevel=2)
+        grown = copy_with_classifier(self, classifier)
+        grown.classes_ = np.append(self.classes_, material)
+        return grown
 
     @classmethod
     def _settings_of(cls, model: str) -> dict[str, Any] | None:

@@ -66,8 +66,8 @@ packets! {
         #[recorded(5)] pub lift: [f64; 3],
     }
 
-    /// Request to a planner.
-    #[derive(PartialEq)] #[version(2)]
+    /// Request to the planners of an arm.
+    #[derive(PartialEq)] #[version(3)]
     pub struct PlanRequest {
         /// Call number. All requests of one prediction share it.
         #[recorded(1)] pub call: u64,
@@ -105,10 +105,14 @@ packets! {
         #[recorded(17)] pub other_start_ns: u64,
         /// Ramps of the other arm's joints.
         #[recorded(18)] pub other: [RampPacket; ARM_JOINTS],
+        /// Planner of the arm that answers, from 0. In a request to several planners it has no meaning.
+        #[recorded(19)] pub planner: u32,
+        /// Number of planners that share the search. With 0 or 1, `planner` alone does all of it.
+        #[recorded(20)] pub planners: u32,
     }
 
     /// Result of a planner.
-    #[derive(PartialEq)] #[version(3)]
+    #[derive(PartialEq)] #[version(4)]
     pub struct PlanResult {
         /// Request that it answers.
         #[recorded(1)] pub request: PlanRequest,

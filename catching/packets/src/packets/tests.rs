@@ -8,7 +8,7 @@ fn sizes_are_as_documented() {
     assert_eq!(size_of::<ArmPath>(), 376);
     assert_eq!(size_of::<BodyPath>(), 104);
     assert_eq!(size_of::<Gaze>(), 184);
-    assert_eq!(size_of::<PlanRequest>(), 696);
+    assert_eq!(size_of::<PlanRequest>(), 704);
     assert_eq!(size_of::<ControllerCommand>(), 80);
     assert_eq!(size_of::<SafetyState>(), 40);
     assert_eq!(size_of::<CatchStatus>(), 96);

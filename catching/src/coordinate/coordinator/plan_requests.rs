@@ -7,6 +7,7 @@ use tactnet_catching_packets::packets::{
 
 use super::{Armed, Coordinator, CoordinatorOutputs, MeasuredPose};
 use crate::coordinate::attempt::CatchState;
+use crate::plan::Violation;
 use crate::ramp::Ramp;
 
 /// Maximum delay after the latest moment at which a path is still sent, in ns.
@@ -19,7 +20,8 @@ const LAST_CHANCE_NS: u64 = 4_000_000;
 pub(super) struct PendingPlans {
     /// First of the requests.
     first: PlanRequest,
-    count: usize,
+    /// Number of results that are missing.
+    missing: u32,
 }
 
 impl Coordinator {
@@ -54,19 +56,24 @@ impl Coordinator {
             let [first, _] = armed.attempt.looked_at();
             armed.came_from = first.map(|(_, flight)| flight.p);
         }
+        let (call, planners) = (self.calls + 1, self.config.planners());
         let requests = requests.map(|request| {
             request.map(|request| PlanRequest {
-                call: self.calls + 1,
+                call,
                 exposure_ns: predictions.exposure_ns,
                 head_ns: pose.head.t_ns,
+                // A first plan is for all planners, its corrections for one after the other.
+                planner: (call % u64::from(planners)) as u32,
+                planners: if request.has_last == 1 { 1 } else { planners },
                 ..request
             })
         });
         if let Some(first) = requests[0] {
-            self.calls = first.call;
+            self.calls = call;
             armed.answers.clear();
-            let count = requests.iter().flatten().count();
-            armed.pending = Some(PendingPlans { first, count });
+            let asked = requests.iter().flatten();
+            let missing = asked.map(|request| request.planners).sum();
+            armed.pending = Some(PendingPlans { first, missing });
             outputs.requests = requests;
         }
         armed.tell_hands(outputs);
@@ -101,16 +108,25 @@ impl Coordinator {
         }
     }
 
-    /// Stores a result of the pending requests.
+    /// Stores a result of the pending requests: of planners that share a search the best one.
     pub(super) fn take(&mut self, result: &PlanResult) {
         let Some(armed) = &mut self.armed else {
             return;
         };
-        let awaited = armed.pending.is_some_and(|pending| {
-            pending.first.call == result.request.call && armed.answers.len() < pending.count
-        });
-        if awaited && is_usable(result) {
-            armed.answers.push(*result);
+        let is_of = |pending: &&mut PendingPlans| {
+            pending.first.call == result.request.call && pending.missing > 0
+        };
+        let pending = armed.pending.as_mut().filter(is_of);
+        let Some(pending) = pending.filter(|_| is_usable(result)) else {
+            return;
+        };
+        pending.missing -= 1;
+        let asked = |of: &PlanResult| (of.request.arm, of.request.ball);
+        let mut answers = armed.answers.iter_mut();
+        match answers.find(|other| asked(other) == asked(result)) {
+            Some(other) if is_better(result, other) => *other = *result,
+            Some(_) => {}
+            None => armed.answers.push(*result),
         }
     }
 
@@ -121,10 +137,9 @@ impl Coordinator {
         let Some(armed) = &mut self.armed else {
             return;
         };
-        let arrived = armed.answers.len();
         let Some(pending) = armed
             .pending
-            .take_if(|pending| arrived >= pending.count || now_ns >= latest(pending))
+            .take_if(|pending| pending.missing == 0 || now_ns >= latest(pending))
         else {
             return;
         };
@@ -165,6 +180,27 @@ impl Armed {
         }
         self.hands = wanted;
     }
+}
+
+/// Returns true if a result is to replace another one of the same request: exact catches come before near misses, and
+/// these before no plan. Of equally good results the planner with the lower number counts, in any order of arrival.
+fn is_better(result: &PlanResult, other: &PlanResult) -> bool {
+    let rank = |of: &PlanResult| {
+        let violation = Violation {
+            position: of.position_error,
+            angle: of.angle_error,
+            ..Violation::default()
+        };
+        match of.failure() {
+            Some(PlanFailure::NotFailed) if violation.is_feasible() => (0, of.cost),
+            Some(PlanFailure::NotFailed) => (1, of.position_error),
+            _ => (2, 0.0),
+        }
+    };
+    let ((kind, cost), (other_kind, other_cost)) = (rank(result), rank(other));
+    let costs = cost.total_cmp(&other_cost);
+    let numbers = result.request.planner.cmp(&other.request.planner);
+    kind.cmp(&other_kind).then(costs).then(numbers).is_lt()
 }
 
 /// Returns true for a plan with finite numbers, and for a valid request without a plan.

@@ -3,7 +3,7 @@ use tactnet_catching_packets::packets::BallPrediction;
 
 use super::*;
 use crate::control::Controller;
-use crate::coordinate::{Answering, answer};
+use crate::coordinate::{Answering, answer, request_for};
 use crate::flight::Flight;
 use crate::plan::{PlanConfig, Planner};
 use crate::robot::Robot;
@@ -37,6 +37,10 @@ struct Bench {
     outputs: CoordinatorOutputs,
     told: Vec<(u64, CatchPhase)>,
     requests: Vec<u64>,
+    /// Time in ns, planner and number of planners of each answer.
+    answered: Vec<(u64, u32, u32)>,
+    /// Reverses the order in which simultaneous results arrive.
+    late_first: bool,
     orders: Vec<u64>,
 }
 
@@ -67,6 +71,8 @@ impl Bench {
             outputs: CoordinatorOutputs::default(),
             told: Vec::new(),
             requests: Vec::new(),
+            answered: Vec::new(),
+            late_first: false,
             orders: Vec::new(),
         }
     }
@@ -121,10 +127,17 @@ impl Bench {
         for request in self.outputs.requests.iter().flatten() {
             self.requests.push(now_ns);
             let planner = &self.planners[request.arm as usize];
-            let plan = answer(planner, request, &Answering::default(), || false).unwrap();
-            if self.plans {
-                self.results.push((now_ns + 8 * TICK_NS, plan));
+            for request in (0..8).filter_map(|number| request_for(number, request)) {
+                let plan = answer(planner, &request, &Answering::default(), || false).unwrap();
+                if self.plans {
+                    self.results.push((now_ns + 8 * TICK_NS, plan));
+                    self.answered
+                        .push((now_ns, request.planner, request.planners));
+                }
             }
+        }
+        if self.late_first {
+            self.results.reverse();
         }
         let phase = self.outputs.status.and_then(|status| status.phase());
         if let Some(phase) = phase.filter(|phase| self.told.last().map(|it| it.1) != Some(*phase)) {
@@ -217,6 +230,34 @@ fn the_last_correction_uses_a_head_pose_that_is_newer_than_the_pictures() {
     // 15 ms for the plan and 30 ms of motion before the catch, in a window of 4 ms.
     let ahead_ms = (catch_ns - bench.requests[asked]) / TICK_NS;
     assert!((45..=49).contains(&ahead_ms), "{ahead_ms}");
+}
+
+#[test]
+fn several_planners_share_first_plans_and_correct_them_in_turns() {
+    let paths = |late_first| {
+        let mut bench = Bench::new(false);
+        bench.coordinator.config.planners = 3;
+        bench.late_first = late_first;
+        let mut paths = Vec::new();
+        while bench.tick < 400 {
+            bench.run(bench.tick + 1);
+            paths.extend(bench.outputs.paths);
+        }
+        assert_eq!(bench.phases()[..3], ATTEMPT[..3]);
+        let first_ns = bench.answered[0].0;
+        let (first, later): (Vec<_>, Vec<_>) =
+            bench.answered.iter().partition(|(at, ..)| *at == first_ns);
+        // Both arms, by three planners each.
+        let numbers: Vec<u32> = first.iter().map(|(_, number, _)| *number).collect();
+        assert_eq!(numbers, [0, 1, 2, 0, 1, 2]);
+        assert!(first.iter().all(|(.., of)| *of == 3));
+        assert!(later.len() > 6 && later.iter().all(|(.., of)| *of == 1));
+        let turns = later.windows(2).all(|two| two[1].1 == (two[0].1 + 1) % 3);
+        assert!(turns, "{later:?}");
+        paths
+    };
+    // The order of their arrival does not matter.
+    assert_eq!(paths(false), paths(true));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::plan::seeds::{Grid, Seeds};
+use crate::plan::seeds::{Grid, Seeds, Share};
 use crate::robot::Robot;
 
 pub(crate) fn thrown() -> impl Strategy<Value = Flight> {
@@ -83,7 +83,7 @@ proptest! {
         let request = CatchRequest { ball, q0: robot.ready(arm), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
         let clearance = Clearance::new(&robot, arm);
         let problem = Problem::new(&request, robot.arm(arm), &bodies, &clearance, 0.02);
-        let seeds = Seeds::search(&problem, Grid { times: 6, hands: 6, elbows: 6 }, || false);
+        let seeds = Seeds::search(&problem, Grid { times: 6, hands: 6, elbows: 6 }, Share::ALL, || false);
         for seed in seeds.best() {
             let violation = problem.violation(&seed.x);
             prop_assert!(violation.position < 1e-9 && violation.angle < 1e-9, "{violation:?}");

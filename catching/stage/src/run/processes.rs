@@ -30,11 +30,11 @@ enum Part {
 }
 
 impl Part {
-    fn name(self) -> &'static str {
+    fn name(self) -> String {
         match self {
-            Self::World => "world",
-            Self::Skin => "skin",
-            Self::Classifier => "classifier",
+            Self::World => "world".into(),
+            Self::Skin => "skin".into(),
+            Self::Classifier => "classifier".into(),
             Self::Role(role) => role.name(),
         }
     }
@@ -52,7 +52,7 @@ impl Part {
 }
 
 struct Child {
-    name: &'static str,
+    name: String,
     part: Part,
     process: ReadyProcess,
     begun: Instant,
@@ -89,18 +89,21 @@ impl<'a> Processes<'a> {
     }
 
     /// Returns the names and process IDs.
-    pub fn ids(&self) -> Vec<(&'static str, u32)> {
+    pub fn ids(&self) -> Vec<(String, u32)> {
         self.children
             .iter()
-            .map(|child| (child.name, child.process.id()))
+            .map(|child| (child.name.clone(), child.process.id()))
             .collect()
     }
 
     /// Restarts processes that have ended, and brakes the robot if necessary.
     pub fn look_after(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
         for child in &mut self.children {
-            let name = child.name;
-            let failed = |source| StageError::Process { name, source };
+            let name = child.name.clone();
+            let failed = |source| StageError::Process {
+                name: child.name.clone(),
+                source,
+            };
             if child.process.ended().map_err(failed)?.is_none() {
                 continue;
             }
@@ -119,7 +122,7 @@ impl<'a> Processes<'a> {
                 1
             };
             on_event(RunEvent::Ended {
-                name,
+                name: name.clone(),
                 said: said.clone(),
                 brakes,
             });
@@ -143,15 +146,15 @@ impl<'a> Processes<'a> {
 
     /// Ends all processes and returns their reports, and that of the world. The controller stops last, so that the
     /// robot stands still by then.
-    pub fn end(self) -> Result<(BTreeMap<&'static str, RoleReport>, WorldReport), StageError> {
+    pub fn end(self) -> Result<(BTreeMap<String, RoleReport>, WorldReport), StageError> {
         let mut reports = BTreeMap::new();
         let mut world = WorldReport::default();
         for child in self.children.into_iter().rev() {
             let name = child.name;
-            let said = child
-                .process
-                .end()
-                .map_err(|source| StageError::Process { name, source })?;
+            let said = child.process.end().map_err(|source| StageError::Process {
+                name: name.clone(),
+                source,
+            })?;
             if child.part == Part::World {
                 world = report_of(&said).unwrap_or_default();
             } else if let Part::Role(_) = child.part
@@ -179,6 +182,9 @@ impl CatchRun<'_> {
             _ => true,
         });
         parts.extend(roles.map(Part::Role));
+        for number in 1..self.stack.coordinator.planners() {
+            parts.extend([0, 1].map(|arm| Part::Role(Role::Planner { arm, number })));
+        }
         parts
     }
 
@@ -191,7 +197,7 @@ impl CatchRun<'_> {
                 command.arg(feel.run);
             }
             _ => {
-                command.args(["catch", "role", part.name()]);
+                command.args(["catch", "role", &part.name()]);
             }
         }
         let is_fast = match part {
@@ -221,10 +227,14 @@ impl CatchRun<'_> {
             process.wait_until_ready()?;
             Ok(process)
         });
+        let failed = |source| StageError::Process {
+            name: name.clone(),
+            source,
+        };
         Ok(Child {
+            process: process.map_err(failed)?,
             name,
             part,
-            process: process.map_err(|source| StageError::Process { name, source })?,
             begun: Instant::now(),
             soon: 0,
         })

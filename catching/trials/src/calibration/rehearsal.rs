@@ -81,8 +81,7 @@ pub(crate) fn rehearse(
         let command = JointCommand {
             number,
             command_ns: number * TICK_NS,
-            q,
-            dq,
+            ..JointCommand::of(q, dq)
         };
         let sensed = *world.step(&command, &[None; ARMS]);
         // The joints lag slightly behind; at the ends of a phase the arm stands still.
@@ -96,14 +95,14 @@ pub(crate) fn rehearse(
         let features = match &mut eyes {
             Some(eyes) => {
                 let mut circles = eyes.see(&world.truth(), None);
-                circles
-                    .iter_mut()
-                    .for_each(|of| of.exposure_ns = left.exposure_ns);
+                for of in &mut circles {
+                    (of.frame, of.exposure_ns) = (left.frame, left.exposure_ns);
+                }
                 recorder.circles(model, &guess, &circles, phase)
             }
             None => {
                 let features = world.marker_features();
-                recorder.features(left.exposure_ns, &features, phase);
+                recorder.features(left.frame, left.exposure_ns, &features, phase);
                 features[arm]
             }
         };
