@@ -24,7 +24,7 @@ pub use eye::Eye;
 pub use gates::{Gate, gates};
 use lens::Lens;
 use refine::{Rays, polished, refined};
-use votes::{Peak, RADII, Votes};
+use votes::{RADII, Votes, is_like};
 
 /// Smallest radius in each level of the pyramid, in pixels of the level. The largest is just below twice this value.
 const LEAST_RADIUS: f64 = 4.5;
@@ -65,7 +65,7 @@ pub struct CircleDetector {
     halved: Vec<Halved>,
     votes: Votes,
     rays: Rays,
-    peaks: Vec<Peak>,
+    peaks: Vec<Circle>,
     found: Vec<Circle>,
 }
 
@@ -77,12 +77,22 @@ struct Halved {
 }
 
 /// Rectangle of a picture, in pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Window {
     left: usize,
     top: usize,
     width: usize,
     height: usize,
+}
+
+impl Window {
+    fn whole(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            ..Self::default()
+        }
+    }
 }
 
 impl CircleDetector {
@@ -143,18 +153,13 @@ impl CircleDetector {
         self.peaks.clear();
         let noise = self.config.noise;
         for (level, halved) in self.halved.iter().enumerate() {
-            let window = Window {
-                left: 0,
-                top: 0,
-                width: halved.width,
-                height: halved.height,
-            };
+            let window = Window::whole(halved.width, halved.height);
             self.votes
                 .edges(&halved.pixels, halved.width, window, noise);
             let scale = f64::from(2 << level);
             self.votes.cast(RADII.map(|factor| LEAST_RADIUS * factor));
             self.votes
-                .peaks(self.config.threshold, window, scale, &mut self.peaks);
+                .peaks(self.config.threshold, scale, &mut self.peaks);
         }
         for gate in gates {
             self.look_into(pixels, gate);
@@ -163,16 +168,12 @@ impl CircleDetector {
         self.found.clear();
         for i in 0..self.peaks.len() {
             let peak = self.peaks[i];
-            let is_known = self
-                .found
-                .iter()
-                .any(|circle| peak.is_like(&Peak::of(circle)));
-            if is_known {
+            if self.found.iter().any(|circle| is_like(&peak, circle)) {
                 continue;
             }
             let circle = self.refined(pixels, &peak);
-            self.found
-                .extend(circle.filter(|circle| circle.r <= self.config.largest));
+            let circle = circle.filter(|circle| circle.r <= self.config.largest);
+            self.found.extend(circle);
         }
         self.found.sort_by(|a, b| b.response.total_cmp(&a.response));
         circles.count = 0;
@@ -188,20 +189,15 @@ impl CircleDetector {
 
     /// Refines a peak at the level where its radius is at least [`FINE_RADIUS`], then at twice the resolution if blur
     /// permits.
-    fn refined(&self, pixels: &[u8], peak: &Peak) -> Option<Circle> {
+    fn refined(&self, pixels: &[u8], peak: &Circle) -> Option<Circle> {
         let mut level = 0;
         while level < self.halved.len() && peak.r / f64::from(2 << level) >= FINE_RADIUS {
             level += 1;
         }
         let (pixels_of, size, scale) = self.level(pixels, level);
-        let mut circle = refined(
-            &self.rays,
-            pixels_of,
-            size,
-            &peak.scaled(1.0 / scale),
-            self.config.inliers,
-        )?;
-        circle = scaled(&circle, scale);
+        let (peak, inliers) = (scaled(peak, 1.0 / scale), self.config.inliers);
+        let circle = refined(&self.rays, pixels_of, size, &peak, inliers)?;
+        let mut circle = scaled(&circle, scale);
         if level > 0 {
             let (pixels_of, size, scale) = self.level(pixels, level - 1);
             let coarse = scaled(&circle, 1.0 / scale);
@@ -228,7 +224,12 @@ impl CircleDetector {
     fn halve(&mut self, pixels: &[u8]) {
         let mut from = (pixels, self.width);
         for halved in &mut self.halved {
-            halve(from.0, from.1, &mut halved.pixels, halved.width);
+            pulp::Arch::new().dispatch(Halve {
+                from: from.0,
+                from_width: from.1,
+                to: &mut halved.pixels,
+                width: halved.width,
+            });
             from = (&halved.pixels, halved.width);
         }
     }
@@ -241,42 +242,35 @@ impl CircleDetector {
         while level < self.halved.len() && gate.r / f64::from(2 << level) >= 2.0 * LEAST_RADIUS {
             level += 1;
         }
-        let scale = f64::from(1 << level);
-        let (pixels, width, height) = match level {
-            0 => (pixels, self.width, self.height),
-            _ => {
-                let halved = &self.halved[level - 1];
-                (halved.pixels.as_slice(), halved.width, halved.height)
-            }
-        };
+        let (_, [width, height], scale) = self.level(pixels, level);
         let reach = (gate.reach + 1.4 * gate.r) / scale + 2.0;
         let range = |centre: f64, size: usize| {
             let low = (centre / scale - reach).clamp(0.0, size as f64) as usize;
             let high = (centre / scale + reach).clamp(0.0, size as f64) as usize;
             (low, high - low)
         };
-        let ((left, width_of), (top, height_of)) = (range(u, width), range(v, height));
-        let mut window = Window {
-            left,
-            top,
-            width: width_of,
-            height: height_of,
-        };
+        let mut window = Window::default();
+        (window.left, window.width) = range(u, width);
+        (window.top, window.height) = range(v, height);
         // Limit gates that exceed a quarter of the picture.
-        let room = self.votes.room();
+        let room = self.votes.room;
         if window.width * window.height > room {
             window.height = room / window.width.max(1);
         }
         if window.width < 16 || window.height < 16 {
             return;
         }
+        let pixels = match level.checked_sub(1) {
+            Some(halved) => &self.halved[halved].pixels,
+            None => pixels,
+        };
         self.votes.edges(pixels, width, window, self.config.noise);
         let middle = gate.r / scale;
         // Six radii from 0.8 to 1.25 times the expected one.
         let radii = std::array::from_fn(|i| middle * 0.8 * 1.5625_f64.powf(i as f64 / 5.0));
         self.votes.cast(radii);
         self.votes
-            .peaks(self.config.gate_threshold, window, scale, &mut self.peaks);
+            .peaks(self.config.gate_threshold, scale, &mut self.peaks);
     }
 
     /// Merges peaks of the same circle and keeps the strongest.
@@ -285,7 +279,9 @@ impl CircleDetector {
         let mut kept = 0;
         for i in 0..self.peaks.len() {
             let peak = self.peaks[i];
-            let is_new = self.peaks[..kept].iter().all(|other| !peak.is_like(other));
+            let is_new = self.peaks[..kept]
+                .iter()
+                .all(|other| !is_like(&peak, other));
             if is_new && kept < MOST_PEAKS {
                 self.peaks[kept] = peak;
                 kept += 1;
@@ -297,29 +293,15 @@ impl CircleDetector {
 
 /// Returns the circle with all lengths multiplied by `by`.
 fn scaled(circle: &Circle, by: f64) -> Circle {
-    Circle {
-        u: circle.u * by,
-        v: circle.v * by,
-        r: circle.r * by,
-        response: circle.response,
-    }
+    let [u, v, r] = [circle.u, circle.v, circle.r].map(|length| length * by);
+    Circle { u, v, r, ..*circle }
 }
 
 fn same(a: &Circle, b: &Circle) -> bool {
     (a.u - b.u).hypot(a.v - b.v) < DUPLICATE_DISTANCE * a.r.max(b.r)
 }
 
-/// Averages blocks of two by two pixels.
-fn halve(from: &[u8], from_width: usize, to: &mut [u8], width: usize) {
-    pulp::Arch::new().dispatch(Halve {
-        from,
-        from_width,
-        to,
-        width,
-    });
-}
-
-/// Arguments of [`halve_lines`], which is compiled for each vector width.
+/// Averages blocks of two by two pixels; compiled for each vector width.
 struct Halve<'a> {
     from: &'a [u8],
     from_width: usize,
@@ -332,19 +314,15 @@ impl pulp::NullaryFnOnce for Halve<'_> {
 
     #[inline(always)]
     fn call(self) {
-        halve_lines(self.from, self.from_width, self.to, self.width);
-    }
-}
-
-#[inline(always)]
-fn halve_lines(from: &[u8], from_width: usize, to: &mut [u8], width: usize) {
-    let pairs = from.chunks_exact(2 * from_width);
-    for (rows, to) in pairs.zip(to.chunks_exact_mut(width)) {
-        let (upper, lower) = rows.split_at(from_width);
-        let four = upper.chunks_exact(2).zip(lower.chunks_exact(2));
-        for (to, (a, b)) in to.iter_mut().zip(four) {
-            let sum = u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]);
-            *to = ((sum + 2) >> 2) as u8;
+        let from_width = self.from_width;
+        let pairs = self.from.chunks_exact(2 * from_width);
+        for (rows, to) in pairs.zip(self.to.chunks_exact_mut(self.width)) {
+            let (upper, lower) = rows.split_at(from_width);
+            let four = upper.chunks_exact(2).zip(lower.chunks_exact(2));
+            for (to, (a, b)) in to.iter_mut().zip(four) {
+                let sum = u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]);
+                *to = ((sum + 2) >> 2) as u8;
+            }
         }
     }
 }

@@ -20,10 +20,14 @@ mod ring;
 #[cfg(test)]
 pub(crate) mod shaking;
 
+pub(crate) use config::positive;
 pub use config::{PoseConfig, PoseError};
 pub use estimator::PoseEstimator;
 pub use head_estimator::{HeadEstimator, HeadInputs, TORSO_RESTS};
 pub use ring::{POSES, PoseRing};
+
+/// Gravity as measured by the IMU, in m/s^2.
+pub(crate) const GRAVITY: f64 = 9.81;
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use tactnet_catching_packets::packets::HeadPose;

@@ -16,7 +16,6 @@ use tactnet_catching_packets::packets::{
     ThrowPath, ThrowPhase, ThrowStatus,
 };
 
-use crate::flight::DRAG;
 use crate::robot::Robot;
 use crate::throw::{Aim, NoThrow, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower};
 use duty::{ThrowAction, ThrowDuty};
@@ -162,17 +161,12 @@ impl ThrowTask {
         outputs
     }
 
-    /// Plans a throw.
     fn plan(&mut self, now_ns: u64, arm: usize, grip: u64) -> Option<ThrowPath> {
         let target = self.settings.target(self.origins.of(arm));
-        let request = ThrowRequest {
-            holding: Some(arm),
-            aim: self.aim.unwrap_or(Aim::At {
-                target: target.into(),
-            }),
-            drag: DRAG,
-            last: None,
+        let there = Aim::At {
+            target: target.into(),
         };
+        let request = ThrowRequest::new(arm, self.aim.unwrap_or(there));
         let beside = Vector3::from(self.settings.beside[arm]);
         let plan = self.thrower.plan_beside(&request, &beside);
         self.last = Some(plan);

@@ -88,14 +88,8 @@ pub fn draw_candidate(
 
 impl Candidate {
     fn picture(&self, robot: &Robot, neck: NeckMotion) -> Picture {
-        Picture {
-            configuration: 0,
-            arm: self.arm,
-            features: [None; CAMERAS],
-            q: self.q,
-            loads: loads(robot, self.arm, &self.q),
-            neck,
-        }
+        let loads = loads(robot, self.arm, &self.q);
+        Picture::without_features(self.arm, self.q, loads, neck)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Errors of a calibration. The previous calibration stays valid after an error.
 
-use tactnet_catching_packets::Numbers;
+use tactnet_catching_packets::checks::SettingError;
 
 use super::unknowns::ARM_NAMES;
 
@@ -54,13 +54,8 @@ pub enum CalibrationError {
         found: f64,
     },
     /// A setting is invalid.
-    #[error("`{setting}`: expected a number greater than 0, found {found}")]
-    Setting {
-        /// Name of the setting.
-        setting: &'static str,
-        /// Value of the setting.
-        found: f64,
-    },
+    #[error(transparent)]
+    Setting(#[from] SettingError),
     /// The solver did not converge.
     #[error("no convergence after {iterations} iterations")]
     NoMinimum {
@@ -91,16 +86,4 @@ pub enum CalibrationError {
         /// Maximum deviation, in standard deviations.
         expected: f64,
     },
-}
-
-/// Returns an error unless a setting is greater than 0.
-pub(super) fn positive(
-    setting: &'static str,
-    value: &impl Numbers,
-) -> Result<(), CalibrationError> {
-    let wrong = |found: &f64| !(found.is_finite() && *found > 0.0);
-    match value.numbers().find(wrong) {
-        Some(found) => Err(CalibrationError::Setting { setting, found }),
-        None => Ok(()),
-    }
 }

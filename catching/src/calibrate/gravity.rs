@@ -3,10 +3,8 @@
 use nalgebra::Vector3;
 use tactnet_catching_packets::{ARM_JOINTS, RobotDescription};
 
+use crate::pose::GRAVITY;
 use crate::robot::Robot;
-
-/// Gravitational acceleration, in m/s^2.
-pub(crate) const GRAVITY: f64 = 9.81;
 
 /// Returns the gravity torques about an arm's joints, in Nm, from the described masses. The chest is upright.
 ///

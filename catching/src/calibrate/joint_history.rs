@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 
-use tactnet_catching_packets::joint;
 use tactnet_catching_packets::packets::JointState;
 
 use super::session::NeckMotion;
@@ -27,10 +26,8 @@ impl JointHistory {
 
     /// Adds a joint state. A time stamp that goes back means a restart and clears the history.
     pub fn push(&mut self, state: &JointState) {
-        if self
-            .last()
-            .is_some_and(|last| state.sensor_ns < last.sensor_ns)
-        {
+        let is_earlier = |last: &JointState| state.sensor_ns < last.sensor_ns;
+        if self.last().is_some_and(is_earlier) {
             self.states.clear();
         }
         if self.states.len() == KEPT {
@@ -64,17 +61,12 @@ impl JointHistory {
             return None;
         }
         let since = (stamp_ns - now.sensor_ns) as f64 * 1e-9;
-        let neck = |i: usize| joint::NECK.start + i;
-        let ddq: [f64; 2] =
-            std::array::from_fn(|i| (after.dq[neck(i)] - before.dq[neck(i)]) / apart);
-        let (q, dq) = (
-            |i: usize| now.q[neck(i)] + since * (now.dq[neck(i)] + since / 2.0 * ddq[i]),
-            |i: usize| now.dq[neck(i)] + since * ddq[i],
-        );
-        Some(NeckMotion {
-            q: [q(0), q(1)],
-            dq: [dq(0), dq(1)],
-            ddq,
-        })
+        let [from, to] = [before, after].map(|state| NeckMotion::of(&state.dq));
+        let motion = NeckMotion {
+            q: NeckMotion::of(&now.q),
+            dq: NeckMotion::of(&now.dq),
+            ddq: [0, 1].map(|i| (to[i] - from[i]) / apart),
+        };
+        Some(motion.before(-since))
     }
 }

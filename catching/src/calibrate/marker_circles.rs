@@ -105,14 +105,8 @@ mod tests {
         let model = Model::new(&Robot::nominal());
         let robot = model.robot();
         let q = robot.ready(1);
-        let picture = Picture {
-            configuration: 0,
-            arm: 1,
-            features: [None; CAMERAS],
-            q,
-            loads: [0.0; 7],
-            neck: NeckMotion::standing(robot.look_at(&robot.arm(1).forward(&q).position)),
-        };
+        let gaze = robot.look_at(&robot.arm(1).forward(&q).position);
+        let picture = Picture::without_features(1, q, [0.0; 7], NeckMotion::standing(gaze));
         let x = CalibrationConfig::default().priors.guess();
         let cameras = Camera::pair(&robot.description().cameras);
         let mut pixels = [[0.0; 2]; CAMERAS];

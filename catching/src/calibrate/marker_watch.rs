@@ -76,23 +76,8 @@ impl MarkerWatch {
         })
     }
 
-    /// Adds the markers of a pair of pictures. They are evaluated once the joint states around their exposure are
-    /// known.
-    fn features(&mut self, seen: &MarkerFeatures) {
-        if self.waiting.len() == WAITING {
-            self.waiting.pop_front();
-        }
-        self.waiting.push_back(*seen);
-        self.judge();
-    }
-
-    fn joints(&mut self, state: &JointState) {
-        self.history.push(state);
-        self.judge();
-    }
-
-    /// Takes the packets since the last step. Returns the state when it changes and every half second. A detected slip
-    /// is permanent.
+    /// Takes the packets since the last step. Markers are evaluated once the joint states around their exposure are
+    /// known. Returns the state when it changes and every half second. A detected slip is permanent.
     ///
     /// - `features`: markers in pairs of pictures
     /// - `joints`: measured joint states, one per millisecond
@@ -102,8 +87,17 @@ impl MarkerWatch {
         features: &[MarkerFeatures],
         joints: &[JointState],
     ) -> Option<CalibrationState> {
-        features.iter().for_each(|seen| self.features(seen));
-        joints.iter().for_each(|state| self.joints(state));
+        for seen in features {
+            if self.waiting.len() == WAITING {
+                self.waiting.pop_front();
+            }
+            self.waiting.push_back(*seen);
+            self.judge();
+        }
+        for state in joints {
+            self.history.push(state);
+            self.judge();
+        }
         let state = self.state(now_ns);
         let hold = state.hold()?;
         let same = self
@@ -176,14 +170,12 @@ impl MarkerWatch {
         }
         let links = self.corrections.links(&state.q);
         let of_arm = |q: &[f64]| -> [f64; ARM_JOINTS] { std::array::from_fn(|i| q[own.start + i]) };
+        // Loads follow from the described masses, because measured torques oscillate with the torso.
+        let loads = loads(self.corrections.robot(), arm, &of_arm(&links));
+        let neck = self.history.neck(exposure_ns)?;
         Some(Picture {
-            configuration: 0,
-            arm,
             features,
-            q: of_arm(&state.q),
-            // Loads follow from the described masses, because measured torques oscillate with the torso.
-            loads: loads(self.corrections.robot(), arm, &of_arm(&links)),
-            neck: self.history.neck(exposure_ns)?,
+            ..Picture::without_features(arm, of_arm(&state.q), loads, neck)
         })
     }
 }

@@ -3,9 +3,9 @@
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 use tactnet_catching_packets::{ARM_JOINTS, ARMS};
 
-use super::gravity::GRAVITY;
 use super::session::{NeckMotion, Picture, Rest, Turn};
 use super::unknowns::{Unknowns, at};
+use crate::pose::GRAVITY;
 use crate::robot::Robot;
 use crate::track::CAMERAS;
 
@@ -75,7 +75,8 @@ struct Way {
     by_lengths: SMatrix<f64, 3, 2>,
     /// Rotation from the last link's frame to the chest frame.
     hand: Matrix3<f64>,
-    head: HeadTurn,
+    /// Rotation from the head frame to the chest frame.
+    head: Matrix3<f64>,
     /// Position relative to the camera, in the head frame, in m.
     from_camera: Vector3<f64>,
     /// Rotation from the camera frame to the head frame.
@@ -84,31 +85,18 @@ struct Way {
     seen: Vector3<f64>,
 }
 
-/// Orientation of the head in the chest frame.
-struct HeadTurn {
-    /// Rotation from the head frame to the chest frame.
-    rotation: Matrix3<f64>,
+/// Returns the rotation from the head frame to the chest frame.
+fn head_turn([pan, tilt]: [f64; 2]) -> Matrix3<f64> {
+    let ((sp, cp), (st, ct)) = (pan.sin_cos(), tilt.sin_cos());
+    Matrix3::new(cp * ct, -sp, cp * st, sp * ct, cp, sp * st, -st, 0.0, ct)
 }
 
-impl HeadTurn {
-    fn new([pan, tilt]: [f64; 2]) -> Self {
-        let ((sp, cp), (st, ct)) = (pan.sin_cos(), tilt.sin_cos());
-        Self {
-            rotation: Matrix3::new(cp * ct, -sp, cp * st, sp * ct, cp, sp * st, -st, 0.0, ct),
-        }
-    }
-
-    /// Rotates a vector from the chest frame to the head frame. Also returns its derivatives with respect to pan and
-    /// tilt.
-    fn inverse(&self, v: &Vector3<f64>) -> (Vector3<f64>, SMatrix<f64, 3, 2>) {
-        let there = self.rotation.tr_mul(v);
-        let by_pan = -self.rotation.tr_mul(&Vector3::z().cross(v));
-        let by_tilt = -Vector3::y().cross(&there);
-        (
-            there,
-            SMatrix::<f64, 3, 2>::from_columns(&[by_pan, by_tilt]),
-        )
-    }
+/// Rotates a vector from the chest frame to the head frame. Also returns its derivatives with respect to pan and tilt.
+fn to_head(head: &Matrix3<f64>, v: &Vector3<f64>) -> (Vector3<f64>, SMatrix<f64, 3, 2>) {
+    let there = head.tr_mul(v);
+    let by_pan = -head.tr_mul(&Vector3::z().cross(v));
+    let by_tilt = -Vector3::y().cross(&there);
+    (there, SMatrix::from_columns(&[by_pan, by_tilt]))
 }
 
 impl Model {
@@ -163,7 +151,7 @@ impl Model {
         block.by(own + at::TURN, &(by_seen * by_turn));
         let by_head = by_seen * way.camera.transpose();
         block.by(own + at::SHIFT, &-by_head);
-        let by_chest = by_head * way.head.rotation.transpose();
+        let by_chest = by_head * way.head.transpose();
         block.by(at::marker(arm), &(by_chest * way.hand));
         let by_joints = by_chest * way.by_joints;
         block.by(at::offsets(arm), &by_joints);
@@ -174,7 +162,7 @@ impl Model {
         block.by(at::compliances(arm), &by_compliances);
         block.by(at::mount(arm), &by_chest);
         block.by(at::lengths(arm), &(by_chest * way.by_lengths));
-        let (_, by_neck) = way.head.inverse(&way.from_neck);
+        let (_, by_neck) = to_head(&way.head, &way.from_neck);
         let by_neck = by_head * by_neck;
         block.by(at::NECK, &by_neck);
         let neck = picture.neck.before(x[at::CAMERA_JOINTS]);
@@ -186,24 +174,22 @@ impl Model {
     pub fn rest(&self, x: &Unknowns, rest: &Rest) -> Block {
         let neck = std::array::from_fn(|i| rest.neck[i] + x[at::NECK + i]);
         let up = Vector3::new(0.0, 0.0, GRAVITY);
-        let (felt, by_neck) = HeadTurn::new(neck).inverse(&up);
-        let bias = three(x, at::ACCELEROMETER_BIAS);
-        self.inertial(x, at::ACCELEROMETER_BIAS, &felt, &by_neck, &bias)
+        let (felt, by_neck) = to_head(&head_turn(neck), &up);
+        self.inertial(x, at::ACCELEROMETER_BIAS, &felt, &by_neck)
     }
 
     /// Returns the gyroscope measurement while the head turns, in rad/s, with derivatives.
     pub fn turn(&self, x: &Unknowns, turn: &Turn) -> Block {
         let late = x[at::CAMERA_JOINTS] - x[at::CAMERA_IMU];
         let neck = turn.neck.before(late);
-        let head = HeadTurn::new([0.0, neck.q[1] + x[at::NECK + 1]]);
-        let (pan, by_tilt) = head.inverse(&Vector3::new(0.0, 0.0, neck.dq[0]));
+        let head = head_turn([0.0, neck.q[1] + x[at::NECK + 1]]);
+        let (pan, by_tilt) = to_head(&head, &Vector3::new(0.0, 0.0, neck.dq[0]));
         let rate = pan + Vector3::y() * neck.dq[1];
         // The pan offset does not change a rotation about the vertical.
         let by_neck =
             SMatrix::<f64, 3, 2>::from_columns(&[Vector3::zeros(), by_tilt.column(1).into_owned()]);
-        let bias = three(x, at::GYROSCOPE_BIAS);
-        let mut block = self.inertial(x, at::GYROSCOPE_BIAS, &rate, &by_neck, &bias);
-        let (by_pan_rate, _) = head.inverse(&Vector3::z());
+        let mut block = self.inertial(x, at::GYROSCOPE_BIAS, &rate, &by_neck);
+        let (by_pan_rate, _) = to_head(&head, &Vector3::z());
         let [pan_slope, tilt_slope] = neck.ddq;
         let by_late =
             by_neck.column(1) * -neck.dq[1] - by_pan_rate * pan_slope - Vector3::y() * tilt_slope;
@@ -219,11 +205,10 @@ impl Model {
         bias_at: usize,
         felt: &Vector3<f64>,
         by_neck: &SMatrix<f64, 3, 2>,
-        bias: &Vector3<f64>,
     ) -> Block {
         let turn = three(x, at::IMU_TURN);
         let rotation = exponential(&turn);
-        let mut block = Block::new(&(rotation.tr_mul(felt) + bias));
+        let mut block = Block::new(&(rotation.tr_mul(felt) + three(x, bias_at)));
         let by_turn = rotation.tr_mul(&felt.cross_matrix()) * left_jacobian(&turn);
         block.by(at::IMU_TURN, &by_turn);
         block.by(bias_at, &Matrix3::identity());
@@ -253,10 +238,10 @@ impl Model {
         });
         let from_neck = point + three(x, at::mount(arm)) - self.neck;
         let neck = picture.neck.before(x[at::CAMERA_JOINTS]);
-        let head = HeadTurn::new(std::array::from_fn(|i| neck.q[i] + x[at::NECK + i]));
+        let head = head_turn(std::array::from_fn(|i| neck.q[i] + x[at::NECK + i]));
         let own = at::camera(camera);
         let eye = self.eyes[camera] + three(x, own + at::SHIFT);
-        let from_camera = head.rotation.tr_mul(&from_neck) - eye;
+        let from_camera = head.tr_mul(&from_neck) - eye;
         let camera = exponential(&three(x, own + at::TURN));
         Way {
             from_neck,
@@ -322,18 +307,10 @@ pub fn seen_from_camera(
     neck: [f64; 2],
 ) -> Vector3<f64> {
     assert!(arm < ARMS && camera < CAMERAS, "two arms, two cameras");
-    let still = Picture {
-        configuration: 0,
-        arm,
-        features: [None; CAMERAS],
-        q: *q,
-        loads: *loads,
-        neck: NeckMotion::standing(neck),
-    };
+    let still = Picture::without_features(arm, *q, *loads, NeckMotion::standing(neck));
     let ahead = model.robot.description().arms[arm].wrist_to_catch;
-    model
-        .way(x, &still, camera, &Vector3::new(0.0, 0.0, ahead))
-        .seen
+    let catch = Vector3::new(0.0, 0.0, ahead);
+    model.way(x, &still, camera, &catch).seen
 }
 
 fn three(x: &Unknowns, first: usize) -> Vector3<f64> {
@@ -353,10 +330,8 @@ fn left_jacobian(w: &Vector3<f64>) -> Matrix3<f64> {
         (0.5, 1.0 / 6.0)
     } else {
         let squared = angle * angle;
-        (
-            (1.0 - angle.cos()) / squared,
-            (angle - angle.sin()) / (squared * angle),
-        )
+        let second = (angle - angle.sin()) / (squared * angle);
+        ((1.0 - angle.cos()) / squared, second)
     };
     Matrix3::identity() + cross * first + cross * cross * second
 }
@@ -422,14 +397,9 @@ mod tests {
         ) {
             let model = model();
             let ready = model.robot().ready(arm);
-            let picture = Picture {
-                configuration: 0,
-                arm,
-                features: [None; CAMERAS],
-                q: std::array::from_fn(|i| ready[i] + around[i]),
-                loads,
-                neck: NeckMotion { q: [neck[0], neck[1]], dq: [neck[2], neck[3]], ddq: [neck[4], neck[5]] },
-            };
+            let neck = NeckMotion { q: [neck[0], neck[1]], dq: [neck[2], neck[3]], ddq: [neck[4], neck[5]] };
+            let q = std::array::from_fn(|i| ready[i] + around[i]);
+            let picture = Picture::without_features(arm, q, loads, neck);
             check(&moved(&parts), |x| model.feature_with_slope(x, &picture, camera))?;
             let x = moved(&parts);
             if let Some(block) = model.feature_with_slope(&x, &picture, camera) {

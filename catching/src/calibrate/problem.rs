@@ -5,8 +5,9 @@
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::checks::positive;
 
-use super::error::{CalibrationError, positive};
+use super::error::CalibrationError;
 use super::model::{Block, Model};
 use super::session::{NeckMotion, Picture, Rest, Session, Turn};
 use super::unknowns::{Priors, UNKNOWNS, Unknowns};

@@ -114,11 +114,9 @@ impl Recorder {
                 self.turn.add(sample);
                 if self.turn.count == AVERAGED_SAMPLES {
                     let sums = std::mem::take(&mut self.turn);
-                    let rate = sums.rate / AVERAGED_SAMPLES as f64;
-                    self.wait(
-                        sums.stamp_ns / AVERAGED_SAMPLES as u64,
-                        Waiting::Turn(rate.into()),
-                    );
+                    let rate = (sums.rate / AVERAGED_SAMPLES as f64).into();
+                    let stamp_ns = sums.stamp_ns / AVERAGED_SAMPLES as u64;
+                    self.wait(stamp_ns, Waiting::Turn(rate));
                 }
             }
             Phase::Way | Phase::Marker { .. } => self.turn = Sums::default(),
@@ -167,13 +165,12 @@ impl Recorder {
             return None;
         };
         let own = joint::ARM[arm].start;
+        let q = std::array::from_fn(|i| joints.q[own + i]);
+        let loads = std::array::from_fn(|i| -joints.tau[own + i]);
+        let neck = NeckMotion::standing(NeckMotion::of(&joints.q));
         Some(Picture {
             configuration,
-            arm,
-            features: [None; CAMERAS],
-            q: std::array::from_fn::<_, ARM_JOINTS, _>(|i| joints.q[own + i]),
-            loads: std::array::from_fn(|i| -joints.tau[own + i]),
-            neck: NeckMotion::standing(std::array::from_fn(|i| joints.q[joint::NECK.start + i])),
+            ..Picture::without_features(arm, q, loads, neck)
         })
     }
 
@@ -222,10 +219,9 @@ impl Recorder {
         let Some(state) = self.history.last() else {
             return;
         };
-        let neck = &state.q[joint::NECK];
         let count = sums.count as f64;
         self.session.rests.push(Rest {
-            neck: [neck[0], neck[1]],
+            neck: NeckMotion::of(&state.q),
             acceleration: (sums.acceleration / count).into(),
             rate: (sums.rate / count).into(),
             samples: sums.count,

@@ -1,7 +1,7 @@
 //! Recorded data of a calibration session.
 
 use serde::{Deserialize, Serialize};
-use tactnet_catching_packets::ARM_JOINTS;
+use tactnet_catching_packets::{ARM_JOINTS, JOINTS, joint};
 
 use super::error::CalibrationError;
 use crate::track::CAMERAS;
@@ -26,6 +26,11 @@ impl NeckMotion {
             dq: [0.0; 2],
             ddq: [0.0; 2],
         }
+    }
+
+    /// Returns pan and tilt of values for all joints.
+    pub(crate) fn of(joints: &[f64; JOINTS]) -> [f64; 2] {
+        std::array::from_fn(|i| joints[joint::NECK.start + i])
     }
 
     /// Extrapolates the motion to `late` s before the time stamp.
@@ -57,6 +62,25 @@ pub struct Picture {
     pub loads: [f64; ARM_JOINTS],
     /// Neck motion at the picture's time stamp.
     pub neck: NeckMotion,
+}
+
+impl Picture {
+    /// Returns a picture without features, of no configuration.
+    pub(crate) fn without_features(
+        arm: usize,
+        q: [f64; ARM_JOINTS],
+        loads: [f64; ARM_JOINTS],
+        neck: NeckMotion,
+    ) -> Self {
+        Self {
+            configuration: 0,
+            arm,
+            features: [None; CAMERAS],
+            q,
+            loads,
+            neck,
+        }
+    }
 }
 
 /// Mean of IMU samples while the head is at rest.

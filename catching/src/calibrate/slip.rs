@@ -10,8 +10,9 @@ use std::collections::VecDeque;
 
 use nalgebra::{DMatrix, Matrix2, SMatrix, Vector2};
 use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::checks::positive;
 
-use super::error::{CalibrationError, positive};
+use super::error::CalibrationError;
 use super::model::Model;
 use super::problem::Noise;
 use super::session::Picture;

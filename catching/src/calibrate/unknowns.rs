@@ -3,8 +3,9 @@
 use nalgebra::{DVector, Vector3};
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARMS;
+use tactnet_catching_packets::checks::positive;
 
-use super::error::{CalibrationError, positive};
+use super::error::CalibrationError;
 use crate::track::CAMERAS;
 
 /// Number of unknowns.

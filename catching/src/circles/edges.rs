@@ -63,7 +63,7 @@ pub(super) fn directed(
     });
 }
 
-/// Arguments of [`lines`], which is compiled for each vector width.
+/// Arguments of the projection, which is compiled for each vector width.
 struct Lines<'a> {
     pixels: &'a [u8],
     stride: usize,
@@ -79,37 +79,31 @@ impl pulp::NullaryFnOnce for Lines<'_> {
 
     #[inline(always)]
     fn call(self) {
-        lines(self);
-    }
-}
-
-#[inline(always)]
-fn lines(
-    Lines {
-        pixels,
-        stride,
-        window,
-        floor,
-        turns,
-        rows,
-        planes,
-    }: Lines<'_>,
-) {
-    for line in 0..window.height {
-        let range = line * window.width..(line + 1) * window.width;
-        if line == 0 || line + 1 == window.height {
-            planes
-                .iter_mut()
-                .for_each(|plane| plane[range.clone()].fill(0));
-            continue;
-        }
-        let row = |line: usize| {
-            let from = (window.top + line) * stride + window.left;
-            &pixels[from..from + window.width]
-        };
-        edges([row(line - 1), row(line), row(line + 1)], floor, rows);
-        for (plane, turn) in planes.iter_mut().zip(turns) {
-            project(&rows.x, &rows.y, *turn, &mut plane[range.clone()]);
+        let Self {
+            pixels,
+            stride,
+            window,
+            floor,
+            turns,
+            rows,
+            planes,
+        } = self;
+        for line in 0..window.height {
+            let range = line * window.width..(line + 1) * window.width;
+            if line == 0 || line + 1 == window.height {
+                planes
+                    .iter_mut()
+                    .for_each(|plane| plane[range.clone()].fill(0));
+                continue;
+            }
+            let row = |line: usize| {
+                let from = (window.top + line) * stride + window.left;
+                &pixels[from..from + window.width]
+            };
+            edges([row(line - 1), row(line), row(line + 1)], floor, rows);
+            for (plane, turn) in planes.iter_mut().zip(turns) {
+                project(&rows.x, &rows.y, *turn, &mut plane[range.clone()]);
+            }
         }
     }
 }
@@ -165,21 +159,10 @@ mod tests {
 
     fn planes_of(pixels: &[u8], width: usize, noise: f64) -> [Vec<i8>; DIRECTIONS] {
         let height = pixels.len() / width;
-        let window = Window {
-            left: 0,
-            top: 0,
-            width,
-            height,
-        };
+        let window = Window::whole(width, height);
         let mut planes = std::array::from_fn(|_| vec![0; width * height]);
-        directed(
-            pixels,
-            width,
-            window,
-            noise,
-            &mut Rows::default(),
-            &mut planes,
-        );
+        let mut rows = Rows::default();
+        directed(pixels, width, window, noise, &mut rows, &mut planes);
         planes
     }
 

@@ -45,11 +45,7 @@ impl Eye {
     pub fn step(&mut self, pixels: &[u8], balls: Option<&BallPredictions>, circles: &mut Circles) {
         let exposure_ns = self.corrections.exposure(circles.exposure_ns);
         let near = |balls: &&BallPredictions| balls.exposure_ns.abs_diff(exposure_ns) < NEAR_NS;
-        let head = self
-            .heads
-            .at(exposure_ns)
-            .ok()
-            .or(self.heads.last().copied());
+        let head = self.heads.at(exposure_ns).or(self.heads.last().copied());
         let expected = balls.filter(near).zip(head.as_ref());
         self.detector.find_expected(pixels, expected, circles);
     }

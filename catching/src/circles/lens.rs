@@ -18,10 +18,7 @@ impl Lens {
     pub(super) fn new(cameras: &Cameras) -> Self {
         Self {
             focal: cameras.focal,
-            middle: [
-                f64::from(cameras.width) / 2.0,
-                f64::from(cameras.height) / 2.0,
-            ],
+            middle: [cameras.width, cameras.height].map(|size| f64::from(size) / 2.0),
             distortion: cameras.distortion,
         }
     }

@@ -3,8 +3,6 @@
 use nalgebra::{Matrix3, Vector3};
 use tactnet_catching_packets::packets::Circle;
 
-use super::votes::Peak;
-
 /// Number of rays from the centre.
 const RAYS: usize = 48;
 /// Maximum number of samples per ray.
@@ -54,7 +52,6 @@ const FINEST: [f64; 2] = [0.75, 0.5];
 /// Brightness difference at which an edge has weight 0.5, in grey levels.
 const HALF: f64 = 8.0;
 
-/// Edge on a ray.
 #[derive(Debug, Clone, Copy, Default)]
 struct Edge {
     cos: f64,
@@ -84,7 +81,7 @@ pub(super) fn refined(
     directions: &Rays,
     pixels: &[u8],
     size: [usize; 2],
-    peak: &Peak,
+    peak: &Circle,
     inliers: f64,
 ) -> Option<Circle> {
     let (mut u, mut v, mut r) = (peak.u, peak.v, peak.r);
@@ -312,9 +309,6 @@ fn bilinear(pixels: &[u8], stride: usize, [u, v]: [i32; 2]) -> i32 {
         let (a, b) = (i32::from(pair[0]), i32::from(pair[1]));
         SUB * a + right * (b - a)
     };
-    let (upper, lower) = (
-        mix(&pixels[from..from + 2]),
-        mix(&pixels[from + stride..from + stride + 2]),
-    );
+    let [upper, lower] = [from, from + stride].map(|from| mix(&pixels[from..from + 2]));
     SUB * upper + down * (lower - upper)
 }

@@ -26,41 +26,10 @@ const RUN: usize = 32;
 /// Maximum number of peaks per window.
 const MAX_PEAKS: usize = 1024;
 
-/// Local maximum of the votes, in pixels of the whole picture.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Peak {
-    pub(super) u: f64,
-    pub(super) v: f64,
-    pub(super) r: f64,
-    pub(super) response: f64,
-}
-
-impl Peak {
-    pub(super) fn of(circle: &Circle) -> Self {
-        Self {
-            u: circle.u,
-            v: circle.v,
-            r: circle.r,
-            response: circle.response,
-        }
-    }
-
-    /// Returns the peak with all lengths multiplied by `by`.
-    pub(super) fn scaled(&self, by: f64) -> Self {
-        Self {
-            u: self.u * by,
-            v: self.v * by,
-            r: self.r * by,
-            response: self.response,
-        }
-    }
-
-    /// Returns true if both peaks lead to the same circle.
-    pub(super) fn is_like(&self, other: &Self) -> bool {
-        let ratio = self.r / other.r;
-        (self.u - other.u).hypot(self.v - other.v) < 0.2 * self.r.min(other.r)
-            && (0.8..1.25).contains(&ratio)
-    }
+/// Returns true if two local maxima of the votes lead to the same circle.
+pub(super) fn is_like(a: &Circle, b: &Circle) -> bool {
+    let ratio = a.r / b.r;
+    (a.u - b.u).hypot(a.v - b.v) < 0.2 * a.r.min(b.r) && (0.8..1.25).contains(&ratio)
 }
 
 /// Point of a circle: offset in pixels and index of its normal direction.
@@ -77,7 +46,7 @@ pub(super) struct Votes {
     rows: Rows,
     planes: [Vec<i8>; DIRECTIONS],
     responses: [Vec<u8>; COUNT],
-    room: usize,
+    pub(super) room: usize,
     window: Window,
     radii: [f64; COUNT],
 }
@@ -92,52 +61,36 @@ impl Votes {
             planes: std::array::from_fn(|_| vec![0; room]),
             responses: std::array::from_fn(|_| vec![0; room]),
             room,
-            window: Window {
-                left: 0,
-                top: 0,
-                width: 0,
-                height: 0,
-            },
+            window: Window::default(),
             radii: [0.0; COUNT],
         }
-    }
-
-    pub(super) fn room(&self) -> usize {
-        self.room
     }
 
     /// Computes the edges of a window.
     pub(super) fn edges(&mut self, pixels: &[u8], stride: usize, window: Window, noise: f64) {
         self.window = window;
-        directed(
-            pixels,
-            stride,
-            window,
-            noise,
-            &mut self.rows,
-            &mut self.planes,
-        );
+        let (rows, planes) = (&mut self.rows, &mut self.planes);
+        directed(pixels, stride, window, noise, rows, planes);
     }
 
     /// Computes the votes for circles of these radii, in pixels of the window. Circles that exceed the window have no
     /// votes.
     pub(super) fn cast(&mut self, radii: [f64; COUNT]) {
         self.radii = radii;
-        let (width, height) = (self.window.width, self.window.height);
-        let (planes, responses) = (&self.planes, &mut self.responses);
         pulp::Arch::new().dispatch(Cast {
-            planes,
-            responses,
+            planes: &self.planes,
+            responses: &mut self.responses,
             radii,
-            size: [width, height],
+            size: [self.window.width, self.window.height],
         });
     }
 
-    /// Appends the local maxima of the votes to `peaks`.
+    /// Appends the local maxima of the votes to `peaks`, in pixels of the whole picture.
     ///
     /// - `scale`: pixels of the picture per pixel of the window
-    pub(super) fn peaks(&self, threshold: f64, window: Window, scale: f64, peaks: &mut Vec<Peak>) {
+    pub(super) fn peaks(&self, threshold: f64, scale: f64, peaks: &mut Vec<Circle>) {
         let least = (threshold * FULL).clamp(1.0, 255.0) as u8;
+        let window = self.window;
         let (width, height) = (window.width, window.height);
         let most = peaks.len() + MAX_PEAKS;
         for (i, responses) in self.responses.iter().enumerate() {
@@ -153,7 +106,7 @@ impl Votes {
                             continue;
                         }
                         if peaks.len() < most && self.is_peak(i, from + column, value) {
-                            peaks.push(Peak {
+                            peaks.push(Circle {
                                 u: (window.left as f64 + column as f64 + 0.5) * scale,
                                 v: (window.top as f64 + line as f64 + 0.5) * scale,
                                 r: self.radii[i] * scale,
@@ -181,7 +134,7 @@ impl Votes {
     }
 }
 
-/// Arguments of [`cast`], which is compiled for each vector width.
+/// Arguments of the vote, which is compiled for each vector width.
 struct Cast<'a> {
     planes: &'a [Vec<i8>; DIRECTIONS],
     responses: &'a mut [Vec<u8>; COUNT],
@@ -194,27 +147,23 @@ impl pulp::NullaryFnOnce for Cast<'_> {
 
     #[inline(always)]
     fn call(self) {
-        cast(self.planes, self.responses, self.radii, self.size);
-    }
-}
-
-#[inline(always)]
-fn cast(
-    planes: &[Vec<i8>; DIRECTIONS],
-    responses: &mut [Vec<u8>; COUNT],
-    radii: [f64; COUNT],
-    [width, height]: [usize; 2],
-) {
-    for (responses, radius) in responses.iter_mut().zip(radii) {
-        let points = points(radius);
-        let margin = radius.round() as usize + 1;
-        let responses = &mut responses[..width * height];
-        for (line, responses) in responses.chunks_exact_mut(width).enumerate() {
-            responses.fill(0);
-            if line < margin || line + margin >= height || 2 * margin >= width {
-                continue;
+        let Self {
+            planes,
+            responses,
+            radii,
+            size: [width, height],
+        } = self;
+        for (responses, radius) in responses.iter_mut().zip(radii) {
+            let points = points(radius);
+            let margin = radius.round() as usize + 1;
+            let responses = &mut responses[..width * height];
+            for (line, responses) in responses.chunks_exact_mut(width).enumerate() {
+                responses.fill(0);
+                if line < margin || line + margin >= height || 2 * margin >= width {
+                    continue;
+                }
+                sum(planes, &points, line * width, margin, responses);
             }
-            sum(planes, &points, line * width, margin, responses);
         }
     }
 }
@@ -242,12 +191,8 @@ fn sum(
     }
     if column < end && end >= margin + RUN {
         // The last run overlaps the previous one.
-        run(
-            planes,
-            &shifts,
-            from + end - RUN,
-            &mut responses[end - RUN..],
-        );
+        let last = &mut responses[end - RUN..];
+        run(planes, &shifts, from + end - RUN, last);
     } else {
         for (column, response) in responses.iter_mut().enumerate().take(end).skip(column) {
             let at = |shift: isize| (from + column).wrapping_add_signed(shift);
@@ -293,10 +238,7 @@ fn third(sum: i16) -> u8 {
 fn points(radius: f64) -> [Point; POINTS] {
     std::array::from_fn(|i| {
         let angle = std::f64::consts::TAU * i as f64 / POINTS as f64;
-        let (right, down) = (
-            (radius * angle.cos()).round(),
-            (radius * angle.sin()).round(),
-        );
+        let [right, down] = [angle.cos(), angle.sin()].map(|part| (radius * part).round());
         let seen = down.atan2(right).rem_euclid(std::f64::consts::PI);
         let direction = (seen / std::f64::consts::PI * DIRECTIONS as f64).round() as usize;
         Point {

@@ -101,11 +101,6 @@ impl Fusion {
         })
     }
 
-    /// Returns the settings.
-    pub fn config(&self) -> &FusionConfig {
-        &self.config
-    }
-
     /// Starts a new look and reduces the weights of earlier ones, so that moved objects appear at their new position.
     pub fn look_again(&mut self) {
         let most = self.config.memory as f32;
@@ -306,12 +301,12 @@ mod tests {
     /// Returns an empty map, and a picture of a wall at 1.5 m with a square at 0.8 m in front of it.
     fn square() -> (Fusion, Vec<f32>) {
         let fusion = Fusion::new(small()).unwrap();
-        let picture = wall_and_square(&fusion.config().camera, 1.5, 0.8, 0.1);
+        let picture = wall_and_square(&fusion.config.camera, 1.5, 0.8, 0.1);
         (fusion, picture)
     }
 
     fn sees(fusion: &Fusion, p: [f64; 3]) -> bool {
-        let grid = fusion.config().grid;
+        let grid = fusion.config.grid;
         let cell = grid.cell_at(&Vector3::from(p)).unwrap();
         fusion.solid()[grid.number(cell)]
     }
@@ -339,7 +334,7 @@ mod tests {
         }
         fusion.look_again();
         // The same square, seen by a rotated head: 8 cm to the left.
-        let moved = wall_and_square(&fusion.config().camera, 1.5, 0.8, 0.04);
+        let moved = wall_and_square(&fusion.config.camera, 1.5, 0.8, 0.04);
         for _ in 0..4 {
             fusion.push(&moved, &turned, &[]).unwrap();
         }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use tactnet_catching_packets::checks::{all, finite};
+use tactnet_catching_packets::checks::{all, finite, from_to};
 
 use super::error::MapError;
 
@@ -18,15 +18,10 @@ tactnet_catching_packets::settings! {
         /// Corner with the lowest coordinates, in m.
         pub corner: [f64; 3] = [-0.78, -1.28, 0.0] => finite,
         /// Edge length of a cell, in m.
-        pub voxel: f64 = 0.02 => edge,
+        pub voxel: f64 = 0.02 => from_to([1e-3, 1.0], "0.001 to 1 m"),
         /// Number of cells along x, y and z.
         pub cells: [usize; 3] = [128; 3],
     }
-}
-
-fn edge(setting: &'static str, length: &f64) -> Result<(), MapError> {
-    let possible = |x| (1e-3..=1.0).contains(&x);
-    Ok(all(setting, length, "0.001 to 1 m", possible)?)
 }
 
 impl VoxelGrid {

@@ -25,7 +25,6 @@ const PALM_RADIUS: f64 = 0.07;
 /// Ring of spheres around the fingers: radius of the ring, offset from the catch frame along the hand axis, and radius
 /// of a sphere, in m.
 const RING: [f64; 3] = [0.07, 0.005, 0.08];
-/// Number of spheres in the ring.
 const OF_RING: usize = ARM_SPHERES - 2 * OF_LINK - PALM.len();
 
 /// Sphere.

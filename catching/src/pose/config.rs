@@ -1,6 +1,7 @@
 //! Settings and errors of the pose estimator.
 
 use serde::{Deserialize, Serialize};
+use tactnet_catching_packets::Numbers;
 use tactnet_catching_packets::checks::{SettingError, all};
 
 tactnet_catching_packets::settings! {
@@ -29,14 +30,13 @@ tactnet_catching_packets::settings! {
         pub rest_correlation: f64 = 10.0 => positive,
         /// Maximum time between two samples, in s.
         pub longest_gap: f64 = 0.05 => positive,
-        /// Time for which poses are stored, in s.
-        pub ring: f64 = 0.3 => positive,
     }
 }
 
-fn positive(setting: &'static str, found: &f64) -> Result<(), SettingError> {
+/// Returns an error unless all numbers of a setting are between 0 and 1000.
+pub(crate) fn positive(setting: &'static str, value: &impl Numbers) -> Result<(), SettingError> {
     let expected = "a number between 0 and 1000";
-    all(setting, found, expected, |x| x > 0.0 && x < 1e3)
+    all(setting, value, expected, |x| x > 0.0 && x < 1e3)
 }
 
 /// Error of a pose estimator. Invalid input does not change the estimate.
@@ -78,14 +78,4 @@ pub enum PoseError {
     /// The pose is unknown or lost. The robot must first be at rest.
     #[error("the pose is unknown until the robot is at rest")]
     Unknown,
-    /// No pose is stored for this time.
-    #[error("expected a time from {first_ns} ns to {last_ns} ns, found {found_ns} ns")]
-    NotKept {
-        /// Earliest stored time, in ns.
-        first_ns: u64,
-        /// Latest stored time, in ns.
-        last_ns: u64,
-        /// Requested time, in ns.
-        found_ns: u64,
-    },
 }

@@ -2,14 +2,10 @@
 
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 
-use super::PoseConfig;
-
-/// Gravity as measured by the IMU, in m/s^2.
-const GRAVITY: f64 = 9.81;
+use super::{GRAVITY, PoseConfig};
 
 /// Number of error states: position, velocity, rotation and two biases, three each.
 pub(super) const STATES: usize = 15;
-/// Covariance of all error states.
 pub(super) type Covariance = SMatrix<f64, STATES, STATES>;
 
 /// Block of three error states, identified by the index of its first one.
@@ -20,6 +16,15 @@ pub(super) enum Block {
     Rotation = 6,
     AccelerometerBias = 9,
     GyroscopeBias = 12,
+}
+
+impl Block {
+    /// Sets the derivatives of these error states with respect to the states of another block.
+    pub fn set(self, jacobian: &mut Covariance, of: Self, block: Matrix3<f64>) {
+        jacobian
+            .fixed_view_mut::<3, 3>(self as usize, of as usize)
+            .copy_from(&block);
+    }
 }
 
 /// Motion of the IMU in the inertial frame, its biases, and their error covariance.
@@ -96,10 +101,7 @@ impl ErrorState {
         self.q = UnitQuaternion::new_normalize((self.q * half * half).into_inner());
 
         let mut phi = Covariance::identity();
-        let mut set = |row: Block, column: Block, block: Matrix3<f64>| {
-            phi.fixed_view_mut::<3, 3>(row as usize, column as usize)
-                .copy_from(&block);
-        };
+        let mut set = |row: Block, column: Block, block| row.set(&mut phi, column, block);
         let felt = felt.cross_matrix();
         set(Block::Position, Block::Velocity, Matrix3::identity() * dt);
         set(Block::Position, Block::Rotation, felt * (-dt * dt / 2.0));

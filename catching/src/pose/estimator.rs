@@ -1,11 +1,10 @@
-//! The estimator: validates samples, updates the filter and stores recent poses.
+//! The estimator: validates samples and updates the filter.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_packets::packets::{HeadPose, ImuSample};
 
 use super::error_state::{Block, Covariance, ErrorState};
-use super::ring::PoseRing;
 use super::{PoseConfig, PoseError};
 
 /// Largest plausible accelerometer value, in m/s^2.
@@ -27,7 +26,6 @@ pub struct PoseEstimator {
     state: ErrorState,
     /// Last sample, while the pose is known.
     last: Option<ImuSample>,
-    ring: PoseRing,
 }
 
 impl PoseEstimator {
@@ -43,7 +41,6 @@ impl PoseEstimator {
             rate: robot.imu.rate,
             state: ErrorState::new(&config),
             last: None,
-            ring: PoseRing::new((config.ring * robot.imu.rate).ceil() as usize + 1),
         })
     }
 
@@ -51,7 +48,6 @@ impl PoseEstimator {
     pub fn restart(&mut self) {
         self.state = ErrorState::new(&self.config);
         self.last = None;
-        self.ring.clear();
     }
 
     /// Processes a sample and returns the pose at its time. `at_rest` is the kinematic head pose in the inertial frame
@@ -80,21 +76,10 @@ impl PoseEstimator {
             self.rest(sample, &pose);
         }
         self.last = Some(*sample);
-        let pose = self.pose(sample);
-        self.ring.put(pose);
-        Ok(pose)
-    }
-
-    /// Returns the pose at a time in the last 0.3 s ([`PoseConfig::ring`]), interpolated between samples.
-    ///
-    /// # Errors
-    /// Returns an error if no pose is stored for this time.
-    pub fn at(&self, t_ns: u64) -> Result<HeadPose, PoseError> {
-        self.ring.at(t_ns)
+        Ok(self.pose(sample))
     }
 
     fn start(&mut self, pose: &Isometry3<f64>) {
-        self.ring.clear();
         let p = pose.translation.vector + pose.rotation * self.lever;
         self.state.start(p, pose.rotation, &self.config);
     }
@@ -157,11 +142,7 @@ impl PoseEstimator {
         let lever = rotation * self.lever;
         let swing = rotation * rate.cross(&self.lever);
         let mut jacobian = Covariance::identity();
-        let mut set = |row: Block, column: Block, block: Matrix3<f64>| {
-            jacobian
-                .fixed_view_mut::<3, 3>(row as usize, column as usize)
-                .copy_from(&block);
-        };
+        let mut set = |row: Block, column: Block, block| row.set(&mut jacobian, column, block);
         set(Block::Position, Block::Rotation, lever.cross_matrix());
         set(Block::Velocity, Block::Rotation, swing.cross_matrix());
         let by_rate = -rotation * self.lever.cross_matrix();

@@ -1,9 +1,9 @@
 //! Ring buffer of recent poses, for pictures that arrive later than they were taken.
 
+use std::collections::VecDeque;
+
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use tactnet_catching_packets::packets::HeadPose;
-
-use super::PoseError;
 
 /// Number of poses that covers the delay of pictures: 0.6 s.
 pub const POSES: usize = 307;
@@ -11,82 +11,48 @@ pub const POSES: usize = 307;
 /// Poses by time. New poses overwrite the oldest.
 #[derive(Debug, Clone)]
 pub struct PoseRing {
-    poses: Vec<HeadPose>,
-    /// Index of the oldest pose once the buffer is full.
-    oldest: usize,
+    poses: VecDeque<HeadPose>,
+    places: usize,
 }
 
 impl PoseRing {
     /// Creates a buffer for `places` poses.
     pub fn new(places: usize) -> Self {
+        let places = places.max(2);
         Self {
-            poses: Vec::with_capacity(places.max(2)),
-            oldest: 0,
+            poses: VecDeque::with_capacity(places),
+            places,
         }
-    }
-
-    /// Removes all poses.
-    pub fn clear(&mut self) {
-        self.poses.clear();
-        self.oldest = 0;
     }
 
     /// Returns the latest pose.
     pub fn last(&self) -> Option<&HeadPose> {
-        let count = self.poses.len();
-        (count > 0).then(|| self.get(count - 1))
+        self.poses.back()
     }
 
     /// Stores a pose. A pose that is not later than the last one comes from a restarted estimator and replaces all
     /// stored ones.
     pub fn put(&mut self, pose: HeadPose) {
         if self.last().is_some_and(|last| pose.t_ns <= last.t_ns) {
-            self.clear();
+            self.poses.clear();
         }
-        if self.poses.len() < self.poses.capacity() {
-            self.poses.push(pose);
-        } else {
-            self.poses[self.oldest] = pose;
-            self.oldest = (self.oldest + 1) % self.poses.len();
+        if self.poses.len() == self.places {
+            self.poses.pop_front();
         }
-    }
-
-    fn get(&self, i: usize) -> &HeadPose {
-        &self.poses[(self.oldest + i) % self.poses.len()]
+        self.poses.push_back(pose);
     }
 
     /// Returns the interpolated pose at a time between the oldest and the latest.
-    ///
-    /// # Errors
-    /// Returns an error if the time is out of range.
-    pub fn at(&self, t_ns: u64) -> Result<HeadPose, PoseError> {
-        let count = self.poses.len();
-        if count == 0 {
-            return Err(PoseError::Unknown);
+    pub fn at(&self, t_ns: u64) -> Option<HeadPose> {
+        if !(self.poses.front()?.t_ns..=self.last()?.t_ns).contains(&t_ns) {
+            return None;
         }
-        let (first_ns, last_ns) = (self.get(0).t_ns, self.get(count - 1).t_ns);
-        if !(first_ns..=last_ns).contains(&t_ns) {
-            return Err(PoseError::NotKept {
-                first_ns,
-                last_ns,
-                found_ns: t_ns,
-            });
-        }
-        // Binary search for the first later pose.
-        let (mut low, mut high) = (0, count);
-        while low < high {
-            let middle = (low + high) / 2;
-            if self.get(middle).t_ns <= t_ns {
-                low = middle + 1;
-            } else {
-                high = middle;
-            }
-        }
-        let before = self.get(low - 1);
-        Ok(if before.t_ns == t_ns {
+        let later = self.poses.partition_point(|pose| pose.t_ns <= t_ns);
+        let before = &self.poses[later - 1];
+        Some(if before.t_ns == t_ns {
             *before
         } else {
-            between(before, self.get(low), t_ns)
+            between(before, &self.poses[later], t_ns)
         })
     }
 }

@@ -52,7 +52,6 @@ fn felt(t: f64, lever: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     (force, turn.scaled_axis() / (2.0 * h))
 }
 
-/// Result of a run.
 pub(crate) struct Run {
     pub estimator: PoseEstimator,
     pub poses: Vec<HeadPose>,

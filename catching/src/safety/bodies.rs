@@ -29,6 +29,12 @@ struct Body {
     reaches: [f64; JOINTS],
 }
 
+impl Body {
+    fn placed(&self, q: &[f64; JOINTS]) -> Hull {
+        placed(&self.hull, &self.chain, q)
+    }
+}
+
 /// Bodies of the robot in the chest frame. The sizes are assumed, because the thesis states none.
 #[derive(Debug, Clone)]
 pub struct Bodies {
@@ -39,23 +45,22 @@ pub struct Bodies {
 impl Bodies {
     /// Creates the bodies of a robot.
     pub fn new(robot: &RobotDescription) -> Self {
-        let mut builder = Builder {
+        let mut all = Self {
             bodies: Vec::with_capacity(BODIES),
+            pairs: [[0; 2]; PAIRS],
         };
-        builder.add_torso_and_head(robot);
+        all.add_torso_and_head(robot);
         for (side, arm) in robot.arms.iter().enumerate() {
-            builder.add_arm(side, arm);
+            all.add_arm(side, arm);
         }
-        let bodies = builder.bodies;
         let arm = |side: usize, part: usize| STILL + side * OF_ARM + part;
         let with_still =
             (0..ARMS * OF_ARM).flat_map(|body| (0..STILL).map(move |still| [still, STILL + body]));
         let of_both = (0..OF_ARM * OF_ARM).map(|i| [arm(0, i / OF_ARM), arm(1, i % OF_ARM)]);
-        let mut pairs = [[0; 2]; PAIRS];
-        for (place, pair) in pairs.iter_mut().zip(with_still.chain(of_both)) {
+        for (place, pair) in all.pairs.iter_mut().zip(with_still.chain(of_both)) {
             *place = pair;
         }
-        Self { bodies, pairs }
+        all
     }
 
     /// Returns the names of a pair's bodies.
@@ -65,10 +70,7 @@ impl Bodies {
 
     /// Returns a pair's bodies at joint positions `q`, in the chest frame.
     pub fn placed(&self, pair: usize, q: &[f64; JOINTS]) -> [Hull; 2] {
-        self.pairs[pair].map(|body| {
-            let body = &self.bodies[body];
-            placed(&body.hull, &body.chain, q)
-        })
+        self.pairs[pair].map(|body| self.bodies[body].placed(q))
     }
 
     /// Returns the minimum distance of all pairs at joint positions `q`, in m.
@@ -82,26 +84,17 @@ impl Bodies {
 
     /// Returns the trunk and the two torso bodies at joint positions `q`, in the chest frame.
     pub fn torso(&self, q: &[f64; JOINTS]) -> [Hull; 3] {
-        [0, 2, 3].map(|body: usize| {
-            let body = &self.bodies[body];
-            placed(&body.hull, &body.chain, q)
-        })
+        [0, 2, 3].map(|body: usize| self.bodies[body].placed(q))
     }
 
     /// Returns head and platform at joint positions `q`, in the chest frame.
     pub fn head_and_platform(&self, q: &[f64; JOINTS]) -> [Hull; 2] {
-        [1, 4].map(|body: usize| {
-            let body = &self.bodies[body];
-            placed(&body.hull, &body.chain, q)
-        })
+        [1, 4].map(|body: usize| self.bodies[body].placed(q))
     }
 
     /// Returns upper arm, forearm and hand of an arm (0 left, 1 right) at joint positions `q`, in the chest frame.
     pub fn arm(&self, arm: usize, q: &[f64; JOINTS]) -> [Hull; OF_ARM] {
-        std::array::from_fn(|part| {
-            let body = &self.bodies[STILL + arm * OF_ARM + part];
-            placed(&body.hull, &body.chain, q)
-        })
+        std::array::from_fn(|part| self.bodies[STILL + arm * OF_ARM + part].placed(q))
     }
 
     /// Returns hulls that contain a pair's bodies for all joint positions within the intervals.
@@ -119,24 +112,15 @@ impl Bodies {
             .map(|body| self.bodies[*body].reaches[joint])
             .sum()
     }
-}
 
-/// Builder of the list of bodies.
-struct Builder {
-    bodies: Vec<Body>,
-}
-
-impl Builder {
     fn add(&mut self, name: &'static str, points: &[[f64; 3]], radius: f64, chain: Vec<Step>) {
         let points: Vec<Vector3<f64>> = points.iter().copied().map(Vector3::from).collect();
         let hull = Hull::new(&points, radius);
-        let mut of_joints = [0.0; JOINTS];
-        reaches(&hull, &chain, &mut of_joints);
         self.bodies.push(Body {
+            reaches: reaches(&hull, &chain),
             name,
             hull,
             chain,
-            reaches: of_joints,
         });
     }
 

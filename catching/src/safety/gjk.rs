@@ -33,20 +33,19 @@ pub(crate) struct Nearest {
 /// robot's size. If the hulls without radii touch, the result is the negative sum of the radii, not the penetration
 /// depth.
 pub fn distance(a: &Hull, b: &Hull) -> f64 {
-    core_distance(a, b) - a.radius - b.radius
+    core_bounds(a, b)[0] - a.radius - b.radius
 }
 
 /// Returns the distance of two hulls and their closest points.
 pub(crate) fn nearest(a: &Hull, b: &Hull) -> Nearest {
     let ([below, above], simplex, v) = search(a, b);
     let count = simplex.count;
-    let touch = Nearest {
-        distance: -a.radius - b.radius,
-        normal: Vector3::zeros(),
-        point: simplex.of_a[0],
-    };
     if above == 0.0 {
-        return touch;
+        return Nearest {
+            distance: -a.radius - b.radius,
+            normal: Vector3::zeros(),
+            point: simplex.of_a[0],
+        };
     }
     let shares = shares(&simplex.points[..count], &v);
     Nearest {
@@ -74,11 +73,6 @@ fn shares(corners: &[Vector3<f64>], v: &Vector3<f64>) -> [f64; 4] {
         }
         _ => [1.0, 0.0, 0.0, 0.0],
     }
-}
-
-/// Returns a lower bound of the distance without radii; 0 if they touch.
-pub(super) fn core_distance(a: &Hull, b: &Hull) -> f64 {
-    core_bounds(a, b)[0]
 }
 
 /// Returns lower and upper bound of the distance without radii; 0 if they touch.

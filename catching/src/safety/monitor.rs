@@ -104,10 +104,9 @@ impl Monitor {
         if self.refused && command.dq.iter().all(|dq| dq.abs() < REST_SPEED) {
             self.leaves = true;
         }
-        let allowed = if self.leaves {
-            self.config.leaving
-        } else {
-            self.config.margin
+        let allowed = match self.leaves {
+            true => self.config.leaving,
+            false => self.config.margin,
         };
         let intervals = self.intervals(command);
         let braking = Braking::new(command, &self.joints, self.config.reaction);

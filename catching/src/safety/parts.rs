@@ -28,7 +28,7 @@ pub(super) fn least_in_parts(
     looks: &mut usize,
 ) -> f64 {
     let mut parts = [Part {
-        begun: [0.0, braking.reaction()],
+        begun: [0.0, braking.reaction],
         braked: [0.0, braking.longest()],
         bound: f64::NEG_INFINITY,
     }; MAX_PARTS];

@@ -1,6 +1,6 @@
 //! Space covered by bodies while joints move through intervals.
 
-use nalgebra::{Isometry3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 use tactnet_catching_packets::packets::JointCommand;
 use tactnet_catching_packets::{JOINTS, Joint};
 
@@ -62,7 +62,8 @@ pub(super) struct Braking {
     q: [f64; JOINTS],
     dq: [f64; JOINTS],
     deceleration: [f64; JOINTS],
-    reaction: f64,
+    /// Maximum time until the drives brake, in s.
+    pub reaction: f64,
 }
 
 impl Braking {
@@ -73,11 +74,6 @@ impl Braking {
             deceleration: std::array::from_fn(|i| joints[i].acceleration),
             reaction,
         }
-    }
-
-    /// Returns the maximum time until the drives brake, in s.
-    pub fn reaction(&self) -> f64 {
-        self.reaction
     }
 
     /// Returns the braking time of the slowest joint, in s.
@@ -117,7 +113,6 @@ impl Braking {
 /// Element of a chain from the reference frame to the body's frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Step {
-    /// Fixed transform.
     Fixed(Isometry3<f64>),
     /// Rotation about an axis through the origin by `sign` times a joint's position.
     Turn {
@@ -148,11 +143,8 @@ fn turn(hull: &mut Hull, axis: &Unit<Vector3<f64>>, middle: f64, half: f64) {
     let radii = hull.points().iter().map(|point| point.cross(axis).norm());
     let way = radii.fold(0.0, f64::max) * half;
     if way <= MAX_SPHERE_PATH {
-        let turned = hull.moved(&Isometry3::from_parts(
-            nalgebra::Translation3::identity(),
-            to_middle.into(),
-        ));
-        *hull = turned;
+        let turn = Isometry3::from_parts(Translation3::identity(), to_middle.into());
+        *hull = hull.moved(&turn);
         hull.radius += way;
         return;
     }
@@ -232,9 +224,10 @@ pub(super) fn placed(body: &Hull, chain: &[Step], q: &[f64]) -> Hull {
     body.moved(&place)
 }
 
-/// Adds to `reaches`, for each joint of a chain, the maximum distance of a body's points from its axis, in m. This
-/// bounds the motion per radian.
-pub(super) fn reaches(body: &Hull, chain: &[Step], reaches: &mut [f64]) {
+/// Returns, for each joint, the maximum distance of a body's points from its axis, in m; 0 for joints that are not in the
+/// chain. This bounds the motion per radian.
+pub(super) fn reaches(body: &Hull, chain: &[Step]) -> [f64; JOINTS] {
+    let mut reaches = [0.0; JOINTS];
     let radii = body.points().iter().map(|point| point.norm());
     let mut farthest = radii.fold(0.0, f64::max);
     for step in chain.iter().rev() {
@@ -244,4 +237,5 @@ pub(super) fn reaches(body: &Hull, chain: &[Step], reaches: &mut [f64]) {
             Step::Turn { joint, .. } => reaches[*joint] += farthest,
         }
     }
+    reaches
 }

@@ -1,5 +1,6 @@
 //! The monitor as a step function: a verdict on each joint command, and statistics of its stops.
 
+use bytemuck::Zeroable;
 use tactnet_catching_packets::packets::{JointCommand, SafetyState};
 
 use super::bodies::{Bodies, PAIRS};
@@ -38,14 +39,8 @@ impl SafetyWatch {
     /// Returns the verdict on a command, with a computing time of 0. A command with numbers that are not finite is
     /// unsafe.
     pub fn step(&mut self, command: &JointCommand) -> SafetyState {
-        let mut verdict = SafetyState {
-            number: command.number,
-            command_ns: command.command_ns,
-            bound: 0.0,
-            computing_ns: 0,
-            pair: 0,
-            go: 0,
-        };
+        let mut verdict = SafetyState::zeroed();
+        (verdict.number, verdict.command_ns) = (command.number, command.command_ns);
         if is_finite(command) {
             let command = &self.links(command);
             let robot = self.corrections.robot();

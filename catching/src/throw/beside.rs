@@ -34,7 +34,6 @@ impl Thrower {
 mod tests {
 
     use super::*;
-    use crate::flight::DRAG;
     use crate::robot::Robot;
     use crate::throw::ThrowPlanConfig;
 
@@ -43,12 +42,7 @@ mod tests {
         let robot = Robot::nominal();
         let thrower = Thrower::new(&robot, ThrowPlanConfig::default());
         let target = Vector3::new(4.2, 0.1, 1.2);
-        let request = ThrowRequest {
-            holding: Some(1),
-            aim: Aim::At { target },
-            drag: DRAG,
-            last: None,
-        };
+        let request = ThrowRequest::new(1, Aim::At { target });
         let plan = thrower.plan(&request).unwrap();
         assert_eq!(thrower.plan_beside(&request, &Vector3::zeros()), Ok(plan));
         let beside = Vector3::new(-0.2, 0.05, 0.0);

@@ -45,7 +45,7 @@ pub(crate) fn descend(
     keep(&mut best, &x, &here);
     while iterations < most && trust > LEAST_TRUST && small_gains < 3 {
         iterations += 1;
-        let equalities = problem.equalities();
+        let equalities = problem.aim.equalities();
         let Some((step, multipliers)) = direction(&here, &curvature, equalities) else {
             break;
         };

@@ -1,10 +1,11 @@
 //! Whole motion of a throw: approach from the waiting pose to the swing, rest, swing.
 
-use tactnet_catching_packets::{JOINTS, THROW_JOINTS};
+use tactnet_catching_packets::{JOINTS, Joint, THROW_JOINTS};
 
+use super::planner::ThrowPlanConfig;
 use super::swing::{ThrowJoints, throw_joint};
-use super::way::{straight, touching};
-use crate::ramp::Ramp;
+use super::way::touching;
+use crate::ramp::{Ramp, together};
 use crate::robot::Robot;
 use crate::safety::Bodies;
 
@@ -14,8 +15,8 @@ const REST: f64 = 2.0;
 /// Joint motion over time, in s from its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrowMotion {
-    way: [Ramp; JOINTS],
-    swing: [Ramp; JOINTS],
+    pub(super) way: [Ramp; JOINTS],
+    pub(super) swing: [Ramp; JOINTS],
     /// Time from the start to the end of the approach, in s.
     way_duration: f64,
     /// Time from the start of the swing to the release, in s.
@@ -24,41 +25,23 @@ pub struct ThrowMotion {
     swing_duration: f64,
 }
 
-/// Request of a throw's motion.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct MotionRequest {
-    /// Throwing arm: 0 left, 1 right.
-    pub arm: usize,
-    /// Start and end of the swing.
-    pub ends: [ThrowJoints; 2],
-    /// Acceleration time, in s.
-    pub time: f64,
-    /// Time for which joints keep their velocities before and after the release, in s.
-    pub coast: f64,
-    /// Minimum distance of all bodies, in m.
-    pub margin: f64,
-    /// Fraction of the maximum speeds used in the approach.
-    pub pace: f64,
-}
-
 impl ThrowMotion {
-    /// Returns the motion if all bodies keep the margin.
+    /// Returns the motion of an arm (0 left, 1 right) if all bodies keep the margin.
+    ///
+    /// - `ends`: start and end of the swing
+    /// - `time`: acceleration time, in s
     ///
     /// # Errors
     /// Returns the pair of bodies that comes too close.
     pub(super) fn free(
         robot: &Robot,
         bodies: &Bodies,
-        request: &MotionRequest,
+        config: &ThrowPlanConfig,
+        arm: usize,
+        ends: [ThrowJoints; 2],
+        time: f64,
     ) -> Result<Self, usize> {
-        let MotionRequest {
-            arm,
-            ends,
-            time,
-            coast,
-            margin,
-            pace,
-        } = *request;
+        let coast = config.coast;
         let waiting = robot.waiting();
         let mut begin = waiting;
         let mut swing = waiting.map(Ramp::standing);
@@ -75,10 +58,15 @@ impl ThrowMotion {
                 end: swing_duration,
             };
         }
-        let (way, way_duration) = straight(robot, &waiting, &begin, pace);
+        let gentle = robot.joints().map(|joint| Joint {
+            speed: config.pace * joint.speed,
+            acceleration: config.pace * config.pace * joint.acceleration,
+            ..joint
+        });
+        let (way, way_duration) = together(&waiting, &begin, &gentle);
         for (ramps, end) in [(&swing, swing_duration), (&way, way_duration)] {
             let places = |t: f64| ramps.map(|ramp| ramp.at(t).0);
-            if let Some(pair) = touching(bodies, margin, end, places) {
+            if let Some(pair) = touching(bodies, config.margin, end, places) {
                 return Err(pair);
             }
         }
@@ -104,11 +92,6 @@ impl ThrowMotion {
     /// Returns the end of the motion, in s.
     pub fn end(&self) -> f64 {
         self.swing_begin() + self.swing_duration
-    }
-
-    /// Returns the ramps of the approach and the swing.
-    pub(super) fn legs(&self) -> [&[Ramp; JOINTS]; 2] {
-        [&self.way, &self.swing]
     }
 
     /// Returns positions and velocities of all joints at a time.

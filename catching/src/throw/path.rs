@@ -1,10 +1,11 @@
 //! Conversion of a throw to a packet in absolute time.
 
-use tactnet_catching_packets::THROW_JOINTS;
 use tactnet_catching_packets::packets::{RampPacket, ThrowPath};
+use tactnet_catching_packets::{JOINTS, THROW_JOINTS};
 
 use super::planner::{ThrowPlan, ThrowPlanConfig};
 use super::swing::throw_joint;
+use crate::ramp::Ramp;
 
 impl ThrowPlanConfig {
     /// Returns the settings of live throws, whose approach is twice as fast.
@@ -22,7 +23,6 @@ impl ThrowPlan {
     /// - `grip`: number of the grip
     /// - `target`: target position of the ball, in m
     pub fn path(&self, start_ns: u64, grip: u64, target: [f64; 3]) -> ThrowPath {
-        let [way, swing] = self.motion.legs();
         let after = |seconds: f64| start_ns + (seconds * 1e9).round() as u64;
         ThrowPath {
             arm: self.arm as u64,
@@ -31,13 +31,13 @@ impl ThrowPlan {
             swing_ns: after(self.motion.swing_begin()),
             open_ns: after(self.motion.release()),
             target,
-            way: self.of_throw(|joint| way[joint].packet()),
-            swing: self.of_throw(|joint| swing[joint].packet()),
+            way: self.of_throw(&self.motion.way),
+            swing: self.of_throw(&self.motion.swing),
         }
     }
 
-    fn of_throw(&self, of: impl Fn(usize) -> RampPacket) -> [RampPacket; THROW_JOINTS] {
-        std::array::from_fn(|i| of(throw_joint(self.arm, i)))
+    fn of_throw(&self, ramps: &[Ramp; JOINTS]) -> [RampPacket; THROW_JOINTS] {
+        std::array::from_fn(|i| ramps[throw_joint(self.arm, i)].packet())
     }
 }
 
@@ -55,12 +55,7 @@ mod tests {
         let robot = Robot::nominal();
         let thrower = Thrower::new(&robot, ThrowPlanConfig::default());
         let target = Vector3::new(4.0, 0.2, 1.2);
-        let request = ThrowRequest {
-            holding: Some(0),
-            aim: Aim::At { target },
-            drag: DRAG,
-            last: None,
-        };
+        let request = ThrowRequest::new(0, Aim::At { target });
         let plan = thrower.plan(&request).unwrap();
         let start_ns = 7_000_000_123;
         let path = plan.path(start_ns, 3, target.into());

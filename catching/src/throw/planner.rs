@@ -7,10 +7,11 @@ use tactnet_catching_packets::{ARMS, JOINTS};
 
 use super::descent::{ThrowSolution, descend};
 use super::landing::Landing;
-use super::motion::{MotionRequest, ThrowMotion};
-use super::problem::{Aim, Point, Problem, THROW_UNKNOWNS, ThrowViolation};
+use super::motion::ThrowMotion;
+use super::problem::{Aim, Point, Problem, THROW_UNKNOWNS, TIME, ThrowViolation};
 use super::starts::starts;
-use super::swing::{Swing, ThrowJoints};
+use super::swing::{Swing, ThrowJoints, throw_joint};
+use crate::flight::DRAG;
 use crate::plan::clearance::Clearance;
 use crate::robot::Robot;
 use crate::safety::Bodies;
@@ -53,6 +54,18 @@ pub struct ThrowRequest {
     /// Unknowns of an earlier throw to a similar target. The result is the throw close to it if there is one, so that
     /// learned corrections stay valid.
     pub last: Option<[f64; THROW_UNKNOWNS]>,
+}
+
+impl ThrowRequest {
+    /// Returns the request of a throw with an arm that depends on no earlier throw, with the usual drag.
+    pub fn new(arm: usize, aim: Aim) -> Self {
+        Self {
+            holding: Some(arm),
+            aim,
+            drag: DRAG,
+            last: None,
+        }
+    }
 }
 
 /// Plan of a throw.
@@ -147,19 +160,13 @@ impl Thrower {
         }
     }
 
-    /// Returns the settings.
-    pub fn config(&self) -> &ThrowPlanConfig {
-        &self.config
-    }
-
     /// Plans a throw from the waiting pose, in which all joints that do not throw stay. The result depends on the
     /// request only.
     ///
     /// # Errors
     /// Returns the planned throw, or the reason why none is possible.
     pub fn plan(&self, request: &ThrowRequest) -> Result<ThrowPlan, NoThrow> {
-        let arm = self.check(request)?;
-        let swing = Swing::new(&self.robot, arm, &self.robot.waiting());
+        let swing = self.swing(request)?;
         let problem = self.problem(&swing, request);
         let mut effort = ThrowEffort::default();
         if let Some(plan) = request
@@ -191,15 +198,9 @@ impl Thrower {
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut touching = None;
         for throw in &found {
-            let motion = MotionRequest {
-                arm: problem.swing.number(),
-                ends: [-1.0, 1.0].map(|sign| problem.end(&throw.x, sign)),
-                time: Problem::time(&throw.x),
-                coast: self.config.coast,
-                margin: self.config.margin,
-                pace: self.config.pace,
-            };
-            match ThrowMotion::free(&self.robot, &self.bodies, &motion) {
+            let ends = [-1.0, 1.0].map(|sign| problem.end(&throw.x, sign));
+            let (arm, time) = (problem.swing.number, throw.x[TIME]);
+            match ThrowMotion::free(&self.robot, &self.bodies, &self.config, arm, ends, time) {
                 Ok(motion) => return Ok(self.answer(problem, throw, motion, *effort)),
                 Err(pair) => touching = touching.or(Some(pair)),
             }
@@ -228,8 +229,7 @@ impl Thrower {
     /// # Errors
     /// Same as [`Thrower::plan`].
     pub fn starts(&self, request: &ThrowRequest) -> Result<Vec<Vec<f64>>, NoThrow> {
-        let arm = self.check(request)?;
-        let swing = Swing::new(&self.robot, arm, &self.robot.waiting());
+        let swing = self.swing(request)?;
         let problem = self.problem(&swing, request);
         let starts = starts(&problem, self.config.candidates, self.config.starts);
         Ok(starts.into_iter().map(|x| x.to_vec()).collect())
@@ -237,7 +237,7 @@ impl Thrower {
 
     fn problem<'a>(&'a self, swing: &'a Swing, request: &ThrowRequest) -> Problem<'a> {
         Problem {
-            clearance: &self.clearances[swing.number()],
+            clearance: &self.clearances[swing.number],
             swing,
             config: &self.config,
             aim: request.aim,
@@ -245,7 +245,8 @@ impl Thrower {
         }
     }
 
-    fn check(&self, request: &ThrowRequest) -> Result<usize, NoThrow> {
+    /// Checks a request and returns the kinematics of its arm.
+    fn swing(&self, request: &ThrowRequest) -> Result<Swing, NoThrow> {
         self.config.check_settings()?;
         let arm = request
             .holding
@@ -259,7 +260,7 @@ impl Thrower {
         if !finite || request.drag < 0.0 {
             return Err(NoThrow::NotFinite);
         }
-        Ok(arm)
+        Ok(Swing::new(&self.robot, arm, &self.robot.waiting()))
     }
 
     fn answer(
@@ -272,10 +273,10 @@ impl Thrower {
         let (q, rates) = (Problem::angles(&throw.x), problem.rates(&throw.x));
         let (p, v) = problem.swing.hand(&q, &rates);
         ThrowPlan {
-            arm: problem.swing.number(),
+            arm: problem.swing.number,
             q,
             rates,
-            time: Problem::time(&throw.x),
+            time: throw.x[TIME],
             landing: Landing::of(&p, &v, problem.drag, problem.aim.height())
                 .expect("every throw found has a landing"),
             p,
@@ -311,7 +312,7 @@ impl ThrowPlan {
         let (q, rates) = self.motion.at(t);
         let swing = Swing::new(robot, self.arm, &q);
         let own = |all: &[f64; JOINTS]| -> ThrowJoints {
-            std::array::from_fn(|i| all[super::swing::throw_joint(self.arm, i)])
+            std::array::from_fn(|i| all[throw_joint(self.arm, i)])
         };
         let (p, v) = swing.hand(&own(&q), &own(&rates));
         Landing::of(&p, &v, drag, height)
@@ -319,9 +320,7 @@ impl ThrowPlan {
 
     /// Returns the joint velocities at the release as fractions of the maximum speeds.
     pub fn shares_of_speed(&self, robot: &Robot) -> ThrowJoints {
-        std::array::from_fn(|i| {
-            self.rates[i] / robot.joints()[super::swing::throw_joint(self.arm, i)].speed
-        })
+        std::array::from_fn(|i| self.rates[i] / robot.joints()[throw_joint(self.arm, i)].speed)
     }
 }
 

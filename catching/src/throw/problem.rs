@@ -20,7 +20,7 @@ use crate::plan::qp::Row;
 /// Number of unknowns: angles, fractions of speeds, time.
 pub const THROW_UNKNOWNS: usize = 2 * THROW_JOINTS + 1;
 /// Index of the acceleration time among the unknowns.
-const TIME: usize = 2 * THROW_JOINTS;
+pub(crate) const TIME: usize = 2 * THROW_JOINTS;
 /// Maximum number of rows of the linear form: two equations, accelerations and ranges (48), speeds (16), time (2),
 /// palm, elevation, clearances (3), trust region.
 pub(crate) const ROWS: usize =
@@ -69,7 +69,6 @@ impl Aim {
         }
     }
 
-    /// Returns the number of equations.
     pub(crate) fn equalities(&self) -> usize {
         match self {
             Self::Farthest { .. } => 1,
@@ -117,20 +116,12 @@ pub(crate) struct Linearised {
 }
 
 impl Problem<'_> {
-    pub fn equalities(&self) -> usize {
-        self.aim.equalities()
-    }
-
     pub fn angles(x: &Point) -> ThrowJoints {
         std::array::from_fn(|i| x[i])
     }
 
-    pub fn time(x: &Point) -> f64 {
-        x[TIME]
-    }
-
     pub fn rates(&self, x: &Point) -> ThrowJoints {
-        std::array::from_fn(|i| x[THROW_JOINTS + i] * self.swing.joints()[i].speed)
+        std::array::from_fn(|i| x[THROW_JOINTS + i] * self.swing.joints[i].speed)
     }
 
     /// Returns the start (-1.0) or the end (1.0) of the swing.
@@ -145,7 +136,7 @@ impl Problem<'_> {
         let (q, rates) = (Self::angles(x), self.rates(x));
         let hand = self.swing.motion(&q, &rates);
         let landing = Landing::of(&hand.p, &hand.v, self.drag, self.aim.height())?;
-        let mut rows = Rows::new();
+        let mut rows = Linearised::empty();
         let (cost, slope) = match self.aim {
             Aim::Farthest { .. } => self.farthest(&hand, &landing, &mut rows),
             Aim::At { target } => {
@@ -156,30 +147,26 @@ impl Problem<'_> {
         self.limit_joints(x, &mut rows);
         self.limit_hand(&hand, &mut rows);
         self.keep_clear(x, &mut rows);
-        let (own, lack, violation) = (rows.count, rows.lack, rows.violation);
+        rows.own = rows.count;
         for i in 0..THROW_UNKNOWNS {
             for sign in [1.0, -1.0] {
-                let mut normal = [0.0; THROW_UNKNOWNS];
-                normal[i] = sign;
-                rows.push(Row {
-                    normal,
-                    bound: -trust,
-                });
+                rows.push(trust, |k| if k == i { sign } else { 0.0 });
             }
         }
         Some(Linearised {
             cost,
             slope,
-            rows: rows.rows,
-            count: rows.count,
-            own,
-            lack,
-            violation,
+            ..rows
         })
     }
 
     /// Adds the equation of zero lateral velocity and returns the negative flight distance, in m.
-    fn farthest(&self, hand: &HandMotion, landing: &Landing, rows: &mut Rows) -> (f64, Point) {
+    fn farthest(
+        &self,
+        hand: &HandMotion,
+        landing: &Landing,
+        rows: &mut Linearised,
+    ) -> (f64, Point) {
         let heading = self.aim.heading(&hand.p);
         let aside = Vector3::z().cross(&heading);
         rows.equation(hand.v.dot(&aside), |i| {
@@ -192,7 +179,13 @@ impl Problem<'_> {
     }
 
     /// Adds the equations of landing at the target.
-    fn at(&self, target: &Vector3<f64>, hand: &HandMotion, landing: &Landing, rows: &mut Rows) {
+    fn at(
+        &self,
+        target: &Vector3<f64>,
+        hand: &HandMotion,
+        landing: &Landing,
+        rows: &mut Linearised,
+    ) {
         for axis in 0..2 {
             let by_p: Vector3<f64> = landing.by_p.row(axis).transpose();
             let by_v: Vector3<f64> = landing.by_v.row(axis).transpose();
@@ -207,7 +200,7 @@ impl Problem<'_> {
         let mut slope = [0.0; THROW_UNKNOWNS];
         let mut cost = 0.0;
         let of = 1.0 / THROW_JOINTS as f64;
-        for (i, joint) in self.swing.joints().iter().enumerate() {
+        for (i, joint) in self.swing.joints.iter().enumerate() {
             let u = x[THROW_JOINTS + i];
             let slow = joint.speed / (joint.acceleration * x[TIME]);
             cost += of * u * u * (1.0 + slow * slow);
@@ -229,15 +222,15 @@ impl Problem<'_> {
             by_p.dot(&hand.p_by_q.column(i)) + by_v.dot(&hand.v_by_q.column(i))
         } else if i < TIME {
             let joint = i - THROW_JOINTS;
-            by_v.dot(&hand.p_by_q.column(joint)) * self.swing.joints()[joint].speed
+            by_v.dot(&hand.p_by_q.column(joint)) * self.swing.joints[joint].speed
         } else {
             0.0
         }
     }
 
-    fn limit_joints(&self, x: &Point, rows: &mut Rows) {
+    fn limit_joints(&self, x: &Point, rows: &mut Linearised) {
         let time = x[TIME];
-        for (i, joint) in self.swing.joints().iter().enumerate() {
+        for (i, joint) in self.swing.joints.iter().enumerate() {
             let (q, u) = (x[i], x[THROW_JOINTS + i]);
             let way = time / 2.0 + self.config.coast;
             for sign in [1.0, -1.0] {
@@ -267,7 +260,7 @@ impl Problem<'_> {
     }
 
     /// Limits the angle between velocity and hand axis, and the elevation.
-    fn limit_hand(&self, hand: &HandMotion, rows: &mut Rows) {
+    fn limit_hand(&self, hand: &HandMotion, rows: &mut Linearised) {
         let speed = hand.v.norm().max(1e-3);
         let along = hand.v / speed;
         let cos = hand.axis.dot(&along);
@@ -292,7 +285,7 @@ impl Problem<'_> {
     }
 
     /// Keeps the arm away from trunk and torso at both ends of the swing and at the release.
-    fn keep_clear(&self, x: &Point, rows: &mut Rows) {
+    fn keep_clear(&self, x: &Point, rows: &mut Linearised) {
         let apart = self.config.clearance;
         if apart <= 0.0 {
             return;
@@ -302,7 +295,7 @@ impl Problem<'_> {
         for sign in [-1.0, 0.0, 1.0] {
             let q = self.end(x, sign);
             let arm = std::array::from_fn(|i| q[i + 1]);
-            let (pose, jacobian) = self.swing.arm().jacobian(&arm);
+            let (pose, jacobian) = self.swing.arm.jacobian(&arm);
             let (distance, slope) = self.clearance.nearest(&arm, &pose, &jacobian);
             if distance >= apart + FAR {
                 continue;
@@ -315,35 +308,35 @@ impl Problem<'_> {
                 _ if k < THROW_JOINTS => slope[k - 1],
                 _ => {
                     let i = k - THROW_JOINTS;
-                    slope[i - 1] * sign * self.swing.joints()[i].speed * way
+                    slope[i - 1] * sign * self.swing.joints[i].speed * way
                 }
             });
         }
     }
 }
 
-struct Rows {
-    rows: [Row<THROW_UNKNOWNS>; ROWS],
-    count: usize,
-    lack: f64,
-    violation: ThrowViolation,
-}
-
-impl Rows {
-    fn new() -> Self {
+impl Linearised {
+    /// Returns the values of no function yet.
+    fn empty() -> Self {
         Self {
+            cost: 0.0,
+            slope: [0.0; THROW_UNKNOWNS],
             rows: [Row {
                 normal: [0.0; THROW_UNKNOWNS],
                 bound: 0.0,
             }; ROWS],
             count: 0,
+            own: 0,
             lack: 0.0,
             violation: ThrowViolation::default(),
         }
     }
 
-    fn push(&mut self, row: Row<THROW_UNKNOWNS>) {
-        self.rows[self.count] = row;
+    fn push(&mut self, value: f64, slope: impl Fn(usize) -> f64) {
+        self.rows[self.count] = Row {
+            normal: std::array::from_fn(slope),
+            bound: -value,
+        };
         self.count += 1;
     }
 
@@ -351,20 +344,14 @@ impl Rows {
     fn equation(&mut self, value: f64, slope: impl Fn(usize) -> f64) {
         self.lack += value.abs();
         self.violation.aim = self.violation.aim.max(value.abs());
-        self.push(Row {
-            normal: std::array::from_fn(slope),
-            bound: -value,
-        });
+        self.push(value, slope);
     }
 
     /// Adds an inequality `value >= 0`.
     fn inequality(&mut self, value: f64, slope: impl Fn(usize) -> f64) {
         self.lack += (-value).max(0.0);
         self.violation.limits = self.violation.limits.max(-value);
-        self.push(Row {
-            normal: std::array::from_fn(slope),
-            bound: -value,
-        });
+        self.push(value, slope);
     }
 }
 
@@ -391,7 +378,7 @@ mod tests {
             };
             let problem = Problem { swing: &swing, clearance: &clearance, config: &config, aim, drag: 0.03 };
             let mut x = [0.0; THROW_UNKNOWNS];
-            for (i, joint) in swing.joints().iter().enumerate() {
+            for (i, joint) in swing.joints.iter().enumerate() {
                 let [low, high] = joint.range;
                 x[i] = low + shares[i] * (high - low);
                 x[THROW_JOINTS + i] = u[i];

@@ -37,7 +37,7 @@ pub(super) fn starts(problem: &Problem, candidates: usize, most: usize) -> Vec<P
 
 /// Returns the score (flight distance without air minus penalties), the start point, and its sign pattern.
 fn candidate(problem: &Problem, number: usize, direction: usize) -> Option<(f64, Point, usize)> {
-    let joints = problem.swing.joints();
+    let joints = &problem.swing.joints;
     let mut x = [0.0; THROW_UNKNOWNS];
     for i in 1..THROW_JOINTS {
         // Roberts' low-discrepancy sequence in seven dimensions.

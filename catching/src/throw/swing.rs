@@ -17,9 +17,11 @@ pub(crate) type Slopes = SMatrix<f64, 3, THROW_JOINTS>;
 /// Arm on the rotating base.
 #[derive(Debug, Clone)]
 pub struct Swing {
-    arm: ArmKinematics,
-    number: usize,
-    joints: [Joint; THROW_JOINTS],
+    pub(crate) arm: ArmKinematics,
+    /// Index of the arm.
+    pub(crate) number: usize,
+    /// Limits of the rotation and the arm's joints.
+    pub(crate) joints: [Joint; THROW_JOINTS],
     /// Position of the rotation axis on the floor in the inertial frame, in m.
     foot: Vector3<f64>,
     /// Vector from there to the chest without rotation.
@@ -54,20 +56,6 @@ impl Swing {
             chest: robot.chest(&ahead).translation.vector - foot,
             foot,
         }
-    }
-
-    /// Returns the limits of the rotation and the arm's joints.
-    pub fn joints(&self) -> &[Joint; THROW_JOINTS] {
-        &self.joints
-    }
-
-    /// Returns the index of the arm.
-    pub fn number(&self) -> usize {
-        self.number
-    }
-
-    pub(crate) fn arm(&self) -> &ArmKinematics {
-        &self.arm
     }
 
     /// Returns position and velocity of the hand in the inertial frame, in m and m/s.

@@ -26,11 +26,9 @@ const EARLY_NS: u64 = 10_000_000;
 /// Timeout within which a hand must report that the ball has left, in ns.
 const LEFT_NS: u64 = 150_000_000;
 
-/// Next action of the thrower.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ThrowAction {
     Nothing,
-    /// Plan a throw.
     Plan {
         arm: usize,
         grip: u64,

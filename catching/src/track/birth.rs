@@ -51,11 +51,8 @@ pub(super) fn birth(
     let mut state = thrown(&p, &turned, head, config)?;
     state.born_from(head, head_root);
     // Integral of the density of the six values over all positions, uniform in the volume.
-    let log_noise = CAMERAS as f64
-        * variances
-            .iter()
-            .map(|v| (v * std::f64::consts::TAU).ln())
-            .sum::<f64>();
+    let logs = variances.iter().map(|v| (v * std::f64::consts::TAU).ln());
+    let log_noise = CAMERAS as f64 * logs.sum::<f64>();
     let log_position = (covariance * std::f64::consts::TAU).determinant().ln();
     let log_density = (config.births / throws.volume).ln()
         + 2.0 * config.detection.ln()
@@ -109,11 +106,8 @@ fn triangulate(
     }
     let off = found - see(&p)?;
     let square = off.component_mul(&off).dot(&weights);
-    (square.is_finite() && p.x > 0.0).then_some((
-        p,
-        (covariance + covariance.transpose()) * 0.5,
-        square,
-    ))
+    let covariance = (covariance + covariance.transpose()) * 0.5;
+    (square.is_finite() && p.x > 0.0).then_some((p, covariance, square))
 }
 
 /// Returns a ball at `p`, thrown at the robot: with the prior's horizontal speed and the vertical speed needed to
@@ -144,10 +138,8 @@ fn thrown(
     let position = covariance.cholesky()?.unpack();
     columns.fixed_view_mut::<3, 3>(0, 0).copy_from(&position);
     let mut velocity = columns.fixed_view_mut::<3, 3>(3, 3);
-    velocity.set_column(
-        0,
-        &(ahead * spread + Vector3::z() * (rise_by_speed * spread)),
-    );
+    let by_speed = ahead * spread + Vector3::z() * (rise_by_speed * spread);
+    velocity.set_column(0, &by_speed);
     velocity.set_column(1, &(aside * sideways));
     velocity.set_column(2, &(Vector3::z() * upward));
     columns[(6, 6)] = config.drag[1];
@@ -155,12 +147,8 @@ fn thrown(
         columns[(i, i)] = config.lift;
     }
     let v = ahead * towards + Vector3::z() * rise;
-    let x = SVector::from_iterator(p.iter().chain(v.iter()).copied().chain([
-        config.drag[0],
-        0.0,
-        0.0,
-        0.0,
-    ]));
+    let forces = [config.drag[0], 0.0, 0.0, 0.0];
+    let x = SVector::from_iterator(p.iter().chain(v.iter()).chain(&forces).copied());
     Some(BallState::new(x, lower(columns)))
 }
 
@@ -224,13 +212,8 @@ mod tests {
 
     fn born(circles: [Vector3<f64>; 2]) -> Option<Birth> {
         let head = head();
-        birth(
-            &cameras(),
-            [&circles[0], &circles[1]],
-            &head,
-            &head.root(),
-            &TrackConfig::default(),
-        )
+        let (config, circles) = (TrackConfig::default(), circles.each_ref());
+        birth(&cameras(), circles, &head, &head.root(), &config)
     }
 
     proptest! {

@@ -2,11 +2,11 @@
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use tactnet_catching_packets::Numbers;
-use tactnet_catching_packets::checks::{SettingError, all, finite};
+use tactnet_catching_packets::checks::{self, SettingError, all, finite, from_to};
 
 use super::mht::{MAX_HYPOTHESES, MAX_SCANS};
 use crate::flight::DRAG;
+use crate::pose::positive;
 
 /// Mean number of false circles per picture, measured in pictures of a room with people and round objects.
 pub const CLUTTER_OF_PICTURES: f64 = 24.0;
@@ -21,7 +21,7 @@ tactnet_catching_packets::settings! {
         pub radius_noise: f64 = 0.4 => positive,
         /// Fraction of a ball's motion during the exposure by which the circle may be displaced: 1 if it may show any
         /// moment of the exposure, 0 if it always shows the middle.
-        pub blur: f64 = 0.1 => share,
+        pub blur: f64 = 0.1 => checks::probability,
         /// White acceleration noise, in m/s^2 per square root of Hz. After `t` seconds, the velocity's standard
         /// deviation is this value times the root of `t`. An acceleration of 0.1 m/s^2 that is constant for 40 ms and
         /// independent between pictures corresponds to 0.02.
@@ -98,20 +98,9 @@ impl TrackConfig {
     }
 }
 
-fn positive(setting: &'static str, value: &impl Numbers) -> Result<(), SettingError> {
-    let expected = "a number between 0 and 1000";
-    all(setting, value, expected, |x| x > 0.0 && x < 1e3)
-}
-
 fn probability(setting: &'static str, value: &f64) -> Result<(), SettingError> {
     let expected = "a probability between 0 and 1";
     all(setting, value, expected, |x| x > 0.0 && x < 1.0)
-}
-
-fn share(setting: &'static str, value: &f64) -> Result<(), SettingError> {
-    all(setting, value, "a number from 0 to 1", |x| {
-        (0.0..=1.0).contains(&x)
-    })
 }
 
 fn rising(setting: &'static str, [least, greatest]: &[f64; 2]) -> Result<(), SettingError> {
@@ -123,7 +112,7 @@ fn rising(setting: &'static str, [least, greatest]: &[f64; 2]) -> Result<(), Set
 
 fn up_to(most: usize) -> impl Fn(&'static str, &usize) -> Result<(), SettingError> {
     let expected = "a count from 1 to the documented maximum";
-    move |setting, value| all(setting, value, expected, |x| x >= 1.0 && x <= most as f64)
+    from_to::<usize>([1.0, most as f64], expected)
 }
 
 /// Error of the tracker. Unless stated otherwise, the input is ignored and nothing changes.

@@ -10,14 +10,23 @@ use nalgebra::{Matrix3, Quaternion, SMatrix, UnitQuaternion, Vector3};
 use tactnet_catching_packets::packets::HeadPose;
 
 use super::triangular::lower;
+use crate::pose::GRAVITY;
 
 /// Number of error states: position, velocity, rotation, accelerometer bias, gyroscope bias.
 pub(super) const HEAD: usize = 15;
 /// Matrix of the error states.
 pub(super) type HeadMatrix = SMatrix<f64, HEAD, HEAD>;
 
-/// Gravity as measured by the IMU, in m/s^2.
-const GRAVITY: f64 = 9.81;
+/// Sets a block of a matrix, given its first row and column.
+pub(super) fn set<const R: usize, const C: usize, const A: usize, const B: usize>(
+    matrix: &mut SMatrix<f64, R, C>,
+    first: [usize; 2],
+    block: &SMatrix<f64, A, B>,
+) {
+    matrix
+        .fixed_view_mut::<A, B>(first[0], first[1])
+        .copy_from(block);
+}
 
 /// Validated head pose.
 #[derive(Debug, Clone, Copy)]
@@ -59,7 +68,6 @@ impl Head {
         })
     }
 
-    /// Returns a root of the covariance.
     pub(super) fn root(&self) -> HeadMatrix {
         lower(root(&self.covariance))
     }
@@ -71,23 +79,19 @@ impl Head {
         let felt =
             (self.velocity - earlier.velocity + Vector3::z() * (GRAVITY * dt)).cross_matrix();
         let mut phi = HeadMatrix::identity();
-        phi.fixed_view_mut::<3, 3>(0, 3)
-            .copy_from(&(Matrix3::identity() * dt));
+        set(&mut phi, [0, 3], &(Matrix3::identity() * dt));
         // Double integral of the measured acceleration since the earlier pose.
         let moved = (self.position - earlier.position - earlier.velocity * dt
             + Vector3::z() * (GRAVITY * dt * dt / 2.0))
             .cross_matrix();
-        phi.fixed_view_mut::<3, 3>(0, 6).copy_from(&-moved);
-        phi.fixed_view_mut::<3, 3>(3, 6).copy_from(&-felt);
+        set(&mut phi, [0, 6], &-moved);
+        set(&mut phi, [3, 6], &-felt);
         let turned = self.rotation * dt;
-        let mut set = |row: usize, column: usize, block: Matrix3<f64>| {
-            phi.fixed_view_mut::<3, 3>(row, column).copy_from(&block);
-        };
-        set(0, 9, turned * (-dt / 2.0));
-        set(3, 9, -turned);
-        set(0, 12, felt * turned * (dt / 6.0));
-        set(3, 12, felt * turned / 2.0);
-        set(6, 12, -turned);
+        set(&mut phi, [0, 9], &(turned * (-dt / 2.0)));
+        set(&mut phi, [3, 9], &-turned);
+        set(&mut phi, [0, 12], &(felt * turned * (dt / 6.0)));
+        set(&mut phi, [3, 12], &(felt * turned / 2.0));
+        set(&mut phi, [6, 12], &-turned);
         let grown = self.covariance - phi * earlier.covariance * phi.transpose();
         HeadDrift {
             phi,

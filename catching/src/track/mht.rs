@@ -25,7 +25,6 @@ use super::murty::{Costs, KBest};
 use super::ukf::{BallState, Sight};
 use crate::flight::BALL_RADIUS;
 
-/// Maximum number of hypotheses.
 pub(super) const MAX_HYPOTHESES: usize = 64;
 /// Maximum number of pictures before the best hypothesis is accepted.
 pub(super) const MAX_SCANS: usize = 8;
@@ -101,7 +100,6 @@ impl Hypothesis {
 struct Child {
     parent: usize,
     log_weight: f64,
-    /// Circle of each track.
     circles: [u16; MAX_TRACKS],
     /// Indices of the birth candidates.
     births: [u16; MAX_TRACKS],
@@ -242,11 +240,8 @@ impl Hypotheses {
         self.scan(1, circles[1], head);
         for track in &mut self.tracks {
             track.frames += u32::from(track.found == [true; CAMERAS]);
-            track.unseen = if track.visible {
-                0.0
-            } else {
-                track.unseen + dt
-            };
+            let unseen = track.unseen + dt;
+            track.unseen = if track.visible { 0.0 } else { unseen };
         }
         let config = self.config;
         self.drop_tracks(|track| {
@@ -267,14 +262,10 @@ impl Hypotheses {
     /// Returns the existence probability of a ball.
     pub fn existence(&self, root: u64) -> f64 {
         let existence = |hypothesis: &Hypothesis| {
-            let tracks = hypothesis
-                .tracks()
-                .iter()
-                .map(|track| &self.tracks[usize::from(*track)]);
-            let of_root = tracks
-                .filter(|track| track.root == root)
-                .map(|track| track.existence);
-            hypothesis.log_weight.exp() * of_root.sum::<f64>()
+            let tracks = hypothesis.tracks().iter();
+            let tracks = tracks.map(|track| &self.tracks[usize::from(*track)]);
+            let of_root = tracks.filter(|track| track.root == root);
+            hypothesis.log_weight.exp() * of_root.map(|track| track.existence).sum::<f64>()
         };
         self.hypotheses.iter().map(existence).sum()
     }
@@ -295,7 +286,6 @@ impl Hypotheses {
         self.apply(camera, circles);
     }
 
-    /// Compares each track with each circle.
     fn compare(&mut self, camera: usize, circles: &[Vector3<f64>], head: &Head) {
         let view = View::new(self.cameras[camera], head);
         self.sights.clear();
@@ -408,12 +398,8 @@ impl Hypotheses {
         circles: &[Vector3<f64>],
     ) -> u16 {
         let missed = circle == NONE;
-        let place = track * (MAX_CIRCLES + 1)
-            + if missed {
-                MAX_CIRCLES
-            } else {
-                usize::from(circle)
-            };
+        let column = usize::from(circle).min(MAX_CIRCLES);
+        let place = track * (MAX_CIRCLES + 1) + column;
         if self.memo[place] != NONE || self.updated.len() == self.updated.capacity() {
             return self.memo[place];
         }
@@ -476,10 +462,8 @@ impl Hypotheses {
         let least = hypotheses[0].log_weight + config.least_weight.ln();
         hypotheses.retain(|h| h.history[config.scans] == settled && h.log_weight >= least);
         let most = hypotheses[0].log_weight;
-        let sum = hypotheses
-            .iter()
-            .map(|h| (h.log_weight - most).exp())
-            .sum::<f64>();
+        let weights = hypotheses.iter().map(|h| (h.log_weight - most).exp());
+        let sum: f64 = weights.sum();
         for hypothesis in hypotheses.iter_mut() {
             hypothesis.log_weight -= most + sum.ln();
         }

@@ -38,7 +38,7 @@ impl PairTracker {
 
     /// Returns the head pose at a time, or `None` if it is unknown.
     pub fn head(&self, t_ns: u64) -> Option<HeadPose> {
-        self.poses.at(t_ns).ok()
+        self.poses.at(t_ns)
     }
 
     /// Adds the circles of one picture in camera coordinates. Once both pictures of an exposure are there, returns

@@ -1,5 +1,6 @@
 //! Tracker: validates input, assigns ball numbers and reports balls.
 
+use bytemuck::Zeroable;
 use nalgebra::Vector3;
 use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_packets::packets::{
@@ -92,12 +93,8 @@ impl BallTracker {
         self.head = Some(head);
         for (sorted, circles) in self.circles.iter_mut().zip(circles) {
             sorted.clear();
-            sorted.extend(
-                circles
-                    .valid()
-                    .iter()
-                    .map(|circle| Vector3::new(circle.u, circle.v, circle.r)),
-            );
+            let circles = circles.valid().iter();
+            sorted.extend(circles.map(|circle| Vector3::new(circle.u, circle.v, circle.r)));
             // Sort the circles, so that sums are equal to the bit.
             sorted.sort_unstable_by(|a, b| {
                 a.x.total_cmp(&b.x)
@@ -106,11 +103,8 @@ impl BallTracker {
             });
         }
         let [left, right] = &self.circles;
-        self.hypotheses.frame(
-            [left, right],
-            &head,
-            drift.as_ref().map(|(drift, dt)| (drift, *dt)),
-        );
+        let drift = drift.as_ref().map(|(drift, dt)| (drift, *dt));
+        self.hypotheses.frame([left, right], &head, drift);
         Ok(self.report(exposure_ns, &head))
     }
 
@@ -165,17 +159,7 @@ impl BallTracker {
     }
 
     fn report(&mut self, exposure_ns: u64, head: &Head) -> BallPredictions {
-        let mut balls = [BallPrediction {
-            ball: 0,
-            t_ns: 0,
-            p: [0.0; 3],
-            v: [0.0; 3],
-            k: 0.0,
-            lift: [0.0; 3],
-            covariance: [[0.0; 10]; 10],
-            existence: 0.0,
-            frames: 0,
-        }; MAX_BALLS];
+        let mut balls = [BallPrediction::zeroed(); MAX_BALLS];
         // Prefer balls seen most often, then the most probable ones.
         let mut chosen: [Option<(f64, &Track)>; MAX_BALLS] = [None; MAX_BALLS];
         for track in self.hypotheses.best() {
@@ -195,13 +179,8 @@ impl BallTracker {
         let present = |root: u64| chosen.iter().flatten().any(|(_, track)| track.root == root);
         let mut count = 0;
         for (existence, track) in chosen.iter().flatten() {
-            let number = name(
-                &mut self.names,
-                &mut self.numbers,
-                track,
-                exposure_ns,
-                present,
-            );
+            let (names, numbers) = (&mut self.names, &mut self.numbers);
+            let number = name(names, numbers, track, exposure_ns, present);
             let (p, v) = (track.state.p(), track.state.v());
             let covariance = track.state.seen_covariance(head);
             balls[count] = BallPrediction {
@@ -241,14 +220,9 @@ fn name(
     };
     // Forget balls lost for longer.
     names.retain(|name| t_ns - name.t_ns < 300_000_000);
-    let known = names
-        .iter()
-        .position(|name| name.root == track.root)
-        .or_else(|| {
-            names
-                .iter()
-                .position(|name| !present(name.root) && should_be_there(name))
-        });
+    let is_lost = |name: &Name| !present(name.root) && should_be_there(name);
+    let known = names.iter().position(|name| name.root == track.root);
+    let known = known.or_else(|| names.iter().position(is_lost));
     let name = Name {
         root: track.root,
         number: known.map_or(*numbers, |i| names[i].number),

@@ -23,7 +23,7 @@ use tactnet_catching_packets::RobotDescription;
 
 use super::camera::{CAMERAS, Camera, View};
 use super::config::TrackConfig;
-use super::head::{HEAD, Head, HeadDrift, HeadMatrix};
+use super::head::{HEAD, Head, HeadDrift, HeadMatrix, set};
 use super::triangular::{add, lower, subtract};
 use crate::flight::Flight;
 
@@ -95,12 +95,7 @@ impl BallState {
 
     /// Returns the flight.
     pub fn flight(&self) -> Flight {
-        Flight {
-            p: self.p(),
-            v: self.v(),
-            k: self.x[6],
-            lift: self.x.fixed_rows::<3>(7).into_owned(),
-        }
+        flight(&self.x)
     }
 
     /// Returns the position, in m.
@@ -130,12 +125,10 @@ impl BallState {
         let mut by_head = SMatrix::<f64, STATES, HEAD>::zeros();
         by_head.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         by_head.fixed_view_mut::<3, 3>(3, 3).fill_with_identity();
-        by_head
-            .fixed_view_mut::<3, 3>(0, 6)
-            .copy_from(&-(self.p() - head.position).cross_matrix());
-        by_head
-            .fixed_view_mut::<3, 3>(3, 6)
-            .copy_from(&-(self.v() - head.velocity).cross_matrix());
+        let moved = -(self.p() - head.position).cross_matrix();
+        set(&mut by_head, [0, 6], &moved);
+        let faster = -(self.v() - head.velocity).cross_matrix();
+        set(&mut by_head, [3, 6], &faster);
         by_head
     }
 
@@ -148,22 +141,10 @@ impl BallState {
         config: &TrackConfig,
     ) -> Option<()> {
         let fly = |x: &State| {
-            let ball = Flight {
-                p: x.fixed_rows::<3>(0).into_owned(),
-                v: x.fixed_rows::<3>(3).into_owned(),
-                k: x[6],
-                lift: x.fixed_rows::<3>(7).into_owned(),
-            }
-            .after(dt);
-            let drag = std::iter::once(&ball.k);
-            State::from_iterator(
-                ball.p
-                    .iter()
-                    .chain(&ball.v)
-                    .chain(drag)
-                    .chain(&ball.lift)
-                    .copied(),
-            )
+            let ball = flight(x).after(dt);
+            let motion = ball.p.iter().chain(&ball.v);
+            let forces = std::iter::once(&ball.k).chain(&ball.lift);
+            State::from_iterator(motion.chain(forces).copied())
         };
         let scale = SPREAD.sqrt();
         let middle = fly(&self.x);
@@ -179,9 +160,7 @@ impl BallState {
             columns.set_column(i, &((more.column(i) - mean) * OTHER.sqrt()));
             columns.set_column(STATES + i, &((less.column(i) - mean) * OTHER.sqrt()));
         }
-        columns
-            .fixed_view_mut::<STATES, STATES>(0, 2 * STATES)
-            .copy_from(&noise(dt, config));
+        set(&mut columns, [0, 2 * STATES], &noise(dt, config));
         let mut own = lower(columns);
         subtract(&mut own, (middle - mean) * (-MIDDLE_SQUARE).sqrt())?;
         // Derivatives of the flight with respect to the ball's own errors, applied to the part shared with the head.
@@ -202,16 +181,10 @@ impl BallState {
         }
         const JOINT: usize = HEAD + STATES;
         let mut columns = SMatrix::<f64, JOINT, { 2 * HEAD + STATES }>::zeros();
-        columns.fixed_view_mut::<HEAD, HEAD>(0, 0).copy_from(&head);
-        columns
-            .fixed_view_mut::<STATES, HEAD>(HEAD, 0)
-            .copy_from(&self.shared);
-        columns
-            .fixed_view_mut::<HEAD, HEAD>(0, HEAD)
-            .copy_from(&drift.noise);
-        columns
-            .fixed_view_mut::<STATES, STATES>(HEAD, 2 * HEAD)
-            .copy_from(&self.own);
+        set(&mut columns, [0, 0], &head);
+        set(&mut columns, [HEAD, 0], &self.shared);
+        set(&mut columns, [0, HEAD], &drift.noise);
+        set(&mut columns, [HEAD, 2 * HEAD], &self.own);
         let joint = lower(columns);
         self.head = joint.fixed_view::<HEAD, HEAD>(0, 0).into_owned();
         self.shared = joint.fixed_view::<STATES, HEAD>(HEAD, 0).into_owned();
@@ -246,10 +219,7 @@ impl BallState {
         let see = |x: &State| view.see(&x.fixed_rows::<3>(0).into_owned());
         let scale = SPREAD.sqrt();
         let middle = see(&self.x)?;
-        let (mut more, mut less) = (
-            SMatrix::<f64, 3, STATES>::zeros(),
-            SMatrix::<f64, 3, STATES>::zeros(),
-        );
+        let [mut more, mut less] = [SMatrix::<f64, 3, STATES>::zeros(); 2];
         for i in 0..STATES {
             let step = self.own.column(i) * scale;
             more.set_column(i, &see(&(self.x + step))?);
@@ -270,13 +240,9 @@ impl BallState {
             .tr_solve_lower_triangular(&by_own.transpose())?
             .transpose();
         let mut head_to_ball = SMatrix::<f64, STATES, HEAD>::zeros();
-        head_to_ball
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&-Matrix3::identity());
+        set(&mut head_to_ball, [0, 0], &-Matrix3::identity());
         let from_head = view.from_head(&self.p());
-        head_to_ball
-            .fixed_view_mut::<3, 3>(0, 6)
-            .copy_from(&from_head.cross_matrix());
+        set(&mut head_to_ball, [0, 6], &from_head.cross_matrix());
         let by_head = by_position * (self.shared + head_to_ball * self.head);
         let total = own + by_head * by_head.transpose();
         let cholesky = Cholesky::new(total)?;
@@ -320,9 +286,19 @@ impl BallState {
         let mut by_head = SMatrix::<f64, STATES, HEAD>::zeros();
         by_head.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         let turned = -(self.p() - head.position).cross_matrix();
-        by_head.fixed_view_mut::<3, 3>(0, 6).copy_from(&turned);
+        set(&mut by_head, [0, 6], &turned);
         self.shared = by_head * root;
         self.head = *root;
+    }
+}
+
+fn flight(x: &State) -> Flight {
+    let [p, v, lift] = [0, 3, 7].map(|first| x.fixed_rows::<3>(first).into_owned());
+    Flight {
+        p,
+        v,
+        k: x[6],
+        lift,
     }
 }
 

@@ -29,7 +29,6 @@ pub(crate) struct Over {
     pub felt: Option<FeltMaterial>,
 }
 
-/// A flight to judge.
 pub(crate) enum Judged {
     Over(Box<Over>),
     Thrown(Box<Thrown>),

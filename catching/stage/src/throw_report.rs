@@ -48,20 +48,12 @@ impl Misses {
 /// Received packets about throws.
 #[derive(Debug, Default)]
 pub(crate) struct HeardThrows {
-    thrown: Vec<ThrownBack>,
+    pub thrown: Vec<ThrownBack>,
     failed: BTreeMap<String, u64>,
     failed_now: u64,
 }
 
 impl HeardThrows {
-    pub fn thrown(&mut self, thrown: &ThrownBack) {
-        self.thrown.push(*thrown);
-    }
-
-    pub fn count(&self) -> usize {
-        self.thrown.len()
-    }
-
     /// Records the thrower's status. Returns the reason if a throw has failed since the last one.
     pub fn status(&mut self, status: &ThrowStatus) -> Option<String> {
         // A restarted thrower counts from 0.
@@ -114,7 +106,7 @@ mod tests {
         let mut heard = HeardThrows::default();
         assert_eq!(heard.report(), ThrowBackReport::default());
         for i in 1..=20 {
-            heard.thrown(&ThrownBack {
+            heard.thrown.push(ThrownBack {
                 arm: u64::from(i > 10),
                 open_ns: 1_000_000_000,
                 left_ns: 1_000_000_000 - 50_000 * i,

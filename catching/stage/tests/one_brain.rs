@@ -75,8 +75,7 @@ fn the_process_of_the_coordinator_sends_the_packets_of_stepped_time_one_by_one()
             *sum += count;
         }
     };
-    let ready = config.ready();
-    let outcome = config.run(3, 1, &ready, &oracle, Some(&mut steps)).unwrap();
+    let outcome = config.run(3, 1, &oracle, Some(&mut steps)).unwrap();
     assert!(outcome.balls[0].planned, "{outcome:?}");
     let [requests, paths, bodies, gazes, hands, _, states] = compared;
     // A path follows from most of about ten pictures.

@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Scope;
 use std::time::{Duration, Instant};
 
-use tactnet_catching_packets::packets::{CatchOutcome, ThrowStatus, ThrownBack};
+use tactnet_catching_roles::channels::{CATCH_OUTCOME, THROW_OUTCOME, THROW_STATE};
 use tactnet_catching_roles::{Role, RoleSettings, catching_channels};
 use tactnet_catching_stage::{WorldRole, WorldSettings};
-use tactnet_channel::{Bus, Domain, Hub, Start, Table, remove_bus};
+use tactnet_channel::{Bus, Domain, Hub, Table, remove_bus};
 
 /// Timeout of the test, far above its usual duration.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -51,15 +51,9 @@ fn a_caught_ball_is_thrown_back_and_comes_down_near_its_target() {
     let stop = AtomicBool::new(false);
     let stopped = || stop.load(Ordering::Relaxed);
     let bus = Bus::open(Domain::Host, &table).unwrap();
-    let outcomes = bus
-        .get_port::<CatchOutcome>("catch/outcome", Start::Now)
-        .unwrap();
-    let states = bus
-        .get_port::<ThrowStatus>("throw/state", Start::Now)
-        .unwrap();
-    let backs = bus
-        .get_port::<ThrownBack>("throw/outcome", Start::Now)
-        .unwrap();
+    let outcomes = CATCH_OUTCOME.get(&bus).unwrap();
+    let states = THROW_STATE.get(&bus).unwrap();
+    let backs = THROW_OUTCOME.get(&bus).unwrap();
     let (mut caught, mut thrown, mut failed) = (0, Vec::new(), Vec::new());
     std::thread::scope(|scope| {
         start_all(scope, &table, &stopped);

@@ -44,12 +44,7 @@ fn peer_throws(robot: &Robot, seed: u64, count: usize) -> Result<Vec<Value>, Tri
         .map(|number| {
             let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
             let (heading, height) = (between(-0.5, 0.5), between(0.9, 1.3));
-            let request = ThrowRequest {
-                holding: Some(number % ARMS),
-                aim: Aim::Farthest { heading, height },
-                drag: DRAG,
-                last: None,
-            };
+            let request = ThrowRequest::new(number % ARMS, Aim::Farthest { heading, height });
             let begun = Instant::now();
             let plan = thrower.plan(&request)?;
             let ms = begun.elapsed().as_secs_f64() * 1e3;

@@ -92,13 +92,13 @@ fn circles(ball: &Point3<f64>, cameras: &Cameras) -> SVector<f64, 6> {
     numbers
 }
 
-/// Returns the central differences of a function of the state.
-fn slopes<const N: usize>(
-    state: &State,
-    of: impl Fn(&State) -> SVector<f64, N>,
-) -> SMatrix<f64, N, 7> {
-    let mut slopes = SMatrix::<f64, N, 7>::zeros();
-    for i in 0..7 {
+/// Returns the central differences of a function of a state.
+pub(crate) fn slopes<const N: usize, const M: usize>(
+    state: &SVector<f64, M>,
+    of: impl Fn(&SVector<f64, M>) -> SVector<f64, N>,
+) -> SMatrix<f64, N, M> {
+    let mut slopes = SMatrix::<f64, N, M>::zeros();
+    for i in 0..M {
         let h = 1e-5;
         let (mut more, mut less) = (*state, *state);
         more[i] += h;

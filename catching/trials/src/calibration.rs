@@ -11,12 +11,11 @@ mod unseen;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::{
-    Calibration, CalibrationConfig, Candidate, Determined, KeptCalibration, Model, RoutineConfig,
-    Session, Solved, UNKNOWNS, Unknowns, calibrate, choose, gain,
+    Calibration, CalibrationConfig, Candidate, Determined, KeptCalibration, Model, Problem,
+    RoutineConfig, Session, Solved, UNKNOWNS, Unknowns, calibrate, choose, gain,
 };
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_world::WorldConfig;
@@ -28,10 +27,10 @@ pub use samples::CalibrationSamples;
 pub use unseen::Distances;
 
 use crate::error::TrialError;
+use crate::parallel::on_all_cores;
 use crate::series::{Series, SeriesReport};
 use crate::throw_config::ThrowConfig;
 use rehearsal::{candidates, rehearse};
-use samples::residuals;
 use tactnet_plot::wilson_of_counts;
 use unseen::{Standing, distances};
 
@@ -202,13 +201,8 @@ impl SolveReport {
     }
 }
 
-/// Chosen configurations, and as many random ones.
-struct Configurations {
-    chosen: Vec<Candidate>,
-    log_det: f64,
-    random: Vec<Candidate>,
-    random_log_det: f64,
-}
+/// Configurations of a session with their `log det M`.
+type Configurations = (Vec<Candidate>, f64);
 
 impl CalibrationTrial {
     /// Runs session, solver, held-out poses and throws.
@@ -218,18 +212,15 @@ impl CalibrationTrial {
     pub fn run(&self, progress: impl Fn(Progress) + Sync) -> Result<CalibrationReport, TrialError> {
         let model = Model::new(&self.robot);
         progress(Progress::Choosing);
-        let configurations = self.choose(&model)?;
+        let [(chosen, log_det), (random, random_log_det)] = self.choose(&model)?;
         progress(Progress::Moving);
         let world = self.world();
         let mut without = world.clone();
         without.pictures.markers = false;
-        let sessions: Vec<(Session, FeatureReport)> = [
-            (&world, &configurations.chosen),
-            (&without, &configurations.random),
-        ]
-        .into_par_iter()
-        .map(|(world, of)| rehearse(&model, world, &self.routine, of, self.seed))
-        .collect::<Result<_, _>>()?;
+        let both = [(&world, &chosen), (&without, &random)];
+        let sessions = on_all_cores(both, |(world, of)| {
+            rehearse(&model, world, &self.routine, of, self.seed)
+        })?;
         progress(Progress::Solving);
         let (report, solved) = SolveReport::new(&model, &self.config, &sessions[0].0, None)?;
         let (_, beside) = SolveReport::new(&model, &self.config, &sessions[1].0, None)?;
@@ -238,9 +229,18 @@ impl CalibrationTrial {
         let all_found = distances(&poses, &model, &solved.unknowns);
         let all_random = distances(&poses, &model, &beside.unknowns);
         let (found, found_random) = (Distances::of(&all_found), Distances::of(&all_random));
-        let (before_px, residuals_px) =
-            residuals(&model, &self.config, &sessions[0].0, &solved.unknowns)?;
-        let mut all = CalibrationReport {
+        let problem = Problem::new(&model, &sessions[0].0, &self.config)?;
+        let guess = self.config.priors.guess();
+        let [before_px, residuals_px] =
+            [&guess, &solved.unknowns].map(|x| problem.feature_residuals(x));
+        let done = || progress(Progress::Throwing);
+        let (before, after) = self.throw_balls(&report.calibration, done)?.unzip();
+        let rate = |of: &Option<SeriesReport>| of.as_ref().map(|of| of.rate);
+        let ci95 = |of: &Option<SeriesReport>| {
+            let of = of.as_ref()?;
+            Some(wilson_of_counts(of.caught, of.in_catch_space))
+        };
+        Ok(CalibrationReport {
             seed: self.seed,
             mean_mm: found.mean_mm,
             worst_mm: found.worst_mm,
@@ -249,22 +249,22 @@ impl CalibrationTrial {
             solved: report,
             detected: sessions[0].1,
             candidates: self.candidates,
-            log_det: configurations.log_det,
+            log_det,
             random: RandomFigures {
-                log_det: configurations.random_log_det,
-                log_det_gain: configurations.log_det - configurations.random_log_det,
+                log_det: random_log_det,
+                log_det_gain: log_det - random_log_det,
                 mean_mm: found_random.mean_mm,
                 worst_mm: found_random.worst_mm,
                 robot_seconds: sessions[1].0.robot_seconds,
             },
             throws: self.throws,
-            in_catch_space: 0,
-            catch_rate_before: None,
-            catch_rate_after: None,
-            catch_rate_before_ci95: None,
-            catch_rate_after_ci95: None,
-            misses_before: BTreeMap::new(),
-            misses_after: BTreeMap::new(),
+            in_catch_space: before.as_ref().map_or(0, |of| of.in_catch_space),
+            catch_rate_before: rate(&before),
+            catch_rate_after: rate(&after),
+            catch_rate_before_ci95: ci95(&before),
+            catch_rate_after_ci95: ci95(&after),
+            misses_before: before.map(|of| of.misses).unwrap_or_default(),
+            misses_after: after.map(|of| of.misses).unwrap_or_default(),
             session: sessions.into_iter().next().unwrap_or_default().0,
             samples: CalibrationSamples {
                 raw_mm: raw,
@@ -274,45 +274,32 @@ impl CalibrationTrial {
                 residuals_px,
                 noise_px: self.config.noise.feature,
             },
-        };
-        self.throw_balls(&mut all, || progress(Progress::Throwing))?;
-        Ok(all)
+        })
     }
 
-    fn choose(&self, model: &Model) -> Result<Configurations, TrialError> {
+    fn choose(&self, model: &Model) -> Result<[Configurations; 2], TrialError> {
         let drawn = candidates(model, &self.config, self.seed, self.candidates)?;
         let views = self.routine.sweep.views(VIEWS);
         let chosen = choose(model, &self.config, &drawn, &views, self.of_each_arm)?;
         // Candidates alternate between both arms.
         let random = drawn[..ARMS * self.of_each_arm].to_vec();
-        Ok(Configurations {
-            log_det: gain(model, &self.config, &chosen, &views)?,
-            chosen,
-            random_log_det: gain(model, &self.config, &random, &views)?,
-            random,
-        })
+        let gain = |of: &[Candidate]| gain(model, &self.config, of, &views);
+        let gains = [gain(&chosen)?, gain(&random)?];
+        Ok([(chosen, gains[0]), (random, gains[1])])
     }
 
     /// Throws balls before and after the calibration, if there are any throws.
     fn throw_balls(
         &self,
-        report: &mut CalibrationReport,
+        calibration: &Calibration,
         done: impl Fn() + Sync,
-    ) -> Result<(), TrialError> {
+    ) -> Result<Option<(SeriesReport, SeriesReport)>, TrialError> {
         if self.throws == 0 {
-            return Ok(());
+            return Ok(None);
         }
         let before = self.series(None).run(&done)?;
-        let calibration = report.solved.calibration.clone();
-        let after = self.series(Some(calibration)).run(&done)?;
-        let ci95 = |of: &SeriesReport| Some(wilson_of_counts(of.caught, of.in_catch_space));
-        report.in_catch_space = before.in_catch_space;
-        report.catch_rate_before = Some(before.rate);
-        report.catch_rate_after = Some(after.rate);
-        report.catch_rate_before_ci95 = ci95(&before);
-        report.catch_rate_after_ci95 = ci95(&after);
-        (report.misses_before, report.misses_after) = (before.misses, after.misses);
-        Ok(())
+        let after = self.series(Some(calibration.clone())).run(&done)?;
+        Ok(Some((before, after)))
     }
 
     /// Returns the world with the same robot in all runs.

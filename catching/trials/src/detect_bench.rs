@@ -13,8 +13,8 @@ use tactnet_catching_world::{Pictures, Truth, World, WorldConfig};
 
 use crate::error::TrialError;
 use crate::perception::{isometry, known_pose};
-use crate::quantiles::Quantiles;
 use crate::stepped_time::{nanoseconds, ticks, world_seed};
+use tactnet_plot::Quantiles;
 
 /// Time before a ball is thrown, in s.
 const WAIT: f64 = 0.3;

@@ -12,7 +12,6 @@ use crate::throw_config::ThrowConfig;
 use crate::throw_outcome::ThrowOutcome;
 use crate::trace::Trace;
 
-/// A throw of a row and its trace.
 pub(crate) type RowThrow = (ThrowOutcome, Trace);
 
 impl ThrowConfig {
@@ -35,7 +34,7 @@ impl ThrowConfig {
         };
         let seed = world_seed(seed, number);
         let watching = Watching::default();
-        let mut throw = SimulatedThrow::new(&config, seed, &config.ready(), watching)?;
+        let mut throw = SimulatedThrow::new(&config, seed, watching)?;
         let first = number * length;
         (first..first + length)
             .map(|number| throw.next_of_row(number, oracle))
@@ -108,7 +107,7 @@ mod tests {
             let (end, begin) = (&before.ticks.last().unwrap().angles, &after.ticks[0].angles);
             // The drives lag behind the command when the ball crosses the hand.
             assert!(apart(end, begin) < 0.05, "{}", apart(end, begin));
-            assert!(apart(begin, &config.ready()) > 0.2);
+            assert!(apart(begin, &config.robot.waiting()) > 0.2);
         }
         assert_eq!(row[2].0.number, 2);
     }

@@ -14,15 +14,12 @@ mod eyes;
 mod in_a_row;
 mod look;
 mod look_ahead;
-mod page_parts;
+mod parallel;
 mod peer_circles;
 mod perception;
 mod picture;
 mod plan_bench;
 mod problems;
-mod quantiles {
-    pub(crate) use tactnet_plot::Quantiles;
-}
 mod rally;
 mod safety_bench;
 mod series;

@@ -117,7 +117,7 @@ fn look_about(
                 let measured = &motions.measured;
                 let chest = robot.chest(measured);
                 let head = chest * robot.head(measured);
-                fusion.push(&picture.depth, &head, &own_body(robot, measured, &chest))?;
+                fusion.push(&picture, &head, &own_body(robot, measured, &chest))?;
                 seconds += begun.elapsed().as_secs_f64();
             }
         }
@@ -147,17 +147,21 @@ fn fusion_config(depth: &DepthConfig) -> FusionConfig {
     }
 }
 
-/// Returns the robot's spheres in the inertial frame.
-fn own_body(robot: &Robot, joints: &[f64; JOINTS], chest: &Isometry3<f64>) -> Vec<Sphere> {
-    let still = StillSpheres::new(robot).spheres;
-    let arms = (0..ARMS).flat_map(|arm| {
+/// Returns the spheres of both arms in the chest frame.
+pub(crate) fn arm_spheres(robot: &Robot, joints: &[f64; JOINTS]) -> impl Iterator<Item = Sphere> {
+    (0..ARMS).flat_map(move |arm| {
         let own = joint::ARM[arm].start;
         let q = std::array::from_fn(|i| joints[own + i]);
         ArmSpheres::new(robot, arm).placed(robot, arm, &q)
-    });
+    })
+}
+
+/// Returns the robot's spheres in the inertial frame.
+fn own_body(robot: &Robot, joints: &[f64; JOINTS], chest: &Isometry3<f64>) -> Vec<Sphere> {
+    let still = StillSpheres::new(robot).spheres;
     still
         .into_iter()
-        .chain(arms)
+        .chain(arm_spheres(robot, joints))
         .map(|sphere| Sphere {
             centre: (chest * Point3::from(sphere.centre)).coords,
             ..sphere

@@ -1,11 +1,13 @@
 //! Errors of predictions, compared with the true ball at the hand.
 
-use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, SMatrix, SVector, Vector3};
 use serde::Serialize;
 use tactnet_catching::flight::{DRAG, Flight};
 use tactnet_catching_packets::packets::BallPrediction;
 use tactnet_catching_world::{FlightSample, TICK_NS};
 use tactnet_plot::{chi_square_band, quantile};
+
+use crate::bound::slopes;
 
 /// Time before the catch at which predictions are evaluated, in s.
 pub const AHEAD: f64 = 0.2;
@@ -98,30 +100,18 @@ impl TimedPrediction {
     fn covariance_at(&self, t_ns: u64) -> Matrix3<f64> {
         let ball = &self.prediction;
         let dt = (t_ns as f64 - ball.t_ns as f64) * 1e-9;
-        let at = |state: [f64; 10]| {
-            Flight {
-                p: Vector3::new(state[0], state[1], state[2]),
-                v: Vector3::new(state[3], state[4], state[5]),
-                k: state[6],
-                lift: Vector3::new(state[7], state[8], state[9]),
-            }
-            .after(dt)
-            .p
-        };
-        let state: [f64; 10] = std::array::from_fn(|i| match i {
+        let state = SVector::<f64, 10>::from_fn(|i, _| match i {
             0..3 => ball.p[i],
             3..6 => ball.v[i - 3],
             6 => ball.k,
             _ => ball.lift[i - 7],
         });
-        let mut slopes = SMatrix::<f64, 3, 10>::zeros();
-        for i in 0..10 {
-            let (mut more, mut less) = (state, state);
-            let h = 1e-5;
-            more[i] += h;
-            less[i] -= h;
-            slopes.set_column(i, &((at(more) - at(less)) / (2.0 * h)));
-        }
+        let slopes = slopes(&state, |state| {
+            let three = |first| state.fixed_rows::<3>(first).into_owned();
+            let (p, v, lift) = (three(0), three(3), three(7));
+            let k = state[6];
+            Flight { p, v, k, lift }.after(dt).p
+        });
         let covariance = SMatrix::<f64, 10, 10>::from_fn(|i, k| ball.covariance[i][k]);
         slopes * covariance * slopes.transpose()
     }

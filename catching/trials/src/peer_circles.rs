@@ -13,10 +13,11 @@ use tactnet_catching::Robot;
 use tactnet_catching::flight::{BALL_RADIUS, GRAVITY};
 use tactnet_catching::track::{BallState, Camera, Head, STATES, TrackConfig};
 use tactnet_catching_packets::packets::{BallPrediction, Circles, HeadPose};
+use tactnet_catching_world::CamerasConfig;
 
 use crate::error::TrialError;
 use crate::look_ahead::TimedPrediction;
-use crate::still_head::{Detectors, StillThrow};
+use crate::still_head::{StillThrow, perfect};
 
 /// State of a ball, with its covariance row by row.
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -77,8 +78,8 @@ fn peer_throw(
     seed: u64,
     number: u64,
 ) -> Result<Value, TrialError> {
-    let alone = StillThrow::new(robot, Detectors::Perfect, seed, number)?;
-    let cluttered = StillThrow::new(robot, Detectors::Usual, seed, number)?;
+    let alone = StillThrow::new(robot, perfect(), seed, number)?;
+    let cluttered = StillThrow::new(robot, CamerasConfig::default(), seed, number)?;
     let head = head(&alone.pairs[0].head);
     let rotation: [[f64; 3]; 3] = head.rotation.transpose().into();
     Ok(json!({
@@ -225,7 +226,7 @@ mod tests {
             ..TrackConfig::default()
         };
         for number in 0..3 {
-            let throw = StillThrow::new(&robot, Detectors::Perfect, 2, number).unwrap();
+            let throw = StillThrow::new(&robot, perfect(), 2, number).unwrap();
             let said = throw.track(&robot, config).unwrap().said;
             let filter = filtered(&throw, &robot, config).unwrap().unwrap();
             let mut compared = 0;

@@ -168,11 +168,8 @@ impl Perception {
             }
         }
         if let Some(circles) = &sensed.circles {
-            self.pictures = if truth.balls.iter().any(Option::is_some) {
-                self.pictures + 1
-            } else {
-                0
-            };
+            let flies = truth.balls.iter().any(Option::is_some);
+            self.pictures = if flies { self.pictures + 1 } else { 0 };
             let stamp_ns = match self.eyes {
                 Some(_) => truth.time_ns,
                 None => self.corrections.exposure(circles[0].exposure_ns),
@@ -256,10 +253,8 @@ impl Perception {
         let mut predictions = predictions?;
         self.last = predictions;
         if !self.drag {
-            predictions
-                .balls
-                .iter_mut()
-                .for_each(|ball| (ball.k, ball.lift) = (0.0, [0.0; 3]));
+            let balls = predictions.balls.iter_mut();
+            balls.for_each(|ball| (ball.k, ball.lift) = (0.0, [0.0; 3]));
         }
         Some(Seen {
             predictions,
@@ -306,10 +301,9 @@ fn true_predictions(truth: &Truth, frames: u32) -> BallPredictions {
             p: ball.state.position.into(),
             v: ball.state.velocity.into(),
             k: DRAG,
-            lift: [0.0; 3],
-            covariance: [[0.0; 10]; 10],
             existence: 1.0,
             frames,
+            ..BallPrediction::zeroed()
         };
         predictions.count += 1;
     }

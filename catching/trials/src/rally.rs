@@ -13,7 +13,6 @@ mod player;
 use std::collections::BTreeMap;
 
 use nalgebra::{Rotation3, Vector2, Vector3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
 use tactnet_catching::flight::DRAG;
@@ -24,6 +23,7 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{BallState, Released, WorldConfig};
 
 use crate::error::TrialError;
+use crate::parallel::on_all_cores;
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
 pub use flight::RallyFlight;
@@ -132,12 +132,10 @@ struct Exchange {
     at_2ms: [f64; 2],
 }
 
-/// A game.
 #[derive(Debug, Clone, Default)]
 struct Game {
     exchanges: Vec<Exchange>,
     no_throw: Option<String>,
-    /// Kept flights.
     flights: Vec<RallyFlight>,
 }
 
@@ -151,11 +149,10 @@ impl Rally {
         self.check()?;
         let oracle = CatchSpace::new(&self.robot, true);
         let learnt = self.practise(&oracle)?;
-        let games: Result<Vec<Game>, TrialError> = (0..self.rallies)
-            .into_par_iter()
-            .map(|number| self.play(number as u64, &learnt, &oracle, &done))
-            .collect();
-        Ok(self.report(&games?))
+        let games = on_all_cores(0..self.rallies, |number| {
+            self.play(number as u64, &learnt, &oracle, &done)
+        })?;
+        Ok(self.report(&games))
     }
 
     fn check(&self) -> Result<(), TrialError> {
@@ -206,45 +203,37 @@ impl Rally {
 
     /// Returns the learnt offsets of the aim, by robot and arm.
     fn practise(&self, oracle: &CatchSpace) -> Result<[[[f64; 3]; ARMS]; 2], TrialError> {
-        let mut found = [[[0.0; 3]; ARMS]; 2];
-        let sides: Result<Vec<[f64; 3]>, TrialError> = (0..2 * ARMS)
-            .into_par_iter()
-            .map(|number| {
-                let arm = number % ARMS;
-                let seed =
-                    |side: usize| world_seed(self.seed, PRACTICE + (2 * number + side) as u64);
-                let mut players = [self.player(seed(0))?, self.player(seed(1))?];
-                let mut before = [0.0; 3];
-                for number in 0..self.config.practice {
-                    let [thrower, catcher] = &mut players;
-                    thrower.world.give(arm)?;
-                    let throw = match thrower.throw(arm) {
-                        // No throw is possible with this offset, so the previous aim stays.
-                        Err(TrialError::Throw(_)) if number > 0 => {
-                            thrower.thrower().settings.beside[arm] = before;
-                            break;
-                        }
-                        throw => throw?,
-                    };
-                    before = thrower.thrower().settings.beside[arm];
-                    let released = self.handed_over(&throw.released);
-                    let catch = catcher.catch(&released, &self.config.target, oracle)?;
-                    if let Some(beside) = catch.beside {
-                        // The catcher looks in the opposite direction.
-                        let aim = &mut thrower.thrower().settings.beside[arm];
-                        aim[0] += beside.x * self.config.gain;
-                        aim[1] += beside.y * self.config.gain;
+        let sides = on_all_cores(0..2 * ARMS, |number| {
+            let arm = number % ARMS;
+            let seed = |side: usize| world_seed(self.seed, PRACTICE + (2 * number + side) as u64);
+            let mut players = [self.player(seed(0))?, self.player(seed(1))?];
+            let mut before = [0.0; 3];
+            for number in 0..self.config.practice {
+                let [thrower, catcher] = &mut players;
+                thrower.world.give(arm)?;
+                let throw = match thrower.throw(arm) {
+                    // No throw is possible with this offset, so the previous aim stays.
+                    Err(TrialError::Throw(_)) if number > 0 => {
+                        thrower.thrower().settings.beside[arm] = before;
+                        break;
                     }
-                    (0..ARMS).for_each(|arm| catcher.world.take(arm));
-                    thrower.rest()?;
+                    throw => throw?,
+                };
+                before = thrower.thrower().settings.beside[arm];
+                let released = self.handed_over(&throw.released);
+                let catch = catcher.catch(&released, &self.config.target, oracle)?;
+                if let Some(beside) = catch.beside {
+                    // The catcher looks in the opposite direction.
+                    let aim = &mut thrower.thrower().settings.beside[arm];
+                    aim[0] += beside.x * self.config.gain;
+                    aim[1] += beside.y * self.config.gain;
                 }
-                Ok(players[0].thrower().settings.beside[arm])
-            })
-            .collect();
-        for (number, learnt) in sides?.into_iter().enumerate() {
-            found[number / ARMS][number % ARMS] = learnt;
-        }
-        Ok(found)
+                (0..ARMS).for_each(|arm| catcher.world.take(arm));
+                thrower.rest()?;
+            }
+            Ok(players[0].thrower().settings.beside[arm])
+        })?;
+        Ok([0, 1].map(|side| std::array::from_fn(|arm| sides[side * ARMS + arm])))
     }
 
     /// Returns both robots of a game, with their learnt offsets.

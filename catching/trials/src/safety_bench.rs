@@ -56,10 +56,8 @@ pub struct PeerHulls {
     pub distance: f64,
 }
 
-/// Result of a random motion.
+/// Result of a random motion that begins with distances above the margin.
 struct Judged {
-    /// True if the distances at the start exceed the margin.
-    begun: bool,
     go: bool,
     /// Minimum distance while braking, in m.
     least: f64,
@@ -72,7 +70,7 @@ impl SafetyBench {
     pub fn run(&self, robot: &Robot, progress: impl Fn(usize) + Sync) -> SafetyReport {
         let bodies = Bodies::new(robot.description());
         let done = std::sync::atomic::AtomicUsize::new(0);
-        let judged: Vec<Judged> = (0..self.motions)
+        let judged: Vec<Option<Judged>> = (0..self.motions)
             .into_par_iter()
             .map(|number| {
                 let judged = self.judge(robot, &bodies, number);
@@ -83,7 +81,7 @@ impl SafetyBench {
                 judged
             })
             .collect();
-        let begun = || judged.iter().filter(|judged| judged.begun);
+        let begun = || judged.iter().flatten();
         let free = |judged: &&Judged| judged.least >= MonitorConfig::default().margin;
         SafetyReport {
             motions: self.motions,
@@ -131,23 +129,16 @@ impl SafetyBench {
         peers.collect()
     }
 
-    fn judge(&self, robot: &Robot, bodies: &Bodies, number: usize) -> Judged {
+    fn judge(&self, robot: &Robot, bodies: &Bodies, number: usize) -> Option<Judged> {
         let command = self.command(robot.joints(), number);
         if bodies.least(&command.q) < MonitorConfig::default().margin {
-            return Judged {
-                begun: false,
-                go: false,
-                least: 0.0,
-            };
+            return None;
         }
         let mut monitor = monitor(robot, bodies, &command);
-        let ruling = monitor.judge(&command);
-        let least = monitor.least_while_braking(&command);
-        Judged {
-            begun: true,
-            go: ruling.go,
-            least,
-        }
+        Some(Judged {
+            go: monitor.judge(&command).go,
+            least: monitor.least_while_braking(&command),
+        })
     }
 
     /// Returns a random pose with a random velocity.

@@ -10,7 +10,6 @@ mod row;
 use std::collections::BTreeMap;
 use std::fmt;
 
-use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::coordinate::assign;
 use tactnet_catching_packets::ARMS;
@@ -21,15 +20,15 @@ use crate::ablation::Ablation;
 use crate::bound::Bound;
 use crate::error::TrialError;
 use crate::look_ahead::{LookAhead, PredictionErrors};
-use crate::page_parts::percent;
+use crate::parallel::on_all_cores;
 use crate::throw::Watching;
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 use crate::trace::Trace;
 use crate::watch::Braked;
-use tactnet_catching::CatchSpace;
 use tactnet_catching::ChainDelays;
 use tactnet_catching::plan::Objective;
+use tactnet_plot::report::percent;
 use tactnet_plot::wilson_of_counts;
 
 pub use fingers::FingersReport;
@@ -116,7 +115,7 @@ impl SeriesReport {
     /// Returns the number of the first completely caught throw, or of the first throw.
     fn drawn(&self) -> Option<u64> {
         let mut outcomes = self.outcomes.iter();
-        let caught = outcomes.find(|outcome| outcome.balls.iter().all(BallOutcome::caught));
+        let caught = outcomes.find(|outcome| outcome.all_caught());
         Some(caught.or(self.outcomes.first())?.number)
     }
 }
@@ -195,17 +194,14 @@ impl Series {
     /// # Errors
     /// Same as [`Series::run`].
     pub fn again(&self, number: u64, after: f64) -> Result<Trace, TrialError> {
-        let oracle = CatchSpace::new(&self.config.robot, self.config.moves_lower_body());
-        let ready = self.config.ready();
+        let oracle = self.config.oracle();
         let watching = Watching {
             trace: Some(Trace::default()),
             after,
             ..Watching::default()
         };
-        let simulated = self
-            .config
-            .simulate(self.seed, number, &ready, &oracle, watching);
-        Ok(simulated?.1.unwrap_or_default())
+        let simulated = self.config.simulate(self.seed, number, &oracle, watching)?;
+        Ok(simulated.1.unwrap_or_default())
     }
 
     /// Runs all throws on all cores; `done` is called after each. The result does not depend on the number of cores.
@@ -213,17 +209,13 @@ impl Series {
     /// # Errors
     /// Invalid settings of the world.
     pub fn run(&self, done: impl Fn() + Sync) -> Result<SeriesReport, TrialError> {
-        let ready = self.config.ready();
-        let oracle = CatchSpace::new(&self.config.robot, self.config.moves_lower_body());
-        let outcomes: Result<Vec<ThrowOutcome>, TrialError> = (0..self.throws)
-            .into_par_iter()
-            .map(|number| {
-                let outcome = self.config.run(self.seed, number, &ready, &oracle, None);
-                done();
-                outcome
-            })
-            .collect();
-        Ok(self.report(outcomes?))
+        let oracle = self.config.oracle();
+        let outcomes = on_all_cores(0..self.throws, |number| {
+            let outcome = self.config.run(self.seed, number, &oracle, None);
+            done();
+            outcome
+        })?;
+        Ok(self.report(outcomes))
     }
 
     /// Runs all throws among obstacles, and again with a robot that does not look around; `done` is called after
@@ -315,7 +307,7 @@ impl CatchCounts {
     fn of(outcomes: &[ThrowOutcome]) -> Self {
         let mut counts = Self::default();
         for outcome in outcomes {
-            let all = outcome.balls.iter().all(BallOutcome::caught);
+            let all = outcome.all_caught();
             counts.caught_of_all += usize::from(all);
             if !both_possible(&outcome.balls) {
                 continue;

@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
+use bytemuck::Zeroable;
 use tactnet_catching::Robot;
 use tactnet_catching::calibrate::Corrections;
 use tactnet_catching::control::{ControlConfig, ControlInputs, ControlLoop};
@@ -41,7 +42,6 @@ const SETTLES: f64 = 3.0;
 /// Timeout of the controller without verdicts of the safety monitor, in ns, as in the live settings.
 const PATIENCE_NS: u64 = 50_000_000;
 
-/// Stack of a robot.
 pub(crate) struct SteppedStack {
     pub perception: Perception,
     coordinator: Coordinator,
@@ -112,13 +112,8 @@ impl SteppedStack {
         let mut control = ControlLoop::new(corrections.clone(), control(config));
         control.wait_in(ready);
         let planners = config.planners(&robot);
-        let begun = JointState {
-            number: 0,
-            sensor_ns: 0,
-            q: corrections.sensors(&ready),
-            dq: [0.0; JOINTS],
-            tau: [0.0; JOINTS],
-        };
+        let mut begun = JointState::zeroed();
+        begun.q = corrections.sensors(&ready);
         let safety = SafetyWatch::new(corrections.clone());
         let mut coordinator = Coordinator::new(corrections, config.coordination(), phases);
         coordinator.wait_in(ready, room);
@@ -192,10 +187,9 @@ impl SteppedStack {
         let commands = self.control(now_ns);
         let seen = self.perception.predictions(now_ns);
         self.said.extend(seen.iter().flat_map(Seen::said));
-        let mut results = Vec::new();
-        while let Some((_, result)) = self.results.pop_front_if(|(due_ns, _)| *due_ns <= now_ns) {
-            results.push(result);
-        }
+        let next = || self.results.pop_front_if(|(due_ns, _)| *due_ns <= now_ns);
+        let results = std::iter::from_fn(next).map(|(_, result)| result);
+        let results: Vec<PlanResult> = results.collect();
         let inputs = CoordinatorInputs {
             joints: self.perception.joints(),
             head: self.perception.head(),

@@ -20,27 +20,12 @@ use crate::stepped_time::{nanoseconds, ticks, world_seed};
 /// Time with pictures before the throw in s, in which there is only clutter.
 const WAIT: f64 = 0.2;
 
-/// Quality of the circle detector.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Detectors {
-    /// Every ball is found, without false detections.
-    Perfect,
-    /// The world's default: some balls are missed, and there is clutter.
-    Usual,
-}
-
-impl Detectors {
-    /// Returns the settings of the world.
-    pub fn cameras(self) -> CamerasConfig {
-        let usual = CamerasConfig::default();
-        match self {
-            Self::Perfect => CamerasConfig {
-                detection: 1.0,
-                clutter: 0.0,
-                ..usual
-            },
-            Self::Usual => usual,
-        }
+/// Returns a circle detector that finds every ball, without false detections.
+pub(crate) fn perfect() -> CamerasConfig {
+    CamerasConfig {
+        detection: 1.0,
+        clutter: 0.0,
+        ..CamerasConfig::default()
     }
 }
 
@@ -81,13 +66,13 @@ pub(crate) struct Tracked {
 
 impl StillThrow {
     /// Throws ball `number` of a series. Robot and torso are rigid, and only the ball moves. The same number gives
-    /// the same flight for all detectors.
+    /// the same flight for all settings of the detector.
     ///
     /// # Errors
     /// An invalid description of the robot.
     pub fn new(
         robot: &Robot,
-        detectors: Detectors,
+        cameras: CamerasConfig,
         seed: u64,
         number: u64,
     ) -> Result<Self, TrialError> {
@@ -96,7 +81,7 @@ impl StillThrow {
                 stiffness: Stiffness::Rigid,
                 ..TorsoConfig::default()
             },
-            cameras: detectors.cameras(),
+            cameras,
             ..WorldConfig::default()
         };
         let seed = world_seed(seed, number);
@@ -236,7 +221,7 @@ mod tests {
     fn objects_at_rest_are_no_balls() {
         let robot = Robot::nominal();
         let [throw, other] = [5, 6].map(|seed| {
-            let throw = StillThrow::new(&robot, Detectors::Perfect, seed, 0);
+            let throw = StillThrow::new(&robot, perfect(), seed, 0);
             throw.unwrap()
         });
         let shows_one = |pair: &&Pair| pair.circles.iter().all(|circles| circles.count == 1);
@@ -313,7 +298,7 @@ mod tests {
 
     #[test]
     fn the_order_of_circles_does_not_matter() {
-        let throw = StillThrow::new(&Robot::nominal(), Detectors::Usual, 5, 0).unwrap();
+        let throw = StillThrow::new(&Robot::nominal(), CamerasConfig::default(), 5, 0).unwrap();
         let (mut forward, mut backward) = (tracker(), tracker());
         for pair in &throw.pairs {
             let mut turned = pair.clone();
@@ -327,7 +312,7 @@ mod tests {
 
     #[test]
     fn pictures_that_are_none_are_refused_and_the_next_ones_taken() {
-        let throw = StillThrow::new(&Robot::nominal(), Detectors::Perfect, 7, 0).unwrap();
+        let throw = StillThrow::new(&Robot::nominal(), perfect(), 7, 0).unwrap();
         let mut tracker = tracker();
         let mut last = 0;
         for pair in &throw.pairs {

@@ -16,7 +16,7 @@ use crate::stepped_time::{ticks, world_seed};
 use crate::throw_config::{Mapping, ThrowConfig};
 use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
 use crate::trace::{Trace, TracePlan};
-use crate::watch::{Braked, Watch};
+use crate::watch::{Braked, watch};
 
 /// Standstill before the throw in s, in which the pose estimator determines the bias of the inertial unit.
 const REST: f64 = 1.0;
@@ -61,7 +61,6 @@ impl ThrowConfig {
         &self,
         seed: u64,
         number: u64,
-        ready: &[f64; JOINTS],
         oracle: &CatchSpace,
         steps: Option<&mut StepObserver<'_>>,
     ) -> Result<ThrowOutcome, TrialError> {
@@ -69,7 +68,7 @@ impl ThrowConfig {
             steps: steps.map(|steps| steps as &mut StepObserver<'_>),
             ..Watching::default()
         };
-        let simulated = self.simulate(seed, number, ready, oracle, watching);
+        let simulated = self.simulate(seed, number, oracle, watching);
         simulated.map(|(outcome, _)| outcome)
     }
 
@@ -78,11 +77,10 @@ impl ThrowConfig {
         &'a self,
         seed: u64,
         number: u64,
-        ready: &[f64; JOINTS],
         oracle: &CatchSpace,
         watching: Watching<'a>,
     ) -> Result<(ThrowOutcome, Option<Trace>), TrialError> {
-        let mut throw = SimulatedThrow::new(self, world_seed(seed, number), ready, watching)?;
+        let mut throw = SimulatedThrow::new(self, world_seed(seed, number), watching)?;
         let braked = throw.run();
         let mut outcome = ThrowOutcome {
             number,
@@ -103,12 +101,12 @@ impl<'a> SimulatedThrow<'a> {
     pub fn new(
         config: &'a ThrowConfig,
         seed: u64,
-        ready: &[f64; JOINTS],
         mut watching: Watching<'a>,
     ) -> Result<Self, TrialError> {
-        let (world, looked) = begin(config, seed, &config.corrections().sensors(ready))?;
+        let ready = config.robot.waiting();
+        let (world, looked) = begin(config, seed, &config.corrections().sensors(&ready))?;
         let ready = match config.mapping {
-            Mapping::Off => *ready,
+            Mapping::Off => ready,
             Mapping::Blind | Mapping::Depth => looked.joints,
         };
         if let Some(trace) = &mut watching.trace {
@@ -136,7 +134,7 @@ impl<'a> SimulatedThrow<'a> {
         };
         let first_tick = self.world.time_ns() / TICK_NS;
         let rest_ticks = first_tick + ticks(rest);
-        let mut watch = config.watch.then(Watch::default);
+        let mut braked = None;
         let longest = if config.watch { LONGEST_BACK } else { LONGEST };
         let mut judged_tick = None;
         for tick in first_tick..rest_ticks + ticks(longest) {
@@ -145,20 +143,20 @@ impl<'a> SimulatedThrow<'a> {
             }
             let commands = self.tick();
             let mode = self.stack.mode();
-            if let Some(watch) = &mut watch {
+            if config.watch {
                 let since = (tick as f64 - rest_ticks as f64) * 1e-3;
                 let (safety, verdict) = (self.stack.safety(), &commands.verdict);
-                watch.look(safety, &commands.joints, verdict, mode, since);
+                watch(&mut braked, safety, &commands.joints, verdict, mode, since);
             }
             if tick > rest_ticks && self.is_judged() {
                 let judged_tick = *judged_tick.get_or_insert(tick);
                 let shown = tick >= judged_tick + ticks(self.watching.after);
-                if shown && (watch.is_none() || mode == Some(ControllerMode::Ready)) {
+                if shown && (!config.watch || mode == Some(ControllerMode::Ready)) {
                     break;
                 }
             }
         }
-        watch.and_then(|watch| watch.braked)
+        braked
     }
 
     /// Throws the next balls.

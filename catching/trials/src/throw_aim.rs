@@ -2,7 +2,6 @@
 //! the next.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::throw::ThrowPlanConfig;
@@ -11,6 +10,7 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{WorldConfig, down_to};
 
 use crate::error::TrialError;
+use crate::parallel::on_all_cores;
 use crate::rally::{Player, Throw, with_turn};
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
@@ -75,22 +75,21 @@ impl ThrowAim {
         let mut aim = self.beside;
         let mut rounds = Vec::new();
         for round in 0..=self.practice {
-            let missed: Result<Vec<Vector3<f64>>, TrialError> = (0..self.throws)
-                .into_par_iter()
-                .map(|number| {
-                    let seed = world_seed(self.seed, (round * self.throws + number) as u64);
-                    let missed = self.miss(&description, number % ARMS, aim, seed);
-                    done();
-                    missed
-                })
-                .collect();
+            let missed = on_all_cores(0..self.throws, |number| {
+                let seed = world_seed(self.seed, (round * self.throws + number) as u64);
+                let missed = self.miss(&description, number % ARMS, aim, seed);
+                done();
+                missed
+            });
             let missed = match missed {
                 // No throw is possible with this offset, so the previous aim stays.
                 Err(TrialError::Throw(_)) if round > 0 => break,
                 missed => missed?,
             };
-            let mean: [Vector3<f64>; ARMS] =
-                std::array::from_fn(|arm| mean(missed.iter().skip(arm).step_by(ARMS)));
+            let mean: [Vector3<f64>; ARMS] = std::array::from_fn(|arm| {
+                let own = missed.iter().skip(arm).step_by(ARMS);
+                own.clone().sum::<Vector3<f64>>() / own.len().max(1) as f64
+            });
             let mut sorted: Vec<f64> = missed.iter().map(|missed| 1e3 * missed.norm()).collect();
             sorted.sort_by(f64::total_cmp);
             rounds.push(AimRound {
@@ -148,15 +147,6 @@ impl ThrowAim {
         let throw = player.throw(arm)?;
         Ok((player, throw))
     }
-}
-
-fn mean<'a>(all: impl Iterator<Item = &'a Vector3<f64>>) -> Vector3<f64> {
-    let (mut sum, mut count) = (Vector3::zeros(), 0);
-    for each in all {
-        sum += each;
-        count += 1;
-    }
-    sum / f64::from(count.max(1))
 }
 
 #[cfg(test)]

@@ -3,10 +3,8 @@
 
 use std::time::Instant;
 
-use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
-use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{
     Aim, Swing, THROW_JOINTS, ThrowJoints, ThrowPlan, ThrowPlanConfig, ThrowRequest, Thrower,
 };
@@ -16,6 +14,7 @@ use tactnet_catching_packets::{ARMS, RobotDescription};
 use tactnet_catching_world::{WorldConfig, down_to};
 
 use crate::error::TrialError;
+use crate::parallel::on_all_cores;
 use crate::rally::{Player, lost, with_turn};
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
@@ -112,15 +111,11 @@ impl ThrowBench {
         let plan = self.plan(&description, ARMS - 1)?;
         let (shares, given) = (plan.shares_of_speed(&robot), by_joint(&plan, &robot));
         // The last three throws have no jitter: on time, late and early.
-        let flown: Result<Vec<Flown>, TrialError> = (0..self.throws + 3)
-            .into_par_iter()
-            .map(|number| {
-                let flown = self.fly(&description, number);
-                done();
-                flown
-            })
-            .collect();
-        let flown = flown?;
+        let flown = on_all_cores(0..self.throws + 3, |number| {
+            let flown = self.fly(&description, number);
+            done();
+            flown
+        })?;
         let (usual, exact) = flown.split_at(self.throws);
         let lengths = || usual.iter().map(|flown| flown.length);
         let mean = |of: &dyn Fn(&Flown) -> f64| {
@@ -167,12 +162,7 @@ impl ThrowBench {
     fn plan(&self, description: &RobotDescription, arm: usize) -> Result<ThrowPlan, TrialError> {
         let robot = Robot::new(description.clone());
         let thrower = Thrower::new(&robot, ThrowPlanConfig::default());
-        Ok(thrower.plan(&ThrowRequest {
-            holding: Some(arm),
-            aim: self.aim(),
-            drag: DRAG,
-            last: None,
-        })?)
+        Ok(thrower.plan(&ThrowRequest::new(arm, self.aim()))?)
     }
 
     fn aim(&self) -> Aim {

@@ -3,8 +3,8 @@
 use tactnet_catching::calibrate::{Calibration, Corrections};
 use tactnet_catching::coordinate::{CoordinatorConfig, NextPose};
 use tactnet_catching::plan::{Objective, PlanConfig, Planner};
-use tactnet_catching::{ChainDelays, Robot};
-use tactnet_catching_packets::{ARMS, JOINTS};
+use tactnet_catching::{CatchSpace, ChainDelays, Robot};
+use tactnet_catching_packets::ARMS;
 use tactnet_catching_world::WorldConfig;
 
 use crate::ablation::Ablation;
@@ -90,9 +90,9 @@ impl ThrowConfig {
         self.balls == 1 && !self.is_without(Ablation::LowerBody)
     }
 
-    /// Returns the joint positions of the waiting pose.
-    pub fn ready(&self) -> [f64; JOINTS] {
-        self.robot.waiting()
+    /// Returns the catch space of the robot with knowledge of the true flight.
+    pub(crate) fn oracle(&self) -> CatchSpace {
+        CatchSpace::new(&self.robot, self.moves_lower_body())
     }
 
     /// Returns the corrections of measurements and commands by the calibration.
@@ -103,11 +103,7 @@ impl ThrowConfig {
     pub(crate) fn planners(&self, robot: &Robot) -> [Planner; ARMS] {
         let all = PlanConfig::default();
         let config = PlanConfig {
-            starts: if self.is_without(Ablation::Multistart) {
-                1
-            } else {
-                all.starts
-            },
+            starts: [all.starts, 1][usize::from(self.is_without(Ablation::Multistart))],
             ..all
         };
         std::array::from_fn(|arm| Planner::new(robot, arm, config))

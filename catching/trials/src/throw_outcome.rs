@@ -52,6 +52,18 @@ pub struct ThrowOutcome {
     pub braked: Option<Braked>,
 }
 
+impl ThrowOutcome {
+    /// Returns true if all balls were caught.
+    pub(crate) fn all_caught(&self) -> bool {
+        self.balls.iter().all(BallOutcome::caught)
+    }
+
+    /// Returns true if the robot touched anything.
+    pub(crate) fn touched(&self) -> bool {
+        self.obstacles.is_some_and(|among| among.contacts.ticks > 0)
+    }
+}
+
 /// Result of a throw in which the robot looked around.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AmongObstacles {

@@ -1,13 +1,14 @@
 //! Benchmark of the tracker: accuracy and computation time, with an exactly known head at rest.
 
-use rayon::prelude::*;
 use serde::Serialize;
 use tactnet_catching::Robot;
 use tactnet_catching::track::TrackConfig;
 
 use crate::error::TrialError;
 use crate::look_ahead::{LookAhead, PredictionErrors};
-use crate::still_head::{Detectors, StillThrow};
+use crate::parallel::on_all_cores;
+use crate::still_head::{StillThrow, perfect};
+use tactnet_catching_world::CamerasConfig;
 use tactnet_plot::Quantiles;
 
 /// Number of throws that are simulated in parallel before the tracker runs on them sequentially.
@@ -71,20 +72,19 @@ impl TrackBench {
         robot: &Robot,
         mut progress: impl FnMut(usize),
     ) -> Result<TrackReport, TrialError> {
-        const KINDS: [Detectors; 2] = [Detectors::Perfect, Detectors::Usual];
+        let kinds = [perfect(), CamerasConfig::default()];
         let mut kept: [Kept; 2] = std::array::from_fn(|_| Kept::default());
         let mut done = 0;
         while done < self.throws {
             let wanted = (self.throws - done).min(TOGETHER);
-            let thrown: Result<Vec<[StillThrow; 2]>, TrialError> = (done..done + wanted)
-                .into_par_iter()
-                .map(|number| {
-                    let of = |kind| StillThrow::new(robot, kind, self.seed, number as u64);
-                    Ok([of(KINDS[0])?, of(KINDS[1])?])
-                })
-                .collect();
+            let thrown = on_all_cores(done..done + wanted, |number| {
+                let of = |kind: &CamerasConfig| {
+                    StillThrow::new(robot, kind.clone(), self.seed, number as u64)
+                };
+                Ok([of(&kinds[0])?, of(&kinds[1])?])
+            })?;
             // Sequential, because it is timed.
-            for throws in &thrown? {
+            for throws in &thrown {
                 for (throw, kept) in throws.iter().zip(&mut kept) {
                     kept.add(throw, robot, self.config)?;
                 }
@@ -96,8 +96,8 @@ impl TrackBench {
         Ok(TrackReport {
             throws: done,
             seed: self.seed,
-            without_clutter: without_clutter.figures(KINDS[0]),
-            with_clutter: with_clutter.figures(KINDS[1]),
+            without_clutter: without_clutter.figures(&kinds[0]),
+            with_clutter: with_clutter.figures(&kinds[1]),
         })
     }
 }
@@ -123,8 +123,7 @@ impl Kept {
         Ok(())
     }
 
-    fn figures(self, kind: Detectors) -> TrackFigures {
-        let cameras = kind.cameras();
+    fn figures(self, cameras: &CamerasConfig) -> TrackFigures {
         TrackFigures {
             clutter: cameras.clutter,
             detection: cameras.detection,
@@ -138,7 +137,7 @@ impl Kept {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::page_parts::tests::on_threads;
+    use crate::parallel::on_threads;
 
     fn run(throws: usize, threads: usize) -> TrackReport {
         let bench = TrackBench {

@@ -23,8 +23,6 @@ pub struct Braked {
     pub since: f64,
     /// Bodies that the monitor considers too close.
     pub bodies: [&'static str; 2],
-    /// Minimum distance of all pairs of bodies if the robot had braked, in m.
-    pub braked_apart: f64,
     /// True for a false stop: braking would have kept all distances above the margin.
     pub in_vain: bool,
     /// Minimum distance of all pairs of bodies until the end of the phase, checked every millisecond, in m.
@@ -38,39 +36,32 @@ impl Braked {
     }
 }
 
-/// First stop of a throw.
-#[derive(Debug, Default)]
-pub(crate) struct Watch {
-    pub braked: Option<Braked>,
-}
-
-impl Watch {
-    /// Takes the verdict on a command, `since` seconds after the throw.
-    pub fn look(
-        &mut self,
-        safety: &SafetyWatch,
-        command: &JointCommand,
-        verdict: &SafetyState,
-        mode: Option<ControllerMode>,
-        since: f64,
-    ) {
-        let motion = match mode {
-            Some(ControllerMode::GoingBack) => Motion::Back,
-            _ => Motion::Out,
-        };
-        if verdict.go == 0 && self.braked.is_none() {
-            let least = safety.least_while_braking(command);
-            self.braked = Some(Braked {
-                motion,
-                since,
-                bodies: safety.bodies(verdict),
-                braked_apart: least,
-                in_vain: least >= MonitorConfig::default().margin,
-                carried_on: f64::INFINITY,
-            });
-        }
-        if let Some(braked) = self.braked.as_mut().filter(|one| one.motion == motion) {
-            braked.carried_on = braked.carried_on.min(safety.least(command));
-        }
+/// Records the first verdict that brakes, and how near the bodies come if the same motion carries on.
+///
+/// - `since`: time since the throw, in s
+pub(crate) fn watch(
+    braked: &mut Option<Braked>,
+    safety: &SafetyWatch,
+    command: &JointCommand,
+    verdict: &SafetyState,
+    mode: Option<ControllerMode>,
+    since: f64,
+) {
+    let motion = match mode {
+        Some(ControllerMode::GoingBack) => Motion::Back,
+        _ => Motion::Out,
+    };
+    if verdict.go == 0 && braked.is_none() {
+        let least = safety.least_while_braking(command);
+        *braked = Some(Braked {
+            motion,
+            since,
+            bodies: safety.bodies(verdict),
+            in_vain: least >= MonitorConfig::default().margin,
+            carried_on: f64::INFINITY,
+        });
+    }
+    if let Some(braked) = braked.as_mut().filter(|one| one.motion == motion) {
+        braked.carried_on = braked.carried_on.min(safety.least(command));
     }
 }

@@ -56,7 +56,6 @@ pub struct BallState {
 pub(crate) struct Aerodynamics {
     /// Gravity minus buoyancy per effective mass, in m/s^2.
     gravity: f64,
-    /// Drag coefficient.
     pub(crate) coefficient: f64,
     /// Drag per effective mass, in 1/m.
     drag: f64,

@@ -18,7 +18,6 @@ use crate::planted::{CameraErrors, PlantedErrors, StampDelay};
 use crate::robot::FrameMotion;
 use crate::stream::{Stream, picture};
 
-/// Number of cameras.
 pub(crate) const CAMERAS: usize = 2;
 /// Minimum and maximum detector response to a ball.
 const BALL_RESPONSE: [f64; 2] = [0.75, 0.98];
@@ -42,22 +41,13 @@ tactnet_catching_packets::settings! {
     }
 }
 
-/// Mounting of a camera.
-#[derive(Debug, Clone, Copy)]
-struct Mount {
-    /// Position in the head frame, in m.
-    eye: Vector3<f64>,
-    /// Rotation from the camera frame to the head frame.
-    turn: Matrix3<f64>,
-}
-
-/// Both cameras.
 #[derive(Debug, Clone)]
 pub(crate) struct Cameras {
     config: CamerasConfig,
     clutter: Option<Poisson<f64>>,
     optics: Optics,
-    mounts: [Mount; CAMERAS],
+    /// Positions in the head frame in m, and rotations from the camera frames to the head frame.
+    mounts: [(Vector3<f64>, Matrix3<f64>); CAMERAS],
     errors: [CameraErrors; CAMERAS],
     /// Delay of the timestamps.
     late: StampDelay,
@@ -81,13 +71,11 @@ impl Cameras {
         let errors = errors.each_camera(seed);
         let mounts = std::array::from_fn(|camera| {
             let side = optics.baseline * (0.5 - camera as f64);
-            Mount {
-                eye: centre
-                    + turn * Vector3::new(0.0, side, 0.0)
-                    + Vector3::from(optics.shifts[camera])
-                    + errors[camera].shift,
-                turn: turn * errors[camera].turn,
-            }
+            let eye = centre
+                + turn * Vector3::new(0.0, side, 0.0)
+                + Vector3::from(optics.shifts[camera])
+                + errors[camera].shift;
+            (eye, turn * errors[camera].turn)
         });
         Self {
             mounts,
@@ -142,10 +130,8 @@ impl Cameras {
                 let circle = self.no_ball(&mut rng);
                 push(&mut circles, circle);
             }
-            shuffle(
-                &mut circles,
-                &mut Stream::Order.rng(self.seed, picture(self.frame, camera, 0)),
-            );
+            let mut rng = Stream::Order.rng(self.seed, picture(self.frame, camera, 0));
+            shuffle(&mut circles, &mut rng);
             circles
         });
         self.frame += 1;
@@ -155,8 +141,7 @@ impl Cameras {
     /// Returns the position of a camera in m and the rotation from its frame (x along the optical axis), both in the
     /// head frame.
     pub(crate) fn mount(&self, camera: usize) -> (Vector3<f64>, Matrix3<f64>) {
-        let Mount { eye, turn } = self.mounts[camera];
-        (eye, turn)
+        self.mounts[camera]
     }
 
     /// Returns the number of the latest pictures.
@@ -262,7 +247,8 @@ impl Cameras {
     }
 }
 
-fn evenly([low, high]: [f64; 2], rng: &mut ChaCha8Rng) -> f64 {
+/// Draws a number from an interval.
+pub(crate) fn evenly([low, high]: [f64; 2], rng: &mut ChaCha8Rng) -> f64 {
     low + (high - low) * rng.random::<f64>()
 }
 

@@ -1,7 +1,5 @@
 //! Contacts of the robot with obstacles, computed from the true state at the end of every tick.
 
-use nalgebra::Vector3;
-
 use crate::kinematics::{BODIES, Place};
 use crate::obstacles::StandingBox;
 use crate::shape::{CAPSULES, Capsule};
@@ -34,12 +32,8 @@ impl Contacts {
     pub(crate) fn take(&mut self, contact: Contact) {
         self.ticks += 1;
         self.first.get_or_insert(contact);
-        if self
-            .deepest
-            .is_none_or(|deepest| contact.depth_m > deepest.depth_m)
-        {
-            self.deepest = Some(contact);
-        }
+        let stays = |deepest: &Contact| contact.depth_m <= deepest.depth_m;
+        self.deepest = self.deepest.filter(stays).or(Some(contact));
     }
 }
 
@@ -57,8 +51,7 @@ pub(crate) fn deepest(
             if standing.distance(&placed.middle()) > placed.reach() {
                 continue;
             }
-            let [from, to] = &placed.ends;
-            let depth_m = placed.radius - standing.distance_of_segment(from, to);
+            let depth_m = placed.radius - standing.distance_of_segment(&placed.ends);
             if depth_m > 0.0 && deepest.is_none_or(|deepest| depth_m > deepest.depth_m) {
                 deepest = Some(Contact {
                     at_ns,
@@ -81,8 +74,7 @@ pub(crate) fn is_clear_of(
 ) -> bool {
     capsules.iter().all(|capsule| {
         let placed = capsule.placed(places);
-        let [from, to]: &[Vector3<f64>; 2] = &placed.ends;
-        standing.distance_of_segment(from, to) > placed.radius + apart
+        standing.distance_of_segment(&placed.ends) > placed.radius + apart
     })
 }
 

@@ -44,7 +44,7 @@ tactnet_catching_packets::settings! {
 }
 
 impl DepthConfig {
-    /// Renders a depth picture.
+    /// Renders a depth picture: the depth along the optical axis in m, row by row from the top left; 0 is invalid.
     ///
     /// - `number`: number of the picture, which selects its noise
     pub(crate) fn take(
@@ -54,7 +54,7 @@ impl DepthConfig {
         head: &FrameMotion,
         boxes: &[StandingBox],
         own: &[PlacedCapsule],
-    ) -> DepthPicture {
+    ) -> Vec<f32> {
         let (width, height) = (self.width as usize, self.height as usize);
         let view = View {
             origin: head.position + head.rotation * Vector3::from(self.position),
@@ -67,15 +67,11 @@ impl DepthConfig {
         for row in 0..height {
             for column in 0..width {
                 let direction = view.direction(column, row);
-                let mut nearest = f64::INFINITY;
-                if direction.z < 0.0 {
-                    nearest = -view.origin.z / direction.z;
-                }
-                for standing in boxes {
-                    if let Some(t) = standing.on_ray(&view.origin, &direction) {
-                        nearest = nearest.min(t);
-                    }
-                }
+                let floor = (direction.z < 0.0).then(|| -view.origin.z / direction.z);
+                let hits = boxes
+                    .iter()
+                    .filter_map(|standing| standing.on_ray(&view.origin, &direction));
+                let nearest = hits.fold(floor.unwrap_or(f64::INFINITY), f64::min);
                 depth[row * width + column] = nearest as f32;
             }
         }
@@ -91,11 +87,7 @@ impl DepthConfig {
             }
         }
         self.spoil(seed, number, &mut depth);
-        DepthPicture {
-            width,
-            height,
-            depth,
-        }
+        depth
     }
 
     /// Adds noise and invalid pixels.
@@ -126,17 +118,6 @@ impl DepthConfig {
             };
         }
     }
-}
-
-/// A depth picture.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DepthPicture {
-    /// Width in pixels.
-    pub width: usize,
-    /// Height in pixels.
-    pub height: usize,
-    /// Depth along the optical axis in m, row by row from the top left; 0 is invalid.
-    pub depth: Vec<f32>,
 }
 
 struct View {
@@ -203,14 +184,14 @@ mod tests {
     #[test]
     fn the_floor_is_as_far_as_it_is() {
         let picture = exact().take(1, 0, &head(0.6), &[], &[]);
-        assert_eq!(picture.depth.len(), picture.width * picture.height);
-        let middle = picture.depth[306 * 816 + 408];
+        assert_eq!(picture.len(), 816 * 612);
+        let middle = picture[306 * 816 + 408];
         // Depth along the axis: height divided by the sine of the tilt, with an error of half a pixel.
         let off = f64::from(middle) - 1.5 / 0.6f64.sin();
         assert!(off.abs() < 5e-3, "{middle}");
         // Beyond 4 m the depth is invalid.
         let level = exact().take(1, 0, &head(0.0), &[], &[]);
-        assert!(level.depth[..816].iter().all(|x| *x == 0.0));
+        assert!(level[..816].iter().all(|x| *x == 0.0));
     }
 
     #[test]
@@ -224,12 +205,12 @@ mod tests {
             let take = |config: DepthConfig| config.take(1, 0, &head(tilt), &[], &[]);
             let (noisy, clean) = (take(config), take(exact()));
             let rows = 300 * 816..312 * 816;
-            let pairs = || rows.clone().filter(|i| noisy.depth[*i] > 0.0);
+            let pairs = || rows.clone().filter(|i| noisy[*i] > 0.0);
             let squares: f64 = pairs()
-                .map(|i| f64::from(noisy.depth[i] - clean.depth[i]).powi(2))
+                .map(|i| f64::from(noisy[i] - clean[i]).powi(2))
                 .sum();
             let depth: f64 =
-                pairs().map(|i| f64::from(clean.depth[i])).sum::<f64>() / pairs().count() as f64;
+                pairs().map(|i| f64::from(clean[i])).sum::<f64>() / pairs().count() as f64;
             let measured = pairs().count() as f64 / rows.len() as f64;
             assert!((measured - 0.9).abs() < 0.02, "{measured}");
             ((squares / pairs().count() as f64).sqrt(), depth)
@@ -253,7 +234,7 @@ mod tests {
         let at = |up: f64, left: f64| {
             let column = (408.0 - 582.7 * left) as usize;
             let row = (306.0 - 582.7 * up) as usize;
-            picture.depth[row * 816 + column]
+            picture[row * 816 + column]
         };
         // Front of the box, at a pixel just below its top edge.
         assert!((at(-0.1, 0.0) - 0.8).abs() < 1e-5);

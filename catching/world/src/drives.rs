@@ -26,23 +26,15 @@ tactnet_catching_packets::settings! {
     }
 }
 
-/// Target of the joints from some time on.
-#[derive(Debug, Clone, Copy)]
-struct Target {
-    q: [f64; JOINTS],
-    dq: [f64; JOINTS],
-}
-
-/// Drives of all joints.
 #[derive(Debug, Clone)]
 pub(crate) struct Drives {
     limits: [Joint; JOINTS],
     /// Natural frequency, in rad/s.
     bandwidth: f64,
     /// Ring of delayed commands, oldest at `next`. `None` stands for a missing or invalid command.
-    waiting: Vec<Option<Target>>,
+    waiting: Vec<Option<JointCommand>>,
     next: usize,
-    target: Target,
+    target: JointCommand,
     /// Commanded acceleration, in rad/s^2.
     feed: [f64; JOINTS],
     /// Time since the target took effect, in s.
@@ -67,10 +59,7 @@ impl Drives {
             bandwidth: config.bandwidth * std::f64::consts::TAU,
             waiting: vec![None; (config.latency / TICK).round() as usize],
             next: 0,
-            target: Target {
-                q: start,
-                dq: [0.0; JOINTS],
-            },
+            target: JointCommand::still(start),
             feed: [0.0; JOINTS],
             since: 0.0,
             ignored: 0,
@@ -82,13 +71,14 @@ impl Drives {
     /// Takes the command of the next millisecond. A command with a value that is not finite is ignored and counted.
     pub(crate) fn receive(&mut self, command: &JointCommand) {
         let usable = command.q.iter().chain(&command.dq).all(|x| x.is_finite());
-        let mut target = usable.then(|| Target {
+        let mut target = usable.then(|| JointCommand {
             q: std::array::from_fn(|i| {
                 command.q[i].clamp(self.limits[i].range[0], self.limits[i].range[1])
             }),
             dq: std::array::from_fn(|i| {
                 command.dq[i].clamp(-self.limits[i].speed, self.limits[i].speed)
             }),
+            ..*command
         });
         self.ignored += u64::from(!usable);
         if !self.waiting.is_empty() {

@@ -132,11 +132,7 @@ mod tests {
     use crate::GRAVITY;
     use crate::kinematics::{HAND, HEAD, with_passive, without_passive};
     use proptest::prelude::*;
-    use tactnet_catching_packets::{ARMS, JOINTS, RobotDescription};
-
-    fn tree() -> Tree {
-        Tree::new(&RobotDescription::nominal(), &[Vector3::zeros(); ARMS])
-    }
+    use tactnet_catching_packets::JOINTS;
 
     fn along(
         q: &[f64; JOINTS],
@@ -159,7 +155,7 @@ mod tests {
             dq in proptest::array::uniform20(-2.0..2.0f64),
             ddq in proptest::array::uniform20(-20.0..20.0f64),
         ) {
-            let tree = tree();
+            let tree = Tree::nominal();
             let places = tree.places(&with_passive(&q));
             let found = tree.inverse_dynamics(&places, &with_passive(&dq), &with_passive(&ddq), GRAVITY);
             let torques = without_passive(&found.torques);
@@ -181,7 +177,7 @@ mod tests {
             dq in proptest::array::uniform20(-2.0..2.0f64),
             ddq in proptest::array::uniform20(-20.0..20.0f64),
         ) {
-            let tree = tree();
+            let tree = Tree::nominal();
             let places = tree.places(&with_passive(&q));
             let found = tree.inverse_dynamics(&places, &with_passive(&dq), &with_passive(&ddq), GRAVITY);
             let h = 1e-5;
@@ -214,7 +210,7 @@ mod tests {
             let numbers = value.as_array().unwrap().iter();
             numbers.map(|x| x.as_f64().unwrap()).collect()
         };
-        let tree = tree();
+        let tree = Tree::nominal();
         let cases = golden["cases"].as_array().unwrap();
         assert!(cases.len() >= 5);
         for case in cases {

@@ -70,7 +70,6 @@ pub(crate) struct Basket {
     acceleration: f64,
 }
 
-/// Fingers of one hand.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Fingers {
     /// Rotation of the first joints from the open pose, in rad.
@@ -81,7 +80,6 @@ pub(crate) struct Fingers {
     pub(crate) closing: bool,
 }
 
-/// FingerPoint point of a finger to a ball.
 pub(crate) struct FingerPoint {
     /// Point on the middle line, in m.
     pub(crate) point: Vector3<f64>,
@@ -131,12 +129,8 @@ impl Basket {
 
     /// Returns the height of the finger tips above the catch frame, in m (mean).
     pub(crate) fn tips_height(&self, fingers: &Fingers) -> f64 {
-        let tip = |finger| {
-            self.chain(finger, fingers.angles[finger])[PHALANGES]
-                .point
-                .z
-        };
-        (0..FINGERS).map(tip).sum::<f64>() / FINGERS as f64
+        let chains = (0..FINGERS).map(|finger| self.chain(finger, fingers.angles[finger]));
+        chains.map(|chain| chain[PHALANGES].point.z).sum::<f64>() / FINGERS as f64
     }
 
     /// Returns true if a push of the closing coordinate in this direction meets a stop.

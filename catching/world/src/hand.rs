@@ -10,12 +10,11 @@ pub const CLOSING_NS: u64 = 10_000_000;
 /// Time for which a hand stays closed, in ns.
 pub const CLOSED_NS: u64 = 200_000_000;
 
-/// Hand of one arm.
 #[derive(Debug, Clone)]
 pub(crate) struct Hand {
     arm: u64,
-    /// Time at which the hand encloses the ball, in ns.
-    closes_ns: Option<u64>,
+    /// Commanded time at which the hand encloses the ball, in ns; valid until the hand opens again.
+    pub(crate) closes_ns: Option<u64>,
     /// Number of commands for another arm or for a time in the past.
     pub(crate) ignored: u64,
 }
@@ -31,12 +30,8 @@ impl Hand {
 
     /// Takes a command at `now_ns`; `None` changes nothing.
     pub(crate) fn receive(&mut self, now_ns: u64, command: Option<&HandCommand>) {
-        if self
-            .closes_ns
-            .is_some_and(|closes| now_ns >= closes + CLOSED_NS)
-        {
-            self.closes_ns = None;
-        }
+        self.closes_ns
+            .take_if(|closes| now_ns >= *closes + CLOSED_NS);
         let Some(command) = command else {
             return;
         };
@@ -48,11 +43,6 @@ impl Hand {
         } else if !committed {
             self.closes_ns = Some(command.catch_ns.max(now_ns + CLOSING_NS));
         }
-    }
-
-    /// Returns the commanded time at which the hand encloses the ball, in ns; valid until the hand opens again.
-    pub(crate) fn closes_ns(&self) -> Option<u64> {
-        self.closes_ns
     }
 }
 
@@ -71,22 +61,22 @@ mod tests {
         let mut hand = Hand::new(0);
         hand.receive(0, Some(&command(500 * MS)));
         hand.receive(480 * MS, Some(&command(505 * MS)));
-        assert_eq!(hand.closes_ns(), Some(505 * MS));
+        assert_eq!(hand.closes_ns, Some(505 * MS));
         hand.receive(495 * MS, Some(&command(502 * MS)));
-        assert_eq!(hand.closes_ns(), Some(505 * MS), "committed");
+        assert_eq!(hand.closes_ns, Some(505 * MS), "committed");
         hand.receive(704 * MS, None);
-        assert_eq!(hand.closes_ns(), Some(505 * MS));
+        assert_eq!(hand.closes_ns, Some(505 * MS));
         hand.receive(705 * MS, None);
-        assert_eq!(hand.closes_ns(), None, "open again");
+        assert_eq!(hand.closes_ns, None, "open again");
     }
 
     #[test]
     fn a_command_that_comes_late_closes_late() {
         let mut hand = Hand::new(0);
         hand.receive(496 * MS, Some(&command(500 * MS)));
-        assert_eq!(hand.closes_ns(), Some(506 * MS));
+        assert_eq!(hand.closes_ns, Some(506 * MS));
         hand.receive(497 * MS, Some(&command(900 * MS)));
-        assert_eq!(hand.closes_ns(), Some(506 * MS), "committed");
+        assert_eq!(hand.closes_ns, Some(506 * MS), "committed");
     }
 
     /// Commands that always ask for a closing in 10 ms close the hand once, by the first command.
@@ -96,7 +86,7 @@ mod tests {
         for ms in 100..200 {
             hand.receive(ms * MS, Some(&command(ms * MS + CLOSING_NS)));
         }
-        assert_eq!(hand.closes_ns(), Some(110 * MS));
+        assert_eq!(hand.closes_ns, Some(110 * MS));
     }
 
     #[test]
@@ -108,6 +98,6 @@ mod tests {
             catch_ns: 99 * MS,
         };
         hand.receive(100 * MS, Some(&past));
-        assert_eq!((hand.closes_ns(), hand.ignored), (None, 2));
+        assert_eq!((hand.closes_ns, hand.ignored), (None, 2));
     }
 }

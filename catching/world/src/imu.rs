@@ -108,11 +108,7 @@ impl Imu {
             // Time in substeps from the middle of the last substep of the previous tick.
             let since = (TICK - (end_ns - sensor_ns) as f64 * 1e-9) / h + 0.5;
             let after = (since as usize).min(SUBSTEPS - 1);
-            let first = if after == 0 {
-                self.before
-            } else {
-                felt[after - 1]
-            };
+            let first = after.checked_sub(1).map_or(self.before, |i| felt[i]);
             let part = since - after as f64;
             let between = |a: &Vector3<f64>, b: &Vector3<f64>| a + (b - a) * part;
             let turned = |a: &Vector3<f64>, b: &Vector3<f64>| self.turn.tr_mul(&between(a, b));

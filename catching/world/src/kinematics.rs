@@ -8,7 +8,6 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Link, RobotDescription}
 pub(crate) const BODIES: usize = 21;
 /// Index of the chest, which the passive joint keeps upright.
 pub(crate) const CHEST: usize = 4;
-/// Index of the head.
 pub(crate) const HEAD: usize = 6;
 /// Index of the last body of each arm.
 pub(crate) const HAND: [usize; ARMS] = [13, 20];
@@ -93,7 +92,6 @@ pub(crate) struct Place {
     pub(crate) axis: Vector3<f64>,
 }
 
-/// Velocity of a body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Velocity {
     /// Velocity of its origin, in m/s.
@@ -143,7 +141,12 @@ impl Tree {
         }
     }
 
-    /// Returns the poses of all bodies.
+    /// Returns the tree of the described robot.
+    #[cfg(test)]
+    pub(crate) fn nominal() -> Self {
+        Self::new(&RobotDescription::nominal(), &[Vector3::zeros(); ARMS])
+    }
+
     pub(crate) fn places(&self, q: &Coordinates) -> [Place; BODIES] {
         let mut places = [Place {
             position: Vector3::zeros(),
@@ -171,22 +174,21 @@ impl Tree {
                 }
                 Axis::TurnY => {
                     place.axis = place.rotation.column(1).into_owned();
-                    turn_y(&mut place.rotation, sin, cos);
+                    turn(&mut place.rotation, [2, 0], sin, cos);
                 }
                 Axis::TurnMinusY => {
                     place.axis = -place.rotation.column(1);
-                    turn_y(&mut place.rotation, -sin, cos);
+                    turn(&mut place.rotation, [2, 0], -sin, cos);
                 }
                 Axis::TurnZ => {
                     place.axis = place.rotation.column(2).into_owned();
-                    turn_z(&mut place.rotation, sin, cos);
+                    turn(&mut place.rotation, [0, 1], sin, cos);
                 }
             }
         }
         places
     }
 
-    /// Returns the velocities of all bodies.
     pub(crate) fn velocities(
         &self,
         places: &[Place; BODIES],
@@ -246,22 +248,11 @@ pub(crate) fn without_passive(torques: &Coordinates) -> [f64; JOINTS] {
     })
 }
 
-fn turn_y(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
-    let (x, z) = (
-        rotation.column(0).into_owned(),
-        rotation.column(2).into_owned(),
-    );
-    rotation.set_column(0, &(x * cos - z * sin));
-    rotation.set_column(2, &(x * sin + z * cos));
-}
-
-fn turn_z(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
-    let (x, y) = (
-        rotation.column(0).into_owned(),
-        rotation.column(1).into_owned(),
-    );
-    rotation.set_column(0, &(x * cos + y * sin));
-    rotation.set_column(1, &(y * cos - x * sin));
+/// Rotates two axes of a frame within their plane, the first towards the second.
+fn turn(rotation: &mut Matrix3<f64>, [first, second]: [usize; 2], sin: f64, cos: f64) {
+    let [a, b] = [first, second].map(|axis| rotation.column(axis).into_owned());
+    rotation.set_column(first, &(a * cos + b * sin));
+    rotation.set_column(second, &(b * cos - a * sin));
 }
 
 #[cfg(test)]
@@ -269,14 +260,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn tree() -> Tree {
-        Tree::new(&RobotDescription::nominal(), &[Vector3::zeros(); ARMS])
-    }
-
     proptest! {
         #[test]
         fn the_chest_stays_upright(q in proptest::array::uniform20(-1.0..1.0f64)) {
-            let places = tree().places(&with_passive(&q));
+            let places = Tree::nominal().places(&with_passive(&q));
             let up = places[CHEST].rotation.column(2).into_owned();
             prop_assert!((up - Vector3::z()).norm() < 1e-14);
         }
@@ -286,7 +273,7 @@ mod tests {
             q in proptest::array::uniform20(-2.0..2.0f64),
             dq in proptest::array::uniform20(-2.0..2.0f64),
         ) {
-            let tree = tree();
+            let tree = Tree::nominal();
             let h = 1e-6;
             let at = |t: f64| tree.places(&with_passive(&std::array::from_fn(|i| q[i] + dq[i] * t)));
             let (before, now, after) = (at(-h), at(0.0), at(h));
@@ -307,7 +294,7 @@ mod tests {
     #[test]
     fn at_zero_the_robot_stands_as_described() {
         let robot = RobotDescription::nominal();
-        let tree = tree();
+        let tree = Tree::nominal();
         let places = tree.places(&[0.0; BODIES]);
         assert!((places[CHEST].position - Vector3::new(0.0, 0.0, 1.2)).norm() < 1e-14);
         assert!((places[HEAD].position - Vector3::new(0.0, 0.0, 1.45)).norm() < 1e-14);

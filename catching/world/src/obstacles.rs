@@ -151,7 +151,7 @@ impl StandingBox {
 
     /// Returns the minimum distance of the points of a segment, in m. The distance is convex along a line, so a
     /// ternary search finds it.
-    pub(crate) fn distance_of_segment(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
+    pub(crate) fn distance_of_segment(&self, [from, to]: &[Vector3<f64>; 2]) -> f64 {
         let at = |share: f64| self.distance(&(from + (to - from) * share));
         let (mut low, mut high) = (0.0, 1.0);
         // Accuracy: 1e-5 of the segment.
@@ -222,7 +222,7 @@ mod tests {
         #[test]
         fn segments_are_as_near_as_their_nearest_point(shape in some_box(), from in point(), to in point()) {
             let sampled = (0..=400).map(|i| shape.distance(&(from + (to - from) * (f64::from(i) / 400.0)))).fold(f64::INFINITY, f64::min);
-            let found = shape.distance_of_segment(&from, &to);
+            let found = shape.distance_of_segment(&[from, to]);
             prop_assert!(found <= sampled + 1e-4 && found >= sampled - 0.01, "{found} {sampled}");
         }
 

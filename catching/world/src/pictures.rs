@@ -16,12 +16,11 @@ mod surroundings;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::packets::Circle;
 use tactnet_catching_packets::{Cameras as Optics, RobotDescription};
 
-use crate::cameras::{CAMERAS, Cameras};
+use crate::cameras::{CAMERAS, Cameras, evenly};
 use crate::config::WorldConfig;
 use crate::error::{WorldError, from_to, not_negative, rising};
 use crate::robot::FrameMotion;
@@ -64,9 +63,6 @@ fn shares(setting: &'static str, value: &[f64; 2]) -> Result<(), WorldError> {
     Ok(from_to([0.0, 1.0], "shares up to 1")(setting, value)?)
 }
 
-/// A circle in a picture without noise and distortion.
-pub type Outline = Circle;
-
 /// Renderer of pictures.
 #[derive(Debug, Clone)]
 pub struct Pictures {
@@ -81,7 +77,6 @@ pub struct Pictures {
     people: Vec<Person>,
     noise: Noise,
     seed: u64,
-    /// Brightness of one row.
     row: Vec<f32>,
 }
 
@@ -117,7 +112,7 @@ impl Pictures {
             from_to([16.0, 8192.0], "16 to 8192 pixels")(setting, &pixels)?;
         }
         let mut rng = Stream::People.rng(seed, 0);
-        let mut between = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();
+        let mut between = |range| evenly(range, &mut rng);
         let people = (0..config.pictures.people)
             .map(|_| {
                 let distance = between(PEOPLE);
@@ -179,9 +174,7 @@ impl Pictures {
             .map(|part| self.eye(camera, &truth.head, offset + part * exposure).turn)
             .collect();
         let solids = self.solids(truth, camera);
-        let mut noise = self
-            .noise
-            .of(Stream::PictureNoise.rng(self.seed, picture(frame, camera, 0)));
+        let mut rng = Stream::PictureNoise.rng(self.seed, picture(frame, camera, 0));
         for (v, line) in pixels.chunks_exact_mut(width).enumerate() {
             let rays = self.rays[camera].row(v);
             self.row.fill(0.0);
@@ -192,12 +185,12 @@ impl Pictures {
             for solid in &solids {
                 solid.cover(v, rays, self.optics.focal, &mut self.row);
             }
-            noise.add(&self.row, line);
+            self.noise.add(&self.row, line, &mut rng);
         }
     }
 
     /// Returns the outline of a ball without noise and distortion, or `None` if its centre is outside the picture.
-    pub fn outline(&self, truth: &Truth, camera: usize, ball: usize) -> Option<Outline> {
+    pub fn outline(&self, truth: &Truth, camera: usize, ball: usize) -> Option<Circle> {
         let ball = truth.balls.get(ball).copied().flatten()?;
         self.cameras
             .outline(camera, &truth.head, &ball.state.position, self.radius)
@@ -234,15 +227,12 @@ impl Pictures {
             add(centres, marker_axes, [MARKER_SHADE; 2]);
         }
         for ball in truth.balls.iter().flatten() {
-            let brightness = Stream::BallBrightness
-                .rng(self.seed, ball.number)
-                .random::<f64>();
-            let [dark, bright] = self.config.ball;
-            let shade = (dark + (bright - dark) * brightness) as f32;
+            let mut rng = Stream::BallBrightness.rng(self.seed, ball.number);
+            let shade = evenly(self.config.ball, &mut rng) as f32;
             let centres = during.map(|dt| ball.state.position + ball.state.velocity * dt);
             add(centres, Vector3::repeat(self.radius), [shade; 2]);
         }
-        solids.sort_by(|a, b| b.depth().total_cmp(&a.depth()));
+        solids.sort_by(|a, b| b.depth.total_cmp(&a.depth));
         solids
     }
 

@@ -88,7 +88,6 @@ impl StampDelay {
     }
 }
 
-/// Errors of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CameraErrors {
     /// Displacement in the head frame, in m.
@@ -112,7 +111,7 @@ impl CameraErrors {
 }
 
 /// Errors of the joint sensors: `q_link = q + offset + compliance * load`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct JointErrors {
     /// Zero offsets, in rad.
     pub(crate) offsets: [f64; JOINTS],
@@ -151,22 +150,15 @@ impl PlantedErrors {
     /// Draws the displacements of the arm mounts in the chest frame, in m.
     pub(crate) fn arm_mounts(&self, seed: u64) -> [Vector3<f64>; ARMS] {
         std::array::from_fn(|arm| {
-            let direction: [f64; 3] =
-                UnitSphere.sample(&mut Stream::ArmMount.rng(self.of(seed), arm as u64));
-            Vector3::from(direction) * self.arm_mount
+            direction(&mut Stream::ArmMount.rng(self.of(seed), arm as u64)) * self.arm_mount
         })
     }
 
     /// Draws the common displacement (in m) and rotation of the cameras in the head frame.
     pub(crate) fn camera_mount(&self, seed: u64) -> (Vector3<f64>, Matrix3<f64>) {
         let mut rng = Stream::CameraMount.rng(self.of(seed), 0);
-        let direction: [f64; 3] = UnitSphere.sample(&mut rng);
-        let axis: [f64; 3] = UnitSphere.sample(&mut rng);
-        let axis = Unit::new_normalize(Vector3::from(axis));
-        (
-            Vector3::from(direction) * self.camera_mount,
-            Rotation3::from_axis_angle(&axis, self.camera_turn).into_inner(),
-        )
+        let shift = direction(&mut rng) * self.camera_mount;
+        (shift, turned(self.camera_turn, &mut rng))
     }
 
     /// Draws the additional errors of each camera.
@@ -207,10 +199,7 @@ impl PlantedErrors {
         if [self.arm_offset, self.arm_compliance, self.neck_offset] == [0.0; 3] {
             return None;
         }
-        let mut errors = JointErrors {
-            offsets: [0.0; JOINTS],
-            compliances: [0.0; JOINTS],
-        };
+        let mut errors = JointErrors::default();
         for (arm, own) in joint::ARM.iter().enumerate() {
             let mut rng = Stream::ArmJoints.rng(self.of(seed), arm as u64);
             for i in 0..ARM_JOINTS {
@@ -279,14 +268,6 @@ fn turned(angle: f64, rng: &mut ChaCha8Rng) -> Matrix3<f64> {
     Rotation3::from_axis_angle(&axis, angle).into_inner()
 }
 
-/// Position, velocity and acceleration of a joint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Moving {
-    pub(crate) q: f64,
-    pub(crate) dq: f64,
-    pub(crate) ddq: f64,
-}
-
 /// Slip of the wheels: `s = most tanh(distance / SLIP_WAY)`, which grows smoothly with the distance.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Slip {
@@ -300,16 +281,16 @@ impl Slip {
         self.most * ((q - self.start) / SLIP_WAY).tanh()
     }
 
-    /// Returns the true motion of the platform for a motion of its drive.
-    pub(crate) fn apply(&self, drive: Moving) -> Moving {
-        let tanh = ((drive.q - self.start) / SLIP_WAY).tanh();
+    /// Returns position, velocity and acceleration of the platform for those of its drive.
+    pub(crate) fn apply(&self, [q, dq, ddq]: [f64; 3]) -> [f64; 3] {
+        let tanh = ((q - self.start) / SLIP_WAY).tanh();
         let slope = self.most / SLIP_WAY * (1.0 - tanh * tanh);
         let bend = -2.0 * slope * tanh / SLIP_WAY;
-        Moving {
-            q: drive.q + self.most * tanh,
-            dq: drive.dq * (1.0 + slope),
-            ddq: drive.ddq * (1.0 + slope) + bend * drive.dq * drive.dq,
-        }
+        [
+            q + self.most * tanh,
+            dq * (1.0 + slope),
+            ddq * (1.0 + slope) + bend * dq * dq,
+        ]
     }
 }
 
@@ -371,17 +352,11 @@ mod tests {
             start: 0.0,
             most: -0.005,
         };
-        let at = |t: f64| {
-            slip.apply(Moving {
-                q: 0.3 * t + 2.0 * t * t,
-                dq: 0.3 + 4.0 * t,
-                ddq: 4.0,
-            })
-        };
+        let at = |t: f64| slip.apply([0.3 * t + 2.0 * t * t, 0.3 + 4.0 * t, 4.0]);
         let h = 1e-5;
         let (before, now, after) = (at(0.1 - h), at(0.1), at(0.1 + h));
         // Central differences: h^2 and rounding errors of 1e-16 / h.
-        assert!(((after.q - before.q) / (2.0 * h) - now.dq).abs() < 1e-8);
-        assert!(((after.dq - before.dq) / (2.0 * h) - now.ddq).abs() < 1e-6);
+        assert!(((after[0] - before[0]) / (2.0 * h) - now[1]).abs() < 1e-8);
+        assert!(((after[1] - before[1]) / (2.0 * h) - now[2]).abs() < 1e-6);
     }
 }

@@ -10,7 +10,7 @@ use crate::drives::{Drives, TICK};
 use crate::dynamics::Acceleration;
 use crate::error::WorldError;
 use crate::kinematics::{BODIES, CHEST, HAND, HEAD, Place, Tree, with_passive, without_passive};
-use crate::planted::{JointErrors, Moving, Slip};
+use crate::planted::{JointErrors, Slip};
 use crate::torso::{Prescribed, Torso, deflected};
 
 /// Number of iterations for the initial sag of the arms; each reduces the error about a thousandfold.
@@ -74,7 +74,7 @@ pub(crate) struct Frames {
 
 /// Joints with offsets and elasticity: `q_link = q + offset + sag`, `sag = compliance * load`. Arms sag
 /// quasi-statically under their weight, with a delay of one tick.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Links {
     errors: JointErrors,
     /// Sag of each joint, in rad.
@@ -176,7 +176,6 @@ impl Robot {
         })
     }
 
-    /// Advances by a tick.
     pub(crate) fn advance(&mut self, command: &JointCommand) {
         self.drives.receive(command);
         if let Some(links) = &mut self.links {
@@ -209,13 +208,7 @@ impl Robot {
 
     /// Rotates the link of a joint by `angle` rad without a change of its sensor.
     pub(crate) fn slip_joint(&mut self, joint: usize, angle: f64) {
-        let links = self.links.get_or_insert(Links {
-            errors: JointErrors {
-                offsets: [0.0; JOINTS],
-                compliances: [0.0; JOINTS],
-            },
-            sag: [0.0; JOINTS],
-        });
+        let links = self.links.get_or_insert_default();
         links.errors.offsets[joint] += angle;
     }
 
@@ -254,17 +247,13 @@ impl Robot {
     }
 
     fn with_slip(&self, mut motion: Prescribed) -> Prescribed {
-        let platform = self.slip.apply(Moving {
-            q: motion.q[joint::PLATFORM],
-            dq: motion.dq[joint::PLATFORM],
-            ddq: motion.ddq[joint::PLATFORM],
-        });
+        let (q, dq, ddq) = (&mut motion.q, &mut motion.dq, &mut motion.ddq);
+        let platform = joint::PLATFORM;
+        let slipped = self.slip.apply([q[platform], dq[platform], ddq[platform]]);
         if let Some(links) = &self.links {
-            motion.q = links.of(&motion.q);
+            *q = links.of(q);
         }
-        motion.q[joint::PLATFORM] = platform.q;
-        motion.dq[joint::PLATFORM] = platform.dq;
-        motion.ddq[joint::PLATFORM] = platform.ddq;
+        [q[platform], dq[platform], ddq[platform]] = slipped;
         motion
     }
 }

@@ -43,7 +43,6 @@ impl Capsule {
     }
 }
 
-/// Returns the capsules of the robot.
 pub(crate) fn capsules(robot: &RobotDescription) -> [Capsule; CAPSULES] {
     let mut capsules = Vec::with_capacity(CAPSULES);
     let mut add = |part, body, from: [f64; 3], to: [f64; 3], radius| {

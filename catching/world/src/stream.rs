@@ -31,7 +31,6 @@ pub(crate) enum Stream {
     Order = 11,
     /// Walls, furniture and stains; index: the face of the room.
     Surroundings = 12,
-    /// People.
     People = 13,
     /// Brightness of a ball; index: the ball.
     BallBrightness = 14,

@@ -45,16 +45,11 @@ mod tests {
             angle: -0.0175,
         };
         assert_eq!(slip.check(), Ok(()));
+        let angle = f64::NAN;
         for (wrong, named) in [
             (TendonSlip { arm: 2, ..slip }, "arm 2"),
             (TendonSlip { joint: 7, ..slip }, "slip.joint"),
-            (
-                TendonSlip {
-                    angle: f64::NAN,
-                    ..slip
-                },
-                "slip.angle",
-            ),
+            (TendonSlip { angle, ..slip }, "slip.angle"),
         ] {
             let error = wrong.check().unwrap_err().to_string();
             assert!(error.contains(named), "{error}");

@@ -89,13 +89,8 @@ impl Torso {
             .component_mul(&inertia.diagonal());
         let damping = rates.component_mul(&inertia.diagonal()) * (2.0 * config.damping);
         torso.springs = Some((stiffness, damping));
-        let still = Prescribed {
-            q: *start,
-            dq: [0.0; JOINTS],
-            ddq: [0.0; JOINTS],
-        };
         for _ in 0..200 {
-            let places = tree.places(&deflected(&still.q, &torso.e));
+            let places = tree.places(&deflected(start, &torso.e));
             let weight = tree.inverse_dynamics(&places, &[0.0; BODIES], &[0.0; BODIES], gravity);
             let balanced = -spring_torques(&weight.torques).component_div(&stiffness);
             let change = (balanced - torso.e).norm();
@@ -193,11 +188,6 @@ fn spring_torques(torques: &Coordinates) -> Vector3<f64> {
 mod tests {
     use super::*;
     use crate::GRAVITY;
-    use tactnet_catching_packets::{ARMS, RobotDescription};
-
-    fn tree() -> Tree {
-        Tree::new(&RobotDescription::nominal(), &[Vector3::zeros(); ARMS])
-    }
 
     /// Bent arms and inclined torso: no symmetry.
     fn pose() -> [f64; JOINTS] {
@@ -209,16 +199,13 @@ mod tests {
     }
 
     fn still(q: [f64; JOINTS]) -> Prescribed {
-        Prescribed {
-            q,
-            dq: [0.0; JOINTS],
-            ddq: [0.0; JOINTS],
-        }
+        let (dq, ddq) = ([0.0; JOINTS], [0.0; JOINTS]);
+        Prescribed { q, dq, ddq }
     }
 
     #[test]
     fn springs_without_damping_keep_their_energy() {
-        let tree = tree();
+        let tree = Tree::nominal();
         let config = TorsoConfig {
             damping: 0.0,
             ..TorsoConfig::default()
@@ -248,7 +235,7 @@ mod tests {
 
     #[test]
     fn damping_brings_the_springs_to_rest_where_they_began() {
-        let tree = tree();
+        let tree = Tree::nominal();
         let mut torso = Torso::new(&tree, &TorsoConfig::default(), GRAVITY, &pose()).unwrap();
         let rest = torso.e;
         for _ in 0..2000 {
@@ -284,7 +271,7 @@ mod tests {
 
     #[test]
     fn the_yaw_spring_swings_with_its_frequency() {
-        let tree = tree();
+        let tree = Tree::nominal();
         let config = TorsoConfig {
             damping: 0.0,
             ..TorsoConfig::default()
@@ -307,7 +294,7 @@ mod tests {
 
     #[test]
     fn springs_carry_what_newton_and_euler_ask_of_them() {
-        let tree = tree();
+        let tree = Tree::nominal();
         let mut torso = Torso::new(&tree, &TorsoConfig::default(), GRAVITY, &pose()).unwrap();
         let mut middle = still(pose());
         middle.ddq[7] = 15.0;
@@ -329,7 +316,7 @@ mod tests {
             frequencies: [3.5, 0.2, 0.2],
             ..TorsoConfig::default()
         };
-        let found = Torso::new(&tree(), &config, GRAVITY, &pose());
+        let found = Torso::new(&Tree::nominal(), &config, GRAVITY, &pose());
         assert!(matches!(found, Err(WorldError::Collapses { .. })));
     }
 }

@@ -305,7 +305,7 @@ impl World {
         self.robot.advance(command);
         let during: [HandDuring; ARMS] = std::array::from_fn(|arm| HandDuring {
             frames: [before[arm], self.robot.frames.hands[arm]],
-            closes_ns: self.hands[arm].closes_ns(),
+            closes_ns: self.hands[arm].closes_ns,
         });
         self.touch(&during);
         for ball in &mut self.thrown {

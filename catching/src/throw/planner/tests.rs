@@ -1,14 +1,8 @@
 use super::*;
-use crate::flight::DRAG;
 use tactnet_catching_packets::RobotDescription;
 
 fn request(aim: Aim) -> ThrowRequest {
-    ThrowRequest {
-        holding: Some(1),
-        aim,
-        drag: DRAG,
-        last: None,
-    }
+    ThrowRequest::new(1, aim)
 }
 
 fn farthest() -> Aim {
@@ -91,10 +85,7 @@ fn a_throw_to_a_place_comes_down_there_from_both_hands_and_repeats_to_the_bit() 
     let robot = Robot::nominal();
     let thrower = thrower(&robot);
     for (arm, y) in [(0, 0.4), (1, -0.3), (1, 0.5)] {
-        let request = ThrowRequest {
-            holding: Some(arm),
-            ..request(at(4.0, y))
-        };
+        let request = ThrowRequest::new(arm, at(4.0, y));
         let plan = thrower.plan(&request).unwrap();
         assert!((plan.landing.p - Vector3::new(4.0, y, 1.2)).norm() < 1e-3);
         assert!(plan.v.z.atan2(plan.v.xy().norm()) < ThrowPlanConfig::default().rise + 1e-6);

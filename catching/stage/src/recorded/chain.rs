@@ -24,13 +24,6 @@ pub(crate) struct Chain {
     pub start: u64,
 }
 
-/// Identity of a plan request.
-type Question = (u64, u64, u64, u64);
-
-fn question(arm: u64, ball: u64, exposure_ns: u64, head_ns: u64) -> Question {
-    (arm, ball, exposure_ns, head_ns)
-}
-
 /// Returns the chain of the first path of every arm and exposure, and the number of paths with a missing packet in
 /// their chain.
 ///
@@ -52,8 +45,8 @@ pub(crate) fn chains(
     for put in packets_of::<BallPredictions>(recording, None)? {
         predictions.entry(put.packet.exposure_ns).or_insert(put.ns);
     }
-    let of =
-        |asked: &PlanRequest| question(asked.arm, asked.ball, asked.exposure_ns, asked.head_ns);
+    // Identity of a plan request.
+    let of = |asked: &PlanRequest| (asked.arm, asked.ball, asked.exposure_ns, asked.head_ns);
     let mut requests = HashMap::new();
     for put in packets_of::<PlanRequest>(recording, None)? {
         requests.entry(of(&put.packet)).or_insert(put.ns);
@@ -72,7 +65,7 @@ pub(crate) fn chains(
         {
             continue;
         }
-        let asked = question(path.arm, path.ball, path.exposure_ns, path.head_ns);
+        let asked = (path.arm, path.ball, path.exposure_ns, path.head_ns);
         let chain = || {
             let [left, right] = *circles.get(&path.exposure_ns)?;
             Some(Chain {

@@ -16,7 +16,6 @@ use serde::{Deserialize, Serialize};
 use tactnet_catching::calibrate::Session;
 use tactnet_recording::{JsonMessage, RecordingError, read_json_messages, write_json_messages};
 
-/// Version of the format.
 const VERSION: u32 = 1;
 
 const HEAD: &str = "calibration/session";

@@ -70,7 +70,7 @@ impl RunObserver {
 
     /// Returns the number of finished throws, of the world and of the robot.
     fn finished(&self) -> usize {
-        self.catches.outcomes.len() + self.throws.count()
+        self.catches.outcomes.len() + self.throws.thrown.len()
     }
 
     fn look_at_controller(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
@@ -119,7 +119,7 @@ impl RunObserver {
             }
         })?;
         drain(&self.backs, |thrown| {
-            self.throws.thrown(thrown);
+            self.throws.thrown.push(*thrown);
             on_event(RunEvent::ThrownBack(*thrown));
         })?;
         Ok(())

@@ -60,7 +60,6 @@ struct Child {
     soon: usize,
 }
 
-/// Running processes.
 pub(super) struct Processes<'a> {
     run: &'a CatchRun<'a>,
     /// File of the table of channels.

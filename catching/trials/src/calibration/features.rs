@@ -28,7 +28,6 @@ pub struct FeatureReport {
     pub error_px_p95: f64,
 }
 
-/// Counts features.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FeatureCounts {
     report: FeatureReport,

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::CalibrationReport;
-use crate::page_parts::{Share, at_most, captioned, legend, report_page, shares};
+use tactnet_plot::report::{Share, at_most, captioned, legend, report_page, shares};
 
 /// Goals for mean and maximum distance, in mm: the results of Agile Justin's calibration (arXiv 2311.08338).
 const GOAL_MM: [f64; 2] = [3.9, 9.1];

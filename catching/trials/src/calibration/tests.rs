@@ -8,7 +8,8 @@ use tactnet_catching_world::{BallState, BallTruth, PlantedErrors, Truth, World};
 
 use super::*;
 use crate::eyes::Eyes;
-use crate::page_parts::tests::{assert_page, on_threads};
+use crate::parallel::on_threads;
+use tactnet_plot::report::assert_page;
 
 fn trial(seed: u64, throws: u64) -> CalibrationTrial {
     CalibrationTrial {

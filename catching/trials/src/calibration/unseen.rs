@@ -49,21 +49,15 @@ impl Standing {
         let seen = world
             .true_cameras()
             .map(|(eye, turn)| turn.tr_mul(&(hand - eye)));
-        Ok(Self {
-            arm: pose.arm,
-            joints,
-            seen,
-        })
+        let arm = pose.arm;
+        Ok(Self { arm, joints, seen })
     }
 
     fn distances(&self, model: &Model, x: &Unknowns) -> [f64; 2] {
         let own = joint::ARM[self.arm].start;
         let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| self.joints.q[own + i]);
         let loads = std::array::from_fn(|i| -self.joints.tau[own + i]);
-        let neck = [
-            self.joints.q[joint::NECK.start],
-            self.joints.q[joint::NECK.start + 1],
-        ];
+        let neck = std::array::from_fn(|i| self.joints.q[joint::NECK.start + i]);
         std::array::from_fn(|camera| {
             let thought = seen_from_camera(model, x, camera, self.arm, &q, &loads, neck);
             1e3 * (thought - self.seen[camera]).norm()

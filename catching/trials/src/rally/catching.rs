@@ -83,7 +83,11 @@ impl Player {
                 .and_then(|verdict| Some(verdict.crossing?.arm)),
             cause: cause(verdict.as_ref(), !said.is_empty(), planned),
             in_catch_space: oracle
-                .arms_of(flight.iter().map(as_flight), reaction, &self.config.ready())
+                .arms_of(
+                    flight.iter().map(as_flight),
+                    reaction,
+                    &self.config.robot.waiting(),
+                )
                 .contains(&true),
             beside,
         }

@@ -19,13 +19,6 @@ pub struct RallyFlight {
     pub path: Vec<[f64; 2]>,
 }
 
-impl RallyFlight {
-    /// Index of the line style.
-    pub(super) fn look(&self) -> usize {
-        usize::from(!self.caught)
-    }
-}
-
 /// Returns a flight from the side, down to a height.
 pub(super) fn profile(flight: &[FlightSample], height: f64) -> Vec<[f64; 2]> {
     let Some(first) = flight.first() else {

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use tactnet_plot::{Axis, Series as Curve};
 
 use super::RallyReport;
-use crate::page_parts::{axes, captioned, chart, legend, percent, report_page};
+use tactnet_plot::report::{axes, captioned, chart, legend, percent, report_page};
 
 /// Returns a self-contained page.
 pub fn rally_page(report: &RallyReport) -> String {
@@ -36,7 +36,7 @@ fn flights(report: &RallyReport) -> Markup {
     let mut lines = String::new();
     for flight in &report.flights {
         let path: Vec<(f64, f64)> = flight.path.iter().map(|[x, z]| (*x, *z)).collect();
-        lines += &axes.path(Curve::nth(flight.look()), &path);
+        lines += &axes.path(Curve::nth(usize::from(!flight.caught)), &path);
     }
     let title = format!(
         "{} flights from the side, up to {farthest:.2} m far and {highest:.2} m high",

@@ -31,7 +31,6 @@ pub(crate) struct Player {
     held: bool,
 }
 
-/// An executed throw.
 #[derive(Debug, Clone)]
 pub(crate) struct Throw {
     pub plan: ThrowPlan,
@@ -55,7 +54,7 @@ impl Player {
             ..config.clone()
         };
         let throwing = Robot::new(description.clone());
-        let q = config.ready();
+        let q = config.robot.waiting();
         let mut stack = SteppedStack::new(&config, q, None, 0)?;
         stack.throws_with(&config, &throwing, throws);
         Ok(Self {

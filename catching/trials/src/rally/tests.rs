@@ -1,7 +1,8 @@
 use tactnet_catching::throw::NoThrow;
 
 use super::*;
-use crate::page_parts::tests::{assert_page, on_threads};
+use crate::parallel::on_threads;
+use tactnet_plot::report::assert_page;
 
 fn rally(config: RallyConfig, rallies: usize) -> Rally {
     Rally {

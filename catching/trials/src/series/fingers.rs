@@ -10,9 +10,9 @@ use tactnet_plot::{stand_alone, wilson_of_counts};
 
 use super::{Series, SeriesReport, both_possible};
 use crate::error::TrialError;
-use crate::page_parts::percent;
 use crate::throw_outcome::{BallOutcome, ThrowOutcome};
 use crate::trace::TraceTick;
+use tactnet_plot::report::percent;
 
 /// Time between two close-ups in s, as in the thesis, and their number; the second one is at the catch.
 const EVERY: f64 = 0.0265;
@@ -49,7 +49,7 @@ pub struct FingersReport {
 
 impl FingersReport {
     pub(super) fn of(throws: &[ThrowOutcome]) -> Self {
-        let caught = |throw: &ThrowOutcome| throw.balls.iter().all(BallOutcome::caught);
+        let caught = ThrowOutcome::all_caught;
         let is_caged = |ball: &BallOutcome| ball.cage == Some(Cage::Caged);
         let caged = |throw: &ThrowOutcome| throw.balls.iter().all(is_caged);
         let count =

@@ -10,7 +10,7 @@ use serde::Serialize;
 use tactnet_plot::{Quantiles, wilson_of_counts};
 
 use super::SeriesReport;
-use crate::throw_outcome::{AmongObstacles, BallOutcome, ThrowOutcome};
+use crate::throw_outcome::{AmongObstacles, ThrowOutcome};
 
 pub(super) use page::scene_figures;
 
@@ -59,18 +59,9 @@ pub struct WithoutMap {
     pub touched: Vec<u64>,
 }
 
-/// Returns true if the robot touched anything in a throw.
-fn touched(outcome: &ThrowOutcome) -> bool {
-    outcome
-        .obstacles
-        .is_some_and(|among| among.contacts.ticks > 0)
-}
-
 fn untouched_catches(outcomes: &[ThrowOutcome]) -> usize {
-    let good = outcomes
-        .iter()
-        .filter(|outcome| !touched(outcome) && outcome.balls.iter().all(BallOutcome::caught));
-    good.count()
+    let good = |outcome: &&ThrowOutcome| !outcome.touched() && outcome.all_caught();
+    outcomes.iter().filter(good).count()
 }
 
 fn deepest_mm(outcomes: &[ThrowOutcome]) -> f64 {
@@ -96,7 +87,7 @@ impl ObstaclesReport {
         for contact in among.iter().filter_map(|among| among.contacts.deepest) {
             *contact_parts.entry(contact.part.to_string()).or_insert(0) += 1;
         }
-        let contacts = outcomes.iter().filter(|outcome| touched(outcome)).count();
+        let contacts = outcomes.iter().filter(|outcome| outcome.touched()).count();
         let looked = |among: &&AmongObstacles| among.look_seconds > 0.0;
         let quantiles = |of: &dyn Fn(&AmongObstacles) -> Option<f64>| {
             let seconds = among.iter().filter(looked).filter_map(of);
@@ -121,7 +112,7 @@ impl WithoutMap {
     /// Returns the results of a series of a robot that does not look around.
     pub(crate) fn of(report: &SeriesReport) -> Self {
         let outcomes = &report.outcomes;
-        let those = outcomes.iter().filter(|outcome| touched(outcome));
+        let those = outcomes.iter().filter(|outcome| outcome.touched());
         let touched: Vec<u64> = those.map(|outcome| outcome.number).collect();
         Self {
             contacts_without_map: touched.len(),

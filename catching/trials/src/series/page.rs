@@ -14,9 +14,9 @@ use super::{Series, SeriesReport};
 use crate::bound::{Bound, bounds};
 use crate::error::TrialError;
 use crate::look_ahead::LookAhead;
-use crate::page_parts::{axes, captioned, chart, legend, report_page};
 use crate::picture::picture;
 use crate::trace::{Trace, TracePlan, TraceTick};
+use tactnet_plot::report::{axes, captioned, chart, legend, report_page};
 
 /// Minimum cost of plans that are not exact catches.
 const NEAR_MISS: f64 = 10.0;

@@ -9,8 +9,8 @@ use tactnet_plot::{Axes, Axis, key, stand_alone};
 use super::page::rate_lines;
 use super::{Series, SeriesReport};
 use crate::error::TrialError;
-use crate::page_parts::LEFT;
 use crate::trace::{Trace, TracePlan, TraceTick};
+use tactnet_plot::report::LEFT;
 
 /// Time for which the ramps continue after the catch, in s; then the robot goes back.
 const AFTER: f64 = 0.35;

@@ -2,15 +2,13 @@
 
 use std::fmt::Write;
 
-use rayon::prelude::*;
-use tactnet_catching::CatchSpace;
 use tactnet_plot::stand_alone;
 
 use super::{Series, SeriesReport};
 use crate::error::TrialError;
 use crate::in_a_row::RowThrow;
+use crate::parallel::on_all_cores;
 use crate::picture::{HEIGHT, WIDTH, content};
-use crate::throw_outcome::BallOutcome;
 
 /// Number of drawn catches side by side.
 const COLUMNS: usize = 2;
@@ -26,15 +24,12 @@ impl Series {
         length: u64,
         done: impl Fn() + Sync,
     ) -> Result<SeriesReport, TrialError> {
-        let rows: Result<Vec<Vec<RowThrow>>, TrialError> = (0..self.throws.div_ceil(length))
-            .into_par_iter()
-            .map(|number| {
-                let row = self.row(number, length);
-                (0..length).for_each(|_| done());
-                row
-            })
-            .collect();
-        let outcomes = rows?.into_iter().flatten().map(|(outcome, _)| outcome);
+        let rows = on_all_cores(0..self.throws.div_ceil(length), |number| {
+            let row = self.row(number, length);
+            (0..length).for_each(|_| done());
+            row
+        })?;
+        let outcomes = rows.into_iter().flatten().map(|(outcome, _)| outcome);
         Ok(SeriesReport {
             in_a_row: Some(length),
             ..self.report(outcomes.collect())
@@ -42,9 +37,8 @@ impl Series {
     }
 
     fn row(&self, number: u64, length: u64) -> Result<Vec<RowThrow>, TrialError> {
-        let config = &self.config;
-        let oracle = CatchSpace::new(&config.robot, config.moves_lower_body());
-        config.row(self.seed, number, length, &oracle)
+        let oracle = self.config.oracle();
+        self.config.row(self.seed, number, length, &oracle)
     }
 
     /// Simulates the first row and returns a file that draws the robot from the side at the end of each flight, and
@@ -55,7 +49,7 @@ impl Series {
     pub fn row_picture(&self, length: u64) -> Result<String, TrialError> {
         let mut svg = String::new();
         for (place, (outcome, trace)) in self.row(0, length)?.iter().enumerate() {
-            let caught = outcome.balls.iter().all(BallOutcome::caught);
+            let caught = outcome.all_caught();
             let plan = trace.plans.last();
             let arm = plan.map_or("no", |plan| ["left", "right"][plan.arm]);
             let [column, row] = [place % COLUMNS, place / COLUMNS].map(|i| i as f64);

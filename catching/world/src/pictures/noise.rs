@@ -16,12 +16,6 @@ pub(super) struct Noise {
     table: std::sync::Arc<[f32]>,
 }
 
-/// Noise of one picture.
-pub(super) struct PictureNoise<'a> {
-    table: &'a [f32],
-    rng: ChaCha8Rng,
-}
-
 impl Noise {
     /// - `deviation`: standard deviation in grey levels
     pub(super) fn new(deviation: f64, seed: u64) -> Self {
@@ -38,18 +32,9 @@ impl Noise {
         }
     }
 
-    pub(super) fn of(&self, rng: ChaCha8Rng) -> PictureNoise<'_> {
-        PictureNoise {
-            table: &self.table,
-            rng,
-        }
-    }
-}
-
-impl PictureNoise<'_> {
     /// Writes a row of brightness with noise, in grey levels.
-    pub(super) fn add(&mut self, row: &[f32], pixels: &mut [u8]) {
-        let from = (self.rng.random::<f64>() * TABLE as f64) as usize % TABLE;
+    pub(super) fn add(&self, row: &[f32], pixels: &mut [u8], rng: &mut ChaCha8Rng) {
+        let from = (rng.random::<f64>() * TABLE as f64) as usize % TABLE;
         for (start, (row, pixels)) in row.chunks(TABLE).zip(pixels.chunks_mut(TABLE)).enumerate() {
             let from = (from + start) % TABLE;
             let noise = &self.table[from..from + row.len()];

@@ -19,7 +19,7 @@ const INSIDE: [[f32; 2]; 4] = [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.
 pub(super) struct Solid {
     /// Bounding box in pixels: left, right, top, bottom, ends excluded.
     window: [usize; 4],
-    depth: f64,
+    pub(super) depth: f64,
     moments: Vec<Moment>,
     /// Transformation from the camera frame to the frame in which the ellipsoid is a unit sphere.
     to_sphere: Matrix3<f32>,
@@ -86,10 +86,6 @@ impl Solid {
             light: light.cast(),
             shades: shades.map(|shade| 255.0 * shade),
         })
-    }
-
-    pub(super) fn depth(&self) -> f64 {
-        self.depth
     }
 
     /// Draws over a row of brightness.

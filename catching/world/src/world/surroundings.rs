@@ -7,7 +7,6 @@ use tactnet_catching_packets::packets::Circle;
 use super::World;
 use crate::cameras::CAMERAS;
 use crate::contact::{Contacts, is_clear_of};
-use crate::depth::DepthPicture;
 use crate::obstacles::StandingBox;
 use crate::robot::FrameMotion;
 use crate::shape::PlacedCapsule;
@@ -38,8 +37,9 @@ impl World {
         &self.contacts
     }
 
-    /// Renders a depth picture now; `number` selects its noise.
-    pub fn depth_picture(&self, number: u64) -> DepthPicture {
+    /// Renders a depth picture now: the depth along the optical axis in m, row by row from the top left; 0 is invalid.
+    /// `number` selects its noise.
+    pub fn depth_picture(&self, number: u64) -> Vec<f32> {
         let own = self.capsules.iter().filter(|capsule| !capsule.is_head());
         let own: Vec<PlacedCapsule> = own.map(|one| one.placed(&self.robot.places)).collect();
         let head = &self.robot.frames.head;

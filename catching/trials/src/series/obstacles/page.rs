@@ -2,13 +2,13 @@
 
 use maud::{Markup, html};
 
+use super::ObstaclesReport;
 use super::scene::Scene;
-use super::{ObstaclesReport, touched};
 use crate::error::TrialError;
-use crate::page_parts::{captioned, legend};
 use crate::series::{Series, SeriesReport};
 use crate::throw_config::{Mapping, ThrowConfig};
-use crate::throw_outcome::{BallOutcome, ThrowOutcome};
+use crate::throw_outcome::ThrowOutcome;
+use tactnet_plot::report::{captioned, legend};
 
 /// Returns the figures of the most instructive throw of a series; nothing without throws.
 ///
@@ -36,7 +36,7 @@ pub(in crate::series) fn scene_figures(
 fn telling(report: &SeriesReport, obstacles: &ObstaclesReport) -> Option<u64> {
     let without = obstacles.without_map.as_ref();
     let worth = |outcome: &&ThrowOutcome| {
-        let good = !touched(outcome) && outcome.balls.iter().all(BallOutcome::caught);
+        let good = !outcome.touched() && outcome.all_caught();
         let blind = without.is_some_and(|without| without.touched.contains(&outcome.number));
         let lowered = outcome
             .obstacles
@@ -77,8 +77,8 @@ mod tests {
     use tactnet_catching_world::{DepthConfig, ObstaclesConfig, WorldConfig};
 
     use super::*;
-    use crate::page_parts::tests::assert_page;
     use crate::series::series_page;
+    use tactnet_plot::report::assert_page;
 
     fn series(throws: u64) -> Series {
         let world = WorldConfig {

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use tactnet_catching::Robot;
 use tactnet_catching::flight::BALL_RADIUS;
-use tactnet_catching::map::{ArmSpheres, DistanceField, Sphere};
-use tactnet_catching_packets::{ARMS, joint};
+use tactnet_catching::map::{DistanceField, Sphere};
 use tactnet_catching_world::StandingBox;
 use tactnet_plot::{Axes, Axis, HeatMap, Series as Curve, figure};
 
-use crate::page_parts::LEFT;
+use crate::look::arm_spheres;
 use crate::trace::{Trace, TraceTick};
+use tactnet_plot::report::LEFT;
 
 /// Edge length of a drawn cell, in m.
 const CELL: f64 = 0.04;
@@ -47,12 +47,7 @@ impl Scene {
         let field = trace.field.clone()?;
         let tick = catch_tick(trace)?;
         let (place, turn) = &tick.chest;
-        let spheres: Vec<Sphere> = (0..ARMS)
-            .flat_map(|arm| {
-                let own = joint::ARM[arm].start;
-                let q = std::array::from_fn(|i| tick.angles[own + i]);
-                ArmSpheres::new(robot, arm).placed(robot, arm, &q)
-            })
+        let spheres: Vec<Sphere> = arm_spheres(robot, &tick.angles)
             .map(|sphere| Sphere {
                 centre: place + turn * sphere.centre,
                 ..sphere
