@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn brakes_hold_the_deflections() {
-        let tree = tree();
+        let tree = Tree::nominal();
         let mut torso = Torso::new(&tree, &TorsoConfig::default(), GRAVITY, &pose()).unwrap();
         torso.de = Vector3::new(0.5, -0.2, 0.1);
         let held = torso.e;
