@@ -183,6 +183,7 @@ def main():
     )
     parser.add_argument("--public", metavar="DIR", help="folder of data sets: accuracy instead of time")
     parser.add_argument("--keep", metavar="FILE", type=pathlib.Path, help="with --public: file of finished trainings; a repeated call continues")
+    parser.add_argument("--add", metavar="FILE", type=pathlib.Path, help="with --public: JSON of an earlier call, whose rows of other sets are added")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--aeon-side", metavar="FILE", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -193,7 +194,14 @@ def main():
     found_versions = versions()
     if options.public:
         rows = aeon_public.measure(options.program, options.public, options.threads, options.keep)
-        found = {"rows": rows, "ranks": aeon_public.ranked(rows), "commit": commit(), "versions": found_versions}
+        commits, measured = [commit()], {row["data"] for row in rows}
+        if options.add:
+            before = json.loads(options.add.read_text())
+            rows = [row for row in before["rows"] if row["data"] not in measured] + rows
+            commits = sorted({*before["git"], *commits})
+        command = "python experiments/bench/compare_aeon.py --public DIR --json"
+        found = {"schema_version": 1, "command": command, "git": commits, "seed": 1, "versions": found_versions}
+        found |= {"rows": rows, "ranks": aeon_public.ranked(rows)}
         if options.json:
             print(json.dumps(found, indent=2))
         else:
