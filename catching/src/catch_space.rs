@@ -63,20 +63,15 @@ impl CatchSpace {
         let seen = in_frame(flight, &chest);
         let standing = BodyMotion::standing(ready);
         let moving = BodyMotion::towards(&self.robot, ready, &FlightPath::recorded(&seen), 0);
-        let bodies = if self.lower_body {
-            vec![standing, moving]
-        } else {
-            vec![standing]
-        };
-        for body in bodies {
+        let bodies = 1 + usize::from(self.lower_body);
+        for body in [standing, moving].iter().take(bodies) {
             let mut q = *ready;
             body.write(body.end_ns() + 1, &mut q, &mut [0.0; JOINTS]);
             let path = FlightPath::recorded(&in_frame(flight, &self.robot.chest(&q)));
             for (arm, possible) in possible.iter_mut().enumerate() {
-                let own = joint::ARM[arm].start;
                 let request = CatchRequest {
                     ball: path.at(0.0),
-                    q0: std::array::from_fn(|i| ready[own + i]),
+                    q0: joint::of_arm(ready, arm),
                     w0: [0.0; 7],
                     earliest: body.end_ns() as f64 * 1e-9,
                     latest: (flight.len() as f64 * STEP).min(1.8),
@@ -84,7 +79,7 @@ impl CatchSpace {
                     other: None,
                 };
                 *possible |= self.planners[arm]
-                    .best_on_path(&request, &path, GRID)
+                    .best_on_grid(&request, Some(&path), GRID)
                     .is_ok();
             }
         }

@@ -128,11 +128,7 @@ pub struct FlightPath {
 impl FlightPath {
     /// Integrates from `start` at time 0. Does not allocate.
     pub fn new(start: Flight) -> Self {
-        let mut knots = [start; KNOTS];
-        for i in 1..KNOTS {
-            knots[i] = knots[i - 1].step(STEP);
-        }
-        Self { knots }
+        Self::recorded(&[start])
     }
 
     /// Creates a path from recorded states, one per 10 ms from time 0. After the last one, the ball flies on.

@@ -55,23 +55,21 @@ impl HandRelay {
 mod tests {
     use super::*;
 
-    const NONE: HandInputs<'static> = HandInputs {
-        commands: &[],
-        releases: &[],
-    };
-
     #[test]
     fn a_closing_time_is_repeated_until_it_is_over_and_a_newer_one_replaces_it() {
         let mut relay = HandRelay::default();
         let close = |catch_ns: u64| HandCommand { arm: 1, catch_ns };
         let both = HandInputs {
             commands: &[close(2_000), close(1_500)],
-            ..NONE
+            ..HandInputs::default()
         };
         let told = [None, Some(close(1_500))];
         assert_eq!(relay.step(1_000, &both).targets, told);
-        assert_eq!(relay.step(1_500, &NONE).targets, told);
-        assert_eq!(relay.step(1_501, &NONE), HandOutputs::default());
+        assert_eq!(relay.step(1_500, &HandInputs::default()).targets, told);
+        assert_eq!(
+            relay.step(1_501, &HandInputs::default()),
+            HandOutputs::default()
+        );
     }
 
     #[test]
@@ -88,6 +86,9 @@ mod tests {
         let outputs = relay.step(1_000, &inputs);
         assert_eq!(outputs.openings, [Some(open(0, 2_000)), None]);
         assert_eq!(outputs.targets, [None; ARMS]);
-        assert_eq!(relay.step(1_001, &NONE), HandOutputs::default());
+        assert_eq!(
+            relay.step(1_001, &HandInputs::default()),
+            HandOutputs::default()
+        );
     }
 }

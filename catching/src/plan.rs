@@ -18,7 +18,7 @@ pub(crate) mod bfgs;
 mod bodies;
 mod candidates;
 mod catch_motion;
-pub(crate) mod clearance;
+mod clearance;
 mod nearest;
 mod no_plan;
 mod objective;
@@ -29,7 +29,7 @@ mod problem;
 pub mod qp;
 mod seeds;
 mod sqp;
-mod way;
+pub(crate) mod way;
 
 pub use bodies::{BODIES, Body};
 pub use catch_motion::{OtherArm, UNKNOWNS};

@@ -119,22 +119,15 @@ impl Robot {
         measure: impl Fn(f64, &[f64; ARM_JOINTS]) -> f64,
     ) -> [f64; ARM_JOINTS] {
         let arm = &self.arms[arm];
-        let pose = HandPose {
-            position: arm.shoulder() + from_shoulder,
-            rotation: rotation_towards(axis, 0.0),
-        };
         let mut best = (f64::NEG_INFINITY, [0.0; ARM_JOINTS]);
         let steps = 36;
         for hand in 0..steps {
-            let turned = HandPose {
-                rotation: rotation_towards(
-                    &pose.rotation.column(2).into_owned(),
-                    f64::from(hand) * TAU / f64::from(steps),
-                ),
-                ..pose
+            let pose = HandPose {
+                position: arm.shoulder() + from_shoulder,
+                rotation: rotation_towards(axis, f64::from(hand) * TAU / f64::from(steps)),
             };
             for elbow in 0..steps {
-                arm.inverse(&turned, f64::from(elbow) * TAU / f64::from(steps), |q| {
+                arm.inverse(&pose, f64::from(elbow) * TAU / f64::from(steps), |q| {
                     let margin = arm.joints().iter().zip(&q).map(|(joint, q)| {
                         let [low, high] = joint.range;
                         (q - low).min(high - q) / (high - low)

@@ -40,4 +40,9 @@ pub mod joint {
     pub const RIGHT_ARM: Range<usize> = 13..20;
     /// Indices of both arms' joints: left, right.
     pub const ARM: [Range<usize>; super::ARMS] = [LEFT_ARM, RIGHT_ARM];
+
+    /// Returns the values of an arm's joints.
+    pub fn of_arm(all: &[f64; super::JOINTS], arm: usize) -> [f64; super::ARM_JOINTS] {
+        std::array::from_fn(|i| all[ARM[arm].start + i])
+    }
 }

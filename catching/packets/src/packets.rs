@@ -34,6 +34,7 @@ mod control;
 mod motions;
 mod throws;
 
+use bytemuck::Zeroable;
 use tactnet_packet::{Described, Description, packets};
 
 pub use calibration::{CalibrationHold, CalibrationState, MarkerFeature, MarkerFeatures};
@@ -273,11 +274,9 @@ impl JointCommand {
     /// Returns a command without number and time.
     pub fn of(q: [f64; JOINTS], dq: [f64; JOINTS]) -> Self {
         Self {
-            number: 0,
-            command_ns: 0,
             q,
             dq,
-            torso_brakes: 0,
+            ..Self::zeroed()
         }
     }
 

@@ -1,6 +1,6 @@
 //! Settings of the stack, section `[components.catching]` of a robot's table.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use tactnet_catching::Robot;
@@ -120,14 +120,7 @@ impl RoleSettings {
         let Some(path) = &self.robot else {
             return Ok(Robot::nominal());
         };
-        let failed = |reason: String| RoleError::File {
-            path: path.clone(),
-            reason,
-        };
-        let text = std::fs::read_to_string(path).map_err(|error| failed(error.to_string()))?;
-        let description =
-            RobotDescription::parse(&text).map_err(|error| failed(error.to_string()))?;
-        Ok(Robot::new(description))
+        read(path, RobotDescription::parse).map(Robot::new)
     }
 
     /// Returns the calibration if the settings name one.
@@ -138,16 +131,11 @@ impl RoleSettings {
         let Some(path) = &self.calibration else {
             return Ok(None);
         };
-        let failed = |reason: String| RoleError::File {
-            path: path.clone(),
-            reason,
-        };
         let robot = self.robot()?;
-        let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
-        // Bytes that are not text fail in `parse`, whose error names the line.
-        KeptCalibration::parse(&String::from_utf8_lossy(&bytes), robot.description())
-            .map(Some)
-            .map_err(|error| failed(error.to_string()))
+        read(path, |text| {
+            KeptCalibration::parse(text, robot.description())
+        })
+        .map(Some)
     }
 
     /// Returns the corrections between sensors, stack and drives, together with the robot model.
@@ -159,6 +147,19 @@ impl RoleSettings {
         let parameters = kept.as_ref().map(|kept| &kept.parameters);
         Ok(Corrections::new(&self.robot()?, parameters))
     }
+}
+
+/// Reads a file. Bytes that are not text fail in `parse`, whose error names the line.
+fn read<T, E: ToString>(
+    path: &Path,
+    parse: impl FnOnce(&str) -> Result<T, E>,
+) -> Result<T, RoleError> {
+    let failed = |reason: String| RoleError::File {
+        path: path.into(),
+        reason,
+    };
+    let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
+    parse(&String::from_utf8_lossy(&bytes)).map_err(|error| failed(error.to_string()))
 }
 
 #[cfg(test)]

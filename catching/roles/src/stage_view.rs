@@ -8,7 +8,7 @@ use tactnet_catching::flight::Flight;
 use tactnet_catching_packets::packets::{
     BallPrediction, BallPredictions, CatchOutcome, CatchPhase, CatchStatus, HandState, JointState,
 };
-use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
+use tactnet_catching_packets::{ARMS, JOINTS, joint};
 use tactnet_channel::{Bus, ChannelError, GetPort, Packet, Table, now_ns};
 
 use crate::channels::{CATCH_OUTCOME, CATCH_STATE, HAND_STATE, JOINT_STATE, PREDICTION};
@@ -150,8 +150,7 @@ fn limbs(robot: &Robot, q: &[f64; JOINTS]) -> (Vec<Side>, Vec<[Side; 4]>) {
         head.translation.vector,
     ];
     let arms = (0..ARMS).map(|arm| {
-        let angles: [f64; ARM_JOINTS] = std::array::from_fn(|i| q[joint::ARM[arm].start + i]);
-        let points = robot.arm(arm).points(&angles);
+        let points = robot.arm(arm).points(&joint::of_arm(q, arm));
         points.map(|point| side(&(chest * nalgebra::Point3::from(point)).coords))
     });
     (body.iter().map(side).collect(), arms.collect())

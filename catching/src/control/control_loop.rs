@@ -149,22 +149,17 @@ impl ControlLoop {
 
     /// Brakes a moving robot if the safety monitor demands it.
     fn obey(&mut self, verdict: &SafetyState) {
+        use ControllerMode::{Following, GoingBack, Throwing};
         let counts = verdict.number + VERDICT_COUNTS > self.number;
-        let Some(controller) = self.controller.as_mut().filter(|controller| {
-            self.config.brakes
-                && verdict.go == 0
-                && counts
-                && matches!(
-                    controller.mode(),
-                    ControllerMode::Following
-                        | ControllerMode::GoingBack
-                        | ControllerMode::Throwing
-                )
-        }) else {
-            return;
-        };
-        let [a, b] = self.bodies.names(verdict.pair as usize % PAIRS);
-        controller.brake(&format!("{a} and {b} would come too near"));
+        let stop = self.config.brakes && verdict.go == 0 && counts;
+        let moves = |mode| matches!(mode, Following | GoingBack | Throwing);
+        if let Some(controller) = self.controller.as_mut()
+            && stop
+            && moves(controller.mode())
+        {
+            let [a, b] = self.bodies.names(verdict.pair as usize % PAIRS);
+            controller.brake(&format!("{a} and {b} would come too near"));
+        }
     }
 
     fn answer(&mut self, now_ns: u64, effect_ns: u64, came: bool) -> Option<ControlOutputs> {

@@ -1,5 +1,6 @@
 //! Commands of all joints, tick by tick.
 
+use bytemuck::Zeroable;
 use tactnet_catching_packets::packets::{
     ArmPath, BodyPath, ControllerMode, ControllerState, Gaze, Text, ThrowPath,
 };
@@ -174,19 +175,20 @@ impl Controller {
     /// # Errors
     /// Returns an error and changes nothing if the path does not continue the arm's motion or exceeds limits.
     pub fn arm_path(&mut self, now_ns: u64, path: &ArmPath) -> Result<(), PathError> {
-        let taken = self.check(now_ns, path);
-        match taken {
-            Ok(arm) => {
-                self.next[arm] = Some(*path);
-                self.mode = ControllerMode::Following;
-                self.why = Text::new("path accepted");
-            }
-            Err(error) => {
-                self.refused += 1;
-                self.why = Text::new(&error.to_string());
-            }
-        }
-        taken.map(|_| ())
+        let checked = self.check(now_ns, path);
+        let arm = self.refuse_errors(checked)?;
+        self.next[arm] = Some(*path);
+        self.mode = ControllerMode::Following;
+        self.why = Text::new("path accepted");
+        Ok(())
+    }
+
+    /// Counts a rejected path and states its reason.
+    fn refuse_errors<T>(&mut self, checked: Result<T, PathError>) -> Result<T, PathError> {
+        checked.inspect_err(|error| {
+            self.refused += 1;
+            self.why = Text::new(&error.to_string());
+        })
     }
 
     /// Accepts a throw. It must start in the waiting pose, and nothing else is accepted until it ends.
@@ -195,22 +197,14 @@ impl Controller {
     /// Returns an error and changes nothing if the throw starts elsewhere or exceeds limits.
     pub fn throw_path(&mut self, now_ns: u64, path: &ThrowPath) -> Result<(), PathError> {
         let since_ns = self.last.unwrap_or(now_ns).max(now_ns);
-        let taken = match self.mode {
+        let checked = match self.mode {
             ControllerMode::Ready => Throwing::new(path, &self.robot, &self.q, since_ns),
             _ => Err(PathError::NotReady),
         };
-        match taken {
-            Ok(throwing) => {
-                self.throwing = Some(throwing);
-                self.mode = ControllerMode::Throwing;
-                self.why = Text::new("throw accepted");
-            }
-            Err(error) => {
-                self.refused += 1;
-                self.why = Text::new(&error.to_string());
-            }
-        }
-        taken.map(|_| ())
+        self.throwing = Some(self.refuse_errors(checked)?);
+        self.mode = ControllerMode::Throwing;
+        self.why = Text::new("throw accepted");
+        Ok(())
     }
 
     fn check(&self, now_ns: u64, path: &ArmPath) -> Result<usize, PathError> {
@@ -251,20 +245,12 @@ impl Controller {
     /// Returns an error and changes nothing if the motion does not start at rest here and now or exceeds limits.
     pub fn body_path(&mut self, path: &BodyPath) -> Result<(), PathError> {
         let motion = BodyMotion::of(path);
-        let taken = self.check_body(path.start_ns, &motion);
-        match taken {
-            Ok(()) => {
-                // Start no earlier than now.
-                let start_ns = motion.start_ns.max(self.last.unwrap_or(0));
-                self.body = BodyMotion { start_ns, ..motion };
-                self.mode = ControllerMode::Following;
-            }
-            Err(error) => {
-                self.refused += 1;
-                self.why = Text::new(&error.to_string());
-            }
-        }
-        taken
+        self.refuse_errors(self.check_body(path.start_ns, &motion))?;
+        // Start no earlier than now.
+        let start_ns = motion.start_ns.max(self.last.unwrap_or(0));
+        self.body = BodyMotion { start_ns, ..motion };
+        self.mode = ControllerMode::Following;
+        Ok(())
     }
 
     fn check_body(&self, start_ns: u64, motion: &BodyMotion) -> Result<(), PathError> {
@@ -277,8 +263,7 @@ impl Controller {
         ] {
             let limits = &self.robot.joints()[joint];
             let [low, high] = ramp.extent();
-            let numbers = [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end];
-            if !numbers.iter().all(|number| number.is_finite()) {
+            if !ramp.is_finite() {
                 return Err(PathError::NotFinite);
             }
             if (ramp.q0 - self.q[joint]).abs() > POSITION_TOLERANCE
@@ -469,12 +454,7 @@ impl Controller {
 
 /// Returns true if all values are finite and describe a motion of at most 10 s.
 pub(super) fn is_whole(ramp: &Ramp) -> bool {
-    [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end]
-        .iter()
-        .all(|number| number.is_finite())
-        && (0.0..=ramp.t2).contains(&ramp.t1)
-        && ramp.t2 <= ramp.end
-        && ramp.end < 10.0
+    ramp.is_finite() && (0.0..=ramp.t2).contains(&ramp.t1) && ramp.t2 <= ramp.end && ramp.end < 10.0
 }
 
 /// Returns true if a motion keeps range, speed and acceleration of its joint and ends at rest.
@@ -491,11 +471,8 @@ pub(super) fn keeps(ramp: &Ramp, limits: &Joint) -> bool {
 fn standing(arm: usize, q: &[f64; JOINTS]) -> ArmPath {
     ArmPath {
         arm: arm as u64,
-        ball: 0,
-        exposure_ns: 0,
-        head_ns: 0,
-        start_ns: 0,
-        ramps: std::array::from_fn(|i| Ramp::standing(q[joint::ARM[arm].start + i]).packet()),
+        ramps: joint::of_arm(q, arm).map(|q| Ramp::standing(q).packet()),
+        ..ArmPath::zeroed()
     }
 }
 

@@ -1,7 +1,8 @@
 //! Execution of a throw: approach to the swing, rest, swing.
 
+use bytemuck::Zeroable;
 use tactnet_catching_packets::packets::{ArmPath, RampPacket, ThrowPath};
-use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, THROW_JOINTS};
+use tactnet_catching_packets::{ARMS, JOINTS, THROW_JOINTS};
 
 use super::controller::{
     MAX_AHEAD_NS, POSITION_TOLERANCE, PathError, SPEED_TOLERANCE, is_whole, keeps,
@@ -93,11 +94,9 @@ impl Throwing {
         let (start_ns, ramps) = self.leg(now_ns);
         ArmPath {
             arm: self.arm as u64,
-            ball: 0,
-            exposure_ns: 0,
-            head_ns: 0,
             start_ns,
-            ramps: std::array::from_fn::<_, ARM_JOINTS, _>(|i| ramps[i + 1]),
+            ramps: std::array::from_fn(|i| ramps[i + 1]),
+            ..ArmPath::zeroed()
         }
     }
 
@@ -126,12 +125,7 @@ mod tests {
     /// Returns a throw to 4 m that starts after 20 ms.
     fn throw(robot: &Robot) -> ThrowPath {
         let target = Vector3::new(4.0, 0.0, 1.2);
-        let request = ThrowRequest {
-            holding: Some(ARM),
-            aim: Aim::At { target },
-            drag: DRAG,
-            last: None,
-        };
+        let request = ThrowRequest::new(ARM, Aim::At { target });
         let plan = Thrower::new(robot, ThrowPlanConfig::live()).plan(&request);
         plan.unwrap().path(20 * TICK_NS, 1, target.into())
     }

@@ -81,7 +81,7 @@ pub fn answer(
 /// Returns the part of the search that a request asks for.
 fn share(question: &PlanRequest) -> Share {
     match question.planners {
-        0 | 1 => Share::ALL,
+        0 | 1 => Share::default(),
         of => Share {
             index: (question.planner % of) as usize,
             of: of as usize,
@@ -193,9 +193,10 @@ mod tests {
         };
         assert_eq!(asked(&packet), Some(expected));
         assert_eq!(asked(&PlanRequest { arm: 2, ..packet }), None);
-        let objective = 9;
-        let mut unknown = packet;
-        unknown.objective = objective;
+        let unknown = PlanRequest {
+            objective: 9,
+            ..packet
+        };
         assert_eq!(asked(&unknown), None);
     }
 

@@ -4,8 +4,7 @@
 use bytemuck::Zeroable;
 use nalgebra::{Isometry3, Vector3};
 use tactnet_catching_packets::packets::{
-    BallPrediction, BallPredictions, HandCommand, MAX_BALLS, PlanFailure, PlanObjective,
-    PlanRequest, PlanResult,
+    BallPrediction, BallPredictions, HandCommand, MAX_BALLS, PlanFailure, PlanRequest, PlanResult,
 };
 use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 
@@ -66,17 +65,20 @@ pub(super) struct CatchAttempt {
     robot: Robot,
     config: CoordinatorConfig,
     ready: [f64; JOINTS],
-    body: BodyMotion,
+    /// Motion of platform and torso.
+    pub body: BodyMotion,
     arms: [ArmMotion; ARMS],
     reaching: [Option<Reaching>; ARMS],
-    hands: [Option<HandCommand>; ARMS],
+    /// Closing commands of the hands.
+    pub hands: [Option<HandCommand>; ARMS],
     /// Last task of each arm that the controller confirmed.
     taken: [Option<Task>; ARMS],
     /// Balls that the head looks at.
-    looked_at: GazeTargets,
-    state: CatchState,
+    pub looked_at: GazeTargets,
+    pub state: CatchState,
     pending: bool,
-    no_plans: u64,
+    /// Number of failed plans for valid balls.
+    pub no_plans: u64,
     /// Free space for platform and torso, if there is a map.
     room: Option<Room>,
     /// Transform from the chest pose by joint angles to the last measured one.
@@ -95,7 +97,7 @@ impl CatchAttempt {
     ) -> Self {
         let standing = |arm: usize| ArmMotion {
             start_ns: 0,
-            ramps: std::array::from_fn(|i| Ramp::standing(ready[joint::ARM[arm].start + i])),
+            ramps: joint::of_arm(&ready, arm).map(Ramp::standing),
         };
         Self {
             body: BodyMotion::standing(&ready),
@@ -136,34 +138,9 @@ impl CatchAttempt {
             .chest_way(&self.robot, &self.ready, &self.deviation, start_ns)
     }
 
-    /// Returns the state.
-    pub fn state(&self) -> CatchState {
-        self.state
-    }
-
-    /// Returns the number of failed plans for valid balls.
-    pub fn no_plans(&self) -> u64 {
-        self.no_plans
-    }
-
-    /// Returns the closing commands of the hands.
-    pub fn hands(&self) -> &[Option<HandCommand>; ARMS] {
-        &self.hands
-    }
-
     /// Returns number and catch time of the ball that an arm is reaching for.
     pub fn target(&self, arm: usize) -> Option<(u64, u64)> {
         self.reaching[arm].map(|reaching| (reaching.ball, reaching.catch_ns))
-    }
-
-    /// Returns the motion of platform and torso.
-    pub fn body(&self) -> &BodyMotion {
-        &self.body
-    }
-
-    /// Returns the gaze target of the head.
-    pub fn looked_at(&self) -> &GazeTargets {
-        &self.looked_at
     }
 
     /// Returns the motion of an arm: its start in ns and the ramps of its joints.
@@ -213,11 +190,9 @@ impl CatchAttempt {
             return requests;
         };
         let start_ns = now_ns + (self.config.plan_delay * 1e9) as u64;
-        let mut looked = [None; MAX_BALLS];
-        for (place, ball) in looked.iter_mut().zip(predictions.valid()) {
-            *place = Some((ball.t_ns, Flight::of(ball)));
-        }
-        self.looked_at = looked;
+        let balls = predictions.valid().iter();
+        let mut flights = balls.map(|ball| (ball.t_ns, Flight::of(ball)));
+        self.looked_at = std::array::from_fn(|_| flights.next());
         if self.state == CatchState::Armed {
             self.state = CatchState::Tracking;
             // With two balls only the arms move.
@@ -290,7 +265,7 @@ impl CatchAttempt {
             w0: state.map(|(_, w)| w),
             earliest: (end_ns - start_ns) as f64 * 1e-9,
             latest: 1.8,
-            objective: PlanObjective::from(self.config.objective) as u64,
+            objective: self.config.objective as u64,
             has_last: u64::from(left.is_some()),
             last_q: self.reaching[arm].map_or([0.0; ARM_JOINTS], |reaching| reaching.q),
             last_t: left.unwrap_or(0.0),
@@ -393,16 +368,11 @@ impl CatchAttempt {
             let (Some(reaching), Some(hand)) = (reaching, hand) else {
                 continue;
             };
-            let Some(ball) = predictions
-                .valid()
-                .iter()
-                .find(|ball| ball.ball == reaching.ball)
-            else {
+            let mut balls = predictions.valid().iter();
+            let ball = balls.find(|ball| ball.ball == reaching.ball);
+            let Some(ball) = ball.filter(|_| hand.catch_ns > now_ns + LAST_CLOSING_NS) else {
                 continue;
             };
-            if hand.catch_ns <= now_ns + LAST_CLOSING_NS {
-                continue;
-            }
             let pose = self.robot.arm(arm).forward(&reaching.q);
             let axis: Vector3<f64> = pose.rotation.column(2).into_owned();
             let planned = flight_at(ball, hand.catch_ns).in_frame(to_chest);

@@ -68,21 +68,19 @@ impl BodyMotion {
         let standing = Self::standing(q);
         // Closest approach over both arms and all times that leave room for a motion: distance, time, ball, reach
         // point.
-        let mut nearest: Option<(f64, f64, Vector3<f64>, Vector3<f64>)> = None;
+        let mut nearest = (f64::INFINITY, 0.0, Vector3::zeros(), Vector3::zeros());
         for arm in 0..2 {
             let best = robot.arm(arm).shoulder() + Vector3::new(BEST_REACH, 0.0, 0.0);
             for i in 0..=150 {
                 let t = 0.2 + 0.01 * f64::from(i);
                 let ball = path.at(t).p;
                 let distance = (ball - best).norm();
-                if nearest.is_none_or(|(least, ..)| distance < least) {
-                    nearest = Some((distance, t, ball, best));
+                if distance < nearest.0 {
+                    nearest = (distance, t, ball, best);
                 }
             }
         }
-        let Some((_, t, ball, best)) = nearest else {
-            return standing;
-        };
+        let (_, t, ball, best) = nearest;
         let available = t - REST_BEFORE_CATCH;
         let aside = ball.y - best.y;
         if available < 0.15 || aside.abs() < MIN_MOTION {

@@ -153,7 +153,7 @@ impl Coordinator {
 
     /// Returns the number of failed plans for valid balls.
     pub fn no_plans(&self) -> u64 {
-        let current = self.armed.as_ref().map(|armed| armed.attempt.no_plans());
+        let current = self.armed.as_ref().map(|armed| armed.attempt.no_plans);
         self.no_plans + current.unwrap_or(0)
     }
 
@@ -303,7 +303,7 @@ impl Coordinator {
             return;
         };
         armed.attempt.tick(now_ns);
-        let state = armed.attempt.state();
+        let state = armed.attempt.state;
         let (phase, why) = match state {
             CatchState::Armed => (CatchPhase::Armed, "stands where it waits"),
             CatchState::Tracking => (CatchPhase::Tracking, "a ball is valid"),
@@ -312,12 +312,8 @@ impl Coordinator {
         };
         let targets = (0..ARMS).filter_map(|arm| armed.attempt.target(arm));
         let catch_ns = targets.map(|(_, at)| at).max();
-        let looking = if self.phases.looks_at_hand {
-            LOOKING
-        } else {
-            0.0
-        };
-        let after_ns = ((self.phases.after_catch + looking) * 1e9) as u64;
+        let looking = self.phases.looks_at_hand.then_some(LOOKING);
+        let after_ns = ((self.phases.after_catch + looking.unwrap_or(0.0)) * 1e9) as u64;
         let (end_ns, end) = match catch_ns {
             Some(at) => (at + after_ns, "the catch is over"),
             None => (armed.seen_ns + GONE_NS, "the ball is gone"),

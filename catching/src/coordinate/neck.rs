@@ -28,11 +28,6 @@ impl Neck {
         }
     }
 
-    /// Returns the current targets.
-    pub fn looked_at(&self) -> &GazeTargets {
-        &self.looked
-    }
-
     /// Replaces the targets.
     pub fn look_at(&mut self, now_ns: u64, balls: GazeTargets) {
         if self.looked == [None; MAX_BALLS] {

@@ -49,12 +49,8 @@ impl Room {
         deviation: &Isometry3<f64>,
         wanted: &BodyMotion,
     ) -> BodyMotion {
-        let chains: [_; ARMS] = std::array::from_fn(|arm| {
-            let own = joint::ARM[arm].start;
-            robot
-                .arm(arm)
-                .chain(&std::array::from_fn(|i| joints[own + i]))
-        });
+        let chains: [_; ARMS] =
+            std::array::from_fn(|arm| robot.arm(arm).chain(&joint::of_arm(joints, arm)));
         let distance = |chest: &Isometry3<f64>| {
             let still = self.still.spheres.iter().map(|sphere| {
                 let centre = chest * Point3::from(sphere.centre);
@@ -104,7 +100,6 @@ impl Room {
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
     use crate::map::VoxelGrid;
 

@@ -3,7 +3,7 @@
 use tactnet_catching_packets::{ARM_JOINTS, Joint};
 
 use super::passing::Passing;
-use crate::ramp::{LeastTime, Ramp};
+use crate::ramp::{Acceleration, LeastTime, Ramp};
 use crate::robot::ArmKinematics;
 
 /// Number of unknowns: joint angles and catch time.
@@ -30,12 +30,8 @@ impl OtherArm {
     }
 
     pub(crate) fn is_finite(&self) -> bool {
-        let ramps = self.ramps.iter();
-        ramps
-            .flat_map(|ramp| [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end])
-            .chain([self.since])
-            .all(f64::is_finite)
-            && self.ramps.iter().all(|ramp| ramp.end >= 0.0)
+        let is_sound = |ramp: &Ramp| ramp.is_finite() && ramp.end >= 0.0;
+        self.since.is_finite() && self.ramps.iter().all(is_sound)
     }
 }
 
@@ -67,6 +63,22 @@ impl CatchMotion<'_> {
         std::array::from_fn(|i| {
             Ramp::between(self.q0[i], self.w0[i], x[i], end, self.joints[i].speed)
         })
+    }
+
+    /// Returns the largest distance of the ramps to a point beyond the joints' ranges, in rad, negative within them.
+    pub fn beyond_ranges(&self, x: &Point) -> f64 {
+        let beyond = |(ramp, joint): (Ramp, &Joint)| {
+            let [low, high] = ramp.extent();
+            (joint.range[0] - low).max(high - joint.range[1])
+        };
+        let ramps = self.ramps(x).into_iter().zip(self.joints);
+        ramps.map(beyond).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Returns the acceleration of joint `i` for a motion to a point that ends at the catch.
+    pub fn acceleration(&self, x: &Point, i: usize) -> Acceleration {
+        let (d, w0) = (x[i] - self.q0[i], self.w0[i]);
+        Acceleration::new(d, x[ARM_JOINTS], w0, self.joints[i].speed)
     }
 
     /// Returns the end of the ramps to a point, in s, and its derivatives.

@@ -4,47 +4,21 @@
 //! close. The way to the catch is checked in [`way`](super::way).
 
 use nalgebra::{SMatrix, Vector3};
-use tactnet_catching_packets::{ARM_JOINTS, JOINTS, joint};
+use tactnet_catching_packets::ARM_JOINTS;
 
-use crate::robot::{HandPose, Robot};
-use crate::safety::{Bodies, Hull, Nearest, nearest};
+use super::way::{MOVED_BY, OwnBodies, TORSO, apart_at_least};
+use crate::robot::HandPose;
+use crate::safety::{Nearest, nearest};
 
-/// Number of joints that move upper arm, forearm and hand.
-const MOVED_BY: [usize; 3] = [3, 5, 7];
 /// Index of the part that is closest most often.
 const FOREARM: usize = 1;
 
-/// Arm next to a trunk and a torso in the waiting pose.
-#[derive(Debug, Clone)]
-pub(crate) struct Clearance {
-    bodies: Bodies,
-    torso: [Hull; 3],
-    /// Bounding spheres of the torso hulls: centre and radius.
-    around: [(Vector3<f64>, f64); 3],
-    arm: usize,
-    waiting: [f64; JOINTS],
-}
-
-impl Clearance {
-    /// Creates the model of an arm: 0 left, 1 right.
-    pub fn new(robot: &Robot, arm: usize) -> Self {
-        let bodies = Bodies::new(robot.description());
-        let waiting = robot.waiting();
-        let torso = bodies.torso(&waiting);
-        Self {
-            around: torso.each_ref().map(Hull::ball),
-            torso,
-            arm,
-            waiting,
-            bodies,
-        }
-    }
-
+impl OwnBodies {
     /// Returns the minimum distance between the arm and trunk or torso, in m, and its derivative with respect to each
     /// joint.
     ///
     /// - `pose`, `jacobian`: of the hand, with the arm at `q`
-    pub fn nearest(
+    pub fn clearance_slope(
         &self,
         q: &[f64; ARM_JOINTS],
         pose: &HandPose,
@@ -65,24 +39,23 @@ impl Clearance {
     }
 
     /// Returns the minimum distance between the arm and trunk or torso, in m.
-    pub fn at(&self, q: &[f64; ARM_JOINTS]) -> f64 {
+    pub fn clearance(&self, q: &[f64; ARM_JOINTS]) -> f64 {
         self.pair(q).1.distance
     }
 
     /// Returns the part of the arm that is closest to trunk or torso, and the closest points.
     fn pair(&self, q: &[f64; ARM_JOINTS]) -> (usize, Nearest) {
-        let mut whole = self.waiting;
-        whole[joint::ARM[self.arm].clone()].copy_from_slice(q);
-        let parts = self.bodies.arm(self.arm, &whole);
-        let mut least = (FOREARM, nearest(&parts[FOREARM], &self.torso[0]));
-        for (part, hull) in parts.iter().enumerate() {
-            let (centre, radius) = hull.ball();
-            for (body, (torso, around)) in self.torso.iter().zip(&self.around).enumerate() {
-                let no_nearer = (centre - around.0).norm() - radius - around.1;
-                if (part, body) == (FOREARM, 0) || no_nearer >= least.1.distance {
+        let parts = self.parts(self.arm, q);
+        let first = nearest(&parts[FOREARM].hull, &self.still[TORSO[0]].hull);
+        let mut least = (FOREARM, first);
+        for (part, body) in parts.iter().enumerate() {
+            for i in TORSO {
+                let torso = &self.still[i];
+                let known = (part, i) == (FOREARM, TORSO[0]);
+                if known || apart_at_least(body, torso) >= least.1.distance {
                     continue;
                 }
-                let found = nearest(hull, torso);
+                let found = nearest(&body.hull, &torso.hull);
                 if found.distance < least.1.distance {
                     least = (part, found);
                 }
@@ -95,6 +68,7 @@ impl Clearance {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::Robot;
     use proptest::prelude::*;
     use tactnet_catching_packets::ARMS;
 
@@ -102,9 +76,9 @@ mod tests {
     fn an_arm_that_turns_into_the_trunk_is_not_clear_of_it() {
         let robot = Robot::nominal();
         for arm in 0..ARMS {
-            let clearance = Clearance::new(&robot, arm);
+            let own = OwnBodies::new(&robot, arm);
             let ready = robot.ready(arm);
-            assert!(clearance.at(&ready) > 0.05);
+            assert!(own.clearance(&ready) > 0.05);
             // Turn one joint to an end of its range, until the forearm touches the trunk.
             let joints = robot.arm(arm).joints();
             let nearest = (0..ARM_JOINTS)
@@ -112,7 +86,7 @@ mod tests {
                 .map(|(joint, end)| {
                     let mut q = ready;
                     q[joint] = end;
-                    clearance.at(&q)
+                    own.clearance(&q)
                 })
                 .fold(f64::INFINITY, f64::min);
             assert!(nearest < 0.01, "{nearest}");
@@ -123,19 +97,19 @@ mod tests {
         #[test]
         fn slopes_are_differences(q in proptest::array::uniform7(-1.0..1.0f64), arm in 0..ARMS) {
             let robot = Robot::nominal();
-            let clearance = Clearance::new(&robot, arm);
+            let own = OwnBodies::new(&robot, arm);
             let joints = robot.arm(arm).joints();
             let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| {
                 let [low, high] = joints[i].range;
                 0.5 * (low + high) + 0.5 * q[i] * (high - low)
             });
             let (pose, jacobian) = robot.arm(arm).jacobian(&q);
-            let (least, slope) = clearance.nearest(&q, &pose, &jacobian);
-            prop_assert_eq!(least, clearance.at(&q));
+            let (least, slope) = own.clearance_slope(&q, &pose, &jacobian);
+            prop_assert_eq!(least, own.clearance(&q));
             let moved = |i: usize, by: f64| {
                 let mut q = q;
                 q[i] += by;
-                clearance.at(&q)
+                own.clearance(&q)
             };
             for i in 0..ARM_JOINTS {
                 let (less, more) = (moved(i, -1e-5), moved(i, 1e-5));

@@ -16,7 +16,7 @@ use tactnet_catching_packets::ARM_JOINTS;
 use super::catch_motion::{Point, UNKNOWNS};
 use super::problem::{EQUALITIES, Linearised, Problem, ROWS};
 use super::qp;
-use super::sqp::Solution;
+use super::sqp::{Solution, shares};
 
 /// Weights of the squared errors: 1/m^2 for the position, dimensionless for the axis.
 const WEIGHTS: [f64; EQUALITIES] = [4e4, 4e4, 4e4, 44.4, 44.4];
@@ -54,20 +54,13 @@ pub(crate) fn approach(
         let Ok(step) = qp::solve::<UNKNOWNS, ROWS>(&curvature, &slope, rows, 0) else {
             break;
         };
-        let mut share = 1.0;
-        let next = loop {
+        let next = shares().find_map(|share| {
             let there: Point = std::array::from_fn(|i| x[i] + share * step.x[i]);
-            if let Some(there) = within_limits(problem, &there) {
-                let linearised = problem.linearise(&there, TRUST);
-                if square(&linearised) < miss && (kept.is_none() || is_kept(problem, &there)) {
-                    break Some((there, linearised));
-                }
-            }
-            share *= 0.4;
-            if share < 0.02 {
-                break None;
-            }
-        };
+            let there = within_limits(problem, &there)?;
+            let linearised = problem.linearise(&there, TRUST);
+            let nearer = square(&linearised) < miss;
+            (nearer && (kept.is_none() || is_kept(problem, &there))).then_some((there, linearised))
+        });
         let Some((next, linearised)) = next else {
             break;
         };

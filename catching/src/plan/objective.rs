@@ -5,7 +5,7 @@ use tactnet_catching_packets::ARM_JOINTS;
 use tactnet_catching_packets::packets::PlanObjective;
 
 use super::catch_motion::{CatchMotion, Point, UNKNOWNS};
-use crate::ramp::{Acceleration, LeastTime};
+use crate::ramp::LeastTime;
 
 /// Objective of a plan, which is minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -13,21 +13,11 @@ use crate::ramp::{Acceleration, LeastTime};
 pub enum Objective {
     /// Smoothest motion: root mean square of the joints' accelerations, relative to their limits.
     #[default]
-    Soft,
+    Soft = PlanObjective::Soft as isize,
     /// Latest catch: `-t`.
-    Latest,
+    Latest = PlanObjective::Latest as isize,
     /// Early arrival: fourth-power mean of the joints' least times. The arm waits for the ball.
-    Cool,
-}
-
-impl From<Objective> for PlanObjective {
-    fn from(objective: Objective) -> Self {
-        match objective {
-            Objective::Soft => Self::Soft,
-            Objective::Latest => Self::Latest,
-            Objective::Cool => Self::Cool,
-        }
-    }
+    Cool = PlanObjective::Cool as isize,
 }
 
 impl From<PlanObjective> for Objective {
@@ -58,8 +48,7 @@ impl Objective {
                 let mut sum = STILL * STILL;
                 for i in 0..ARM_JOINTS {
                     let joint = &motion.joints[i];
-                    let shape =
-                        Acceleration::new(x[i] - motion.q0[i], t, motion.w0[i], joint.speed);
+                    let shape = motion.acceleration(x, i);
                     let share = shape.a / joint.acceleration;
                     sum += share * share / n;
                     gradient[i] = share * shape.by_distance / joint.acceleration / n;

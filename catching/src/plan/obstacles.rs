@@ -191,10 +191,9 @@ mod tests {
 
     use super::*;
     use crate::map::VoxelGrid;
-    use crate::plan::bodies::Body;
-    use crate::plan::clearance::Clearance;
     use crate::plan::problem::Problem;
     use crate::plan::problem::tests::passing;
+    use crate::plan::way::OwnBodies;
     use crate::plan::{CatchRequest, NoPlan, Objective, PlanConditions, PlanConfig, Planner};
     use crate::robot::Robot;
 
@@ -267,8 +266,8 @@ mod tests {
             let robot = Robot::nominal();
             let mut request = request(&robot, objective);
             request.w0 = w;
-            let (bodies, clearance) = (Body::around_chest(0), Clearance::new(&robot, 0));
-            let problem = Problem::new(&request, robot.arm(0), &bodies, &clearance, 0.0);
+            let own = OwnBodies::new(&robot, 0);
+            let problem = Problem::new(&request, robot.arm(0), &own, 0.0);
             // A coarse map whose trilinear cells cause no kinks within the arm's range.
             let grid = VoxelGrid { corner: [-20.0, -20.0, -20.0], voxel: 20.0, cells: [2, 2, 3] };
             let field = DistanceField::new(grid, &[true, false, false, false, false, false, false, true, false, false, false, false]);
@@ -283,7 +282,7 @@ mod tests {
             let obstacles = Obstacles { surroundings: Surroundings { field: &field, chest: way }, spheres: &spheres, config: &config };
             let x: Point = std::array::from_fn(|i| if i < 7 { request.q0[i] + 0.5 * q[i] } else { t });
             // Exclude motions with extreme accelerations.
-            prop_assume!((0..7).all(|i| crate::ramp::Acceleration::new(x[i] - request.q0[i], t, w[i], problem.motion.joints[i].speed).a.abs() < 60.0));
+            prop_assume!((0..7).all(|i| problem.motion.acceleration(&x, i).a.abs() < 60.0));
             let (cost, gradient) = obstacles.cost(&problem.motion, &x);
             prop_assert!(cost > 0.0);
             for i in 0..UNKNOWNS {

@@ -3,10 +3,8 @@
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::ARM_JOINTS;
 
-use super::bodies::{BODIES, Body};
 use super::candidates::Candidates;
 use super::catch_motion::Point;
-use super::clearance::Clearance;
 use super::nearest::approach;
 use super::no_plan::{NoPlan, RequestError};
 use super::obstacles::{ObstacleConfig, Obstacles, Surroundings};
@@ -24,9 +22,9 @@ tactnet_catching_packets::settings! {
     #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)] #[serde(deny_unknown_fields, default)]
     pub struct PlanConfig {
         /// Grid of a first plan.
-        pub first: Grid = Grid::first(),
+        pub first: Grid = Grid { times: 24, hands: 16, elbows: 16 },
         /// Grid of a replan.
-        pub again: Grid = Grid::again(),
+        pub again: Grid = Grid { times: 8, hands: 8, elbows: 8 },
         /// Number of descents from grid candidates in a first plan.
         pub starts: usize = 16,
         /// Number of descents from grid candidates in a replan.
@@ -76,14 +74,10 @@ impl CatchPlan {
 /// Computational effort of one plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Effort {
-    /// Number of feasible candidates on the grid.
-    pub candidates: usize,
     /// Number of descents.
     pub starts: usize,
     /// Number of quadratic programs solved in all descents.
     pub iterations: usize,
-    /// True if the time limit expired before all descents ended.
-    pub cut_short: bool,
 }
 
 impl Effort {
@@ -146,8 +140,6 @@ impl PlanConditions<'_> {
 #[derive(Debug, Clone)]
 pub struct Planner {
     arm: ArmKinematics,
-    bodies: [Body; BODIES],
-    clearance: Clearance,
     spheres: ArmSpheres,
     own: OwnBodies,
     config: PlanConfig,
@@ -158,8 +150,6 @@ impl Planner {
     pub fn new(robot: &Robot, arm: usize, config: PlanConfig) -> Self {
         Self {
             arm: robot.arm(arm).clone(),
-            bodies: Body::around_chest(arm),
-            clearance: Clearance::new(robot, arm),
             spheres: ArmSpheres::new(robot, arm),
             own: OwnBodies::new(robot, arm),
             config,
@@ -215,16 +205,14 @@ impl Planner {
             None => (self.config.first, self.config.starts),
         };
         let seeds = Seeds::search(&problem, grid, share, &mut *out_of_time);
-        effort.candidates = seeds.feasible;
         for seed in seeds.best().iter().filter(|seed| seed.lack == 0.0) {
-            let solution = seed.solution(&problem);
+            let solution = problem.solution(&seed.x, seed.cost);
             if solution.violation.is_feasible() && problem.is_clear(&solution.x) {
                 candidates.offer(Some(solution));
             }
         }
         for seed in seeds.best().iter().take(starts.div_ceil(share.of)) {
             if out_of_time() {
-                effort.cut_short = true;
                 break;
             }
             let descent = descend(&problem, &seed.x, self.config.iterations, &mut *out_of_time);
@@ -254,7 +242,8 @@ impl Planner {
             let x: Point = std::array::from_fn(|i| last.q.get(i).copied().unwrap_or(last.t));
             approach_from(&x, out_of_time);
         }
-        let seeds = Seeds::search(problem, self.config.again, Share::ALL, &mut *out_of_time);
+        let whole = Share::default();
+        let seeds = Seeds::search(problem, self.config.again, whole, &mut *out_of_time);
         for seed in seeds.best().iter().take(self.config.starts_again) {
             approach_from(&seed.x, out_of_time);
         }
@@ -291,13 +280,12 @@ impl Planner {
             .copied();
         for candidate in candidates.distinct().take(self.config.way.starts) {
             if out_of_time() {
-                effort.cut_short = true;
                 break;
             }
-            problem.own = Some((&self.own, &self.config.way));
+            problem.way = Some(&self.config.way);
             let most = self.config.way.iterations;
             let descent = descend(problem, &candidate.x, most, &mut *out_of_time);
-            problem.own = None;
+            problem.way = None;
             effort.add(&descent);
             let Some(found) = descent.best else { continue };
             let found = Solution {
@@ -321,31 +309,35 @@ impl Planner {
 
     /// Returns the best catch on a grid, without descents and time limit, as a reference for planners.
     ///
-    /// # Errors
-    /// Same as [`Planner::plan`].
-    pub fn best_on_grid(&self, request: &CatchRequest, grid: Grid) -> Result<CatchPlan, NoPlan> {
-        self.check(request)?;
-        let request = &self.within_limits(request);
-        self.search_grid(&self.problem(request, None), grid)
-    }
-
-    /// Returns the best catch on a grid for a ball that follows a given path.
+    /// - `path`: path of the ball if it differs from the flight of the request
     ///
     /// # Errors
     /// Same as [`Planner::plan`].
-    pub fn best_on_path(
+    pub fn best_on_grid(
         &self,
         request: &CatchRequest,
-        path: &FlightPath,
+        path: Option<&FlightPath>,
         grid: Grid,
     ) -> Result<CatchPlan, NoPlan> {
         self.check(request)?;
         let request = &self.within_limits(request);
-        let problem = Problem {
-            path: path.clone(),
-            ..self.problem(request, None)
-        };
-        self.search_grid(&problem, grid)
+        let mut problem = self.problem(request, None);
+        if let Some(path) = path {
+            problem.path = path.clone();
+        }
+        if problem.times[0] > problem.times[1] {
+            return Err(NoPlan::NoCatch);
+        }
+        let seeds = Seeds::search(&problem, grid, Share::default(), || false);
+        match seeds.best().first().filter(|seed| seed.lack == 0.0) {
+            Some(seed) => Ok(CatchPlan::of(
+                &problem,
+                &problem.solution(&seed.x, seed.cost),
+                Effort::default(),
+            )),
+            None if seeds.within_reach => Err(NoPlan::NoCatch),
+            None => Err(NoPlan::OutOfReach),
+        }
     }
 
     fn problem<'a>(
@@ -360,23 +352,7 @@ impl Planner {
                 spheres: &self.spheres,
                 config: &self.config.obstacles,
             }),
-            ..Problem::new(request, &self.arm, &self.bodies, &self.clearance, apart)
-        }
-    }
-
-    fn search_grid(&self, problem: &Problem, grid: Grid) -> Result<CatchPlan, NoPlan> {
-        if problem.times[0] > problem.times[1] {
-            return Err(NoPlan::NoCatch);
-        }
-        let seeds = Seeds::search(problem, grid, Share::ALL, || false);
-        let effort = Effort {
-            candidates: seeds.feasible,
-            ..Effort::default()
-        };
-        match seeds.best().first().filter(|seed| seed.lack == 0.0) {
-            Some(seed) => Ok(CatchPlan::of(problem, &seed.solution(problem), effort)),
-            None if seeds.within_reach => Err(NoPlan::NoCatch),
-            None => Err(NoPlan::OutOfReach),
+            ..Problem::new(request, &self.arm, &self.own, apart)
         }
     }
 
@@ -388,7 +364,7 @@ impl Planner {
         self.check(request)?;
         let request = &self.within_limits(request);
         let problem = self.problem(request, None);
-        let seeds = Seeds::search(&problem, self.config.first, Share::ALL, || false);
+        let seeds = Seeds::search(&problem, self.config.first, Share::default(), || false);
         let starts = seeds.best().iter().take(self.config.starts);
         Ok(starts
             .map(|seed| CatchPoint {
@@ -409,43 +385,30 @@ impl Planner {
     }
 
     fn check(&self, request: &CatchRequest) -> Result<(), RequestError> {
-        let CatchRequest {
-            ball,
-            q0,
-            w0,
-            earliest,
-            latest,
-            ..
-        } = request;
+        let CatchRequest { ball, q0, w0, .. } = request;
+        let (earliest, latest) = (request.earliest, request.latest);
         let numbers = ball.p.iter().chain(&ball.v).chain(&ball.lift);
         let numbers = numbers.chain([&ball.k]).chain(q0).chain(w0);
         let other_is_finite = request.other.is_none_or(|other| other.is_finite());
-        if !other_is_finite || !numbers.chain([earliest, latest]).all(|x| x.is_finite()) {
+        if !other_is_finite || !numbers.chain([&earliest, &latest]).all(|x| x.is_finite()) {
             return Err(RequestError::NotFinite);
         }
         if ball.v.norm() < 0.1 || ball.v.norm() > 100.0 || !(0.0..=1.0).contains(&ball.k) {
             return Err(RequestError::Ball);
         }
-        if !(0.0 <= *earliest && earliest < latest && *latest <= 2.0) {
-            return Err(RequestError::Times {
-                earliest: *earliest,
-                latest: *latest,
-            });
+        if !(0.0 <= earliest && earliest < latest && latest <= 2.0) {
+            return Err(RequestError::Times { earliest, latest });
         }
         for (joint, limits) in self.arm.joints().iter().enumerate() {
             // Rounding of an interrupted ramp.
             let slack = 1e-6;
-            if q0[joint] < limits.range[0] - slack || q0[joint] > limits.range[1] + slack {
-                return Err(RequestError::Range {
-                    joint,
-                    found: q0[joint],
-                });
+            let found = q0[joint];
+            if found < limits.range[0] - slack || found > limits.range[1] + slack {
+                return Err(RequestError::Range { joint, found });
             }
-            if w0[joint].abs() > limits.speed + slack {
-                return Err(RequestError::Speed {
-                    joint,
-                    found: w0[joint],
-                });
+            let found = w0[joint];
+            if found.abs() > limits.speed + slack {
+                return Err(RequestError::Speed { joint, found });
             }
         }
         Ok(())

@@ -6,21 +6,20 @@
 //! -R'v/|v|`, with `u_z > 0`.
 //!
 //! Two constraints are added. A joint that reverses its direction stays within its range at the turning point. At the
-//! catch, the whole arm keeps its distance from trunk and torso ([`Clearance`]).
+//! catch, the whole arm keeps its distance from trunk and torso ([`OwnBodies::clearance`]).
 
-use nalgebra::Vector3;
 use tactnet_catching_packets::ARM_JOINTS;
 
-use super::bodies::{BODIES, Body};
+use super::bodies::BODIES;
 use super::catch_motion::{CatchMotion, OtherArm, Point, UNKNOWNS};
-use super::clearance::Clearance;
 use super::no_plan::NoPlan;
 use super::objective::Objective;
 use super::obstacles::Obstacles;
 use super::qp::Row;
+use super::sqp::Solution;
 use super::way::{OwnBodies, WayConfig};
 use crate::flight::{Flight, FlightPath};
-use crate::ramp::{Acceleration, Reach};
+use crate::ramp::Reach;
 use crate::robot::ArmKinematics;
 
 /// Number of equations: hand at the ball (3), hand against its flight (2).
@@ -74,14 +73,13 @@ impl Violation {
 pub(crate) struct Problem<'a> {
     pub request: &'a CatchRequest,
     pub motion: CatchMotion<'a>,
-    pub bodies: &'a [Body; BODIES],
-    pub clearance: &'a Clearance,
+    pub own: &'a OwnBodies,
     /// Minimum distance of the arm from trunk and torso at the catch, in m; 0 disables it.
     pub apart: f64,
     /// Obstacles, if there is a map.
     pub obstacles: Option<Obstacles<'a>>,
     /// Cost of close ways to the robot's own bodies, if it is active.
-    pub own: Option<(&'a OwnBodies, &'a WayConfig)>,
+    pub way: Option<&'a WayConfig>,
     pub path: FlightPath,
     /// Earliest and latest catch time, in s.
     pub times: [f64; 2],
@@ -100,8 +98,7 @@ impl<'a> Problem<'a> {
     pub fn new(
         request: &'a CatchRequest,
         arm: &'a ArmKinematics,
-        bodies: &'a [Body; BODIES],
-        clearance: &'a Clearance,
+        own: &'a OwnBodies,
         apart: f64,
     ) -> Self {
         let joints = arm.joints();
@@ -119,11 +116,10 @@ impl<'a> Problem<'a> {
                 arrives_early: request.objective == Objective::Cool,
                 other: request.other,
             },
-            bodies,
-            clearance,
+            own,
             apart,
             obstacles: None,
-            own: None,
+            way: None,
             path: FlightPath::new(request.ball),
             times: [least, request.latest],
         }
@@ -162,8 +158,8 @@ impl<'a> Problem<'a> {
         if let Some(obstacles) = &self.obstacles {
             add(obstacles.cost(&self.motion, x));
         }
-        if let Some((own, config)) = self.own {
-            add(own.cost(config, &self.motion, x));
+        if let Some(config) = self.way {
+            add(self.own.cost(config, &self.motion, x));
         }
         (cost, gradient)
     }
@@ -187,6 +183,15 @@ impl<'a> Problem<'a> {
         ]
     }
 
+    /// Returns a point with its cost and its residuals.
+    pub fn solution(&self, x: &Point, cost: f64) -> Solution {
+        Solution {
+            x: *x,
+            cost,
+            violation: self.violation(x),
+        }
+    }
+
     /// Returns the residuals of a point and its ramps.
     pub fn violation(&self, x: &Point) -> Violation {
         let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
@@ -199,11 +204,8 @@ impl<'a> Problem<'a> {
             let [low, high] = self.interval(i, t);
             limits = limits.max(low - x[i]).max(x[i] - high);
         }
-        for (ramp, joint) in self.motion.ramps(x).iter().zip(self.motion.joints) {
-            let [low, high] = ramp.extent();
-            limits = limits.max(joint.range[0] - low).max(high - joint.range[1]);
-        }
-        for body in self.bodies {
+        limits = limits.max(self.motion.beyond_ranges(x));
+        for body in &self.own.simple {
             limits = limits.max(-body.distance(&pose.position).0);
         }
         // The most expensive check, needed only if all others hold.
@@ -220,7 +222,7 @@ impl<'a> Problem<'a> {
     /// Returns the amount by which the arm is too close to trunk and torso, in m, or 0.
     pub fn too_near(&self, q: &[f64; ARM_JOINTS]) -> f64 {
         if self.apart > 0.0 {
-            (self.apart - self.clearance.at(q)).max(0.0)
+            (self.apart - self.own.clearance(q)).max(0.0)
         } else {
             0.0
         }
@@ -231,8 +233,9 @@ impl<'a> Problem<'a> {
         let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
         let t = x[ARM_JOINTS];
         let ball = self.path.at(t);
-        let (pose, jacobian) = self.motion.arm.jacobian(&q);
-        let mut rows = Rows::new();
+        let chain = self.motion.arm.chain(&q);
+        let (pose, jacobian) = (chain.pose(), chain.jacobian());
+        let mut rows = Linearised::new();
 
         let speed = ball.v.norm();
         let heading = ball.v / speed;
@@ -241,12 +244,7 @@ impl<'a> Problem<'a> {
         let u = back * -heading;
         let u_by_time = back * -turn;
         let apart = pose.position - ball.p;
-        let spins: [Vector3<f64>; ARM_JOINTS] = std::array::from_fn(|i| {
-            back * jacobian
-                .fixed_view::<3, 1>(3, i)
-                .into_owned()
-                .cross(&heading)
-        });
+        let spins = chain.axes.map(|axis| back * axis.cross(&heading));
         for k in 0..3 {
             rows.equation(apart[k], |i| jacobian[(k, i)], -ball.v[k]);
         }
@@ -255,7 +253,7 @@ impl<'a> Problem<'a> {
         }
 
         self.limit_joints(x, &mut rows);
-        for body in self.bodies {
+        for body in &self.own.simple {
             let (distance, gradient) = body.distance(&pose.position);
             rows.inequality(
                 distance,
@@ -264,28 +262,22 @@ impl<'a> Problem<'a> {
             );
         }
         if self.apart > 0.0 {
-            let (distance, slope) = self.clearance.nearest(&q, &pose, &jacobian);
+            let (distance, slope) = self.own.clearance_slope(&q, &pose, &jacobian);
             if distance < self.apart + FAR {
                 rows.inequality(distance - self.apart, |i| slope[i], 0.0);
             }
         }
-        let mut linearised = rows.finish();
         for i in 0..UNKNOWNS {
             for sign in [1.0, -1.0] {
-                let mut normal = [0.0; UNKNOWNS];
-                normal[i] = sign;
-                linearised.rows[linearised.count] = Row {
-                    normal,
-                    bound: -trust,
-                };
-                linearised.count += 1;
+                let by = |k: usize| if k == i { sign } else { 0.0 };
+                rows.push(trust, by, by(ARM_JOINTS));
             }
         }
-        linearised
+        rows
     }
 
     /// Adds the limits of time, positions and least times of all joints.
-    fn limit_joints(&self, x: &Point, rows: &mut Rows) {
+    fn limit_joints(&self, x: &Point, rows: &mut Linearised) {
         let t = x[ARM_JOINTS];
         rows.inequality(t - self.times[0], |_| 0.0, 1.0);
         rows.inequality(self.times[1] - t, |_| 0.0, -1.0);
@@ -299,7 +291,7 @@ impl<'a> Problem<'a> {
             rows.inequality(x[i] - q0 - reach.low, own(1.0), -reach.low_by_time);
             rows.inequality(q0 + reach.high - x[i], own(-1.0), reach.high_by_time);
             if self.request.objective != Objective::Cool {
-                let shape = Acceleration::new(x[i] - q0, t, w0, joint.speed);
+                let shape = self.motion.acceleration(x, i);
                 if w0 * shape.a < 0.0 && shape.a.is_finite() {
                     // The turning point is q0 - w0^2 / (2 a).
                     let turn = q0 - w0 * w0 / (2.0 * shape.a);
@@ -326,7 +318,8 @@ impl<'a> Problem<'a> {
         let heading = ball.v / ball.v.norm();
         for _ in 0..3 {
             let q: [f64; ARM_JOINTS] = std::array::from_fn(|i| x[i]);
-            let (pose, jacobian) = self.motion.arm.jacobian(&q);
+            let chain = self.motion.arm.chain(&q);
+            let (pose, jacobian) = (chain.pose(), chain.jacobian());
             let back = pose.rotation.transpose();
             let u = back * -heading;
             let apart = pose.position - ball.p;
@@ -336,12 +329,8 @@ impl<'a> Problem<'a> {
                 break;
             }
             let mut slopes = nalgebra::SMatrix::<f64, EQUALITIES, ARM_JOINTS>::zeros();
-            for i in 0..ARM_JOINTS {
-                let spin = back
-                    * jacobian
-                        .fixed_view::<3, 1>(3, i)
-                        .into_owned()
-                        .cross(&heading);
+            for (i, axis) in chain.axes.iter().enumerate() {
+                let spin = back * axis.cross(&heading);
                 for k in 0..3 {
                     slopes[(k, i)] = jacobian[(k, i)];
                 }
@@ -360,13 +349,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-struct Rows {
-    rows: [Row<UNKNOWNS>; ROWS],
-    count: usize,
-    lack: f64,
-}
-
-impl Rows {
+impl Linearised {
     fn new() -> Self {
         Self {
             rows: [Row {
@@ -395,14 +378,6 @@ impl Rows {
     fn inequality(&mut self, value: f64, by_joint: impl Fn(usize) -> f64, by_time: f64) {
         self.push(value, by_joint, by_time);
         self.lack += (-value).max(0.0);
-    }
-
-    fn finish(self) -> Linearised {
-        Linearised {
-            rows: self.rows,
-            count: self.count,
-            lack: self.lack,
-        }
     }
 }
 

@@ -34,8 +34,6 @@ pub struct Solution<const N: usize, const ROWS: usize> {
     pub x: [f64; N],
     /// Lagrange multiplier of each row. Multipliers of inequalities are non-negative, and 0 if inactive.
     pub multipliers: [f64; ROWS],
-    /// Number of rows added and dropped.
-    pub steps: usize,
 }
 
 /// Tolerance for violations, for rows of about unit length.
@@ -55,7 +53,7 @@ pub fn solve<const N: usize, const ROWS: usize>(
 ) -> Result<Solution<N, ROWS>, NoSolution> {
     debug_assert!(rows.len() <= ROWS && equalities <= N);
     let mut set = ActiveSet::new(b, g)?;
-    let mut state = [State::Free; ROWS];
+    let mut active = [false; ROWS];
     let mut steps = 0;
     for (i, row) in rows[..equalities].iter().enumerate() {
         let direction = set.direction(&row.normal);
@@ -67,11 +65,11 @@ pub fn solve<const N: usize, const ROWS: usize>(
         if !set.add(&direction.d, i, t) {
             return Err(NoSolution::Infeasible);
         }
-        state[i] = State::Active;
+        active[i] = true;
         steps += 1;
     }
-    while let Some(worst) = most_violated(rows, &state, &set.x, equalities) {
-        enforce(&mut set, rows, worst, equalities, &mut state, &mut steps)?;
+    while let Some(worst) = most_violated(rows, &active, &set.x, equalities) {
+        enforce(&mut set, rows, worst, equalities, &mut active, &mut steps)?;
     }
     let mut multipliers = [0.0; ROWS];
     for k in 0..set.count {
@@ -83,7 +81,6 @@ pub fn solve<const N: usize, const ROWS: usize>(
     Ok(Solution {
         x: set.x,
         multipliers,
-        steps,
     })
 }
 
@@ -93,7 +90,7 @@ fn enforce<const N: usize, const ROWS: usize>(
     rows: &[Row<N>],
     worst: usize,
     equalities: usize,
-    state: &mut [State; ROWS],
+    active: &mut [bool; ROWS],
     steps: &mut usize,
 ) -> Result<(), NoSolution> {
     let row = &rows[worst];
@@ -132,29 +129,23 @@ fn enforce<const N: usize, const ROWS: usize>(
             if !set.add(&direction.d, worst, multiplier) {
                 return Err(NoSolution::Infeasible);
             }
-            state[worst] = State::Active;
+            active[worst] = true;
             return Ok(());
         }
-        state[set.rows[dropped]] = State::Free;
+        active[set.rows[dropped]] = false;
         set.drop(dropped);
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
-    Free,
-    Active,
-}
-
 fn most_violated<const N: usize>(
     rows: &[Row<N>],
-    state: &[State],
+    active: &[bool],
     x: &[f64; N],
     equalities: usize,
 ) -> Option<usize> {
     let mut worst = (None, -FEASIBLE);
     for (i, row) in rows.iter().enumerate().skip(equalities) {
-        if state[i] == State::Free {
+        if !active[i] {
             let slack = dot(&row.normal, x) - row.bound;
             if slack < worst.1 {
                 worst = (Some(i), slack);

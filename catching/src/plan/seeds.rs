@@ -7,7 +7,6 @@ use tactnet_catching_packets::ARM_JOINTS;
 
 use super::catch_motion::Point;
 use super::problem::Problem;
-use super::sqp::Solution;
 use crate::robot::{HandPose, rotation_towards};
 
 /// Number of closed-form branches: two each for elbow, shoulder and wrist.
@@ -27,26 +26,6 @@ pub struct Grid {
     pub elbows: usize,
 }
 
-impl Grid {
-    /// Returns the grid of a first plan.
-    pub fn first() -> Self {
-        Self {
-            times: 24,
-            hands: 16,
-            elbows: 16,
-        }
-    }
-
-    /// Returns the grid of a replan.
-    pub fn again() -> Self {
-        Self {
-            times: 8,
-            hands: 8,
-            elbows: 8,
-        }
-    }
-}
-
 /// Part of a search: every `of`-th catch time of the grid, from the time `index` on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Share {
@@ -56,14 +35,10 @@ pub struct Share {
     pub of: usize,
 }
 
-impl Share {
-    /// The whole search.
-    pub const ALL: Self = Self { index: 0, of: 1 };
-}
-
 impl Default for Share {
+    /// Returns the whole search.
     fn default() -> Self {
-        Self::ALL
+        Self { index: 0, of: 1 }
     }
 }
 
@@ -81,15 +56,6 @@ pub(crate) struct Seed {
 }
 
 impl Seed {
-    /// Returns the candidate as a solution.
-    pub fn solution(&self, problem: &Problem) -> Solution {
-        Solution {
-            x: self.x,
-            cost: self.cost,
-            violation: problem.violation(&self.x),
-        }
-    }
-
     fn is_better_than(&self, other: &Self) -> bool {
         if self.lack == 0.0 && other.lack == 0.0 {
             self.cost < other.cost
@@ -134,11 +100,8 @@ impl Seeds {
         for i in (share.index..grid.times).step_by(share.of) {
             let t = first + (last - first) * (i as f64 + 0.5) / grid.times as f64;
             let ball = problem.path.at(t);
-            if problem
-                .bodies
-                .iter()
-                .any(|body| body.distance(&ball.p).0 < 0.0)
-            {
+            let mut bodies = problem.own.simple.iter();
+            if bodies.any(|body| body.distance(&ball.p).0 < 0.0) {
                 continue;
             }
             let intervals: [[f64; 2]; ARM_JOINTS] = std::array::from_fn(|i| problem.interval(i, t));
@@ -156,20 +119,15 @@ impl Seeds {
                     break;
                 };
                 for elbow in 0..grid.elbows {
-                    circle.each(
-                        problem.motion.arm,
-                        elbow as f64 * TAU / grid.elbows as f64,
-                        &mut |q| {
-                            let lack = q
-                                .iter()
-                                .zip(&intervals)
-                                .map(|(q, [low, high])| (low - q).max(q - high).max(0.0))
-                                .sum();
-                            if lack < seeds.worth() {
-                                seeds.offer(problem, &q, t, lack);
-                            }
-                        },
-                    );
+                    let angle = elbow as f64 * TAU / grid.elbows as f64;
+                    circle.each(problem.motion.arm, angle, &mut |q| {
+                        let lacks = q.iter().zip(&intervals);
+                        let lacks = lacks.map(|(q, [low, high])| (low - q).max(q - high).max(0.0));
+                        let lack = lacks.sum();
+                        if lack < seeds.worth() {
+                            seeds.offer(problem, &q, t, lack);
+                        }
+                    });
                 }
             }
         }
@@ -253,17 +211,10 @@ impl Seeds {
     }
 }
 
+/// Returns true if a joint that moves at the start leaves its range on the way to a point.
 fn turns_outside(problem: &Problem, x: &Point) -> bool {
-    problem.motion.w0.iter().any(|w0| *w0 != 0.0)
-        && problem
-            .motion
-            .ramps(x)
-            .iter()
-            .zip(problem.motion.joints)
-            .any(|(ramp, joint)| {
-                let [low, high] = ramp.extent();
-                low < joint.range[0] || high > joint.range[1]
-            })
+    let moves = problem.motion.w0.iter().any(|w0| *w0 != 0.0);
+    moves && problem.motion.beyond_ranges(x) > 0.0
 }
 
 /// Returns the first and the last time at which the ball is within reach of the shoulder.

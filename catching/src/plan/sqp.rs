@@ -47,6 +47,16 @@ struct Iterate {
 }
 
 impl Iterate {
+    fn new(problem: &Problem, x: Point, linearised: Linearised) -> Self {
+        let (cost, slope) = problem.cost(&x);
+        Self {
+            x,
+            linearised,
+            cost,
+            slope,
+        }
+    }
+
     fn merit(&self, penalty: f64) -> f64 {
         self.cost + penalty * self.linearised.lack
     }
@@ -140,13 +150,12 @@ fn restore(
         }
         (x, linearised) = (next, there);
     }
-    let (cost, slope) = problem.cost(&x);
-    Iterate {
-        x,
-        linearised,
-        cost,
-        slope,
-    }
+    Iterate::new(problem, x, linearised)
+}
+
+/// Returns the step fractions that are tried, from the full step on.
+pub(super) fn shares() -> impl Iterator<Item = f64> {
+    std::iter::successors(Some(1.0), |share| Some(share * 0.4)).take_while(|share| *share >= 0.02)
 }
 
 /// Returns the longest tried fraction of a step that decreases the merit function sufficiently.
@@ -154,41 +163,23 @@ fn line_search(problem: &Problem, here: &Iterate, step: &Point, penalty: f64) ->
     let merit = here.merit(penalty);
     let predicted = (0..UNKNOWNS).map(|i| here.slope[i] * step[i]).sum::<f64>()
         - penalty * here.linearised.lack;
-    let mut share = 1.0;
-    loop {
+    shares().find_map(|share| {
         let there: Point = std::array::from_fn(|i| here.x[i] + share * step[i]);
         let x = problem.retract(&there);
-        let (cost, slope) = problem.cost(&x);
-        let linearised = problem.linearise(&x, TRUST);
+        let next = Iterate::new(problem, x, problem.linearise(&x, TRUST));
         let allowed = merit + 1e-4 * share * predicted.min(0.0);
-        if cost.is_finite() && cost + penalty * linearised.lack <= allowed {
-            return Some(Iterate {
-                x,
-                linearised,
-                cost,
-                slope,
-            });
-        }
-        share *= 0.4;
-        if share < 0.02 {
-            return None;
-        }
-    }
+        (next.cost.is_finite() && next.merit(penalty) <= allowed).then_some(next)
+    })
 }
 
 /// Replaces the best solution by a cheaper feasible one.
 fn keep(problem: &Problem, best: &mut Option<Solution>, here: &Iterate) {
-    let (x, cost) = (&here.x, here.cost);
-    let violation = problem.violation(x);
-    if violation.is_feasible()
-        && best.is_none_or(|solution| cost < solution.cost)
-        && problem.is_clear(x)
+    let found = problem.solution(&here.x, here.cost);
+    if found.violation.is_feasible()
+        && best.is_none_or(|best| found.cost < best.cost)
+        && problem.is_clear(&found.x)
     {
-        *best = Some(Solution {
-            x: *x,
-            cost,
-            violation,
-        });
+        *best = Some(found);
     }
 }
 
@@ -213,16 +204,10 @@ fn initial_curvature(problem: &Problem, x: &Point, cost: f64) -> [[f64; UNKNOWNS
         line[i] = 0.3;
     }
     if problem.request.objective == Objective::Soft {
-        let t = x[ARM_JOINTS];
         let n = ARM_JOINTS as f64;
         for i in 0..ARM_JOINTS {
             let joint = &problem.motion.joints[i];
-            let shape = crate::ramp::Acceleration::new(
-                x[i] - problem.motion.q0[i],
-                t,
-                problem.motion.w0[i],
-                joint.speed,
-            );
+            let shape = problem.motion.acceleration(x, i);
             let (d, dt) = (
                 shape.by_distance / joint.acceleration,
                 shape.by_time / joint.acceleration,

@@ -16,8 +16,9 @@
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Joint, joint};
+use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, joint};
 
+use super::bodies::{BODIES, Body as SimpleBody};
 use super::catch_motion::{CatchMotion, OtherArm, Point, UNKNOWNS};
 use super::passing::Passing;
 use crate::ramp::Ramp;
@@ -25,9 +26,11 @@ use crate::robot::{Chain, Robot};
 use crate::safety::{Bodies, Hull, nearest};
 
 /// Number of joints that move upper arm, forearm and hand.
-const MOVED_BY: [usize; 3] = [3, 5, 7];
+pub(super) const MOVED_BY: [usize; 3] = [3, 5, 7];
 /// Number of fixed bodies: trunk, head, two of the torso, platform.
 const STILL: usize = 5;
+/// Indices of trunk and torso among the fixed bodies.
+pub(super) const TORSO: [usize; 3] = [0, 2, 3];
 /// Number of arm parts: upper arm, forearm, hand.
 const PARTS: usize = 3;
 /// Amount by which an arm that starts too close may come closer, in m.
@@ -56,24 +59,23 @@ tactnet_catching_packets::settings! {
     }
 }
 
-/// Bodies of the robot around one arm.
+/// Bodies of the robot around one arm, with all other joints in the waiting pose.
 #[derive(Debug, Clone)]
 pub(crate) struct OwnBodies {
+    /// Simple bodies that the hand avoids at the catch.
+    pub simple: [SimpleBody; BODIES],
     bodies: Bodies,
-    still: [Body; STILL],
-    arm: usize,
+    pub(super) still: [Body; STILL],
+    pub(super) arm: usize,
     waiting: [f64; JOINTS],
     /// Kinematics of the other arm.
     other: crate::robot::ArmKinematics,
-    other_joints: [Joint; ARM_JOINTS],
-    /// Waiting pose of the other arm.
-    other_waits: [f64; ARM_JOINTS],
 }
 
 /// Body with its bounding sphere.
 #[derive(Debug, Clone, Copy)]
-struct Body {
-    hull: Hull,
+pub(super) struct Body {
+    pub hull: Hull,
     around: (Vector3<f64>, f64),
 }
 
@@ -109,26 +111,24 @@ impl OwnBodies {
         let [head, platform] = bodies.head_and_platform(&waiting);
         let other = (arm + 1) % ARMS;
         Self {
+            simple: SimpleBody::around_chest(arm),
             still: [trunk, head, upper, lower, platform].map(Body::of),
             bodies,
             arm,
             waiting,
             other: robot.arm(other).clone(),
-            other_joints: *robot.arm(other).joints(),
-            other_waits: robot.ready(other),
         }
     }
 
-    fn parts(&self, arm: usize, q: &[f64; ARM_JOINTS]) -> [Body; PARTS] {
+    pub(super) fn parts(&self, arm: usize, q: &[f64; ARM_JOINTS]) -> [Body; PARTS] {
         let mut whole = self.waiting;
         whole[joint::ARM[arm].clone()].copy_from_slice(q);
         self.bodies.arm(arm, &whole).map(Body::of)
     }
 
     fn other(&self, motion: &CatchMotion) -> OtherArm {
-        motion
-            .other
-            .unwrap_or_else(|| OtherArm::standing(&self.other_waits))
+        let waits = || joint::of_arm(&self.waiting, (self.arm + 1) % ARMS);
+        motion.other.unwrap_or_else(|| OtherArm::standing(&waits()))
     }
 
     /// Returns the other arm's pose at a time, and its stopping pose if it brakes then.
@@ -153,7 +153,7 @@ impl OwnBodies {
             chain: self.other.chain(&q),
             rates,
         };
-        let most = |i: usize| self.other_joints[i].acceleration;
+        let most = |i: usize| self.other.joints()[i].acceleration;
         [
             posture(motion.map(|(q, ..)| q), motion.map(|(_, w, _)| w)),
             posture(
@@ -248,12 +248,8 @@ impl OwnBodies {
                 }
                 let found = nearest(&body.hull, &against.hull);
                 if found.distance < soft {
-                    tell(
-                        part,
-                        found,
-                        body.hull.radius + against.hull.radius,
-                        its_part,
-                    );
+                    let radii = body.hull.radius + against.hull.radius;
+                    tell(part, found, radii, its_part);
                 }
             }
         }
@@ -323,7 +319,7 @@ impl OwnBodies {
 }
 
 /// Returns a lower bound of the distance between two bodies.
-fn apart_at_least(a: &Body, b: &Body) -> f64 {
+pub(super) fn apart_at_least(a: &Body, b: &Body) -> f64 {
     (a.around.0 - b.around.0).norm() - a.around.1 - b.around.1
 }
 

@@ -66,57 +66,20 @@ impl ArmKinematics {
 
     /// Returns the catch frame at joint angles `q`, in the chest frame.
     pub fn forward(&self, q: &[f64; ARM_JOINTS]) -> HandPose {
-        let frames = self.frames(q);
-        HandPose {
-            position: frames.catch,
-            rotation: frames.rotation,
-        }
+        self.chain(q).pose()
     }
 
     /// Returns the positions of shoulder, elbow, wrist and catch frame in the chest frame.
     pub fn points(&self, q: &[f64; ARM_JOINTS]) -> [Vector3<f64>; 4] {
-        let frames = self.frames(q);
-        [self.shoulder, frames.elbow, frames.wrist, frames.catch]
-    }
-
-    /// Returns the joint axes and joint positions in the chest frame.
-    pub(crate) fn chain(&self, q: &[f64; ARM_JOINTS]) -> Chain {
-        let frames = self.frames(q);
-        Chain {
-            axes: frames.axes,
-            shoulder: self.shoulder,
-            elbow: frames.elbow,
-            wrist: frames.wrist,
-            rotation: frames.rotation,
-        }
+        let chain = self.chain(q);
+        [chain.shoulder, chain.elbow, chain.wrist, chain.catch]
     }
 
     /// Returns the catch frame and its geometric Jacobian `[6][7]`: linear velocity, then angular velocity, per joint
     /// velocity.
     pub fn jacobian(&self, q: &[f64; ARM_JOINTS]) -> (HandPose, SMatrix<f64, 6, ARM_JOINTS>) {
-        let frames = self.frames(q);
-        let origins = [
-            self.shoulder,
-            self.shoulder,
-            self.shoulder,
-            frames.elbow,
-            frames.elbow,
-            frames.wrist,
-            frames.wrist,
-        ];
-        let mut jacobian = SMatrix::<f64, 6, ARM_JOINTS>::zeros();
-        for (i, origin) in origins.iter().enumerate() {
-            let axis = frames.axes[i];
-            jacobian
-                .fixed_view_mut::<3, 1>(0, i)
-                .copy_from(&axis.cross(&(frames.catch - origin)));
-            jacobian.fixed_view_mut::<3, 1>(3, i).copy_from(&axis);
-        }
-        let pose = HandPose {
-            position: frames.catch,
-            rotation: frames.rotation,
-        };
-        (pose, jacobian)
+        let chain = self.chain(q);
+        (chain.pose(), chain.jacobian())
     }
 
     /// Returns the link frames behind the joints, in the chest frame. The origin of the last one is the wrist.
@@ -129,24 +92,7 @@ impl ArmKinematics {
                 5 => origin += rotation.column(2) * self.fore,
                 _ => {}
             }
-            let (sin, cos) = q[i].sin_cos();
-            let axis = match i {
-                1 | 5 => {
-                    let axis = -rotation.column(1);
-                    turn_y(&mut rotation, -sin, cos);
-                    axis
-                }
-                3 => {
-                    let axis = rotation.column(1).into_owned();
-                    turn_y(&mut rotation, sin, cos);
-                    axis
-                }
-                _ => {
-                    let axis = rotation.column(2).into_owned();
-                    turn_z(&mut rotation, sin, cos);
-                    axis
-                }
-            };
+            let axis = turn(&mut rotation, i, q[i]);
             LinkFrame {
                 origin,
                 rotation,
@@ -155,27 +101,14 @@ impl ArmKinematics {
         })
     }
 
-    fn frames(&self, q: &[f64; ARM_JOINTS]) -> Frames {
+    /// Returns the joint axes and positions in the chest frame.
+    pub(crate) fn chain(&self, q: &[f64; ARM_JOINTS]) -> Chain {
         let mut rotation = self.base_rotation;
         let mut axes = [Vector3::zeros(); ARM_JOINTS];
         let mut points = [Vector3::zeros(); 3];
         let mut point = self.shoulder;
         for i in 0..ARM_JOINTS {
-            let (sin, cos) = q[i].sin_cos();
-            match i {
-                1 | 5 => {
-                    axes[i] = -rotation.column(1);
-                    turn_y(&mut rotation, -sin, cos);
-                }
-                3 => {
-                    axes[i] = rotation.column(1).into_owned();
-                    turn_y(&mut rotation, sin, cos);
-                }
-                _ => {
-                    axes[i] = rotation.column(2).into_owned();
-                    turn_z(&mut rotation, sin, cos);
-                }
-            }
+            axes[i] = turn(&mut rotation, i, q[i]);
             let (joint, length) = match i {
                 2 => (0, self.upper),
                 4 => (1, self.fore),
@@ -185,11 +118,13 @@ impl ArmKinematics {
             point += rotation.column(2) * length;
             points[joint] = point;
         }
-        Frames {
+        let [elbow, wrist, catch] = points;
+        Chain {
             axes,
-            elbow: points[0],
-            wrist: points[1],
-            catch: points[2],
+            shoulder: self.shoulder,
+            elbow,
+            wrist,
+            catch,
             rotation,
         }
     }
@@ -249,11 +184,32 @@ pub(crate) struct Chain {
     pub shoulder: Vector3<f64>,
     pub elbow: Vector3<f64>,
     pub wrist: Vector3<f64>,
+    /// Origin of the catch frame.
+    pub catch: Vector3<f64>,
     /// Rotation from the catch frame to the chest frame.
     pub rotation: Matrix3<f64>,
 }
 
 impl Chain {
+    /// Returns the catch frame.
+    pub fn pose(&self) -> HandPose {
+        HandPose {
+            position: self.catch,
+            rotation: self.rotation,
+        }
+    }
+
+    /// Returns the Jacobian of the catch frame, like [`ArmKinematics::jacobian`].
+    pub fn jacobian(&self) -> SMatrix<f64, 6, ARM_JOINTS> {
+        let mut jacobian = SMatrix::<f64, 6, ARM_JOINTS>::zeros();
+        for (i, axis) in self.axes.iter().enumerate() {
+            let moved = axis.cross(&(self.catch - self.origin(i)));
+            jacobian.fixed_view_mut::<3, 1>(0, i).copy_from(&moved);
+            jacobian.fixed_view_mut::<3, 1>(3, i).copy_from(axis);
+        }
+        jacobian
+    }
+
     /// Returns a point on a joint's axis.
     pub fn origin(&self, joint: usize) -> &Vector3<f64> {
         match joint {
@@ -314,12 +270,26 @@ impl ElbowCircle {
     }
 }
 
-struct Frames {
-    axes: [Vector3<f64>; ARM_JOINTS],
-    elbow: Vector3<f64>,
-    wrist: Vector3<f64>,
-    catch: Vector3<f64>,
-    rotation: Matrix3<f64>,
+/// Multiplies `rotation` by the rotation of joint `i` by `angle`. Returns the joint's axis.
+fn turn(rotation: &mut Matrix3<f64>, i: usize, angle: f64) -> Vector3<f64> {
+    let (sin, cos) = angle.sin_cos();
+    match i {
+        1 | 5 => {
+            let axis = -rotation.column(1);
+            turn_y(rotation, -sin, cos);
+            axis
+        }
+        3 => {
+            let axis = rotation.column(1).into_owned();
+            turn_y(rotation, sin, cos);
+            axis
+        }
+        _ => {
+            let axis = rotation.column(2).into_owned();
+            turn_z(rotation, sin, cos);
+            axis
+        }
+    }
 }
 
 /// Multiplies `rotation` by a rotation about its y axis.

@@ -12,7 +12,7 @@ use super::problem::{Aim, Point, Problem, THROW_UNKNOWNS, TIME, ThrowViolation};
 use super::starts::starts;
 use super::swing::{Swing, ThrowJoints, throw_joint};
 use crate::flight::DRAG;
-use crate::plan::clearance::Clearance;
+use crate::plan::way::OwnBodies;
 use crate::robot::Robot;
 use crate::safety::Bodies;
 
@@ -145,7 +145,7 @@ pub enum NoThrow {
 pub struct Thrower {
     robot: Robot,
     bodies: Bodies,
-    clearances: [Clearance; ARMS],
+    own: [OwnBodies; ARMS],
     config: ThrowPlanConfig,
 }
 
@@ -154,7 +154,7 @@ impl Thrower {
     pub fn new(robot: &Robot, config: ThrowPlanConfig) -> Self {
         Self {
             bodies: Bodies::new(robot.description()),
-            clearances: std::array::from_fn(|arm| Clearance::new(robot, arm)),
+            own: std::array::from_fn(|arm| OwnBodies::new(robot, arm)),
             robot: robot.clone(),
             config,
         }
@@ -237,7 +237,7 @@ impl Thrower {
 
     fn problem<'a>(&'a self, swing: &'a Swing, request: &ThrowRequest) -> Problem<'a> {
         Problem {
-            clearance: &self.clearances[swing.number],
+            own: &self.own[swing.number],
             swing,
             config: &self.config,
             aim: request.aim,

@@ -14,8 +14,8 @@ use tactnet_catching_packets::THROW_JOINTS;
 use super::landing::Landing;
 use super::planner::ThrowPlanConfig;
 use super::swing::{HandMotion, Swing, ThrowJoints};
-use crate::plan::clearance::Clearance;
 use crate::plan::qp::Row;
+use crate::plan::way::OwnBodies;
 
 /// Number of unknowns: angles, fractions of speeds, time.
 pub const THROW_UNKNOWNS: usize = 2 * THROW_JOINTS + 1;
@@ -96,7 +96,7 @@ impl ThrowViolation {
 /// Request with all quantities that stay constant during its solution.
 pub(crate) struct Problem<'a> {
     pub swing: &'a Swing,
-    pub clearance: &'a Clearance,
+    pub own: &'a OwnBodies,
     pub config: &'a ThrowPlanConfig,
     pub aim: Aim,
     pub drag: f64,
@@ -296,7 +296,7 @@ impl Problem<'_> {
             let q = self.end(x, sign);
             let arm = std::array::from_fn(|i| q[i + 1]);
             let (pose, jacobian) = self.swing.arm.jacobian(&arm);
-            let (distance, slope) = self.clearance.nearest(&arm, &pose, &jacobian);
+            let (distance, slope) = self.own.clearance_slope(&arm, &pose, &jacobian);
             if distance >= apart + FAR {
                 continue;
             }
@@ -370,13 +370,13 @@ mod tests {
         ) {
             let robot = Robot::nominal();
             let swing = Swing::new(&robot, arm, &robot.waiting());
-            let (clearance, config) = (Clearance::new(&robot, arm), ThrowPlanConfig::default());
+            let (own, config) = (OwnBodies::new(&robot, arm), ThrowPlanConfig::default());
             let aim = if far {
                 Aim::Farthest { heading: 0.2, height: 0.2 }
             } else {
                 Aim::At { target: Vector3::new(3.0, 0.4, 0.2) }
             };
-            let problem = Problem { swing: &swing, clearance: &clearance, config: &config, aim, drag: 0.03 };
+            let problem = Problem { swing: &swing, own: &own, config: &config, aim, drag: 0.03 };
             let mut x = [0.0; THROW_UNKNOWNS];
             for (i, joint) in swing.joints.iter().enumerate() {
                 let [low, high] = joint.range;

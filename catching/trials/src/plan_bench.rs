@@ -155,7 +155,9 @@ impl PlanBench {
     fn judge(&self, robot: &Robot, planners: &Planners, number: u64) -> Judged {
         let problem = plan_problem(robot, self.objective, self.seed, number);
         let oracle = &planners.oracles[problem.arm];
-        let on_grid = oracle.best_on_grid(&problem.request, planners.grid).is_ok();
+        let on_grid = oracle
+            .best_on_grid(&problem.request, None, planners.grid)
+            .is_ok();
         let best = oracle.plan(&problem.request, &PlanConditions::default(), || false);
         Judged {
             problem,

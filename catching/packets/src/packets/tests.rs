@@ -1,4 +1,3 @@
-use bytemuck::Zeroable;
 use tactnet_packet::FieldType;
 
 use super::*;

@@ -1,6 +1,5 @@
 //! Commands stay smooth and within limits for any input.
 
-use bytemuck::Zeroable;
 use proptest::prelude::*;
 
 use super::*;

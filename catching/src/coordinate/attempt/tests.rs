@@ -30,7 +30,7 @@ fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
     attempt.planned(&[planned(1_000, 0.1)]);
     attempt.carried_out(0, standing.0, standing.1);
     assert_eq!(attempt.target(0), None);
-    assert_eq!(attempt.state(), CatchState::Tracking);
+    assert_eq!(attempt.state, CatchState::Tracking);
 
     attempt.planned(&[planned(2_000, 0.2)]);
     let first = carried(&attempt);
@@ -42,8 +42,8 @@ fn a_refused_correction_leaves_the_arm_on_its_way_and_the_hand_told() {
     }
     attempt.carried_out(0, first.0, first.1);
     assert_eq!(attempt.target(0), Some((7, 1_000_002_000)));
-    assert_eq!(attempt.state(), CatchState::Reaching);
-    let hand = attempt.hands()[0].map(|hand| hand.catch_ns);
+    assert_eq!(attempt.state, CatchState::Reaching);
+    let hand = attempt.hands[0].map(|hand| hand.catch_ns);
     assert_eq!(hand, Some(1_000_002_000));
     assert_eq!(carried(&attempt), first);
 }
@@ -65,16 +65,12 @@ fn an_arm_is_asked_for_once_its_path_has_begun_and_alone_where_that_is_wanted() 
     let chest = attempt.robot.chest(&[0.0; JOINTS]);
     let mut asked = |arms: [bool; ARMS], now_ns: u64, plan: bool| {
         let requests = attempt.predictions(arms, now_ns, &predictions, &chest);
-        let first = requests.iter().flatten().find(|request| request.arm == 0);
-        let answers: Vec<PlanResult> = first
-            .filter(|_| plan)
-            .map(|request| planned(request.start_ns, 0.1))
-            .into_iter()
-            .collect();
-        attempt.planned(&answers);
+        let requests: Vec<PlanRequest> = requests.into_iter().flatten().collect();
+        let first = requests.iter().find(|request| plan && request.arm == 0);
+        let answer = first.map(|request| planned(request.start_ns, 0.1));
+        attempt.planned(answer.as_slice());
         requests
             .iter()
-            .flatten()
             .map(|request| request.arm)
             .collect::<Vec<_>>()
     };

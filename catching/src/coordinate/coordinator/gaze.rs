@@ -27,7 +27,7 @@ impl Coordinator {
             return;
         }
         let mut gaze = Gaze::zeroed();
-        for (t_ns, flight) in armed.attempt.looked_at().iter().flatten() {
+        for (t_ns, flight) in armed.attempt.looked_at.iter().flatten() {
             gaze.flights[gaze.count as usize] = flight.packet(*t_ns);
             gaze.count += 1;
         }
@@ -37,7 +37,7 @@ impl Coordinator {
     /// Returns the arm that has just caught a ball if the head should look at it.
     fn hand_to_look_at(&self, now_ns: u64) -> Option<usize> {
         let attempt = &self.armed.as_ref()?.attempt;
-        let looks = self.phases.looks_at_hand && attempt.state() == CatchState::Closed;
+        let looks = self.phases.looks_at_hand && attempt.state == CatchState::Closed;
         let over = |arm: &usize| {
             let target = attempt.target(*arm);
             target.is_some_and(|(_, catch_ns)| now_ns > catch_ns + CAUGHT_NS)
@@ -59,10 +59,7 @@ impl Coordinator {
         let links = self.corrections.joints(pose.joints).q;
         let chest = pose.chest(&self.corrections);
         let robot = self.corrections.robot();
-        let own = joint::ARM[arm].start;
-        let [_, _, wrist, _] = robot
-            .arm(arm)
-            .points(&std::array::from_fn(|i| links[own + i]));
+        let [_, _, wrist, _] = robot.arm(arm).points(&joint::of_arm(&links, arm));
         // The neck cannot look at points near the chest, so the target moves outwards along the same line.
         let neck = Vector3::new(0.0, 0.0, robot.description().neck.height);
         let farther = (AHEAD / wrist.x.max(0.05)).max(1.0);

@@ -2,7 +2,7 @@
 
 use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
-    ArmPath, BallPredictions, PlanFailure, PlanRequest, PlanResult, RampPacket,
+    ArmPath, BallPredictions, PlanFailure, PlanRequest, PlanResult,
 };
 
 use super::{Armed, Coordinator, CoordinatorOutputs, MeasuredPose};
@@ -41,19 +41,19 @@ impl Coordinator {
             return;
         };
         armed.predictions = Some(*predictions);
-        let before = armed.attempt.state();
+        let before = armed.attempt.state;
         let requests = armed.attempt.predictions(arms, now_ns, predictions, &chest);
-        if armed.attempt.state() == CatchState::Armed {
+        if armed.attempt.state == CatchState::Armed {
             return;
         }
         let valid = |ball: f32| ball >= self.config.existence;
         if predictions.valid().iter().any(|ball| valid(ball.existence)) {
             armed.seen_ns = now_ns;
         }
-        let body = armed.attempt.body();
+        let body = armed.attempt.body;
         if before == CatchState::Armed {
             outputs.body = (body.start_ns > 0).then(|| body.packet());
-            let [first, _] = armed.attempt.looked_at();
+            let [first, _] = armed.attempt.looked_at;
             armed.came_from = first.map(|(_, flight)| flight.p);
         }
         let (call, planners) = (self.calls + 1, self.config.planners());
@@ -93,7 +93,7 @@ impl Coordinator {
         let Some(armed) = self.armed.as_ref().filter(|armed| armed.pending.is_none()) else {
             return;
         };
-        let reaching = armed.attempt.state() == CatchState::Reaching;
+        let reaching = armed.attempt.state == CatchState::Reaching;
         let Some(predictions) = armed.predictions.filter(|_| reaching) else {
             return;
         };
@@ -172,7 +172,7 @@ impl Coordinator {
 impl Armed {
     /// Sends closing times that have changed.
     fn tell_hands(&mut self, outputs: &mut CoordinatorOutputs) {
-        let wanted = *self.attempt.hands();
+        let wanted = self.attempt.hands;
         for arm in 0..ARMS {
             if wanted[arm].is_some() && wanted[arm] != self.hands[arm] {
                 outputs.hands[arm] = wanted[arm];
@@ -205,9 +205,9 @@ fn is_better(result: &PlanResult, other: &PlanResult) -> bool {
 
 /// Returns true for a plan with finite numbers, and for a valid request without a plan.
 fn is_usable(result: &PlanResult) -> bool {
-    let of_ramp = |ramp: &RampPacket| [ramp.q0, ramp.w0, ramp.a, ramp.t1, ramp.t2, ramp.end];
-    let numbers = result.ramps.iter().flat_map(of_ramp).chain(result.q);
-    let finite = numbers.chain([result.t, result.cost]).all(f64::is_finite);
+    let mut ramps = result.ramps.iter().map(Ramp::of);
+    let mut numbers = result.q.iter().chain([&result.t, &result.cost]);
+    let finite = numbers.all(|x| x.is_finite()) && ramps.all(|ramp| ramp.is_finite());
     match result.failure() {
         _ if result.request.arm >= ARMS as u64 => false,
         Some(PlanFailure::NotFailed) => finite && (0.0..10.0).contains(&result.t),

@@ -1,3 +1,4 @@
+use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::*;
@@ -47,10 +48,9 @@ proptest! {
         w in proptest::array::uniform7(-0.5..0.5f64),
     ) {
         let robot = Robot::nominal();
-        let bodies = Body::around_chest(arm);
         let request = CatchRequest { ball, q0: [0.1; 7], w0: w, earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
-        let clearance = Clearance::new(&robot, arm);
-        let problem = Problem::new(&request, robot.arm(arm), &bodies, &clearance, 0.02);
+        let own = OwnBodies::new(&robot, arm);
+        let problem = Problem::new(&request, robot.arm(arm), &own, 0.02);
         let x: Point = std::array::from_fn(|i| if i < 7 { q[i] } else { t });
         let here = problem.linearise(&x, 0.1);
         let h = 1e-6;
@@ -79,11 +79,10 @@ proptest! {
     #[test]
     fn candidates_are_catches(ball in thrown(), arm in 0..2usize) {
         let robot = Robot::nominal();
-        let bodies = Body::around_chest(arm);
         let request = CatchRequest { ball, q0: robot.ready(arm), w0: [0.0; 7], earliest: 0.0, latest: 1.8, objective: Objective::Soft, other: None };
-        let clearance = Clearance::new(&robot, arm);
-        let problem = Problem::new(&request, robot.arm(arm), &bodies, &clearance, 0.02);
-        let seeds = Seeds::search(&problem, Grid { times: 6, hands: 6, elbows: 6 }, Share::ALL, || false);
+        let own = OwnBodies::new(&robot, arm);
+        let problem = Problem::new(&request, robot.arm(arm), &own, 0.02);
+        let seeds = Seeds::search(&problem, Grid { times: 6, hands: 6, elbows: 6 }, Share::default(), || false);
         for seed in seeds.best() {
             let violation = problem.violation(&seed.x);
             prop_assert!(violation.position < 1e-9 && violation.angle < 1e-9, "{violation:?}");

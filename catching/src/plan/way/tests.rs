@@ -1,7 +1,5 @@
 use proptest::prelude::*;
 
-use super::super::bodies::Body as ThesisBody;
-use super::super::clearance::Clearance;
 use super::super::problem::Problem;
 use super::super::problem::tests::passing;
 use super::*;
@@ -27,12 +25,11 @@ proptest! {
         prop_assume!(ramps.iter().all(|ramp: &Ramp| ramp.a.is_finite()));
         let mut request = request(&robot);
         (request.w0, request.other) = (w, Some(OtherArm { ramps, since }));
-        let (bodies, clearance) = (ThesisBody::around_chest(0), Clearance::new(&robot, 0));
-        let problem = Problem::new(&request, robot.arm(0), &bodies, &clearance, 0.0);
         let own = OwnBodies::new(&robot, 0);
+        let problem = Problem::new(&request, robot.arm(0), &own, 0.0);
         let config = WayConfig { soft: 0.4, weight: 1.0, ..WayConfig::default() };
         let x: Point = std::array::from_fn(|i| if i < ARM_JOINTS { request.q0[i] + 0.5 * q[i] } else { t });
-        prop_assume!((0..ARM_JOINTS).all(|i| crate::ramp::Acceleration::new(x[i] - request.q0[i], t, w[i], problem.motion.joints[i].speed).a.abs() < 30.0));
+        prop_assume!((0..ARM_JOINTS).all(|i| problem.motion.acceleration(&x, i).a.abs() < 30.0));
         let (cost, gradient) = own.cost(&config, &problem.motion, &x);
         prop_assert!(cost > 0.0);
         for i in 0..UNKNOWNS {
@@ -54,7 +51,6 @@ fn a_plan_keeps_away_from_the_other_arms_way() {
     use rand::{RngExt, SeedableRng};
     let robot = Robot::nominal();
     let planner = Planner::new(&robot, 0, PlanConfig::default());
-    let (bodies, clearance) = (ThesisBody::around_chest(0), Clearance::new(&robot, 0));
     let own = OwnBodies::new(&robot, 0);
     let config = WayConfig::default();
     let mut asked = request(&robot);
@@ -71,7 +67,7 @@ fn a_plan_keeps_away_from_the_other_arms_way() {
         });
         let mut with = asked;
         with.other = Some(OtherArm { ramps, since: 0.0 });
-        let problem = Problem::new(&with, robot.arm(0), &bodies, &clearance, 0.0);
+        let problem = Problem::new(&with, robot.arm(0), &own, 0.0);
         if own.is_clear(&config, &problem.motion, &alone.ramps) {
             continue;
         }
