@@ -64,6 +64,7 @@ def main():
     parser.add_argument("--throws", type=int, default=1000, help="throws of a whole row (default 1000)")
     parser.add_argument("--fingers", action="store_true", help="compare the judge with simulated fingers")
     parser.add_argument("--pixels", action="store_true", help="three seeds from rendered pictures")
+    parser.add_argument("--only", metavar="TEXT", default="", help="only rows whose name contains TEXT")
     parser.add_argument("--out", required=True, type=Path, help="JSON file of the results")
     arguments = parser.parse_args()
     build = json.loads(subprocess.run([arguments.tactnet, "version", "--json"], check=True, capture_output=True, text=True).stdout)
@@ -72,6 +73,7 @@ def main():
         kept = {"rows": []}
     done = {row["name"]: row for row in kept["rows"]}
     all_rows = FINGERS if arguments.fingers else PIXELS if arguments.pixels else ROWS
+    all_rows = [row for row in all_rows if arguments.only in row[0]]
     for number, (name, options, world, share) in enumerate(all_rows):
         if name in done:
             continue
