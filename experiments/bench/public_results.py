@@ -22,7 +22,7 @@ def rounded(value):
     return round(value, 5) if isinstance(value, float) else value
 
 
-def condensed(report, names):
+def condensed(report, names, command):
     """Returns one row per condition, set and model, one mean per condition and model, and the default model.
 
     - `names`: names of sets to replace
@@ -34,7 +34,7 @@ def condensed(report, names):
         for one in condition["sets"]:
             about = {key: one[key] for key in OF_SET} | {"data": names.get(one["data"], one["data"])}
             rows += [here | about | model for model in one["models"]]
-    about = {"schema_version": 1, "command": COMMAND} | {key: report[key] for key in OF_REPORT}
+    about = {"schema_version": 1, "command": command} | {key: report[key] for key in OF_REPORT}
     return rounded(about | {"default": report["benchmark"]["default"], "means": means, "rows": rows})
 
 
@@ -42,10 +42,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("report", help="document of `tactnet experiment run public --json`")
     parser.add_argument("--name", metavar="FILE=NAME", action="append", default=[], help="name for a set, instead of its file's name")
+    parser.add_argument("--command", default=COMMAND, help="command of the report (default: that of the public benchmark)")
     options = parser.parse_args()
     with open(options.report) as file:
         report = json.load(file)
-    print(json.dumps(condensed(report, dict(name.split("=") for name in options.name)), indent=1))
+    names = dict(name.split("=") for name in options.name)
+    print(json.dumps(condensed(report, names, options.command), indent=1))
 
 
 main()
