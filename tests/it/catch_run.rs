@@ -101,7 +101,8 @@ fn is_there(process: u32) -> bool {
 fn a_live_run_catches_and_ends_all_its_processes() {
     let place = tempfile::tempdir().unwrap();
     let file = place.path().join("run.mcap");
-    let mut run = Run::start(&["--seed", "3", "--record", file.to_str().unwrap()]);
+    let file_name = file.to_str().unwrap();
+    let mut run = Run::start(&["--seed", "3", "--planners", "2", "--record", file_name]);
     let processes = run.processes();
     let names: Vec<&str> = processes.keys().map(String::as_str).collect();
     assert_eq!(
@@ -111,7 +112,9 @@ fn a_live_run_catches_and_ends_all_its_processes() {
             "coordinator",
             "hand",
             "planner-left",
+            "planner-left-2",
             "planner-right",
+            "planner-right-2",
             "pose",
             "safety",
             "tracker",
@@ -243,7 +246,7 @@ fn packets_of_the_stack_are_echoed_and_recorded() {
 
 #[test]
 fn every_process_may_be_killed_at_any_moment() {
-    let mut run = Run::start(&["--seed", "5", "--throw-back=3.6,0,1.2"]);
+    let mut run = Run::start(&["--seed", "5", "--throw-back=3.6,0,1.2", "--planners", "2"]);
     let mut processes = run.processes();
     run.wait_for("throw 1:");
     // In a fixed order; the last ones are killed while the robot is still recovering.
@@ -256,6 +259,7 @@ fn every_process_may_be_killed_at_any_moment() {
         "planner-left",
         "hand",
         "planner-right",
+        "planner-right-2",
         "thrower",
         "world",
     ] {
@@ -277,7 +281,7 @@ fn every_process_may_be_killed_at_any_moment() {
     run.wait_for("the thrower begins again");
     run.wait_for("thrown back ");
     let report = run.end();
-    assert_eq!(report["restarts"], 11);
+    assert_eq!(report["restarts"], 12);
     assert!(report["throws_back"].as_u64().unwrap() >= 2, "{report}");
     assert!(report["throw_miss_mm"]["p50"].as_f64().unwrap() < 1000.0);
     assert!(processes.values().all(|process| !is_there(*process)));

@@ -2,6 +2,8 @@
 
 use std::marker::PhantomData;
 
+use tactnet_catching::coordinate::MAX_PLANNERS;
+use tactnet_catching_packets::ARMS;
 use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, BodyPath, CalibrationState, CatchOutcome, CatchStatus, Circles,
     ControllerCommand, ControllerState, CoordinatorStep, FeltMaterial, Gaze, HandCommand,
@@ -22,6 +24,9 @@ pub const CAMERA_LEFT: &str = "camera/left";
 /// Pictures of the right camera.
 pub const CAMERA_RIGHT: &str = "camera/right";
 
+/// Maximum number of planners of both arms.
+const PLANNERS: usize = ARMS * MAX_PLANNERS as usize;
+
 /// Channel with packets of one type.
 #[derive(Debug)]
 pub struct Channel<T> {
@@ -38,6 +43,8 @@ enum Rate {
     Fast,
     /// Few packets, of which this many are kept.
     Seldom(usize),
+    /// Few packets, from or for all planners.
+    Planners,
 }
 
 impl<T: Packet + Copy> Channel<T> {
@@ -86,6 +93,14 @@ impl<T: Packet + Copy> Channel<T> {
                 history: 1,
                 ..one
             },
+            Rate::Planners => ChannelConfig {
+                depth: 4 * PLANNERS,
+                // Each planner, and the successor of one that was killed; for readers also the recorder and tools.
+                put_ports: PLANNERS + 1,
+                get_ports: PLANNERS + 4,
+                history: 1,
+                ..one
+            },
         };
         table.with(self.id, config)
     }
@@ -119,8 +134,8 @@ channels! {
     HEAD_POSE: HeadPose = "head/pose", High, Rate::Fast;
     CIRCLES: Circles = "ball/circles", High, Rate::Seldom(8);
     PREDICTION: BallPredictions = "ball/prediction", High, Rate::Seldom(8);
-    PLAN_REQUEST: PlanRequest = "plan/request", High, Rate::Seldom(8);
-    PLAN_RESULT: PlanResult = "plan/result", High, Rate::Seldom(8);
+    PLAN_REQUEST: PlanRequest = "plan/request", High, Rate::Planners;
+    PLAN_RESULT: PlanResult = "plan/result", High, Rate::Planners;
     ARM_PATH: ArmPath = "arm/path", High, Rate::Seldom(8);
     BODY_PATH: BodyPath = "body/path", High, Rate::Seldom(8);
     HEAD_GAZE: Gaze = "head/gaze", High, Rate::Seldom(8);
