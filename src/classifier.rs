@@ -303,7 +303,7 @@ impl Classifier {
     /// - `sweeps`: sweeps of the new material; their label is ignored
     ///
     /// # Errors
-    /// Fails if the name exists, for sweeps of another shape or sample rate, and for models that are no committee.
+    /// Fails if the name exists, for sweeps of another shape or sample rate, and for models that are not committees.
     ///
     /// # Example
     /// ```

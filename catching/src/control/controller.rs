@@ -146,7 +146,7 @@ impl Controller {
         self.mode
     }
 
-    /// Returns true if the brakes of the torso are to be engaged.
+    /// Returns true while the brakes of the torso must be engaged.
     pub fn brakes_torso(&self, now_ns: u64) -> bool {
         self.throwing
             .is_some_and(|throwing| throwing.brakes_torso(now_ns))

@@ -6,7 +6,7 @@ use super::planner::{NoThrow, ThrowPlan, ThrowRequest, Thrower};
 use super::problem::Aim;
 
 impl Thrower {
-    /// Plans the requested throw and, starting from it, a second one that lands at the distance `beside` from the target, in m. The second throw
+    /// Plans the requested throw and, starting from it, a second one that lands at the offset `beside` from the target, in m. The second throw
     /// stays close to the first, so corrections learned for one apply to the other.
     ///
     /// # Errors

@@ -33,7 +33,7 @@ struct Grown {
 /// the new sweeps are too few are left out. Thresholds are fitted again to the sweeps set aside, all of which are of the other materials.
 ///
 /// # Errors
-/// A classifier that is no committee; a name that is already known; training sweeps of other materials; sweeps of another shape or rate, or
+/// A classifier that is not a committee; a name that is already known; training sweeps of other materials; sweeps of another shape or rate, or
 /// of unequal length; a fit that fails.
 pub fn enroll_into_committee(
     classifier: &Classifier,
@@ -42,7 +42,7 @@ pub fn enroll_into_committee(
     material: &str,
 ) -> Result<Enrolled, PipelineError> {
     let Some(committee) = classifier.committee() else {
-        return Err(PipelineError::enroll(material, "the model is no committee"));
+        return Err(PipelineError::enroll(material, "the model is not a committee"));
     };
     refuse_known(classifier, sweeps, material)?;
     if !former
@@ -262,7 +262,7 @@ mod tests {
         let known = learn(&one, three.labels().name(0)).unwrap_err();
         assert!(known.to_string().contains("knows a material of this name"));
         let alone = enroll_into_committee(&alone, &former, &new, &material).unwrap_err();
-        assert!(alone.to_string().contains("no committee"), "{alone}");
+        assert!(alone.to_string().contains("not a committee"), "{alone}");
         let others = four.of_materials(&[1, 2, 3]).unwrap();
         let former = FormerSweeps {
             train: &TrainSplit::all(&others, Seed(1)),
