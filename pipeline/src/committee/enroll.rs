@@ -42,7 +42,10 @@ pub fn enroll_into_committee(
     material: &str,
 ) -> Result<Enrolled, PipelineError> {
     let Some(committee) = classifier.committee() else {
-        return Err(PipelineError::enroll(material, "the model is not a committee"));
+        return Err(PipelineError::enroll(
+            material,
+            "the model is not a committee",
+        ));
     };
     refuse_known(classifier, sweeps, material)?;
     if !former

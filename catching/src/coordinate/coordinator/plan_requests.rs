@@ -182,7 +182,7 @@ impl Armed {
     }
 }
 
-/// Returns true if a result is to replace another one of the same request: exact catches come before near misses, and
+/// Returns true if a result replaces another one of the same request: exact catches come before near misses, and
 /// these before no plan. Of equally good results the planner with the lower number counts, in any order of arrival.
 fn is_better(result: &PlanResult, other: &PlanResult) -> bool {
     let rank = |of: &PlanResult| {
