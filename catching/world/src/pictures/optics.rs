@@ -4,7 +4,7 @@ use tactnet_catching_packets::Cameras;
 
 use crate::planted::CameraErrors;
 
-/// Number of fixed-point iterations for the undistortion; each reduces the error about tenfold.
+/// Maximum number of fixed-point iterations for the undistortion; each reduces the error about tenfold.
 const STEPS: usize = 12;
 
 /// Rays through the pixel centres, in focal lengths to the right and below the optical axis.
@@ -114,7 +114,11 @@ fn undistorted(distortion: [f64; 2], seen: [f64; 2]) -> [f64; 2] {
     let mut ray = seen;
     for _ in 0..STEPS {
         let factor = stretch(distortion, ray);
-        ray = seen.map(|x| x / factor);
+        let next = seen.map(|x| x / factor);
+        if next == ray {
+            break;
+        }
+        ray = next;
     }
     ray
 }

@@ -21,6 +21,8 @@ pub(super) struct Solid {
     window: [usize; 4],
     pub(super) depth: f64,
     moments: Vec<Moment>,
+    /// Smallest half length, in m.
+    smallest: f64,
     /// Transformation from the camera frame to the frame in which the ellipsoid is a unit sphere.
     to_sphere: Matrix3<f32>,
     light: Vector3<f32>,
@@ -80,6 +82,7 @@ impl Solid {
             .collect();
         Some(Self {
             window,
+            smallest: axes.min(),
             depth: middle.norm(),
             moments,
             to_sphere: to_sphere.cast(),
@@ -97,11 +100,16 @@ impl Solid {
             return;
         }
         let half = 1.0 / focal as f32;
+        // Width of a pixel at the ellipsoid, on the unit sphere.
+        let pixel = (self.depth / focal / self.smallest) as f32;
         let samples = (INSIDE.len() * self.moments.len()) as f32;
         let rays = rays.right[left..right].iter().zip(&rays.down[left..right]);
         for (value, (right, down)) in row[left..right].iter_mut().zip(rays) {
             if let Some(brightness) = self.inside(-right, -down) {
                 *value = brightness;
+                continue;
+            }
+            if self.misses(-right, -down, pixel) {
                 continue;
             }
             let (mut covered, mut brightness) = (0.0, 0.0);
@@ -125,6 +133,18 @@ impl Solid {
                 *value = *value * (1.0 - covered / samples) + brightness / samples;
             }
         }
+    }
+
+    /// Returns true if a ray passes the ellipsoid by more than `margin` at all times.
+    ///
+    /// - `margin`: on the unit sphere
+    fn misses(&self, left: f32, up: f32, margin: f32) -> bool {
+        let ray = self.to_sphere * Vector3::new(1.0, left, up);
+        let length = ray.norm_squared();
+        self.moments.iter().all(|moment| {
+            let along = ray.dot(&moment.centre);
+            along * along < length * (moment.outside - margin * (2.0 + margin))
+        })
     }
 
     /// Returns the brightness of a pixel that an ellipsoid at rest covers completely.

@@ -16,6 +16,11 @@ const STAINS: [(usize, f32); 4] = [(6, 26.0), (24, 18.0), (96, 12.0), (384, 8.0)
 /// Number of boxes, posters and shelves on a face.
 const BOXES: usize = 60;
 
+/// Number of pixels between two places that are computed; places between them are interpolated, within 0.1 pixels.
+const RUN: usize = 16;
+/// Subdivision of a pixel for places.
+const UNIT: f32 = 65536.0;
+
 /// Background at infinite distance.
 #[derive(Debug, Clone)]
 pub(super) struct Surroundings {
@@ -40,16 +45,44 @@ impl Surroundings {
     /// - `turn`: rotation from the camera frame to the inertial frame
     pub(super) fn add(&self, turn: &Matrix3<f64>, rays: RayRow<'_>, share: f32, row: &mut [f32]) {
         let m: Matrix3<f32> = turn.cast();
-        for ((sum, right), down) in row.iter_mut().zip(rays.right).zip(rays.down) {
-            let x = m.m11 - m.m12 * right - m.m13 * down;
-            let y = m.m21 - m.m22 * right - m.m23 * down;
-            let z = m.m31 - m.m32 * right - m.m33 * down;
-            *sum += share * self.seen(x, y, z);
+        let place = |i: usize| {
+            let (right, down) = (rays.right[i], rays.down[i]);
+            Place::new(
+                m.m11 - m.m12 * right - m.m13 * down,
+                m.m21 - m.m22 * right - m.m23 * down,
+                m.m31 - m.m32 * right - m.m33 * down,
+            )
+        };
+        let mut first = place(0);
+        for start in (0..row.len()).step_by(RUN) {
+            let last = (start + RUN).min(row.len() - 1);
+            let next = place(last);
+            let run = &mut row[start..(start + RUN).min(rays.right.len())];
+            if next.face == first.face {
+                let steps = (last - start).max(1) as f32;
+                let step = [0, 1].map(|i| ((next.at[i] - first.at[i]) * UNIT / steps) as i32);
+                add_run(&self.faces[first.face], first.fixed(), step, share, run);
+            } else {
+                for (i, sum) in run.iter_mut().enumerate() {
+                    let place = place(start + i);
+                    let (face, run) = (&self.faces[place.face], std::slice::from_mut(sum));
+                    add_run(face, place.fixed(), [0; 2], share, run);
+                }
+            }
+            first = next;
         }
     }
+}
 
-    #[inline(always)]
-    fn seen(&self, x: f32, y: f32, z: f32) -> f32 {
+/// Place on a face, in pixels.
+struct Place {
+    face: usize,
+    at: [f32; 2],
+}
+
+impl Place {
+    /// Returns where a direction meets the cube.
+    fn new(x: f32, y: f32, z: f32) -> Self {
         let (face, a, b, depth) = if x >= y.abs() && x >= z.abs() {
             (0, -y, -z, x)
         } else if y.abs() >= z.abs() {
@@ -64,25 +97,39 @@ impl Surroundings {
             (4, -y, x, -z)
         };
         let middle = 0.5 * (SIDE - 2) as f32;
-        let scale = middle / depth;
-        bilinear(&self.faces[face], middle + a * scale, middle + b * scale)
+        // Rounding may exceed the edge of a face slightly.
+        let at = [a, b].map(|x| (middle + x * middle / depth).clamp(0.0, 2.0 * middle));
+        Self { face, at }
+    }
+
+    /// Returns the place in units of `1 / UNIT` pixels.
+    fn fixed(&self) -> [i32; 2] {
+        self.at.map(|x| (x * UNIT) as i32)
     }
 }
 
+/// Adds `share` of the brightness along a line to a run of pixels.
+///
+/// - `first`, `step`: place of the first pixel and way to the next one, in units of `1 / UNIT` pixels
 #[inline(always)]
-fn bilinear(face: &[u8], a: f32, b: f32) -> f32 {
-    // Rounding may exceed the edge of a face slightly.
-    let (column, line) = (
-        (a as i32).clamp(0, SIDE as i32 - 2),
-        (b as i32).clamp(0, SIDE as i32 - 2),
-    );
-    let (right, down) = (a - column as f32, b - line as f32);
-    let from = line as usize * SIDE + column as usize;
-    let four = &face[from..from + SIDE + 2];
-    let mix = |left: u8, next: u8| f32::from(left) + right * (f32::from(next) - f32::from(left));
-    let upper = mix(four[0], four[1]);
-    let lower = mix(four[SIDE], four[SIDE + 1]);
-    upper + down * (lower - upper)
+fn add_run(face: &[u8], first: [i32; 2], step: [i32; 2], share: f32, run: &mut [f32]) {
+    let at = |i: usize| [0, 1].map(|axis| (first[axis] + step[axis] * i as i32) as u32);
+    // The pixels around each place: left and right above, left and right below.
+    let mut four = [[0_i32; RUN]; 4];
+    for i in 0..run.len().min(RUN) {
+        let [a, b] = at(i).map(|x| x as usize / UNIT as usize);
+        let from = &face[b * SIDE + a..][..SIDE + 2];
+        for (pixels, offset) in four.iter_mut().zip([0, 1, SIDE, SIDE + 1]) {
+            pixels[i] = i32::from(from[offset]);
+        }
+    }
+    for (i, sum) in run.iter_mut().enumerate().take(RUN) {
+        let [right, down] = at(i).map(|x| (x % UNIT as u32) as i32 as f32 / UNIT);
+        let mix = |left: i32, next: i32| left as f32 + right * (next - left) as f32;
+        let upper = mix(four[0][i], four[1][i]);
+        let lower = mix(four[2][i], four[3][i]);
+        *sum += share * (upper + down * (lower - upper));
+    }
 }
 
 fn face_of(discs: usize, rng: &mut ChaCha8Rng) -> Vec<u8> {
@@ -93,15 +140,25 @@ fn face_of(discs: usize, rng: &mut ChaCha8Rng) -> Vec<u8> {
             .map(|_| digits * between(-1.0, 1.0) as f32)
             .collect();
         let step = cells as f32 / SIDE as f32;
+        // The grid lines above and below a row, interpolated to all columns.
+        let along = |i: usize| -> Vec<f32> {
+            let grid = &grid[i * (cells + 1)..][..cells + 1];
+            let columns = (0..SIDE).map(|column| column as f32 * step);
+            let at = |a: f32| {
+                let (j, right) = (a as usize, a - (a as usize) as f32);
+                grid[j] + right * (grid[j + 1] - grid[j])
+            };
+            columns.map(at).collect()
+        };
+        let (mut upper, mut lower) = (along(0), along(1));
+        let mut above = 0;
         for (line, row) in picture.chunks_exact_mut(SIDE).enumerate() {
             let b = line as f32 * step;
-            let (i, down) = (b as usize, b.fract());
-            for (column, value) in row.iter_mut().enumerate() {
-                let a = column as f32 * step;
-                let (j, right) = (a as usize, a.fract());
-                let of = |i: usize, j: usize| grid[i * (cells + 1) + j];
-                let upper = of(i, j) + right * (of(i, j + 1) - of(i, j));
-                let lower = of(i + 1, j) + right * (of(i + 1, j + 1) - of(i + 1, j));
+            let (i, down) = (b as usize, b - (b as usize) as f32);
+            if i > above {
+                (upper, lower, above) = (lower, along(i + 1), i);
+            }
+            for ((value, upper), lower) in row.iter_mut().zip(&upper).zip(&lower) {
                 *value += upper + down * (lower - upper);
             }
         }
@@ -150,5 +207,44 @@ fn paint(picture: &mut [f32], centre: [f64; 2], half: [f64; 2], shade: impl Fn(f
             let a = ((column as f64 + 0.5 - centre[0]) / half[0]) as f32;
             picture[line * SIDE + column] += shade(a, b);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    /// A row equals its pixels one by one within a small part of a grey level, also across faces. One pixel is never
+    /// interpolated.
+    #[test]
+    fn interpolated_places_are_those_of_each_pixel() {
+        let surroundings = Surroundings::draw(12, 3);
+        let right: Vec<f32> = (0..1600).map(|u| (u as f32 - 799.5) / 1386.0).collect();
+        let mut sum = 0.0;
+        for number in 0..40 {
+            let (down, angle) = (
+                vec![0.02 * number as f32 - 0.4; 1600],
+                0.1 * f64::from(number),
+            );
+            let turn = Rotation3::from_euler_angles(angle, 0.5 * angle.sin(), angle.cos());
+            let add = |range: std::ops::Range<usize>, row: &mut [f32]| {
+                let (right, down) = (&right[range.clone()], &down[range]);
+                surroundings.add(turn.matrix(), RayRow { right, down }, 1.0, row);
+            };
+            let mut row = vec![0.0; 1600];
+            add(0..1600, &mut row);
+            for (u, value) in row.into_iter().enumerate() {
+                let mut one = [0.0];
+                add(u..u + 1, &mut one);
+                sum += (value - one[0]).abs();
+                assert!(
+                    (value - one[0]).abs() < 8.0,
+                    "{number} {u}: {value} {one:?}"
+                );
+            }
+        }
+        let mean = sum / 64_000.0;
+        assert!(mean < 0.05, "{mean}");
     }
 }
