@@ -11,6 +11,7 @@
 //!
 //! [`VirtualNetwork`] runs them on several hosts: network namespaces of Linux.
 
+mod background;
 mod child_process;
 mod error;
 mod last_lines;
@@ -19,6 +20,7 @@ mod run_to_end;
 #[cfg(target_os = "linux")]
 mod virtual_network;
 
+pub use background::run_in_background;
 pub use child_process::ChildProcess;
 pub use error::ProcessError;
 pub use last_lines::without_prefix;

@@ -8,6 +8,7 @@ use tactnet_catching_packets::RobotDescription;
 use tactnet_catching_roles::{PICTURE_HEAD, PictureHead};
 use tactnet_catching_world::{Pictures, Truth, WorldConfig};
 use tactnet_channel::{Bus, Priority, now_ns};
+use tactnet_process::run_in_background;
 
 use crate::StageError;
 
@@ -28,6 +29,8 @@ pub(crate) fn paint(
     seed: u64,
     exposures: &Receiver<Exposure>,
 ) -> Result<u64, StageError> {
+    // Real cameras take no time of the robot's processors.
+    run_in_background();
     let ports = [
         bus.put_port::<u8>("camera/left", Priority::Bulk)?,
         bus.put_port::<u8>("camera/right", Priority::Bulk)?,
