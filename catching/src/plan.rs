@@ -30,6 +30,7 @@ pub mod qp;
 mod seeds;
 mod sqp;
 pub(crate) mod way;
+mod whole_body;
 
 pub use bodies::{BODIES, Body};
 pub use catch_motion::{OtherArm, UNKNOWNS};
@@ -41,3 +42,4 @@ pub use planner::{CatchPlan, CatchPoint, Effort, PlanConditions, PlanConfig, Pla
 pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, Violation};
 pub use seeds::{Grid, Share};
 pub use way::WayConfig;
+pub use whole_body::{BodyWay, NoWay, WholeBody, WholeBodyConfig};

@@ -17,6 +17,7 @@ mod view_rally;
 #[cfg(feature = "rerun")]
 mod view_throw;
 mod viewer;
+mod way;
 
 pub use throw_progress::{progress_of, throw_progress};
 
@@ -39,6 +40,7 @@ use tactnet_catching_world::{PlantedErrors, WorldConfig};
     tactnet catch timing run.mcap                                  what takes how long, from a recording of such a run\n  \
     tactnet catch throw-series --throws 100 --page throws.html     how many balls are caught, and one throw drawn\n  \
     tactnet catch rally --rallies 10                               two robots play catch\n  \
+    tactnet catch way --picture way.svg                            the whole body moves a hand around a box\n  \
     tactnet catch calibrate --simulate                             find what a robot's description lacks, and catch with it")]
 pub enum CatchCommand {
     /// Run the whole stack live in the simulated world, one process per part
@@ -49,6 +51,8 @@ pub enum CatchCommand {
     Rally(rally::RallyArgs),
     /// Throw at a target in the simulated world, with practice
     Throw(throw::ThrowArgs),
+    /// Move a hand around a box with the whole body, in a map of the robot's own depth pictures
+    Way(way::WayArgs),
     /// Calibrate the robot's geometry from pictures of the markers on its wrists
     Calibrate(calibrate::CalibrateArgs),
     /// Measure the durations from an exposure to its path in a recording
@@ -86,6 +90,7 @@ pub fn run(command: CatchCommand) -> anyhow::Result<ExitCode> {
         CatchCommand::ThrowSeries(arguments) => throw_series::run(&arguments),
         CatchCommand::Rally(arguments) => rally::run(&arguments),
         CatchCommand::Throw(arguments) => throw::run(&arguments),
+        CatchCommand::Way(arguments) => way::run(&arguments),
         CatchCommand::Calibrate(arguments) => calibrate::run(&arguments),
         CatchCommand::Run(arguments) => run::run(&arguments),
         CatchCommand::Timing(arguments) => recorded::run_timing(&arguments),

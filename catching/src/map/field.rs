@@ -14,6 +14,8 @@ pub struct DistanceField {
     grid: VoxelGrid,
     /// Distance at the centre of each cell, in m.
     distances: Vec<f32>,
+    /// Field of a part of the grid, with smaller cells.
+    finer: Option<Box<DistanceField>>,
 }
 
 impl DistanceField {
@@ -25,9 +27,16 @@ impl DistanceField {
         // The diagonal of the grid replaces infinite distances.
         let squares = grid.cells.iter().map(|n| (n * n) as f32);
         let farthest = squares.sum::<f32>().sqrt();
-        let mut distances = squared_distances(grid.cells, solid);
         let free: Vec<bool> = solid.iter().map(|solid| !solid).collect();
-        let inside = squared_distances(grid.cells, &free);
+        let (mut distances, inside) = std::thread::scope(|scope| {
+            let inside = scope.spawn(|| squared_distances(grid.cells, &free));
+            let distances = squared_distances(grid.cells, solid);
+            let inside = inside.join();
+            (
+                distances,
+                inside.unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            )
+        });
         let voxel = grid.voxel as f32;
         for ((distance, inside), solid) in distances.iter_mut().zip(&inside).zip(solid) {
             let (squared, sign) = if *solid {
@@ -37,12 +46,24 @@ impl DistanceField {
             };
             *distance = sign * (squared.sqrt() - 0.5).min(farthest);
         }
-        Self { grid, distances }
+        Self {
+            grid,
+            distances,
+            finer: None,
+        }
     }
 
     /// Returns a field without obstacles.
     pub fn empty(grid: VoxelGrid) -> Self {
         Self::new(grid, &vec![false; grid.count()])
+    }
+
+    /// Returns the field with smaller cells in a part of the grid, which must contain the same obstacles.
+    pub fn with_finer(self, finer: Self) -> Self {
+        Self {
+            finer: Some(Box::new(finer)),
+            ..self
+        }
     }
 
     /// Returns the grid.
@@ -57,6 +78,27 @@ impl DistanceField {
 
     /// Returns the distance at a point, in m.
     pub fn distance(&self, p: &Vector3<f64>) -> f64 {
+        let own = self.own_distance(p);
+        match self.within_finer(p) {
+            Some((finer, edge)) => finer.distance(p).min(own.max(edge)),
+            None => own,
+        }
+    }
+
+    /// Returns the finer field that contains a point, and the distance to its edge, in m. Obstacles outside of it are at
+    /// least as far away.
+    fn within_finer(&self, p: &Vector3<f64>) -> Option<(&Self, f64)> {
+        let finer = self.finer.as_deref()?;
+        let grid = &finer.grid;
+        let edges = (0..3).map(|i| {
+            let from_corner = p[i] - grid.corner[i] - 0.5 * grid.voxel;
+            from_corner.min((grid.cells[i] - 1) as f64 * grid.voxel - from_corner)
+        });
+        let edge = edges.fold(f64::INFINITY, f64::min);
+        (edge > 0.0).then_some((finer, edge))
+    }
+
+    fn own_distance(&self, p: &Vector3<f64>) -> f64 {
         let (cell, [u, v, w]) = self.place(p).0;
         let [along_x, _] = self.corners(cell, u);
         let along_y = [0, 1].map(|k| along_x[k][0] * (1.0 - v) + along_x[k][1] * v);
@@ -65,6 +107,19 @@ impl DistanceField {
 
     /// Returns the distance at a point, in m, and its gradient.
     pub fn gradient(&self, p: &Vector3<f64>) -> (f64, Vector3<f64>) {
+        let own = self.own_gradient(p);
+        let Some((finer, edge)) = self.within_finer(p) else {
+            return own;
+        };
+        let inside = finer.gradient(p);
+        if inside.0 <= own.0.max(edge) {
+            inside
+        } else {
+            (own.0.max(edge), own.1)
+        }
+    }
+
+    fn own_gradient(&self, p: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let ((cell, [u, v, w]), inside) = self.place(p);
         let [along_x, by_x] = self.corners(cell, u);
         let over_y =
@@ -158,6 +213,45 @@ mod tests {
         // Without obstacles the gradient is zero and the distance exceeds the grid.
         let (distance, gradient) = DistanceField::empty(grid).gradient(&middle);
         assert!(distance > 0.8 && gradient.norm() == 0.0);
+    }
+
+    /// Next to a box, the finer field is exact within its own cells, and continuous at its edge.
+    #[test]
+    fn smaller_cells_give_smaller_errors_near_a_box() {
+        let solid = |grid: &VoxelGrid| -> Vec<bool> {
+            let [nx, ny, _] = grid.cells;
+            let middles =
+                (0..grid.count()).map(|n| grid.middle([n % nx, n / nx % ny, n / (nx * ny)]));
+            middles
+                .map(|p| (p - Vector3::new(0.013, 0.007, 0.2)).abs().max() < 0.1)
+                .collect()
+        };
+        let coarse = VoxelGrid {
+            corner: [-0.4, -0.3, 0.0],
+            voxel: 0.02,
+            cells: [40, 30, 25],
+        };
+        let fine = VoxelGrid {
+            corner: [-0.2, -0.2, 0.05],
+            voxel: 0.005,
+            cells: [80, 80, 60],
+        };
+        let both = [coarse, fine].map(|grid| DistanceField::new(grid, &solid(&grid)));
+        let [plain, finer] = both;
+        let field = plain.clone().with_finer(finer);
+        let mut errors = [0.0_f64; 2];
+        for step in 0..900 {
+            let p = Vector3::new(-0.19 + 4e-4 * f64::from(step), 0.02, 0.2);
+            let truth = ((p.x - 0.013).abs() - 0.1).max(-0.087);
+            for (error, field) in errors.iter_mut().zip([&plain, &field]) {
+                *error = error.max((field.distance(&p) - truth).abs());
+            }
+            assert!((field.gradient(&p).0 - field.distance(&p)).abs() < 1e-12);
+        }
+        // One and a half cells.
+        assert!(errors[1] < 0.0075 && errors[0] > 0.01, "{errors:?}");
+        let far = Vector3::new(0.35, 0.25, 0.45);
+        assert_eq!(field.distance(&far), plain.distance(&far));
     }
 
     proptest! {

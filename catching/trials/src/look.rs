@@ -21,7 +21,7 @@ use crate::stepped_time::ticks;
 use crate::throw_config::{Mapping, ThrowConfig};
 
 /// Pan and tilt of the head for each depth picture, in rad.
-const VIEWS: [[f64; 2]; 4] = [[1.0, 0.55], [0.35, 0.55], [-0.35, 0.55], [-1.0, 0.55]];
+pub(crate) const VIEWS: [[f64; 2]; 4] = [[1.0, 0.55], [0.35, 0.55], [-0.35, 0.55], [-1.0, 0.55]];
 /// Share of the maximum joint speed for large motions.
 const PACE: f64 = 0.4;
 /// Minimum duration of a motion, in s.
@@ -39,18 +39,18 @@ pub(crate) struct Looked {
     pub seconds: f64,
 }
 
-/// Motions of a robot before a throw.
-struct Motions<'a> {
-    robot: &'a Robot,
-    world: &'a mut World,
+/// Motions of a robot from rest to rest.
+pub(crate) struct Motions<'a> {
+    pub robot: &'a Robot,
+    pub world: &'a mut World,
     /// Last commanded joint positions.
-    joints: [f64; JOINTS],
+    pub joints: [f64; JOINTS],
     /// Last measured joint positions.
-    measured: [f64; JOINTS],
+    pub measured: [f64; JOINTS],
 }
 
 /// Returns the joint positions for looking around: the waiting pose with raised arms.
-fn looking(robot: &Robot) -> [f64; JOINTS] {
+pub(crate) fn looking(robot: &Robot) -> [f64; JOINTS] {
     let mut joints = robot.waiting();
     for arm in 0..ARMS {
         joints[joint::ARM[arm].clone()].copy_from_slice(&robot.raised(arm));
@@ -92,12 +92,7 @@ fn look_about(
         Mapping::Depth => Some(Fusion::new(fusion_config(depth))?),
         Mapping::Off | Mapping::Blind => None,
     };
-    let mut motions = Motions {
-        robot,
-        joints: looking(robot),
-        measured: looking(robot),
-        world,
-    };
+    let mut motions = Motions::raised(robot, world);
     let mut seconds = 0.0;
     for look in 0..2 {
         if look > 0 {
@@ -135,7 +130,7 @@ fn look_about(
 }
 
 /// Returns the settings of a map for a depth camera.
-fn fusion_config(depth: &DepthConfig) -> FusionConfig {
+pub(crate) fn fusion_config(depth: &DepthConfig) -> FusionConfig {
     FusionConfig {
         camera: DepthCamera {
             position: depth.position,
@@ -157,7 +152,11 @@ pub(crate) fn arm_spheres(robot: &Robot, joints: &[f64; JOINTS]) -> impl Iterato
 }
 
 /// Returns the robot's spheres in the inertial frame.
-fn own_body(robot: &Robot, joints: &[f64; JOINTS], chest: &Isometry3<f64>) -> Vec<Sphere> {
+pub(crate) fn own_body(
+    robot: &Robot,
+    joints: &[f64; JOINTS],
+    chest: &Isometry3<f64>,
+) -> Vec<Sphere> {
     let still = StillSpheres::new(robot).spheres;
     still
         .into_iter()
@@ -169,7 +168,35 @@ fn own_body(robot: &Robot, joints: &[f64; JOINTS], chest: &Isometry3<f64>) -> Ve
         .collect()
 }
 
-impl Motions<'_> {
+impl<'a> Motions<'a> {
+    /// Starts with the arms raised.
+    ///
+    /// - `world`: world with the robot in the pose of [`looking`]
+    pub(crate) fn raised(robot: &'a Robot, world: &'a mut World) -> Self {
+        let joints = looking(robot);
+        Self {
+            robot,
+            world,
+            joints,
+            measured: joints,
+        }
+    }
+
+    /// Follows a motion, and waits until the joints stand still.
+    ///
+    /// - `at`: joint positions and speeds at a time in s
+    pub(crate) fn follow(
+        &mut self,
+        seconds: f64,
+        at: impl Fn(f64) -> ([f64; JOINTS], [f64; JOINTS]),
+    ) {
+        for tick in 1..=ticks(seconds + STAND) {
+            let (q, dq) = at(tick as f64 * 1e-3);
+            let sensed = self.world.step(&JointCommand::of(q, dq), &[None; ARMS]);
+            (self.joints, self.measured) = (q, sensed.joints.q);
+        }
+    }
+
     /// Moves the joints to the given positions, and waits until they stand still.
     fn go_to(&mut self, there: &[f64; JOINTS]) {
         let seconds = self.seconds_to(there);
@@ -177,13 +204,11 @@ impl Motions<'_> {
             let speed = self.robot.joints()[i].speed;
             Ramp::between(self.joints[i], 0.0, there[i], seconds, speed)
         });
-        for tick in 1..=ticks(seconds + STAND) {
-            let t = tick as f64 * 1e-3;
+        let at = |t: f64| {
             let at = ramps.map(|ramp| ramp.at(t));
-            let command = JointCommand::of(at.map(|(q, _)| q), at.map(|(_, dq)| dq));
-            let sensed = self.world.step(&command, &[None; ARMS]);
-            self.measured = sensed.joints.q;
-        }
+            (at.map(|(q, _)| q), at.map(|(_, dq)| dq))
+        };
+        self.follow(seconds, at);
         // The ramps end there except for rounding errors.
         self.joints = *there;
     }
@@ -196,7 +221,7 @@ impl Motions<'_> {
         times.fold(LEAST, f64::max)
     }
 
-    fn turn_head(&mut self, view: [f64; 2]) {
+    pub(crate) fn turn_head(&mut self, view: [f64; 2]) {
         let mut there = self.joints;
         there[joint::NECK].copy_from_slice(&view);
         self.go_to(&there);

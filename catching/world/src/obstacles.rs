@@ -141,6 +141,15 @@ impl StandingBox {
         Vector3::new(cos * d.x + sin * d.y, cos * d.y - sin * d.x, d.z)
     }
 
+    /// Returns the corners seen from above, at the height of the centre, in m.
+    pub fn corners(&self) -> [Vector3<f64>; 4] {
+        let [sin, cos] = self.sin_cos;
+        [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(a, b)| {
+            let (u, v) = (0.5 * a * self.size[0], 0.5 * b * self.size[1]);
+            Vector3::from(self.middle) + Vector3::new(cos * u - sin * v, sin * u + cos * v, 0.0)
+        })
+    }
+
     /// Returns the distance of a point from the surface, in m; negative inside.
     pub fn distance(&self, p: &Vector3<f64>) -> f64 {
         let from_middle = self.turned(&(p - Vector3::from(self.middle)));
