@@ -216,7 +216,8 @@ mod tests {
         }
     }
 
-    /// Round objects of a room are found in every picture; at most the first pair may take one for a ball.
+    /// Round objects in a row, found in every picture, form more pairs than a tracker considers. They are no balls, and
+    /// hide none that is found after them.
     #[test]
     fn objects_at_rest_are_no_balls() {
         let robot = Robot::nominal();
@@ -225,17 +226,23 @@ mod tests {
             throw.unwrap()
         });
         let shows_one = |pair: &&Pair| pair.circles.iter().all(|circles| circles.count == 1);
-        let objects = other.pairs.iter().filter(shows_one).step_by(3);
-        let objects: Vec<_> = objects.map(|pair| pair.circles).collect();
-        assert!(objects.len() > 3, "{}", objects.len());
+        let object = other.pairs.iter().find(shows_one).unwrap().circles;
         let mut tracker = tracker();
         let mut seen = 0;
         for (number, pair) in throw.pairs.iter().enumerate() {
             let mut pair = pair.clone();
-            for (i, object) in objects.iter().enumerate() {
-                for (camera, (into, circles)) in pair.circles.iter_mut().zip(object).enumerate() {
-                    let mut circle = circles.circles[0];
-                    circle.u += 0.3 * ((7 * number + 3 * i + camera) as f64).sin();
+            for (camera, into) in pair.circles.iter_mut().enumerate() {
+                // The objects are there before the ball.
+                let shown = if number < 3 { 0 } else { into.count as usize };
+                let balls = into.circles[..shown].to_vec();
+                into.count = 0;
+                let row = (0..20).map(|i| {
+                    let mut circle = object[camera].circles[0];
+                    let shake = 0.3 * ((7 * number + 3 * i + camera) as f64).sin();
+                    circle.u += 2.0 * i as f64 + shake;
+                    circle
+                });
+                for circle in row.chain(balls) {
                     into.circles[into.count as usize] = circle;
                     into.count += 1;
                 }
@@ -248,8 +255,10 @@ mod tests {
                     aligned: Isometry3::identity(),
                 };
                 let off = said.distance(&throw.flight);
-                assert!(off.is_some_and(|off| off < SAME_BALL), "{number}: {ball:?}");
-                seen += 1;
+                let is_ball = off.is_some_and(|off| off < SAME_BALL);
+                // The first pictures cannot tell objects from balls.
+                assert!(is_ball || number < 3, "{number}: {ball:?}");
+                seen += usize::from(is_ball);
             }
         }
         assert!(seen > 10, "{seen}");
