@@ -42,4 +42,4 @@ pub use planner::{CatchPlan, CatchPoint, Effort, PlanConditions, PlanConfig, Pla
 pub use problem::{CatchRequest, EQUALITIES, INEQUALITIES, Violation};
 pub use seeds::{Grid, Share};
 pub use way::WayConfig;
-pub use whole_body::{BodyWay, NoWay, WholeBody, WholeBodyConfig};
+pub use whole_body::{BodyWay, NoWay, WholeBody};

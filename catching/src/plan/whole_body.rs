@@ -40,46 +40,29 @@ type Block = SMatrix<f64, FREE, FREE>;
 type Column = SVector<f64, FREE>;
 type Pose = [f64; JOINTS];
 
-tactnet_catching_packets::settings! {
-    /// Settings of a whole-body way.
-    #[derive(Debug, Clone, Copy, PartialEq)]
-    pub struct WholeBodyConfig {
-        /// Distance from obstacles below which the way has a cost, in m.
-        pub soft: f64 = 0.06,
-        /// Minimum distance from obstacles, in m. It covers the errors of the map and of the motion.
-        pub hard: f64 = 0.03,
-        /// Minimum distance between the robot's own bodies, in m.
-        pub own: f64 = 0.02,
-        /// Weight of the squared hinge, in 1/m^2.
-        pub weight: f64 = 4000.0,
-        /// Maximum number of iterations of each descent.
-        pub iterations: usize = 50,
-        /// Share of the joints' speeds and accelerations that the motion uses.
-        pub pace: f64 = 0.4,
-    }
-}
+/// Distance from obstacles below which a way has a cost, in m.
+const SOFT: f64 = 0.06;
+/// Minimum distance from obstacles, in m. It covers the errors of the map and of the motion.
+const HARD: f64 = 0.03;
+/// Minimum distance between the robot's own bodies, in m.
+const OWN: f64 = 0.02;
+/// Weight of the squared hinge, in 1/m^2.
+const WEIGHT: f64 = 4000.0;
+/// Maximum number of iterations of each descent.
+const ITERATIONS: usize = 50;
+/// Share of the joints' speeds and accelerations that a motion uses.
+const PACE: f64 = 0.4;
 
-/// Reason why a way is not clear.
+/// Reason why no way is clear.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum NoWay {
-    /// The robot comes too close to an obstacle.
-    #[error("no clear way: at {:.0} % of the best one, the robot is {:.0} mm from an obstacle, at ({:.2}, {:.2}, {:.2}) m", 100.0 * .share, 1e3 * .distance, .place[0], .place[1], .place[2])]
-    Obstacle {
-        /// Share of the way.
-        share: f64,
-        /// Distance in m, negative inside.
-        distance: f64,
-        /// Nearest part of the robot, in m.
-        place: [f64; 3],
-    },
-    /// The robot comes too close to itself.
-    #[error("no clear way: at {:.0} % of the best one, two parts of the robot are {:.0} mm apart", 100.0 * .share, 1e3 * .distance)]
-    Own {
-        /// Share of the way.
-        share: f64,
-        /// Distance in m.
-        distance: f64,
-    },
+#[error("no clear way: at {:.0} % of the best one, the robot is {:.0} mm from {from}", 100.0 * .share, 1e3 * .distance)]
+pub struct NoWay {
+    /// Share of the way.
+    pub share: f64,
+    /// Distance in m, negative inside.
+    pub distance: f64,
+    /// What is too near.
+    pub from: &'static str,
 }
 
 /// Motion of all joints along a smooth curve through waypoints, from rest to rest.
@@ -143,7 +126,6 @@ pub struct WholeBody<'a> {
     robot: &'a Robot,
     field: &'a DistanceField,
     arm: usize,
-    config: WholeBodyConfig,
     bodies: Bodies,
     spheres: [ArmSpheres; ARMS],
     still: StillSpheres,
@@ -156,18 +138,12 @@ impl<'a> WholeBody<'a> {
     ///
     /// - `field`: map in the inertial frame, positions of the platform included
     /// - `arm`: moving arm, 0 left, 1 right; the other one keeps its joint angles
-    pub fn new(
-        robot: &'a Robot,
-        field: &'a DistanceField,
-        arm: usize,
-        config: WholeBodyConfig,
-    ) -> Self {
+    pub fn new(robot: &'a Robot, field: &'a DistanceField, arm: usize) -> Self {
         let own = joint::ARM[arm].start;
         Self {
             robot,
             field,
             arm,
-            config,
             bodies: Bodies::new(robot.description()),
             spheres: [0, 1].map(|arm| ArmSpheres::new(robot, arm)),
             still: StillSpheres::new(robot),
@@ -210,17 +186,11 @@ impl<'a> WholeBody<'a> {
         self.timed((0..=STEPS).map(|k| part(k as f64 / STEPS as f64)).collect())
     }
 
-    /// Returns the minimum distance of all spheres from obstacles, in m, and the centre of the nearest one.
-    pub fn clearance(&self, q: &Pose) -> (f64, Vector3<f64>) {
+    /// Returns the minimum distance of all spheres from obstacles, in m.
+    pub fn clearance(&self, q: &Pose) -> f64 {
         let spheres = self.placed(q).into_iter();
-        let near = spheres.map(|sphere| {
-            (
-                self.field.distance(&sphere.centre) - sphere.radius,
-                sphere.centre,
-            )
-        });
-        near.min_by(|a, b| a.0.total_cmp(&b.0))
-            .expect("the robot has spheres")
+        let distances = spheres.map(|one| self.field.distance(&one.centre) - one.radius);
+        distances.fold(f64::INFINITY, f64::min)
     }
 
     /// Returns the spheres of the whole robot in the inertial frame.
@@ -298,7 +268,7 @@ impl<'a> WholeBody<'a> {
         let against_map = |centre: &Vector3<f64>, radius: f64| {
             let p = (chest * Point3::from(*centre)).coords;
             let (distance, slope) = self.field.gradient(&p);
-            (self.config.soft + radius - distance, p, slope)
+            (SOFT + radius - distance, p, slope)
         };
         let fixed = self
             .still
@@ -362,7 +332,7 @@ impl<'a> WholeBody<'a> {
             above: vec![Block::zeros(); STEPS],
             slope: vec![Column::zeros(); STEPS + 1],
         };
-        let weight = 0.5 * self.config.weight / STEPS as f64;
+        let weight = 0.5 * WEIGHT / STEPS as f64;
         for k in 0..STEPS {
             let (from, to) = (&points[k], &points[k + 1]);
             for (i, joint) in self.free.iter().enumerate() {
@@ -409,7 +379,7 @@ impl<'a> WholeBody<'a> {
             })
             .collect();
         let (mut normal, mut damping) = (self.normal(&points), 1e-2);
-        for _ in 0..self.config.iterations {
+        for _ in 0..ITERATIONS {
             let Some(change) = solve(&normal, damping) else {
                 break;
             };
@@ -476,10 +446,9 @@ impl<'a> WholeBody<'a> {
             let [share, rate, bend] = eased(check as f64 / CHECKS as f64);
             let [_, slope, curve] = way.along(share);
             for (i, joint) in self.robot.joints().iter().enumerate() {
-                let speed = (slope[i] * rate).abs() / (self.config.pace * joint.speed);
+                let speed = (slope[i] * rate).abs() / (PACE * joint.speed);
                 let acceleration = (curve[i] * rate * rate + slope[i] * bend).abs();
-                let by_acceleration =
-                    (acceleration / (self.config.pace * joint.acceleration)).sqrt();
+                let by_acceleration = (acceleration / (PACE * joint.acceleration)).sqrt();
                 way.seconds = way.seconds.max(speed).max(by_acceleration);
             }
         }
@@ -491,18 +460,15 @@ impl<'a> WholeBody<'a> {
         for check in 0..=CHECKS {
             let share = check as f64 / CHECKS as f64;
             let [q, ..] = way.along(share);
-            let (distance, place) = self.clearance(&q);
-            if distance < self.config.hard {
-                let place = place.into();
-                return Err(NoWay::Obstacle {
-                    share,
-                    distance,
-                    place,
-                });
-            }
-            let distance = self.bodies.least(&q);
-            if distance < self.config.own {
-                return Err(NoWay::Own { share, distance });
+            let (map, own) = (self.clearance(&q), self.bodies.least(&q));
+            for (distance, least, from) in [(map, HARD, "an obstacle"), (own, OWN, "itself")] {
+                if distance < least {
+                    return Err(NoWay {
+                        share,
+                        distance,
+                        from,
+                    });
+                }
             }
         }
         Ok(())
@@ -568,12 +534,9 @@ mod tests {
         let robot = Robot::nominal();
         let [from, to] = ends(&robot);
         let field = with_box([0.7, 0.42, 0.9], [0.08, 0.08, 0.3]);
-        let planner = WholeBody::new(&robot, &field, 0, WholeBodyConfig::default());
+        let planner = WholeBody::new(&robot, &field, 0);
         let straight = planner.straight(&from, &to);
-        assert!(matches!(
-            planner.check(&straight),
-            Err(NoWay::Obstacle { .. })
-        ));
+        assert!(planner.check(&straight).is_err());
         let way = planner.plan(&from, &to).unwrap();
         assert_eq!(
             planner.plan(&from, &to).unwrap(),
@@ -596,7 +559,7 @@ mod tests {
         );
         // A box that reaches to the ceiling and to the robot leaves no way.
         let wall = with_box([0.9, 0.4, 1.3], [0.75, 0.1, 1.3]);
-        let planner = WholeBody::new(&robot, &wall, 0, WholeBodyConfig::default());
+        let planner = WholeBody::new(&robot, &wall, 0);
         let none = planner.plan(&from, &to).unwrap_err().to_string();
         assert!(none.contains("no clear way"), "{none}");
     }
@@ -606,7 +569,7 @@ mod tests {
         let robot = Robot::nominal();
         let [from, to] = ends(&robot);
         let field = with_box([0.7, 0.42, 0.9], [0.08, 0.08, 0.3]);
-        let planner = WholeBody::new(&robot, &field, 0, WholeBodyConfig::default());
+        let planner = WholeBody::new(&robot, &field, 0);
         let points = planner.straight(&from, &to).points;
         let normal = planner.normal(&points);
         assert!(normal.cost > 1.0);

@@ -11,7 +11,7 @@ use serde::Serialize;
 use tactnet_catching::map::{
     ARM_SPHERES, DistanceField, Fusion, FusionConfig, STILL_SPHERES, VoxelGrid,
 };
-use tactnet_catching::plan::{BodyWay, WholeBody, WholeBodyConfig};
+use tactnet_catching::plan::{BodyWay, WholeBody};
 use tactnet_catching::safety::Bodies;
 use tactnet_catching::{HandPose, Robot, rotation_towards};
 use tactnet_catching_packets::{JOINTS, joint};
@@ -31,7 +31,7 @@ const ASIDE: f64 = 0.24;
 /// Minimum height of the hand above the table, in m.
 const ABOVE_TABLE: f64 = 0.24;
 /// Space around both places of the hand that has small cells, in m: to all sides, above.
-const AROUND: [f64; 2] = [0.22, 0.5];
+const AROUND: [f64; 2] = [0.2, 0.35];
 
 /// Ways around boxes, one scene after the other.
 #[derive(Debug, Clone)]
@@ -209,7 +209,7 @@ impl WayTrials {
         let [coarse, fine] = maps.map(|map| map.field());
         let field = coarse.with_finer(fine);
         let distances_ms = 1e3 * begun.elapsed().as_secs_f64();
-        let poses = WholeBody::new(robot, &field, ARM, WholeBodyConfig::default());
+        let poses = WholeBody::new(robot, &field, ARM);
         let Some(from) = self.pose(&poses, &motions.joints, &places[0]) else {
             return Ok(None);
         };
@@ -255,7 +255,7 @@ impl WayTrials {
                     .all(|(joint, q)| (joint.range[0]..joint.range[1]).contains(q));
                 let far: f64 = q.iter().zip(near).map(|(a, b)| (a - b).abs()).sum();
                 let better = best.as_ref().is_none_or(|(least, _)| far < *least);
-                let clear = || poses.clearance(&q).0 > 0.04 && bodies.least(&q) > 0.03;
+                let clear = || poses.clearance(&q) > 0.04 && bodies.least(&q) > 0.03;
                 if inside && better && clear() {
                     best = Some((far, q));
                 }
@@ -267,7 +267,7 @@ impl WayTrials {
     /// Plans the way and moves.
     fn outcome(&self, seed: u64, scene: &mut Scene) -> Result<WayOutcome, TrialError> {
         let robot = &self.robot;
-        let planner = WholeBody::new(robot, &scene.field, ARM, WholeBodyConfig::default());
+        let planner = WholeBody::new(robot, &scene.field, ARM);
         let begun = Instant::now();
         let way = planner.plan(&scene.from, &scene.to);
         let plan_ms = 1e3 * begun.elapsed().as_secs_f64();
@@ -315,7 +315,7 @@ impl WayTrials {
         let Some(scene) = self.scene(self.seed)? else {
             return Ok(None);
         };
-        let planner = WholeBody::new(&self.robot, &scene.field, ARM, WholeBodyConfig::default());
+        let planner = WholeBody::new(&self.robot, &scene.field, ARM);
         let Ok(way) = planner.plan(&scene.from, &scene.to) else {
             return Ok(None);
         };
@@ -393,7 +393,7 @@ mod tests {
         );
         assert!(one.least_mm > 10.0, "{one:?}");
         let again = trials.scene(4).unwrap().unwrap();
-        let planner = WholeBody::new(&trials.robot, &again.field, ARM, WholeBodyConfig::default());
+        let planner = WholeBody::new(&trials.robot, &again.field, ARM);
         let way = planner.plan(&again.from, &again.to).unwrap();
         assert_eq!(way.seconds, one.seconds, "the same to the bit");
     }
