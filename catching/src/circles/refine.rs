@@ -39,10 +39,9 @@ const SCALE: [f64; 2] = [0.5, 0.01];
 const BAND: Length = Length::new(0.4, 4.0);
 /// Maximum distance of an edge from the circle.
 const TOLERANCE: Length = Length::new(0.05, 0.9);
-/// Maximum distance of an edge from the circle after the first pass.
-const FIRST_TOLERANCE: Length = Length::new(0.1, 1.2);
-/// Share of rays on the circle after the first pass, relative to the share required at the end.
-const FIRST_SHARE: f64 = 0.6;
+/// Maximum distance of an edge from the circle after the first and the second pass, and the share of rays within it,
+/// relative to the share required at the end.
+const EARLY: [(Length, f64); 2] = [(Length::new(0.1, 1.2), 0.6), (Length::new(0.06, 1.0), 0.9)];
 /// Search range around a known circle at twice the resolution.
 const POLISH_REACH: Length = Length::new(0.1, 2.5);
 /// Minimum share of rays on a known circle at twice the resolution.
@@ -105,13 +104,13 @@ pub(super) fn refined(
         if step.xy().norm().max(step.z.abs()) > 1.5 * reach {
             return None;
         }
-        if pass == 0 {
-            let tolerance = FIRST_TOLERANCE.at(r);
+        if let Some((tolerance, share)) = EARLY.get(pass) {
+            let tolerance = tolerance.at(r);
             let near = rays
                 .iter()
                 .filter(|edge| edge.residual(r, &step).abs() < tolerance);
             let on_circle: f64 = near.map(|edge| edge.weight).sum();
-            if on_circle < FIRST_SHARE * inliers * rays.len() as f64 {
+            if on_circle < share * inliers * rays.len() as f64 {
                 return None;
             }
         }

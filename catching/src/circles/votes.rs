@@ -29,7 +29,8 @@ const MAX_PEAKS: usize = 1024;
 /// Returns true if two local maxima of the votes lead to the same circle.
 pub(super) fn is_like(a: &Circle, b: &Circle) -> bool {
     let ratio = a.r / b.r;
-    (a.u - b.u).hypot(a.v - b.v) < 0.2 * a.r.min(b.r) && (0.8..1.25).contains(&ratio)
+    (a.u - b.u).powi(2) + (a.v - b.v).powi(2) < (0.2 * a.r.min(b.r)).powi(2)
+        && (0.8..1.25).contains(&ratio)
 }
 
 /// Point of a circle: offset in pixels and index of its normal direction.
