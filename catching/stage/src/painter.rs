@@ -35,8 +35,9 @@ pub(crate) fn paint(
         bus.put_port::<u8>("camera/left", Priority::Bulk)?,
         bus.put_port::<u8>("camera/right", Priority::Bulk)?,
     ];
-    let mut pictures = Pictures::new(robot, config, seed)?;
-    let [width, height] = pictures.size();
+    let mut left = Pictures::new(robot, config, seed)?;
+    let mut right = left.clone();
+    let [width, height] = left.size();
     let mut late = 0;
     loop {
         let exposure = match exposures.recv_timeout(Duration::from_millis(100)) {
@@ -45,24 +46,30 @@ pub(crate) fn paint(
             Err(RecvTimeoutError::Disconnected) => return Ok(late),
         };
         let mut loans = Vec::with_capacity(ports.len());
-        for (camera, port) in ports.iter().enumerate() {
-            let mut loan = port.loan(PICTURE_HEAD + width * height)?;
-            let head = PictureHead {
-                frame: exposure.frame,
-                exposure_ns: exposure.exposure_ns,
-                camera: camera as u32,
-                width: width as u32,
-                height: height as u32,
-                ..PictureHead::zeroed()
-            };
-            let (before, pixels) = loan.split_at_mut(PICTURE_HEAD);
-            before.copy_from_slice(bytemuck::bytes_of(&head));
-            pictures.draw(&exposure.truth, exposure.frame, camera, pixels);
-            loans.push(loan);
+        for port in &ports {
+            loans.push(port.loan(PICTURE_HEAD + width * height)?);
         }
-        let left = exposure.due_ns.saturating_sub(now_ns());
-        late += u64::from(left == 0);
-        std::thread::sleep(Duration::from_nanos(left));
+        std::thread::scope(|scope| {
+            let both = loans.iter_mut().zip([&mut left, &mut right]).enumerate();
+            for (camera, (loan, pictures)) in both {
+                let head = PictureHead {
+                    frame: exposure.frame,
+                    exposure_ns: exposure.exposure_ns,
+                    camera: camera as u32,
+                    width: width as u32,
+                    height: height as u32,
+                    ..PictureHead::zeroed()
+                };
+                let (before, pixels) = loan.split_at_mut(PICTURE_HEAD);
+                before.copy_from_slice(bytemuck::bytes_of(&head));
+                let truth = &exposure.truth;
+                // The thread inherits the low priority.
+                scope.spawn(move || pictures.draw(truth, head.frame, camera, pixels));
+            }
+        });
+        let wait = exposure.due_ns.saturating_sub(now_ns());
+        late += u64::from(wait == 0);
+        std::thread::sleep(Duration::from_nanos(wait));
         for (port, loan) in ports.iter().zip(loans) {
             port.put(loan)?;
         }

@@ -131,7 +131,7 @@ impl WorldRole {
             let (judge_robot, lower_body) = (&robot, stack.coordinator.lower_body);
             let judged = scope.spawn(move || judge(bus, judge_robot, &start, lower_body, &throws));
             let painting = settings.pixels.then(|| {
-                let (exposures, moments) = sync_channel::<Exposure>(2);
+                let (exposures, moments) = sync_channel::<Exposure>(1);
                 let (robot, world, seed) = (robot.description(), &settings.world, settings.seed);
                 let painter = scope.spawn(move || paint(bus, robot, world, seed, &moments));
                 (exposures, painter)
