@@ -80,7 +80,7 @@ pub struct WayOutcome {
     pub contacts: u64,
     /// True if the straight motion has contact.
     pub straight_touches: bool,
-    /// Minimum distance of the robot's spheres from table and box during the motion, in mm.
+    /// Minimum distance of the robot's spheres from table and box during the motion, in mm; NaN without a motion.
     pub least_mm: f64,
     /// Times in ms: fusion of the last depth picture, distances, plan.
     pub fusion_ms: f64,
@@ -109,7 +109,8 @@ impl WayTrials {
     /// Settings that are out of range.
     pub fn run(&self, on_done: impl Fn()) -> Result<WayReport, TrialError> {
         let mut outcomes = Vec::new();
-        for seed in self.seed..self.seed + self.scenes {
+        for number in 0..self.scenes {
+            let seed = self.seed.wrapping_add(number);
             if let Some(mut scene) = self.scene(seed)? {
                 outcomes.push(self.outcome(seed, &mut scene)?);
             }
