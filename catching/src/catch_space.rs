@@ -13,7 +13,6 @@ use crate::coordinate::BodyMotion;
 use crate::flight::{Flight, FlightPath, STEP};
 use crate::plan::{CatchRequest, Grid, Objective, PlanConfig, Planner};
 
-/// Search grid.
 const GRID: Grid = Grid {
     times: 30,
     hands: 24,
@@ -48,26 +47,20 @@ impl CatchSpace {
         reaction: f64,
         ready: &[f64; JOINTS],
     ) -> [bool; ARMS] {
-        let knots: Vec<Flight> = flight.skip((reaction * 1e3) as usize).step_by(10).collect();
-        self.arms(&knots, ready)
-    }
-
-    /// Returns the arms that are able to catch a ball. `flight` is the true flight in the inertial frame, one entry per
-    /// 10 ms from the earliest start of a path. `ready` are the joints at that time, at rest.
-    pub fn arms(&self, flight: &[Flight], ready: &[f64; JOINTS]) -> [bool; ARMS] {
+        let flight: Vec<Flight> = flight.skip((reaction * 1e3) as usize).step_by(10).collect();
         let mut possible = [false; ARMS];
         if flight.is_empty() {
             return possible;
         }
         let chest = self.robot.chest(ready);
-        let seen = in_frame(flight, &chest);
+        let seen = in_frame(&flight, &chest);
         let standing = BodyMotion::standing(ready);
         let moving = BodyMotion::towards(&self.robot, ready, &FlightPath::recorded(&seen), 0);
         let bodies = 1 + usize::from(self.lower_body);
         for body in [standing, moving].iter().take(bodies) {
             let mut q = *ready;
             body.write(body.end_ns() + 1, &mut q, &mut [0.0; JOINTS]);
-            let path = FlightPath::recorded(&in_frame(flight, &self.robot.chest(&q)));
+            let path = FlightPath::recorded(&in_frame(&flight, &self.robot.chest(&q)));
             for (arm, possible) in possible.iter_mut().enumerate() {
                 let request = CatchRequest {
                     ball: path.at(0.0),
@@ -98,20 +91,19 @@ mod tests {
 
     use super::*;
 
-    /// Returns the flight of a ball that passes `aim` after `time`, in s.
-    fn thrown_to(aim: Vector3<f64>, time: f64) -> Vec<Flight> {
-        let ball = Flight::without_spin(aim, Vector3::new(-5.5, 0.0, -2.0), 0.03);
-        (0..120)
-            .map(|i| ball.after(f64::from(i) * STEP - time))
-            .collect()
+    /// Returns the arms that catch a ball that passes the height of 1.3 m, 0.6 m ahead and `aside`, after `time` s.
+    fn arms(oracle: &CatchSpace, aside: f64, time: f64) -> [bool; ARMS] {
+        let (aim, v) = (Vector3::new(0.6, aside, 1.3), Vector3::new(-5.5, 0.0, -2.0));
+        let ball = Flight::without_spin(aim, v, 0.03);
+        let flight = (0..1200).map(|ms| ball.after(1e-3 * f64::from(ms) - time));
+        oracle.arms_of(flight, 0.0, &oracle.robot.waiting())
     }
 
     #[test]
     fn balls_before_a_shoulder_can_be_caught_and_balls_far_aside_cannot() {
         let robot = Robot::nominal();
         let oracle = CatchSpace::new(&robot, false);
-        let ready = robot.waiting();
-        let before = |y: f64| oracle.arms(&thrown_to(Vector3::new(0.6, y, 1.3), 0.6), &ready);
+        let before = |y: f64| arms(&oracle, y, 0.6);
         assert!(before(0.5)[0]);
         assert!(before(-0.5)[1]);
         assert_eq!(before(2.2), [false, false]);
@@ -121,14 +113,9 @@ mod tests {
     #[test]
     fn platform_and_torso_widen_the_catch_space() {
         let robot = Robot::nominal();
-        let ready = robot.waiting();
         let farthest = |oracle: &CatchSpace| {
-            let aside = |i: u32| 0.9 + 0.02 * f64::from(i);
-            let caught = |i: &u32| {
-                let flight = thrown_to(Vector3::new(0.6, aside(*i), 1.3), 1.0);
-                oracle.arms(&flight, &ready)[0]
-            };
-            (0..40).rev().find(caught).map(aside)
+            let mut aside = (0..40).rev().map(|i| 0.9 + 0.02 * f64::from(i));
+            aside.find(|aside| arms(oracle, *aside, 1.0)[0])
         };
         let standing = farthest(&CatchSpace::new(&robot, false));
         let moving = farthest(&CatchSpace::new(&robot, true));

@@ -82,7 +82,7 @@ impl Grip {
 }
 
 /// Explores one ball after the other.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Exploration {
     sure: f64,
     most_sweeps: u32,
@@ -100,8 +100,7 @@ impl Exploration {
         Self {
             sure,
             most_sweeps,
-            felt: 0,
-            grip: None,
+            ..Self::default()
         }
     }
 

@@ -8,7 +8,7 @@ use tactnet_catching_packets::{ARM_JOINTS, ARMS, JOINTS, Joint, RobotDescription
 mod arm;
 
 pub(crate) use arm::Chain;
-use arm::turn_z;
+use arm::{ABOUT_Z, turn_plane};
 pub use arm::{ArmKinematics, ElbowCircle, LinkFrame};
 
 /// Position of a raised hand relative to the shoulder, in m.
@@ -188,7 +188,7 @@ pub fn rotation_towards(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     let x = beside(axis).cross(axis).normalize();
     let mut rotation = Matrix3::from_columns(&[x, axis.cross(&x), *axis]);
     let (sin, cos) = angle.sin_cos();
-    turn_z(&mut rotation, sin, cos);
+    turn_plane(&mut rotation, ABOUT_Z, sin, cos);
     rotation
 }
 

@@ -106,12 +106,6 @@ mod tests {
         }
     }
 
-    /// Returns the position of a joint `time` after a command if its drive starts to brake `begun` after it.
-    fn at(q: f64, dq: f64, deceleration: f64, begun: f64, time: f64) -> f64 {
-        let slowing = (time - begun).clamp(0.0, dq.abs() / deceleration);
-        q + dq * (time.min(begun) + slowing) - 0.5 * dq.signum() * deceleration * slowing * slowing
-    }
-
     /// Returns the minimum distance of all pairs during braking, sampled densely, for drives that brake at once or at
     /// the end of the reaction time.
     fn least(
@@ -120,17 +114,13 @@ mod tests {
         command: &JointCommand,
     ) -> f64 {
         let reaction = MonitorConfig::default().reaction;
-        let longest = (0..JOINTS)
-            .map(|i| reaction + command.dq[i].abs() / joints[i].acceleration)
-            .fold(0.0, f64::max);
+        let braking = sweep::Braking::new(command, joints, reaction);
+        let longest = reaction + braking.longest();
         let mut least = f64::INFINITY;
         for begun in [0.0, reaction] {
             for sample in 0..=20 {
                 let time = longest * f64::from(sample) / 20.0;
-                let q = std::array::from_fn(|i| {
-                    let (q, dq) = (command.q[i], command.dq[i]);
-                    at(q, dq, joints[i].acceleration, begun, time)
-                });
+                let q = braking.at(time.min(begun), (time - begun).max(0.0));
                 least = least.min(bodies.least(&q));
             }
         }

@@ -11,16 +11,13 @@
 //! release q, u, T ─> hand p, v ─> flight with drag ─> landing position      q -+ w u (T / 2 + coast) ─> ends of the swing
 //! ```
 
-mod beside;
 mod descent;
 mod landing;
 mod motion;
-mod path;
 mod planner;
 mod problem;
 mod starts;
 mod swing;
-mod way;
 
 pub use tactnet_catching_packets::THROW_JOINTS;
 

@@ -44,14 +44,17 @@ def main():
     todo = [row for row in commands if f"tactnet {row}" not in done]
 
     def run(row):
-        return subprocess.run([arguments.tactnet, *row.split(), "--json"], stdout=subprocess.PIPE, text=True)
+        return subprocess.run([arguments.tactnet, *row.split(), "--json"], capture_output=True, text=True)
 
     # A calibration from pictures keeps one core busy.
     with ThreadPoolExecutor(2 if arguments.detected else 1) as pool:
         for row, result in zip(todo, pool.map(run, todo)):
-            if result.returncode:
-                sys.exit(f"`tactnet {row}` failed")
-            done[f"tactnet {row}"] = {"command": f"tactnet {row}", **json.loads(result.stdout)}
+            said = result.stderr.strip().splitlines()[-1:]
+            # A calibration that is refused is a result.
+            if result.returncode and not arguments.detected:
+                sys.exit(f"`tactnet {row}` failed: {said}")
+            report = {"refused": said[0]} if result.returncode else json.loads(result.stdout)
+            done[f"tactnet {row}"] = {"command": f"tactnet {row}", **report}
             rows = [done[f"tactnet {other}"] for other in commands if f"tactnet {other}" in done]
             arguments.out.write_text(json.dumps({"commit": build["git"], "rows": rows}, indent=1) + "\n")
             print(f"{len(done)} of {len(commands)}: {row}, {time.monotonic() - begun:.0f} s", file=sys.stderr)

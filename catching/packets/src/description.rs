@@ -6,7 +6,6 @@ use serde::Deserialize;
 use crate::settings::Numbers;
 use crate::{ARM_JOINTS, ARMS, JOINTS, joint};
 
-/// Description of the nominal robot.
 const NOMINAL: &str = include_str!("robot.toml");
 
 /// Error in a robot description.
@@ -212,7 +211,10 @@ impl RobotDescription {
         Torso::check("torso", &self.torso)?;
         Neck::check("neck", &self.neck)?;
         Cameras::check("cameras", &self.cameras)?;
-        self.cameras.check_exposure()?;
+        let Cameras { exposure, rate, .. } = self.cameras;
+        let expected = "less than the time between two pictures";
+        let found = || exposure.to_string();
+        ensure(exposure * rate < 1.0, "cameras.exposure", expected, found)?;
         self.cameras.check_distortion()?;
         Imu::check("imu", &self.imu)?;
         each(Arm::check)("arms", &self.arms)
@@ -220,13 +222,6 @@ impl RobotDescription {
 }
 
 impl Cameras {
-    fn check_exposure(&self) -> Result<(), DescriptionError> {
-        let expected = "less than the time between two pictures";
-        let short = self.exposure * self.rate < 1.0;
-        let found = || self.exposure.to_string();
-        ensure(short, "cameras.exposure", expected, found)
-    }
-
     /// Checks that the lens neither folds nor strongly scales the picture, up to 1.2 times the corner's radius.
     fn check_distortion(&self) -> Result<(), DescriptionError> {
         let corner = f64::from(self.width).hypot(f64::from(self.height)) / (2.0 * self.focal);

@@ -45,7 +45,8 @@ fn look(
         let got = pictures.get(PATIENCE)?;
         drain(&poses, |pose| eye.pose(pose))?;
         let picture = got.as_deref().and_then(PictureHead::split);
-        let Some((head, pixels)) = picture.filter(|(head, _)| head.size() == eye.size()) else {
+        let fits = |(head, _): &(PictureHead, _)| [head.width, head.height] == eye.size();
+        let Some((head, pixels)) = picture.filter(fits) else {
             continue;
         };
         let begun = now_ns();

@@ -8,31 +8,13 @@ pub use tactnet_channel::{LatestValue, NewPackets, drain};
 /// Maximum sleep of a process, which bounds its reaction time to a stop request.
 pub(crate) const PATIENCE: Wait = at_most(50);
 
-/// Packets of one output of a step, each of which may be missing.
-pub(crate) trait Packets<T> {
-    fn all(self) -> impl Iterator<Item = T>;
-}
-
-impl<T> Packets<T> for Option<T> {
-    fn all(self) -> impl Iterator<Item = T> {
-        self.into_iter()
-    }
-}
-
-impl<T, const MOST: usize> Packets<T> for [Option<T>; MOST] {
-    fn all(self) -> impl Iterator<Item = T> {
-        self.into_iter().flatten()
-    }
-}
-
-/// Sends those packets that there are.
+/// Sends those packets of an output that there are: of an option, or of an array of options.
 pub(crate) fn send<T: Packet + Copy>(
     port: &PutPort<T>,
-    packets: impl Packets<T>,
+    packets: impl IntoIterator<Item = impl Into<Option<T>>>,
 ) -> Result<(), ChannelError> {
-    packets
-        .all()
-        .try_for_each(|packet| port.put_copy(&[packet]).map(|_| ()))
+    let mut packets = packets.into_iter().filter_map(Into::into);
+    packets.try_for_each(|packet| port.put_copy(&[packet]).map(|_| ()))
 }
 
 /// Opens the channels of a step's outputs, and returns the function that sends the outputs on them.

@@ -31,7 +31,6 @@ mod pose;
 mod role;
 mod safety;
 mod settings;
-mod skin_packets;
 mod slip_watch;
 mod stage_view;
 mod thrower;

@@ -30,11 +30,6 @@ impl PictureHead {
         (pixels.len() == wanted && head.camera < 2).then_some((head, pixels))
     }
 
-    /// Returns width and height.
-    pub(crate) fn size(&self) -> [u32; 2] {
-        [self.width, self.height]
-    }
-
     /// Returns a packet for the circles of the picture.
     pub(crate) fn circles(&self) -> Circles {
         Circles {

@@ -1,8 +1,7 @@
 //! Planner process of one arm.
 
-use tactnet_catching::coordinate::{Answering, PhaseConfig, answer, request_for};
+use tactnet_catching::coordinate::{Answering, answer, request_for};
 use tactnet_catching::plan::Planner;
-use tactnet_catching_packets::packets::PlanRequest;
 use tactnet_channel::now_ns;
 
 use crate::channels::{PLAN_REQUEST, PLAN_RESULT};
@@ -12,15 +11,6 @@ use crate::{RoleError, RoleReport};
 
 /// Time from the publication of a plan to that of its path, in ns.
 const TO_COORDINATOR_NS: u64 = 1_000_000;
-
-/// Returns the time at which a planner stops its search and publishes its best result, in ns.
-///
-/// - `phases`: settings of the coordinator that asks
-fn planning_ends_ns(question: &PlanRequest, phases: &PhaseConfig) -> u64 {
-    question
-        .start_ns
-        .saturating_sub(phases.path_lead_ns() + TO_COORDINATOR_NS)
-}
 
 /// - `number`: number among the planners of the arm, from 0
 pub(crate) fn run(shell: &Shell<'_>, arm: usize, number: u32) -> Result<RoleReport, RoleError> {
@@ -35,7 +25,9 @@ pub(crate) fn run(shell: &Shell<'_>, arm: usize, number: u32) -> Result<RoleRepo
             return Ok(());
         };
         let begun = now_ns();
-        let deadline = planning_ends_ns(&question, &phases);
+        // Then the search ends, and its best result is published.
+        let lead_ns = phases.path_lead_ns() + TO_COORDINATOR_NS;
+        let deadline = question.start_ns.saturating_sub(lead_ns);
         let out_of_time = || now_ns() >= deadline;
         let plan = answer(&planner, &question, &Answering::default(), out_of_time);
         if let Some(mut plan) = plan {

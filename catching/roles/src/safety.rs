@@ -25,8 +25,8 @@ pub(crate) fn run(shell: &Shell<'_>) -> Result<RoleReport, RoleError> {
         Ok(())
     })?;
     Ok(RoleReport {
-        brakes: watch.brakes(),
-        brakes_in_vain: watch.brakes_in_vain(),
+        brakes: watch.brakes,
+        brakes_in_vain: watch.brakes_in_vain,
         ..times.report(commands.lost())
     })
 }

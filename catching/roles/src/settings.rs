@@ -15,7 +15,6 @@ use tactnet_channel::Table;
 
 use crate::RoleError;
 
-/// Name of the section.
 const SECTION: &str = "catching";
 
 tactnet_catching_packets::settings! {

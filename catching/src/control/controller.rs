@@ -369,8 +369,7 @@ impl Controller {
                 let stands;
                 (self.q, self.dq, stands) = self.trail.stop();
                 if stands {
-                    self.stand();
-                    self.mode = ControllerMode::Standing;
+                    self.stand(ControllerMode::Standing);
                 }
                 return (&self.q, &self.dq);
             }
@@ -379,8 +378,7 @@ impl Controller {
                 let there;
                 (self.q, self.dq, there) = self.trail.back();
                 if there {
-                    self.stand();
-                    self.mode = ControllerMode::Ready;
+                    self.stand(ControllerMode::Ready);
                     self.why = Text::new("returned to the waiting pose");
                 }
                 return (&self.q, &self.dq);
@@ -419,8 +417,7 @@ impl Controller {
             .throwing
             .is_some_and(|throwing| throwing.write(now_ns, &mut self.q, &mut self.dq));
         if !goes_on {
-            self.stand();
-            self.mode = ControllerMode::Standing;
+            self.stand(ControllerMode::Standing);
             self.why = Text::new("the throw is over");
         }
     }
@@ -436,13 +433,13 @@ impl Controller {
             moves |= t < ramp.end;
         }
         if !moves {
-            self.stand();
-            self.mode = ControllerMode::Standing;
+            self.stand(ControllerMode::Standing);
         }
     }
 
     /// Ends all motions at the current position.
-    fn stand(&mut self) {
+    fn stand(&mut self, mode: ControllerMode) {
+        self.mode = mode;
         self.arms = std::array::from_fn(|arm| standing(arm, &self.q));
         self.next = [None; ARMS];
         self.body = BodyMotion::standing(&self.q);

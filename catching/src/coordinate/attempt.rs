@@ -18,7 +18,6 @@ use crate::plan::ChestWay;
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 
-/// State of an attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CatchState {
     /// Waits for a ball.
@@ -51,7 +50,6 @@ struct ArmMotion {
     ramps: [Ramp; ARM_JOINTS],
 }
 
-/// Motion of an arm and its purpose.
 #[derive(Debug, Clone, Copy)]
 struct Task {
     motion: ArmMotion,

@@ -35,7 +35,6 @@ const LOOKING: f64 = 0.6;
 /// Period at which an unchanged phase is published, in ns.
 const TELL_NS: u64 = 100_000_000;
 
-/// Measured pose of the robot.
 #[derive(Clone, Copy)]
 struct MeasuredPose<'a> {
     joints: &'a JointState,
@@ -50,16 +49,17 @@ impl<'a> MeasuredPose<'a> {
         })
     }
 
-    fn is_fresh(&self, now_ns: u64) -> bool {
-        now_ns.saturating_sub(self.head.t_ns) < SILENT_NS
-            && now_ns.saturating_sub(self.joints.sensor_ns) < SILENT_NS
-    }
-
     /// Returns the pose of the chest in the inertial frame.
     fn chest(&self, corrections: &Corrections) -> Isometry3<f64> {
         let links = corrections.joints(self.joints).q;
         isometry(self.head) * corrections.robot().head(&links).inverse()
     }
+}
+
+/// Time of a step, in ns, and the packets that it sends.
+struct Step {
+    now_ns: u64,
+    outputs: CoordinatorOutputs,
 }
 
 /// State while the robot may catch.
@@ -73,7 +73,6 @@ struct Armed {
     predictions: Option<BallPredictions>,
     /// Starts of the last paths sent.
     sent: [u64; ARMS],
-    /// Last commands to the hands.
     hands: [Option<HandCommand>; ARMS],
     /// Time of the last valid prediction, in ns.
     seen_ns: u64,
@@ -167,50 +166,47 @@ impl Coordinator {
     /// Takes the packets since the last step and returns those to send. Must be called at least every 2 ms, which
     /// bounds the reaction time to closing times and phase changes.
     pub fn step(&mut self, now_ns: u64, inputs: &CoordinatorInputs<'_>) -> CoordinatorOutputs {
-        let mut outputs = CoordinatorOutputs::default();
+        let mut step = Step {
+            now_ns,
+            outputs: CoordinatorOutputs::default(),
+        };
         if self.calls == 0 {
             // Calls from before a restart have lower numbers.
             self.calls = now_ns.max(1);
             self.status.since_ns = now_ns;
         }
-        self.follow_controller(now_ns, inputs.controller, &mut outputs);
+        self.follow_controller(inputs.controller, &mut step);
         let pose = MeasuredPose::of(inputs);
         if let (Some(balls), Some(pose)) = (inputs.predictions, pose) {
-            self.request_plans([true; ARMS], now_ns, balls, pose, &mut outputs);
+            self.request_plans([true; ARMS], balls, pose, &mut step);
         }
         inputs.results.iter().for_each(|result| self.take(result));
-        self.answer(now_ns, &mut outputs);
+        self.answer(&mut step);
         if let Some(pose) = pose {
-            self.correct_last(now_ns, pose, &mut outputs);
-            self.look_at_hand(now_ns, pose, &mut outputs);
+            self.correct_last(pose, &mut step);
+            self.look_at_hand(pose, &mut step);
         }
-        self.end_attempt(now_ns, &mut outputs);
+        self.end_attempt(&mut step);
         if now_ns.saturating_sub(self.told_ns) > TELL_NS {
-            self.tell(now_ns, &mut outputs);
+            self.tell(&mut step);
         }
-        outputs
+        step.outputs
     }
 
-    fn enter(
-        &mut self,
-        now_ns: u64,
-        phase: CatchPhase,
-        why: &str,
-        outputs: &mut CoordinatorOutputs,
-    ) {
+    fn enter(&mut self, phase: CatchPhase, why: &str, step: &mut Step) {
         if self.phase() == phase {
             return;
         }
         self.status.phase = phase as u64;
-        self.status.since_ns = now_ns;
+        self.status.since_ns = step.now_ns;
         self.status.reason = Text::new(why);
-        self.tell(now_ns, outputs);
+        self.tell(step);
     }
 
-    fn tell(&mut self, now_ns: u64, outputs: &mut CoordinatorOutputs) {
-        self.told_ns = now_ns;
-        outputs.status = Some(CatchStatus {
-            t_ns: now_ns,
+    fn tell(&mut self, step: &mut Step) {
+        self.told_ns = step.now_ns;
+        step.outputs.status = Some(CatchStatus {
+            t_ns: step.now_ns,
             no_plans: self.no_plans(),
             ..self.status
         });
@@ -229,32 +225,26 @@ impl Coordinator {
         self.armed = None;
     }
 
-    fn order_back(&mut self, now_ns: u64, why: &str, outputs: &mut CoordinatorOutputs) {
+    fn order_back(&mut self, why: &str, step: &mut Step) {
         self.disarm();
-        self.enter(now_ns, CatchPhase::GoingBack, why, outputs);
-        if now_ns.saturating_sub(self.ordered_ns) < AGAIN_NS {
+        self.enter(CatchPhase::GoingBack, why, step);
+        if step.now_ns.saturating_sub(self.ordered_ns) < AGAIN_NS {
             return;
         }
-        self.ordered_ns = now_ns;
-        outputs.order = Some(ControllerCommand {
-            command_ns: now_ns,
+        self.ordered_ns = step.now_ns;
+        step.outputs.order = Some(ControllerCommand {
+            command_ns: step.now_ns,
             command: ControllerOrder::GoBack as u64,
             reason: Text::new(why),
         });
     }
 
-    /// Reacts to the state of the controller.
-    fn follow_controller(
-        &mut self,
-        now_ns: u64,
-        state: Option<&ControllerState>,
-        outputs: &mut CoordinatorOutputs,
-    ) {
+    fn follow_controller(&mut self, state: Option<&ControllerState>, step: &mut Step) {
+        let now_ns = step.now_ns;
         let fresh = |state: &&ControllerState| now_ns.saturating_sub(state.t_ns) < SILENT_NS;
         let Some(state) = state.filter(fresh) else {
             self.disarm();
-            let why = "the controller is silent";
-            return self.enter(now_ns, CatchPhase::Starting, why, outputs);
+            return self.enter(CatchPhase::Starting, "the controller is silent", step);
         };
         let armed = self.armed.is_some();
         let phase = match state.mode() {
@@ -262,19 +252,18 @@ impl Coordinator {
                 // States from before the order to return are outdated.
                 if state.t_ns > self.ordered_ns + TAKEN_NS {
                     self.arm(now_ns);
-                    let why = "stands where it waits";
-                    self.enter(now_ns, CatchPhase::Armed, why, outputs);
+                    self.enter(CatchPhase::Armed, "stands where it waits", step);
                 }
                 return;
             }
             Some(ControllerMode::Following) if !armed => {
-                return self.order_back(now_ns, "has begun while the robot moved", outputs);
+                return self.order_back("has begun while the robot moved", step);
             }
             Some(ControllerMode::Ready | ControllerMode::Following) => {
                 return self.compare_paths(state);
             }
             Some(ControllerMode::Standing) => {
-                return self.order_back(now_ns, state.reason.as_str(), outputs);
+                return self.order_back(state.reason.as_str(), step);
             }
             Some(ControllerMode::Braking) => CatchPhase::Braking,
             Some(ControllerMode::Throwing) => CatchPhase::Throwing,
@@ -282,7 +271,7 @@ impl Coordinator {
             Some(ControllerMode::Stuck) | None => CatchPhase::Stuck,
         };
         self.disarm();
-        self.enter(now_ns, phase, state.reason.as_str(), outputs);
+        self.enter(phase, state.reason.as_str(), step);
     }
 
     /// Takes refused paths back.
@@ -298,7 +287,8 @@ impl Coordinator {
     }
 
     /// Publishes the progress of the attempt, and prepares for the next one after it.
-    fn end_attempt(&mut self, now_ns: u64, outputs: &mut CoordinatorOutputs) {
+    fn end_attempt(&mut self, step: &mut Step) {
+        let now_ns = step.now_ns;
         let Some(armed) = &mut self.armed else {
             return;
         };
@@ -318,35 +308,34 @@ impl Coordinator {
             Some(at) => (at + after_ns, "the catch is over"),
             None => (armed.seen_ns + GONE_NS, "the ball is gone"),
         };
-        self.enter(now_ns, phase, why, outputs);
+        self.enter(phase, why, step);
         if state == CatchState::Armed || now_ns <= end_ns {
             return;
         }
         match self.phases.next {
-            NextPose::Waiting => self.order_back(now_ns, end, outputs),
-            NextPose::LastCatch => self.stay(now_ns, end_ns, outputs),
+            NextPose::Waiting => self.order_back(end, step),
+            NextPose::LastCatch => self.stay(end_ns, step),
         }
     }
 
     /// Turns the head back to where the ball came from, and then waits for the next ball in the current pose.
-    fn stay(&mut self, now_ns: u64, end_ns: u64, outputs: &mut CoordinatorOutputs) {
+    fn stay(&mut self, end_ns: u64, step: &mut Step) {
         let Some(armed) = &self.armed else {
             return;
         };
         let turned_ns = end_ns + (LOOKING * 1e9) as u64;
         // A missed ball that still bounces is not the next one.
-        if now_ns <= turned_ns.max(armed.seen_ns + GONE_NS) {
+        if step.now_ns <= turned_ns.max(armed.seen_ns + GONE_NS) {
             if let Some(place) = armed.came_from {
-                self.look_at(now_ns, &place, outputs);
+                self.look_at(&place, step);
             }
             return;
         }
-        let next = armed.attempt.next(now_ns);
+        let next = armed.attempt.next(step.now_ns);
         self.disarm();
-        self.armed = Some(Armed::new(next, now_ns));
-        outputs.gaze = Some(Gaze::zeroed());
-        let why = "stands where it caught";
-        self.enter(now_ns, CatchPhase::Armed, why, outputs);
+        self.armed = Some(Armed::new(next, step.now_ns));
+        step.outputs.gaze = Some(Gaze::zeroed());
+        self.enter(CatchPhase::Armed, "stands where it caught", step);
     }
 }
 

@@ -12,7 +12,6 @@ use crate::plan::{ChestWay, TOO_NEAR_ALREADY};
 use crate::ramp::Ramp;
 use crate::robot::Robot;
 
-/// Number of checks along a motion.
 const CHECKS: usize = 40;
 /// Fractions of a motion that are tried, in this order.
 const SHARES: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
@@ -103,13 +102,17 @@ mod tests {
     use super::*;
     use crate::map::VoxelGrid;
 
-    /// Returns the field of a solid wall to the left of `y`.
-    fn wall(y: f64) -> Arc<DistanceField> {
-        let grid = VoxelGrid {
+    fn grid() -> VoxelGrid {
+        VoxelGrid {
             voxel: 0.04,
             cells: [64; 3],
             ..VoxelGrid::default()
-        };
+        }
+    }
+
+    /// Returns the field of a solid wall to the left of `y`.
+    fn wall(y: f64) -> Arc<DistanceField> {
+        let grid = grid();
         let solid: Vec<bool> = (0..grid.count())
             .map(|n| grid.middle([n % 64, n / 64 % 64, n / 4096]).y > y)
             .collect();
@@ -154,11 +157,7 @@ mod tests {
         let clear = |y: f64| Room::new(&robot, wall(y), 0.05).is_clear(&robot, 0, &ramps, &chest);
         assert!(clear(hand.y + 1.0));
         // The raised arm is free, and one solid cell is at the lowered hand.
-        let grid = VoxelGrid {
-            voxel: 0.04,
-            cells: [64; 3],
-            ..VoxelGrid::default()
-        };
+        let grid = grid();
         let mut solid = vec![false; grid.count()];
         solid[grid.number(grid.cell_at(&hand.coords).unwrap())] = true;
         let room = Room::new(&robot, Arc::new(DistanceField::new(grid, &solid)), 0.05);

@@ -22,7 +22,6 @@ use super::sqp::{Solution, shares};
 const WEIGHTS: [f64; EQUALITIES] = [4e4, 4e4, 4e4, 44.4, 44.4];
 /// Half width of a step's trust region, in rad and s.
 const TRUST: f64 = 0.3;
-/// Maximum number of steps.
 const STEPS: usize = 12;
 /// Relative decrease below which the search ends.
 const SMALL_GAIN: f64 = 1e-3;
@@ -32,7 +31,6 @@ const RIDGE: f64 = 1e-2;
 const MAX_MISS: [f64; 2] = [0.15, 0.6];
 /// Base cost of a miss, which exceeds the cost of any catch.
 const BASE_COST: f64 = 10.0;
-/// Additional cost of a miss per metre.
 const COST_PER_METRE: f64 = 100.0;
 
 /// Returns the nearest miss found from `start`, or `None` if it misses by too much.

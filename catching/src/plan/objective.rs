@@ -34,7 +34,6 @@ impl From<PlanObjective> for Objective {
 const STILL: f64 = 1e-3;
 
 impl Objective {
-    /// Returns the cost of a point and its gradient.
     pub(crate) fn cost(self, motion: &CatchMotion, x: &Point) -> (f64, [f64; UNKNOWNS]) {
         let n = ARM_JOINTS as f64;
         let t = x[ARM_JOINTS];

@@ -159,7 +159,10 @@ impl Seeds {
         };
         if lack == 0.0 {
             seed.cost = problem.request.objective.cost(&problem.motion, &x).0;
-            if !seed.cost.is_finite() || turns_outside(problem, &x) {
+            // A joint that moves at the start may leave its range on the way.
+            let moves = problem.motion.w0.iter().any(|w0| *w0 != 0.0);
+            let leaves = moves && problem.motion.beyond_ranges(&x) > 0.0;
+            if leaves || !seed.cost.is_finite() {
                 return;
             }
             // One metre of missing distance counts as one radian outside of the interval.
@@ -209,12 +212,6 @@ impl Seeds {
             None => None,
         }
     }
-}
-
-/// Returns true if a joint that moves at the start leaves its range on the way to a point.
-fn turns_outside(problem: &Problem, x: &Point) -> bool {
-    let moves = problem.motion.w0.iter().any(|w0| *w0 != 0.0);
-    moves && problem.motion.beyond_ranges(x) > 0.0
 }
 
 /// Returns the first and the last time at which the ball is within reach of the shoulder.

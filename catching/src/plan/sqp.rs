@@ -9,7 +9,6 @@ use super::objective::Objective;
 use super::problem::{EQUALITIES, Linearised, Problem, ROWS, Violation};
 use super::qp;
 
-/// Feasible point with its cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Solution {
     pub x: Point,
@@ -17,7 +16,6 @@ pub(crate) struct Solution {
     pub violation: Violation,
 }
 
-/// Result of one descent.
 pub(crate) struct Descent {
     /// Best feasible point of the descent.
     pub best: Option<Solution>,
@@ -74,7 +72,6 @@ impl Iterate {
     }
 }
 
-/// Descends from `start`.
 pub(crate) fn descend(
     problem: &Problem,
     start: &Point,

@@ -68,7 +68,6 @@ pub(crate) struct OwnBodies {
     pub(super) still: [Body; STILL],
     pub(super) arm: usize,
     waiting: [f64; JOINTS],
-    /// Kinematics of the other arm.
     other: crate::robot::ArmKinematics,
 }
 

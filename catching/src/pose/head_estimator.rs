@@ -1,6 +1,5 @@
 //! Head poses of a robot that waits, catches and waits again.
 
-use tactnet_catching_packets::JOINTS;
 use tactnet_catching_packets::packets::{CatchPhase, HeadPose, ImuSample, JointState};
 
 use super::{PoseConfig, PoseError, PoseEstimator};
@@ -52,7 +51,8 @@ impl HeadEstimator {
 
     /// Returns the pose at the time of an inertial sample, or `None` before the first pose and for a rejected sample.
     pub fn step(&mut self, now_ns: u64, inputs: &HeadInputs<'_>) -> Option<HeadPose> {
-        let stands = inputs.joints.is_some_and(|joints| is_still(&joints.dq));
+        let is_still = |joints: &JointState| joints.dq.iter().all(|rate| rate.abs() < STILL_RATE);
+        let stands = inputs.joints.is_some_and(is_still);
         self.stands_since = self
             .stands_since
             .filter(|_| stands)
@@ -75,10 +75,6 @@ impl HeadEstimator {
         let sample = self.corrections.sample(inputs.sample);
         self.estimator.push(&sample, kinematic).ok()
     }
-}
-
-fn is_still(rates: &[f64; JOINTS]) -> bool {
-    rates.iter().all(|rate| rate.abs() < STILL_RATE)
 }
 
 #[cfg(test)]

@@ -176,7 +176,6 @@ impl ArmKinematics {
     }
 }
 
-/// Joint axes and positions of an arm.
 #[derive(Debug, Clone)]
 pub(crate) struct Chain {
     /// Joint axes.
@@ -251,7 +250,7 @@ impl ElbowCircle {
             let y = z.cross(&x);
             let upper = Matrix3::from_columns(&[x, y, z]);
             let mut lower = upper;
-            turn_y(&mut lower, bend_sin * bend_sign, bend_cos);
+            turn_plane(&mut lower, ABOUT_Y, bend_sin * bend_sign, bend_cos);
             let lower = lower.transpose() * self.rotation;
             for shoulder in zyz(&upper) {
                 for wrist in zyz(&lower) {
@@ -272,44 +271,31 @@ impl ElbowCircle {
 
 /// Multiplies `rotation` by the rotation of joint `i` by `angle`. Returns the joint's axis.
 fn turn(rotation: &mut Matrix3<f64>, i: usize, angle: f64) -> Vector3<f64> {
+    let (axis, sign, plane) = match i {
+        1 | 5 => (1, -1.0, ABOUT_Y),
+        3 => (1, 1.0, ABOUT_Y),
+        _ => (2, 1.0, ABOUT_Z),
+    };
+    let axis = rotation.column(axis) * sign;
     let (sin, cos) = angle.sin_cos();
-    match i {
-        1 | 5 => {
-            let axis = -rotation.column(1);
-            turn_y(rotation, -sin, cos);
-            axis
-        }
-        3 => {
-            let axis = rotation.column(1).into_owned();
-            turn_y(rotation, sin, cos);
-            axis
-        }
-        _ => {
-            let axis = rotation.column(2).into_owned();
-            turn_z(rotation, sin, cos);
-            axis
-        }
-    }
+    turn_plane(rotation, plane, sign * sin, cos);
+    axis
 }
 
-/// Multiplies `rotation` by a rotation about its y axis.
-fn turn_y(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
-    let (x, z) = (
-        rotation.column(0).into_owned(),
-        rotation.column(2).into_owned(),
-    );
-    rotation.set_column(0, &(x * cos - z * sin));
-    rotation.set_column(2, &(x * sin + z * cos));
-}
+/// Axes of the planes of rotations about y and z.
+const ABOUT_Y: [usize; 2] = [2, 0];
+pub(super) const ABOUT_Z: [usize; 2] = [0, 1];
 
-/// Multiplies `rotation` by a rotation about its z axis.
-pub(super) fn turn_z(rotation: &mut Matrix3<f64>, sin: f64, cos: f64) {
-    let (x, y) = (
-        rotation.column(0).into_owned(),
-        rotation.column(1).into_owned(),
-    );
-    rotation.set_column(0, &(x * cos + y * sin));
-    rotation.set_column(1, &(y * cos - x * sin));
+/// Multiplies `rotation` by a rotation in the plane of two of its axes, the first towards the second.
+pub(super) fn turn_plane(
+    rotation: &mut Matrix3<f64>,
+    [first, second]: [usize; 2],
+    sin: f64,
+    cos: f64,
+) {
+    let [a, b] = [first, second].map(|axis| rotation.column(axis).into_owned());
+    rotation.set_column(first, &(a * cos + b * sin));
+    rotation.set_column(second, &(b * cos - a * sin));
 }
 
 /// Returns both sets of angles whose rotations about z, -y and z give `r`. If the middle angle is 0 or pi, the first

@@ -18,7 +18,6 @@ const OF_ARM: usize = 3;
 /// other arm.
 pub const PAIRS: usize = ARMS * OF_ARM * STILL + OF_ARM * OF_ARM;
 
-/// Body with its joint chain.
 #[derive(Debug, Clone)]
 struct Body {
     name: &'static str,

@@ -199,15 +199,11 @@ fn thin_out(hull: &mut Hull, count: usize) {
     let mut out = 0.0_f64;
     for (point, kept) in all.points().iter().zip(kept) {
         if !kept {
-            out = out.max(outside(hull, point));
+            let [_, outside] = core_bounds(hull, &Hull::new(&[*point], 0.0));
+            out = out.max(outside);
         }
     }
     hull.radius = all.radius + out;
-}
-
-/// Returns an upper bound of a point's distance from a hull without radius.
-fn outside(hull: &Hull, point: &Vector3<f64>) -> f64 {
-    core_bounds(hull, &Hull::new(&[*point], 0.0))[1]
 }
 
 /// Returns a body in the first frame of a chain at joint positions `q`.

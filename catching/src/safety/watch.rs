@@ -17,8 +17,10 @@ pub struct SafetyWatch {
     bodies: Bodies,
     /// Present from the first command on.
     monitor: Option<Box<Monitor>>,
-    brakes: u64,
-    brakes_in_vain: u64,
+    /// Number of stops while the robot moved.
+    pub brakes: u64,
+    /// Number of those stops after which the bodies would not have touched.
+    pub brakes_in_vain: u64,
     /// True if the last command was safe.
     went: bool,
 }
@@ -85,16 +87,6 @@ impl SafetyWatch {
         self.bodies.names(verdict.pair as usize % PAIRS)
     }
 
-    /// Returns the number of stops while the robot moved.
-    pub fn brakes(&self) -> u64 {
-        self.brakes
-    }
-
-    /// Returns the number of those stops after which the bodies would not have touched.
-    pub fn brakes_in_vain(&self) -> u64 {
-        self.brakes_in_vain
-    }
-
     /// Returns the command with joint angles converted to link angles.
     fn links(&self, command: &JointCommand) -> JointCommand {
         JointCommand {
@@ -140,7 +132,7 @@ mod tests {
                 command.q[own] += 1e-3 * speed;
                 command.q[own + 1] += 1e-3 * 1.7;
             }
-            (stopped, watch.brakes())
+            (stopped, watch.brakes)
         });
         assert!(stops.contains(&(3, 1)), "{stops:?}");
     }
@@ -152,6 +144,6 @@ mod tests {
         let command = JointCommand::of([f64::NAN; JOINTS], [1.0; JOINTS]);
         let verdict = watch.step(&command);
         watch.count(&command, &verdict);
-        assert_eq!((verdict.go, watch.brakes()), (0, 0));
+        assert_eq!((verdict.go, watch.brakes), (0, 0));
     }
 }

@@ -5,7 +5,6 @@ use super::problem::{Linearised, Point, Problem, ROWS, THROW_UNKNOWNS, ThrowViol
 use crate::plan::bfgs::update;
 use crate::plan::qp::{self, Row};
 
-/// Feasible point with its cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ThrowSolution {
     pub x: Point,

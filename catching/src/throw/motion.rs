@@ -4,13 +4,14 @@ use tactnet_catching_packets::{JOINTS, Joint, THROW_JOINTS};
 
 use super::planner::ThrowPlanConfig;
 use super::swing::{ThrowJoints, throw_joint};
-use super::way::touching;
 use crate::ramp::{Ramp, together};
 use crate::robot::Robot;
-use crate::safety::Bodies;
+use crate::safety::{Bodies, PAIRS, distance};
 
 /// Duration of the rest before the swing, in s. The torso's oscillation decays meanwhile.
 const REST: f64 = 2.0;
+/// Time between collision checks, in s.
+const CHECK_PERIOD: f64 = 0.01;
 
 /// Joint motion over time, in s from its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,8 +22,6 @@ pub struct ThrowMotion {
     way_duration: f64,
     /// Time from the start of the swing to the release, in s.
     release_after: f64,
-    /// Time from the start to the end of the swing, in s.
-    swing_duration: f64,
 }
 
 impl ThrowMotion {
@@ -75,7 +74,6 @@ impl ThrowMotion {
             swing,
             way_duration,
             release_after: time + coast,
-            swing_duration,
         })
     }
 
@@ -89,11 +87,6 @@ impl ThrowMotion {
         self.swing_begin() + self.release_after
     }
 
-    /// Returns the end of the motion, in s.
-    pub fn end(&self) -> f64 {
-        self.swing_begin() + self.swing_duration
-    }
-
     /// Returns positions and velocities of all joints at a time.
     pub fn at(&self, t: f64) -> ([f64; JOINTS], [f64; JOINTS]) {
         let (ramps, since) = if t < self.swing_begin() {
@@ -104,4 +97,23 @@ impl ThrowMotion {
         let all = ramps.map(|ramp| ramp.at(since));
         (all.map(|(q, _)| q), all.map(|(_, w)| w))
     }
+}
+
+/// Returns the first pair of bodies that comes closer than `margin` and closer than at the start.
+fn touching(
+    bodies: &Bodies,
+    margin: f64,
+    end: f64,
+    at: impl Fn(f64) -> [f64; JOINTS],
+) -> Option<usize> {
+    let apart = |pair: usize, q: &[f64; JOINTS]| {
+        let [a, b] = bodies.placed(pair, q);
+        distance(&a, &b)
+    };
+    let first = at(0.0);
+    let least: [f64; PAIRS] = std::array::from_fn(|pair| apart(pair, &first).min(margin));
+    (1..=(end / CHECK_PERIOD).ceil() as usize).find_map(|i| {
+        let q = at(i as f64 * CHECK_PERIOD);
+        (0..PAIRS).find(|pair| apart(*pair, &q) < least[*pair] - 1e-6)
+    })
 }

@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use tactnet_catching_packets::checks::{SettingError, from_to};
-use tactnet_catching_packets::{ARMS, JOINTS};
+use tactnet_catching_packets::packets::{RampPacket, ThrowPath};
+use tactnet_catching_packets::{ARMS, JOINTS, THROW_JOINTS};
 
 use super::descent::{ThrowSolution, descend};
 use super::landing::Landing;
@@ -13,6 +14,7 @@ use super::starts::starts;
 use super::swing::{Swing, ThrowJoints, throw_joint};
 use crate::flight::DRAG;
 use crate::plan::way::OwnBodies;
+use crate::ramp::Ramp;
 use crate::robot::Robot;
 use crate::safety::Bodies;
 
@@ -42,27 +44,34 @@ tactnet_catching_packets::settings! {
     }
 }
 
+impl ThrowPlanConfig {
+    /// Returns the settings of live throws, whose approach is twice as fast.
+    pub fn live() -> Self {
+        Self {
+            pace: 0.8,
+            ..Self::default()
+        }
+    }
+}
+
 /// Request of a throw, in the inertial frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThrowRequest {
-    /// Arm whose hand holds the ball; `None` if no hand does.
-    pub holding: Option<usize>,
+    /// Arm whose hand holds the ball.
+    pub arm: usize,
     /// Goal of the throw.
     pub aim: Aim,
-    /// Drag coefficient of the ball, in 1/m.
-    pub drag: f64,
     /// Unknowns of an earlier throw to a similar target. The result is the throw close to it if there is one, so that
     /// learned corrections stay valid.
     pub last: Option<[f64; THROW_UNKNOWNS]>,
 }
 
 impl ThrowRequest {
-    /// Returns the request of a throw with an arm that depends on no earlier throw, with the usual drag.
+    /// Returns the request of a throw that depends on no earlier one.
     pub fn new(arm: usize, aim: Aim) -> Self {
         Self {
-            holding: Some(arm),
+            arm,
             aim,
-            drag: DRAG,
             last: None,
         }
     }
@@ -102,8 +111,6 @@ pub struct ThrowPlan {
 pub struct ThrowEffort {
     /// Number of descents.
     pub starts: usize,
-    /// Number of descents that found a throw.
-    pub found: usize,
     /// Number of quadratic programs solved in all descents.
     pub iterations: usize,
 }
@@ -114,8 +121,8 @@ pub enum NoThrow {
     /// No hand holds a ball.
     #[error("no hand holds a ball: expected arm 0 or 1")]
     NoBall,
-    /// A value is not finite, or the drag is negative.
-    #[error("the request has values that are not finite, or a negative drag")]
+    /// A value is not finite.
+    #[error("the request has values that are not finite")]
     NotFinite,
     /// A setting of the planner is out of range.
     #[error(transparent)]
@@ -179,6 +186,29 @@ impl Thrower {
         self.best(&problem, request, &starts, &mut effort)
     }
 
+    /// Plans the requested throw and, starting from it, a second one that lands at the offset `beside` from the target,
+    /// in m. The second throw stays close to the first, so corrections learned for one apply to the other.
+    ///
+    /// # Errors
+    /// Same as [`Thrower::plan`].
+    pub fn plan_beside(
+        &self,
+        request: &ThrowRequest,
+        beside: &Vector3<f64>,
+    ) -> Result<ThrowPlan, NoThrow> {
+        let plan = self.plan(request)?;
+        match request.aim {
+            Aim::At { target } if *beside != Vector3::zeros() => self.plan(&ThrowRequest {
+                aim: Aim::At {
+                    target: target + beside,
+                },
+                last: Some(plan.unknowns),
+                ..*request
+            }),
+            _ => Ok(plan),
+        }
+    }
+
     /// Descends from the starts and returns the best throw with a collision-free motion.
     fn best(
         &self,
@@ -194,7 +224,6 @@ impl Thrower {
             effort.iterations += iterations;
             found.extend(best);
         }
-        effort.found += found.len();
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut touching = None;
         for throw in &found {
@@ -241,26 +270,23 @@ impl Thrower {
             swing,
             config: &self.config,
             aim: request.aim,
-            drag: request.drag,
         }
     }
 
-    /// Checks a request and returns the kinematics of its arm.
     fn swing(&self, request: &ThrowRequest) -> Result<Swing, NoThrow> {
         self.config.check_settings()?;
-        let arm = request
-            .holding
-            .filter(|arm| *arm < ARMS)
-            .ok_or(NoThrow::NoBall)?;
+        if request.arm >= ARMS {
+            return Err(NoThrow::NoBall);
+        }
         let aim = match request.aim {
             Aim::Farthest { heading, height } => [heading, height, 0.0],
             Aim::At { target } => target.into(),
         };
-        let finite = aim.iter().all(|x| x.is_finite()) && request.drag.is_finite();
-        if !finite || request.drag < 0.0 {
+        if !aim.iter().all(|x| x.is_finite()) {
             return Err(NoThrow::NotFinite);
         }
-        Ok(Swing::new(&self.robot, arm, &self.robot.waiting()))
+        let waiting = self.robot.waiting();
+        Ok(Swing::new(&self.robot, request.arm, &waiting))
     }
 
     fn answer(
@@ -277,7 +303,7 @@ impl Thrower {
             q,
             rates,
             time: throw.x[TIME],
-            landing: Landing::of(&p, &v, problem.drag, problem.aim.height())
+            landing: Landing::of(&p, &v, DRAG, problem.aim.height())
                 .expect("every throw found has a landing"),
             p,
             v,
@@ -299,15 +325,8 @@ impl ThrowPlan {
     /// Returns the landing if the fingers open `late` seconds late (early if negative) during the commanded motion.
     ///
     /// - `robot`: robot of the plan
-    /// - `drag`: drag coefficient, in 1/m
     /// - `height`: height of the landing, in m
-    pub fn released_late(
-        &self,
-        robot: &Robot,
-        late: f64,
-        drag: f64,
-        height: f64,
-    ) -> Option<Landing> {
+    pub fn released_late(&self, robot: &Robot, late: f64, height: f64) -> Option<Landing> {
         let t = self.motion.release() + late;
         let (q, rates) = self.motion.at(t);
         let swing = Swing::new(robot, self.arm, &q);
@@ -315,7 +334,28 @@ impl ThrowPlan {
             std::array::from_fn(|i| all[throw_joint(self.arm, i)])
         };
         let (p, v) = swing.hand(&own(&q), &own(&rates));
-        Landing::of(&p, &v, drag, height)
+        Landing::of(&p, &v, DRAG, height)
+    }
+
+    /// Returns the packet for controller and hand: the motion from `start_ns` on and the release time.
+    ///
+    /// - `grip`: number of the grip
+    /// - `target`: target position of the ball, in m
+    pub fn path(&self, start_ns: u64, grip: u64, target: [f64; 3]) -> ThrowPath {
+        let after = |seconds: f64| start_ns + (seconds * 1e9).round() as u64;
+        let packets = |ramps: &[Ramp; JOINTS]| -> [RampPacket; THROW_JOINTS] {
+            std::array::from_fn(|i| ramps[throw_joint(self.arm, i)].packet())
+        };
+        ThrowPath {
+            arm: self.arm as u64,
+            grip,
+            start_ns,
+            swing_ns: after(self.motion.swing_begin()),
+            open_ns: after(self.motion.release()),
+            target,
+            way: packets(&self.motion.way),
+            swing: packets(&self.motion.swing),
+        }
     }
 
     /// Returns the joint velocities at the release as fractions of the maximum speeds.

@@ -14,6 +14,7 @@ use tactnet_catching_packets::THROW_JOINTS;
 use super::landing::Landing;
 use super::planner::ThrowPlanConfig;
 use super::swing::{HandMotion, Swing, ThrowJoints};
+use crate::flight::DRAG;
 use crate::plan::qp::Row;
 use crate::plan::way::OwnBodies;
 
@@ -99,7 +100,6 @@ pub(crate) struct Problem<'a> {
     pub own: &'a OwnBodies,
     pub config: &'a ThrowPlanConfig,
     pub aim: Aim,
-    pub drag: f64,
 }
 
 /// Values of the functions at a point, with derivatives.
@@ -135,7 +135,7 @@ impl Problem<'_> {
     pub fn linearise(&self, x: &Point, trust: f64) -> Option<Linearised> {
         let (q, rates) = (Self::angles(x), self.rates(x));
         let hand = self.swing.motion(&q, &rates);
-        let landing = Landing::of(&hand.p, &hand.v, self.drag, self.aim.height())?;
+        let landing = Landing::of(&hand.p, &hand.v, DRAG, self.aim.height())?;
         let mut rows = Linearised::empty();
         let (cost, slope) = match self.aim {
             Aim::Farthest { .. } => self.farthest(&hand, &landing, &mut rows),
@@ -376,7 +376,7 @@ mod tests {
             } else {
                 Aim::At { target: Vector3::new(3.0, 0.4, 0.2) }
             };
-            let problem = Problem { swing: &swing, own: &own, config: &config, aim, drag: 0.03 };
+            let problem = Problem { swing: &swing, own: &own, config: &config, aim };
             let mut x = [0.0; THROW_UNKNOWNS];
             for (i, joint) in swing.joints.iter().enumerate() {
                 let [low, high] = joint.range;

@@ -18,7 +18,6 @@ pub(crate) type Slopes = SMatrix<f64, 3, THROW_JOINTS>;
 #[derive(Debug, Clone)]
 pub struct Swing {
     pub(crate) arm: ArmKinematics,
-    /// Index of the arm.
     pub(crate) number: usize,
     /// Limits of the rotation and the arm's joints.
     pub(crate) joints: [Joint; THROW_JOINTS],

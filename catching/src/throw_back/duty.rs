@@ -37,8 +37,9 @@ pub(super) enum ThrowAction {
     Open(HandOpening),
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 enum ThrowState {
+    #[default]
     Empty,
     Waiting,
     Throwing(SentThrow),
@@ -55,7 +56,7 @@ struct SentThrow {
 }
 
 /// Follows one ball after the other.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct ThrowDuty {
     state: ThrowState,
     tries: u32,
@@ -73,12 +74,8 @@ impl ThrowDuty {
     /// - `tries`: number of attempts per ball before it drops
     pub fn new(tries: u32) -> Self {
         Self {
-            state: ThrowState::Empty,
             tries,
-            grip: 0,
-            tried: 0,
-            failed: 0,
-            reason: String::new(),
+            ..Self::default()
         }
     }
 

@@ -37,23 +37,14 @@ pub(crate) struct Letting {
     /// Time at which the last ball left, in ns of the world's clock.
     left_ns: Option<u64>,
     /// Latest planned throw.
-    path: Option<ThrowPath>,
-    away: Option<Thrown>,
+    pub path: Option<ThrowPath>,
+    /// Ball that was thrown back and is in the air.
+    pub away: Option<Thrown>,
     /// Number of balls that were thrown back.
     pub thrown: u64,
 }
 
 impl Letting {
-    /// Records the planned throw.
-    pub fn plan(&mut self, path: &ThrowPath) {
-        self.path = Some(*path);
-    }
-
-    /// Returns true while a ball is in the air.
-    pub fn is_away(&self) -> bool {
-        self.away.is_some()
-    }
-
     /// Advances the flights of released balls by a tick. Returns a ball that was thrown back and has landed.
     ///
     /// - `epoch_ns`: offset from the world's time to the host's, in ns
@@ -126,12 +117,12 @@ mod tests {
             open_ns: 200 * TICK_NS + 300_000,
         };
         let stay = JointCommand::still(robot.waiting());
-        let mut letting = Letting::default();
-        letting.plan(&ThrowPath {
-            arm: 1,
-            open_ns: EPOCH_NS + opening.open_ns,
-            ..ThrowPath::zeroed()
-        });
+        let mut path = ThrowPath::zeroed();
+        (path.arm, path.open_ns) = (1, EPOCH_NS + opening.open_ns);
+        let mut letting = Letting {
+            path: Some(path),
+            ..Letting::default()
+        };
         for ms in 0..1500 {
             if ms % 4 == 0 && (100..=last_ms).contains(&ms) {
                 world.tell_opening(&opening);

@@ -20,7 +20,6 @@ pub struct HeldReport {
     pub mean_square: [Option<f64>; ARMS],
 }
 
-/// Received states of the calibration.
 #[derive(Debug, Default)]
 pub(crate) struct HeardHold {
     last: Option<CalibrationState>,

@@ -15,7 +15,6 @@ use tactnet_channel::Bus;
 use crate::StageError;
 use crate::hands::Thrown;
 
-/// A finished throw.
 pub(crate) struct Over {
     pub throw: u64,
     pub verdict: Verdict,

@@ -57,24 +57,18 @@ impl PairReport {
     /// - `outcomes`: outcomes in temporal order; returns `None` for throws of one ball
     pub(crate) fn of(outcomes: &[CatchOutcome]) -> Option<Self> {
         let throws = outcomes.chunk_by(|a, b| a.throw == b.throw);
-        let pairs = throws.filter(|balls| balls.len() == 2);
-        let is_caught = |balls: &[CatchOutcome]| balls.iter().all(|one| one.caught == 1);
-        let pairs: Vec<_> = pairs
-            .map(|balls| [have_arms(balls), is_caught(balls)])
-            .collect();
+        let pairs = throws.filter_map(|balls| {
+            let [a, b] = balls else { return None };
+            // Arms are bits.
+            let have_arms = a.arms != 0 && b.arms != 0 && (a.arms | b.arms) == 3;
+            Some([have_arms, a.caught == 1 && b.caught == 1])
+        });
+        let pairs: Vec<_> = pairs.collect();
         (!pairs.is_empty()).then(|| Self {
             thrown: pairs.len(),
             counts: CatchCounts::of(&pairs),
         })
     }
-}
-
-/// Returns true if each ball can be caught by a separate arm. Arms are bits.
-fn have_arms(balls: &[CatchOutcome]) -> bool {
-    let [a, b] = balls else {
-        return false;
-    };
-    a.arms != 0 && b.arms != 0 && (a.arms | b.arms) == 3
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@
 
 mod chain;
 mod decisions;
-mod packets_of;
 mod picture;
 mod replay;
 mod session;
@@ -16,6 +15,9 @@ mod timing;
 pub use replay::{Compared, Replayed, replay};
 pub use session::{read_session, write_session};
 pub use timing::{Step, Timing, timing};
+
+use tactnet_channel::Packet;
+use tactnet_recording::{RecordedPacket, Recording};
 
 /// Error of the analysis of a recording.
 #[derive(Debug, thiserror::Error)]
@@ -31,4 +33,32 @@ pub enum RecordedError {
     /// Invalid settings of the stack in the table of the recording.
     #[error("the recording's table: {0}")]
     Settings(#[from] tactnet_catching_roles::RoleError),
+}
+
+/// A packet and its publication time, in ns of the channels' clock.
+#[derive(Debug, Clone, Copy)]
+struct Put<T> {
+    ns: u64,
+    packet: T,
+}
+
+/// Returns the packets of a type on all channels, or on one, in the order of publication.
+fn packets_of<T: Packet>(
+    recording: &Recording,
+    channel: Option<&str>,
+) -> Result<Vec<Put<T>>, RecordedError> {
+    let zero = recording
+        .channel_clock_zero_ns
+        .ok_or(RecordedError::NoClock)?;
+    let entries = recording.entries.iter();
+    Ok(entries
+        .filter(|entry| channel.is_none_or(|channel| *entry.channel == *channel))
+        .filter_map(|entry| match &entry.packet {
+            RecordedPacket::Plain(packet) => Some(Put {
+                ns: entry.time_ns.saturating_sub(zero),
+                packet: packet.get()?,
+            }),
+            _ => None,
+        })
+        .collect())
 }

@@ -17,17 +17,13 @@ pub(crate) struct HeardCatches {
     pub no_plans: u64,
     pub times: CatchTimes,
     pub hold: HeardHold,
-    brakes: BTreeMap<String, u64>,
+    pub brakes: BTreeMap<String, u64>,
     refused: u64,
     refused_now: u64,
     refusals: BTreeMap<String, u64>,
 }
 
 impl HeardCatches {
-    pub fn braked(&mut self, why: &str) {
-        *self.brakes.entry(why.into()).or_default() += 1;
-    }
-
     /// Records the controller's count of refused paths and its last reason. A restarted controller counts from 0.
     pub fn refused(&mut self, count: u64, why: &str) {
         if count < self.refused_now {

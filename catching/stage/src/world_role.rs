@@ -197,7 +197,6 @@ struct LiveWorld<'a> {
     thrown_ns: Option<u64>,
     /// Number of caught balls.
     grips: u64,
-    /// Ball in a hand.
     held: Option<Held>,
     letting: Letting,
     judged: usize,
@@ -226,9 +225,7 @@ impl LiveWorld<'_> {
 
     fn tick(&mut self) -> Result<(), StageError> {
         let mut newest = None;
-        while let Some(packet) = self.ports.commands.try_get()? {
-            newest = packet.first().copied().or(newest);
-        }
+        drain(&self.ports.commands, |command| newest = Some(*command))?;
         let mut hands = [None; ARMS];
         drain(&self.ports.targets, |target| {
             if let Some(hand) = hands.get_mut(target.arm as usize) {
@@ -238,13 +235,11 @@ impl LiveWorld<'_> {
                 });
             }
         })?;
-        while let Some(packet) = self.ports.status.try_get()? {
-            if let Some(status) = packet.first() {
-                let phase = status.phase().unwrap_or(CatchPhase::Starting);
-                self.phase = (phase, status.since_ns);
-            }
-        }
-        drain(&self.ports.throws, |path| self.letting.plan(path))?;
+        drain(&self.ports.status, |status| {
+            let phase = status.phase().unwrap_or(CatchPhase::Starting);
+            self.phase = (phase, status.since_ns);
+        })?;
+        drain(&self.ports.throws, |path| self.letting.path = Some(*path))?;
         drain(&self.ports.openings, |told| {
             self.world.tell_opening(&HandOpening {
                 open_ns: told.open_ns.saturating_sub(self.epoch_ns),
@@ -284,7 +279,7 @@ impl LiveWorld<'_> {
         let rested = phase == CatchPhase::Armed
             && now.saturating_sub(since) > (self.settings.rest * 1e9) as u64;
         let free = self.held.is_none()
-            && !self.letting.is_away()
+            && self.letting.away.is_none()
             && self
                 .thrown_ns
                 .is_none_or(|thrown| now > thrown + LONGEST_NS);
@@ -352,13 +347,6 @@ impl LiveWorld<'_> {
         Ok(())
     }
 
-    /// Returns the material of the ball of a grip, if balls are explored.
-    fn material_of(&self, grip: u64) -> Option<&str> {
-        let materials = &self.settings.materials;
-        let place = material_of_grip(self.settings.seed, grip, materials.len())?;
-        materials.get(place).map(String::as_str)
-    }
-
     /// Publishes the state of the hands, and drops balls that were explored.
     fn feel(&mut self) -> Result<(), StageError> {
         let now = self.now_ns();
@@ -410,7 +398,9 @@ impl LiveWorld<'_> {
             };
             if verdict.caught() {
                 self.grips += 1;
-                over.material = self.material_of(self.grips).map(Into::into);
+                let materials = &self.settings.materials;
+                let place = material_of_grip(self.settings.seed, self.grips, materials.len());
+                over.material = place.map(|place| materials[place].clone());
             }
             // The judge runs as long as the world.
             let tell = |over: Over| drop(self.over.send(Judged::Over(Box::new(over))));

@@ -11,7 +11,6 @@ mod calibration;
 mod detect_bench;
 mod error;
 mod eyes;
-mod in_a_row;
 mod look;
 mod look_ahead;
 mod parallel;

@@ -31,7 +31,6 @@ pub struct LookAhead {
     pub nees: f64,
 }
 
-/// A prediction and the true head pose at its exposure.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TimedPrediction {
     pub exposure_ns: u64,

@@ -12,7 +12,6 @@ pub(crate) fn on_all_cores<N: Send, T: Send>(
     numbers.into_par_iter().map(work).collect()
 }
 
-/// Returns the result of `work` on a number of threads.
 #[cfg(test)]
 pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

@@ -14,13 +14,12 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
-use tactnet_catching::Robot;
-use tactnet_catching::flight::DRAG;
 use tactnet_catching::throw::{ThrowPlan, ThrowPlanConfig};
 use tactnet_catching::throw_back::ThrowBack;
+use tactnet_catching::{CatchSpace, Robot};
 use tactnet_catching_packets::checks::{all, from_to};
 use tactnet_catching_packets::{ARMS, RobotDescription};
-use tactnet_catching_world::{BallState, Released, WorldConfig};
+use tactnet_catching_world::{BallState, Released, WorldConfig, down_to};
 
 use crate::error::TrialError;
 use crate::parallel::on_all_cores;
@@ -29,9 +28,7 @@ use crate::throw_config::ThrowConfig;
 pub use flight::RallyFlight;
 use flight::profile;
 pub use page::rally_page;
-pub(crate) use player::{Player, Throw};
-use tactnet_catching::CatchSpace;
-use tactnet_catching_world::down_to;
+pub(crate) use player::Player;
 use tactnet_plot::wilson_of_counts;
 
 tactnet_catching_packets::settings! {
@@ -236,20 +233,6 @@ impl Rally {
         Ok([0, 1].map(|side| std::array::from_fn(|arm| sides[side * ARMS + arm])))
     }
 
-    /// Returns both robots of a game, with their learnt offsets.
-    fn players(
-        &self,
-        number: u64,
-        learnt: &[[[f64; 3]; ARMS]; 2],
-    ) -> Result<[Player; 2], TrialError> {
-        let seed = |side: u64| world_seed(self.seed, 2 * number + side);
-        let mut players = [self.player(seed(0))?, self.player(seed(1))?];
-        for (player, learnt) in players.iter_mut().zip(learnt) {
-            player.thrower().settings.beside = *learnt;
-        }
-        Ok(players)
-    }
-
     fn play(
         &self,
         number: u64,
@@ -257,7 +240,11 @@ impl Rally {
         oracle: &CatchSpace,
         done: &(impl Fn() + Sync),
     ) -> Result<Game, TrialError> {
-        let mut players = self.players(number, learnt)?;
+        let seed = |side: u64| world_seed(self.seed, 2 * number + side);
+        let mut players = [self.player(seed(0))?, self.player(seed(1))?];
+        for (player, learnt) in players.iter_mut().zip(learnt) {
+            player.thrower().settings.beside = *learnt;
+        }
         let [x, y, height] = self.config.target;
         let target = Vector2::new(x, y);
         let mut game = Game::default();
@@ -386,7 +373,7 @@ pub(crate) fn lost(plan: &ThrowPlan, robot: &Robot, height: f64) -> [f64; 2] {
     let flown = plan.landing.p - plan.p;
     let heading = flown.xy() / flown.xy().norm();
     for late in [-2e-3, 2e-3] {
-        if let Some(landing) = plan.released_late(robot, late, DRAG, height) {
+        if let Some(landing) = plan.released_late(robot, late, height) {
             let moved = (landing.p - plan.landing.p).xy();
             worst[0] = worst[0].max(-moved.dot(&heading));
             worst[1] = worst[1].max(moved.norm());

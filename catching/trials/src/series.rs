@@ -338,7 +338,6 @@ fn both_possible(balls: &[BallOutcome]) -> bool {
     assign(&costs).iter().flatten().count() == balls.len()
 }
 
-/// Returns the cause of a miss in words.
 pub(crate) fn cause(verdict: Option<&Verdict>, tracked: bool, planned: bool) -> &'static str {
     match verdict.and_then(|verdict| verdict.miss) {
         _ if !tracked => "not tracked",

@@ -46,7 +46,7 @@ pub(crate) struct SteppedStack {
     pub perception: Perception,
     coordinator: Coordinator,
     control: ControlLoop,
-    safety: SafetyWatch,
+    pub safety: SafetyWatch,
     hand: HandRelay,
     /// Present if the robot throws.
     pub thrower: Option<ThrowTask>,
@@ -159,11 +159,6 @@ impl SteppedStack {
         self.coordinator.no_plans()
     }
 
-    /// Returns the safety monitor.
-    pub fn safety(&self) -> &SafetyWatch {
-        &self.safety
-    }
-
     /// Returns true if the robot waits for a ball and its torso is at rest.
     pub fn waits_at_rest(&self, now_ns: u64) -> bool {
         let since_ns = self.status.map_or(0, |status| status.since_ns);
@@ -174,12 +169,6 @@ impl SteppedStack {
     /// Returns the mode of the controller.
     pub fn mode(&self) -> Option<ControllerMode> {
         self.state.and_then(|state| state.mode())
-    }
-
-    /// Returns true if an arm was sent towards a ball.
-    pub fn reached_for(&self, ball: u64) -> bool {
-        let mut chosen = self.chosen.iter();
-        chosen.any(|(_, plan)| plan.request.ball == ball)
     }
 
     /// Performs a tick of the whole stack.

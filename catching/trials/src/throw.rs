@@ -39,11 +39,9 @@ pub(crate) struct SimulatedThrow<'a> {
     pub watching: Watching<'a>,
     /// Time of the last throw, in ns.
     thrown_ns: Option<u64>,
-    /// Numbers of its balls.
     balls: Range<u64>,
 }
 
-/// Observers of a throw.
 #[derive(Default)]
 pub(crate) struct Watching<'a> {
     pub trace: Option<Trace>,
@@ -87,7 +85,7 @@ impl ThrowConfig {
             balls: throw.outcomes(oracle),
             no_plans: throw.stack.no_plans(),
             obstacles: (self.mapping != Mapping::Off).then(|| throw.among_obstacles()),
-            stops: throw.stack.safety().brakes(),
+            stops: throw.stack.safety.brakes,
             braked,
         };
         let trace = throw.end_trace();
@@ -145,7 +143,7 @@ impl<'a> SimulatedThrow<'a> {
             let mode = self.stack.mode();
             if config.watch {
                 let since = (tick as f64 - rest_ticks as f64) * 1e-3;
-                let (safety, verdict) = (self.stack.safety(), &commands.verdict);
+                let (safety, verdict) = (&self.stack.safety, &commands.verdict);
                 watch(&mut braked, safety, &commands.joints, verdict, mode, since);
             }
             if tick > rest_ticks && self.is_judged() {
@@ -237,9 +235,8 @@ impl<'a> SimulatedThrow<'a> {
 
     fn outcome(&self, ball: u64, oracle: &CatchSpace) -> BallOutcome {
         let (config, world) = (self.config, &self.world);
-        let SteppedStack {
-            perception, said, ..
-        } = &self.stack;
+        let (perception, said) = (&self.stack.perception, &self.stack.said);
+        let mut chosen = self.stack.chosen.iter();
         let flight = world.true_flight(ball).unwrap_or_default();
         let rate = config.robot.description().cameras.rate;
         let reaction = config.timing.reaction(rate);
@@ -265,9 +262,10 @@ impl<'a> SimulatedThrow<'a> {
         BallOutcome {
             arms: oracle.arms_of(flight.iter().map(as_flight), reaction, &self.ready),
             tracked: !own.is_empty(),
-            planned: own
-                .iter()
-                .any(|said| self.stack.reached_for(said.prediction.ball)),
+            planned: chosen.any(|(_, plan)| {
+                let is_of = |said: &&TimedPrediction| said.prediction.ball == plan.request.ball;
+                own.iter().any(is_of)
+            }),
             ahead,
             bound,
             predictions,

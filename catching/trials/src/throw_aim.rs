@@ -11,7 +11,7 @@ use tactnet_catching_world::{WorldConfig, down_to};
 
 use crate::error::TrialError;
 use crate::parallel::on_all_cores;
-use crate::rally::{Player, Throw, with_turn};
+use crate::rally::{Player, with_turn};
 use crate::stepped_time::world_seed;
 use crate::throw_config::ThrowConfig;
 use tactnet_plot::quantile;
@@ -120,20 +120,6 @@ impl ThrowAim {
         beside: [[f64; 3]; ARMS],
         seed: u64,
     ) -> Result<Vector3<f64>, TrialError> {
-        let (player, throw) = self.throw(description, arm, beside, seed)?;
-        let height = self.target[2];
-        let begin = throw.released.state.position.xy();
-        let down = down_to(&player.world.flight_of(&throw.released), height).unwrap_or(begin);
-        Ok(Vector3::new(down.x, down.y, height) - Vector3::from(self.target))
-    }
-
-    fn throw(
-        &self,
-        description: &RobotDescription,
-        arm: usize,
-        beside: [[f64; 3]; ARMS],
-        seed: u64,
-    ) -> Result<(Player, Throw), TrialError> {
         let config = ThrowConfig::new(self.robot.clone(), self.world.clone());
         let throws = ThrowBack {
             at: Some(self.target),
@@ -145,7 +131,10 @@ impl ThrowAim {
         let mut player = Player::new(&config, description, throws, seed)?;
         player.world.give(arm)?;
         let throw = player.throw(arm)?;
-        Ok((player, throw))
+        let height = self.target[2];
+        let begin = throw.released.state.position.xy();
+        let down = down_to(&player.world.flight_of(&throw.released), height).unwrap_or(begin);
+        Ok(Vector3::new(down.x, down.y, height) - Vector3::from(self.target))
     }
 }
 
@@ -168,29 +157,14 @@ mod tests {
         }
     }
 
-    /// Without jitter, the ball leaves at the planned time with the planned speed, except for the lag of the drives.
+    /// Without jitter, only the lag of the drives and unknown drag and spin move the landing points.
     #[test]
-    fn a_ball_leaves_at_the_planned_moment_and_comes_down_where_it_was_planned() {
+    fn a_ball_comes_down_where_it_was_planned_from_both_hands() {
         let mut aim = aim();
         aim.world.release.jitter = 0.0;
         aim.world.torso.stiffness = Stiffness::Rigid;
-        let description = aim.robot.description();
-        for arm in 0..ARMS {
-            let thrown = aim.throw(description, arm, [[0.0; 3]; ARMS], 5);
-            let (player, Throw { plan, released, .. }) = thrown.unwrap();
-            let off = (released.state.velocity - plan.v).norm();
-            assert!(released.arm == arm && off < 0.05 * plan.v.norm(), "{off}");
-            let down = down_to(&player.world.flight_of(&released), 1.2).unwrap();
-            assert!((down.x - 4.2).hypot(down.y) < 0.25, "{down}");
-        }
-    }
-
-    #[test]
-    fn a_place_out_of_reach_is_an_error() {
-        let mut far = aim();
-        far.target[0] = 9.0;
-        let error = far.run(|| ()).unwrap_err().to_string();
-        assert!(error.contains("9.00 m is out of reach"), "{error}");
+        let report = aim.run(|| ()).unwrap();
+        assert!(report.rounds[0].miss_max_mm < 250.0, "{report:?}");
     }
 
     #[test]

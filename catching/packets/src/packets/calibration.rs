@@ -77,30 +77,3 @@ impl MarkerFeature {
         (self.found == 1).then_some([self.u, self.v])
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use bytemuck::Zeroable;
-
-    use super::*;
-
-    #[test]
-    fn bytes_are_where_they_are_documented() {
-        assert_eq!(size_of::<MarkerFeature>(), 24);
-        assert_eq!(size_of::<MarkerFeatures>(), 112);
-        assert_eq!(size_of::<CalibrationState>(), 72);
-        let mut features = MarkerFeatures::zeroed();
-        features.right = [None, Some([3.0, 4.0])].map(MarkerFeature::of);
-        let bytes = bytemuck::bytes_of(&features);
-        assert_eq!(bytes[88..96], 3.0_f64.to_le_bytes());
-        assert_eq!(bytes[104..112], 1_u64.to_le_bytes());
-        let pixels = features.right.map(|feature| feature.pixel());
-        assert_eq!(pixels, [None, Some([3.0, 4.0])]);
-        let mut state = CalibrationState::zeroed();
-        state.mean_square = [0.0, 2.5];
-        state.identity = Text::new("0123456789abcdef");
-        let bytes = bytemuck::bytes_of(&state);
-        assert_eq!(bytes[48..56], 2.5_f64.to_le_bytes());
-        assert_eq!(bytes[56..], *b"0123456789abcdef");
-    }
-}

@@ -17,6 +17,15 @@ fn sizes_are_as_documented() {
     assert_eq!(size_of::<HandOpening>(), 16);
     assert_eq!(size_of::<ThrowStatus>(), 96);
     assert_eq!(size_of::<ThrownBack>(), 112);
+    assert_eq!(size_of::<MarkerFeatures>(), 112);
+    assert_eq!(size_of::<CalibrationState>(), 72);
+}
+
+#[test]
+fn features_hold_the_pixels_that_they_were_made_of() {
+    for pixel in [None, Some([3.0, 4.0])] {
+        assert_eq!(MarkerFeature::of(pixel).pixel(), pixel);
+    }
 }
 
 #[test]

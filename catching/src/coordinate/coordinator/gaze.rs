@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use tactnet_catching_packets::packets::Gaze;
 use tactnet_catching_packets::{ARMS, joint};
 
-use super::{Coordinator, CoordinatorOutputs, MeasuredPose};
+use super::{Coordinator, MeasuredPose, Step};
 use crate::coordinate::attempt::CatchState;
 use crate::flight::Flight;
 
@@ -19,11 +19,11 @@ const AHEAD: f64 = 0.5;
 
 impl Coordinator {
     /// Sends the gaze target at the predicted balls, unless the head looks at a hand.
-    pub(super) fn look_at_balls(&self, now_ns: u64, outputs: &mut CoordinatorOutputs) {
+    pub(super) fn look_at_balls(&self, step: &mut Step) {
         let Some(armed) = &self.armed else {
             return;
         };
-        if self.hand_to_look_at(now_ns).is_some() {
+        if self.hand_to_look_at(step.now_ns).is_some() {
             return;
         }
         let mut gaze = Gaze::zeroed();
@@ -31,7 +31,7 @@ impl Coordinator {
             gaze.flights[gaze.count as usize] = flight.packet(*t_ns);
             gaze.count += 1;
         }
-        outputs.gaze = Some(gaze);
+        step.outputs.gaze = Some(gaze);
     }
 
     /// Returns the arm that has just caught a ball if the head should look at it.
@@ -47,13 +47,8 @@ impl Coordinator {
 
     /// Turns the head to the wrist of the arm that has just caught. The slip watch uses the marker on the wrist to
     /// check the calibration.
-    pub(super) fn look_at_hand(
-        &mut self,
-        now_ns: u64,
-        pose: MeasuredPose<'_>,
-        outputs: &mut CoordinatorOutputs,
-    ) {
-        let Some(arm) = self.hand_to_look_at(now_ns) else {
+    pub(super) fn look_at_hand(&mut self, pose: MeasuredPose<'_>, step: &mut Step) {
+        let Some(arm) = self.hand_to_look_at(step.now_ns) else {
             return;
         };
         let links = self.corrections.joints(pose.joints).q;
@@ -64,23 +59,18 @@ impl Coordinator {
         let neck = Vector3::new(0.0, 0.0, robot.description().neck.height);
         let farther = (AHEAD / wrist.x.max(0.05)).max(1.0);
         let place = chest * Point3::from(neck + (wrist - neck) * farther);
-        self.look_at(now_ns, &place.coords, outputs);
+        self.look_at(&place.coords, step);
     }
 
     /// Turns the head to a fixed place. Must be called until it is turned.
-    pub(super) fn look_at(
-        &mut self,
-        now_ns: u64,
-        place: &Vector3<f64>,
-        outputs: &mut CoordinatorOutputs,
-    ) {
-        if now_ns < self.looked_ns + LOOK_AGAIN_NS {
+    pub(super) fn look_at(&mut self, place: &Vector3<f64>, step: &mut Step) {
+        if step.now_ns < self.looked_ns + LOOK_AGAIN_NS {
             return;
         }
-        self.looked_ns = now_ns;
+        self.looked_ns = step.now_ns;
         let stands = Flight::without_spin(*place, Vector3::zeros(), 0.0);
         let mut gaze = Gaze::zeroed();
-        (gaze.count, gaze.flights[0]) = (1, stands.packet(now_ns));
-        outputs.gaze = Some(gaze);
+        (gaze.count, gaze.flights[0]) = (1, stands.packet(step.now_ns));
+        step.outputs.gaze = Some(gaze);
     }
 }

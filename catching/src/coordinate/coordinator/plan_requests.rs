@@ -5,7 +5,7 @@ use tactnet_catching_packets::packets::{
     ArmPath, BallPredictions, PlanFailure, PlanRequest, PlanResult,
 };
 
-use super::{Armed, Coordinator, CoordinatorOutputs, MeasuredPose};
+use super::{Armed, Coordinator, CoordinatorOutputs, MeasuredPose, SILENT_NS, Step};
 use crate::coordinate::attempt::CatchState;
 use crate::plan::Violation;
 use crate::ramp::Ramp;
@@ -18,7 +18,6 @@ const LAST_CHANCE_NS: u64 = 4_000_000;
 /// Plan requests that wait for their results.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PendingPlans {
-    /// First of the requests.
     first: PlanRequest,
     /// Number of results that are missing.
     missing: u32,
@@ -31,13 +30,15 @@ impl Coordinator {
     pub(super) fn request_plans(
         &mut self,
         arms: [bool; ARMS],
-        now_ns: u64,
         predictions: &BallPredictions,
         pose: MeasuredPose<'_>,
-        outputs: &mut CoordinatorOutputs,
+        step: &mut Step,
     ) {
+        let (now_ns, outputs) = (step.now_ns, &mut step.outputs);
         let chest = pose.chest(&self.corrections);
-        let Some(armed) = self.armed.as_mut().filter(|_| pose.is_fresh(now_ns)) else {
+        let oldest_ns = pose.head.t_ns.min(pose.joints.sensor_ns);
+        let fresh = now_ns.saturating_sub(oldest_ns) < SILENT_NS;
+        let Some(armed) = self.armed.as_mut().filter(|_| fresh) else {
             return;
         };
         armed.predictions = Some(*predictions);
@@ -77,17 +78,12 @@ impl Coordinator {
             outputs.requests = requests;
         }
         armed.tell_hands(outputs);
-        self.look_at_balls(now_ns, outputs);
+        self.look_at_balls(step);
     }
 
     /// Requests one last correction from the latest head pose, just before a path becomes final. Pictures arrive
     /// every 40 ms, poses of the inertial unit much more often.
-    pub(super) fn correct_last(
-        &mut self,
-        now_ns: u64,
-        pose: MeasuredPose<'_>,
-        outputs: &mut CoordinatorOutputs,
-    ) {
+    pub(super) fn correct_last(&mut self, pose: MeasuredPose<'_>, step: &mut Step) {
         let ahead = self.config.plan_delay + self.config.last_correction;
         let ahead_ns = (ahead * 1e9) as u64;
         let Some(armed) = self.armed.as_ref().filter(|armed| armed.pending.is_none()) else {
@@ -100,11 +96,11 @@ impl Coordinator {
         let due = std::array::from_fn(|arm| {
             armed.attempt.target(arm).is_some_and(|(_, catch_ns)| {
                 let last = catch_ns.saturating_sub(ahead_ns);
-                (last.saturating_sub(LAST_CHANCE_NS)..last).contains(&now_ns)
+                (last.saturating_sub(LAST_CHANCE_NS)..last).contains(&step.now_ns)
             })
         });
         if due != [false; ARMS] {
-            self.request_plans(due, now_ns, &predictions, pose, outputs);
+            self.request_plans(due, &predictions, pose, step);
         }
     }
 
@@ -131,7 +127,8 @@ impl Coordinator {
     }
 
     /// Decides once all plans have arrived or the time is over.
-    pub(super) fn answer(&mut self, now_ns: u64, outputs: &mut CoordinatorOutputs) {
+    pub(super) fn answer(&mut self, step: &mut Step) {
+        let (now_ns, outputs) = (step.now_ns, &mut step.outputs);
         let lead_ns = self.phases.path_lead_ns();
         let latest = |pending: &PendingPlans| pending.first.start_ns.saturating_sub(lead_ns);
         let Some(armed) = &mut self.armed else {

@@ -160,7 +160,6 @@ fn caught(robot: &Robot) -> CatchRequest {
     passing(robot, [0.6, 0.4, 0.1])
 }
 
-/// Returns a planner, a request and its plan.
 fn planned() -> (Planner, CatchRequest, CatchPlan) {
     let robot = Robot::nominal();
     let (planner, caught) = (

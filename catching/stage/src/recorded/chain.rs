@@ -7,8 +7,7 @@ use tactnet_catching_packets::packets::{
 };
 use tactnet_recording::Recording;
 
-use super::RecordedError;
-use super::packets_of::packets_of;
+use super::{RecordedError, packets_of};
 
 /// Publication time of each packet, in ns of the channels' clock.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -47,7 +47,6 @@ impl Timing {
     }
 }
 
-/// Axis from the exposure on.
 struct TimeAxis {
     /// End, in ms.
     most: f64,
@@ -89,7 +88,6 @@ impl TimeAxis {
         )
     }
 
-    /// Draws a step that begins at `begins` ms.
     fn bar(&self, row: usize, begins: f64, step: &Step) -> String {
         let middle = TOP + ROW * (row as f64 + 0.5);
         let [from, to, late] = [begins, step.ends_ms.p50, step.ends_ms.p99].map(|ms| self.x(ms));

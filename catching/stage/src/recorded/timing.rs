@@ -9,9 +9,8 @@ use tactnet_catching_packets::packets::{
 use tactnet_catching_roles::{CatchTimes, Milliseconds, RoleSettings};
 use tactnet_recording::Recording;
 
-use super::RecordedError;
 use super::chain::{Chain, chains};
-use super::packets_of::{Put, packets_of};
+use super::{Put, RecordedError, packets_of};
 
 /// One step from an exposure to its path.
 #[derive(Debug, Clone, PartialEq, Serialize)]

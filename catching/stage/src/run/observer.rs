@@ -55,10 +55,51 @@ impl RunObserver {
     /// Takes all waiting packets. Returns true if a throw finished.
     pub fn look(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<bool, StageError> {
         let before = self.finished();
-        self.look_at_controller(on_event)?;
-        self.look_at_catches(on_event)?;
-        self.look_at_throws(on_event)?;
-        self.look_at_calibration(on_event)?;
+        while let Some(packet) = self.paths.try_get()? {
+            let put_ns = packet.header().put_ns;
+            packet
+                .iter()
+                .for_each(|path| self.catches.times.path(put_ns, path));
+        }
+        drain(&self.states, |state| {
+            let mode = state.mode();
+            if mode == Some(ControllerMode::Braking) && self.mode != mode {
+                let why = state.reason.as_str().to_string();
+                *self.catches.brakes.entry(why.clone()).or_default() += 1;
+                on_event(RunEvent::Braked(why));
+            }
+            self.catches.refused(state.refused, state.reason.as_str());
+            self.mode = mode;
+        })?;
+        drain(&self.status, |status| {
+            self.phase = *status;
+            self.catches.no_plans = self.catches.no_plans.max(status.no_plans);
+        })?;
+        drain(&self.outcomes, |outcome| {
+            self.catches.outcome(outcome);
+            let outcomes = &self.catches.outcomes;
+            on_event(RunEvent::Thrown {
+                throws: outcomes.len() as u64,
+                caught: outcomes.iter().filter(|o| o.caught == 1).count() as u64,
+                outcome: *outcome,
+            });
+        })?;
+        drain(&self.throw_states, |status| {
+            let why = self.throws.status(status);
+            why.into_iter()
+                .map(RunEvent::NotThrown)
+                .for_each(&mut *on_event);
+        })?;
+        drain(&self.backs, |thrown| {
+            self.throws.thrown.push(*thrown);
+            on_event(RunEvent::ThrownBack(*thrown));
+        })?;
+        let throws = self.catches.outcomes.len() as u64;
+        drain(&self.holds, |state| {
+            if self.catches.hold.take(state, throws) {
+                on_event(RunEvent::NoLongerCalibrated(*state));
+            }
+        })?;
         let over = self.finished() > before;
         let mut holds = false;
         drain(&self.hands, |hand| holds |= hand.holds == 1)?;
@@ -71,71 +112,6 @@ impl RunObserver {
     /// Returns the number of finished throws, of the world and of the robot.
     fn finished(&self) -> usize {
         self.catches.outcomes.len() + self.throws.thrown.len()
-    }
-
-    fn look_at_controller(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
-        while let Some(packet) = self.paths.try_get()? {
-            let put_ns = packet.header().put_ns;
-            packet
-                .iter()
-                .for_each(|path| self.catches.times.path(put_ns, path));
-        }
-        drain(&self.states, |state| {
-            let mode = state.mode();
-            if mode == Some(ControllerMode::Braking) && self.mode != mode {
-                let why = state.reason.as_str().to_string();
-                self.catches.braked(&why);
-                on_event(RunEvent::Braked(why));
-            }
-            self.catches.refused(state.refused, state.reason.as_str());
-            self.mode = mode;
-        })?;
-        Ok(())
-    }
-
-    fn look_at_catches(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
-        while let Some(packet) = self.status.try_get()? {
-            if let Some(status) = packet.first() {
-                self.phase = *status;
-                self.catches.no_plans = self.catches.no_plans.max(status.no_plans);
-            }
-        }
-        drain(&self.outcomes, |outcome| {
-            self.catches.outcome(outcome);
-            let outcomes = &self.catches.outcomes;
-            on_event(RunEvent::Thrown {
-                throws: outcomes.len() as u64,
-                caught: outcomes.iter().filter(|o| o.caught == 1).count() as u64,
-                outcome: *outcome,
-            });
-        })?;
-        Ok(())
-    }
-
-    fn look_at_throws(&mut self, on_event: &mut dyn FnMut(RunEvent)) -> Result<(), StageError> {
-        drain(&self.throw_states, |status| {
-            if let Some(why) = self.throws.status(status) {
-                on_event(RunEvent::NotThrown(why));
-            }
-        })?;
-        drain(&self.backs, |thrown| {
-            self.throws.thrown.push(*thrown);
-            on_event(RunEvent::ThrownBack(*thrown));
-        })?;
-        Ok(())
-    }
-
-    fn look_at_calibration(
-        &mut self,
-        on_event: &mut dyn FnMut(RunEvent),
-    ) -> Result<(), StageError> {
-        let throws = self.catches.outcomes.len() as u64;
-        drain(&self.holds, |state| {
-            if self.catches.hold.take(state, throws) {
-                on_event(RunEvent::NoLongerCalibrated(*state));
-            }
-        })?;
-        Ok(())
     }
 
     /// Returns the error of a run without a throw for `seconds`, with the phase that the robot is in.

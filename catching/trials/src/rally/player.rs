@@ -16,7 +16,6 @@ use crate::throw_config::ThrowConfig;
 /// Maximum time of a throw with the return before it, and of a return with the rest after it, in s.
 const LONGEST: f64 = 60.0;
 
-/// A robot with its world.
 pub(crate) struct Player {
     /// Settings of the stack, with the robot's limits for catching.
     pub config: ThrowConfig,

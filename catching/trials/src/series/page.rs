@@ -71,7 +71,12 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<Markup> {
     if errors_across.len() < 2 {
         return None;
     }
-    let bound = typical_bound(&series.config.robot);
+    // A throw from 5 m with 7 m/s.
+    let (p, v) = (Vector3::new(5.6, 0.0, 1.5), Vector3::new(-6.6, 0.1, 2.6));
+    let (release, robot) = (Flight::without_spin(p, v, DRAG), &series.config.robot);
+    let zeros = [0.0; tactnet_catching_packets::JOINTS];
+    let head = robot.chest(&zeros) * robot.head(&zeros);
+    let bound = bounds(&release, 0.02, 0.8, &head, &robot.description().cameras);
     let of_bound = |of: &dyn Fn(&Bound) -> f64| -> Vec<(f64, f64)> {
         let shown = bound.iter().filter(|b| b.left <= 0.65);
         shown.map(|b| (1e3 * b.left, of(b))).collect()
@@ -96,15 +101,6 @@ fn errors(series: &Series, report: &SeriesReport) -> Option<Markup> {
         (captioned(&along, "The same along the flight."))
         (legend(&["error", "what the filter says", "bound of Cramer and Rao, still head, a typical throw"]))
     })
-}
-
-/// Returns the bound of a throw from 5 m with 7 m/s.
-fn typical_bound(robot: &Robot) -> Vec<Bound> {
-    let (p, v) = (Vector3::new(5.6, 0.0, 1.5), Vector3::new(-6.6, 0.1, 2.6));
-    let release = Flight::without_spin(p, v, DRAG);
-    let zeros = [0.0; tactnet_catching_packets::JOINTS];
-    let head = robot.chest(&zeros) * robot.head(&zeros);
-    bounds(&release, 0.02, 0.8, &head, &robot.description().cameras)
 }
 
 fn over_time(title: &str, label: &str, curves: &[Vec<(f64, f64)>]) -> Option<String> {

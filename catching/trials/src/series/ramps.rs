@@ -21,21 +21,14 @@ const COLUMN: f64 = LEFT + WIDTH + 175.0;
 const HEIGHT: f64 = 660.0;
 const LABELS: f64 = 60.0;
 
-/// Rates of joints in a panel.
-enum Rates {
-    Desired,
-    Measured,
-    Both,
-}
-
 /// Rates of a group of joints.
 struct Panel<'a> {
-    /// Name and unit.
     label: String,
     joints: Range<usize>,
     /// Names of the lines: of the desired rates, then of the measured ones.
     names: &'a [&'a str],
-    rates: Rates,
+    desired: bool,
+    measured: bool,
 }
 
 impl Series {
@@ -58,22 +51,21 @@ fn picture(trace: &Trace, number: u64, plan: &TracePlan) -> String {
     let arm = ["left", "right"][plan.arm];
     let joints = ["1", "2", "3", "4", "5", "6", "7"].map(|i| format!("joint {i}"));
     let joints = joints.each_ref().map(String::as_str);
-    let of_arm = |rates, what: &str| Panel {
+    let of_arm = |desired: bool, what: &str| Panel {
         label: format!("{arm} arm, {what} [rad/s]"),
         joints: joint::ARM[plan.arm].clone(),
         names: &joints,
-        rates,
+        desired,
+        measured: !desired,
     };
     let both = |label: &str, joints, names| Panel {
         label: label.into(),
         joints,
         names,
-        rates: Rates::Both,
+        desired: true,
+        measured: true,
     };
-    let left = [
-        of_arm(Rates::Desired, "desired"),
-        of_arm(Rates::Measured, "measured"),
-    ];
+    let left = [of_arm(true, "desired"), of_arm(false, "measured")];
     let torso = [
         "vertical",
         "lower pitch",
@@ -142,14 +134,15 @@ impl Panel<'_> {
         let lines = |first: usize, of: fn(&TraceTick) -> &[f64]| {
             rate_lines(&axes, &ticks, self.joints.clone(), first, of)
         };
-        let desired = || lines(0, |tick| &tick.commanded);
-        let measured = |first| lines(first, |tick| &tick.measured);
         let mut svg = axes.grid();
-        svg += &match self.rates {
-            Rates::Desired => desired(),
-            Rates::Measured => measured(0),
-            Rates::Both => desired() + &measured(self.joints.len()),
-        };
+        let mut first = 0;
+        if self.desired {
+            svg += &lines(first, |tick| &tick.commanded);
+            first += self.joints.len();
+        }
+        if self.measured {
+            svg += &lines(first, |tick| &tick.measured);
+        }
         for t in [plan.t - plan.catch, 0.0] {
             let x = axes.x(t);
             let _ = write!(
