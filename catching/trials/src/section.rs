@@ -179,6 +179,8 @@ impl Section<'_> {
                 column += run + 1;
             }
         }
-        format!("<g opacity=\"0.45\">{cells}</g>")
+        format!(
+            "<g opacity=\"0.45\"><title>inside an obstacle, or behind its surface</title>{cells}</g>"
+        )
     }
 }

@@ -58,8 +58,7 @@ fn draw(number: u64, scene: &Scene) -> Markup {
             @if let Some(clearance) = scene.true_clearance {
                 ", and " (millimetres(clearance)) " from what truly stands there"
             }
-            ". Shades: the map's distance to obstacles, dark inside, none from 30 cm on. What the camera saw only from behind counts as an "
-            "obstacle."
+            ". Grey: obstacles of the map. What the camera saw only from behind counts as an obstacle."
         }
         (captioned(
             &scene.plan_view(),
@@ -113,7 +112,6 @@ mod tests {
             "obstacles touched in",
             "without the map: touched in",
             "<h2>Throw 0</h2>",
-            "from an obstacle</title>",
             "inside an obstacle",
             "to the right of the robot [m]",
         ] {
