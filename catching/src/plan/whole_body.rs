@@ -61,7 +61,7 @@ pub struct NoWay {
     pub share: f64,
     /// Distance in m, negative inside.
     pub distance: f64,
-    /// What is too near.
+    /// Name of the nearest body: an obstacle or the robot itself.
     pub from: &'static str,
 }
 

@@ -186,8 +186,8 @@ impl Thrower {
         self.best(&problem, request, &starts, &mut effort)
     }
 
-    /// Plans the requested throw and, starting from it, a second one that lands at the offset `beside` from the target,
-    /// in m. The second throw stays close to the first, so corrections learned for one apply to the other.
+    /// Plans the requested throw and, starting from it, a second one that lands at an offset from the target, in m. The
+    /// second throw stays close to the first, so corrections learned for one apply to the other.
     ///
     /// # Errors
     /// Same as [`Thrower::plan`].

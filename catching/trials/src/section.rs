@@ -62,7 +62,7 @@ impl View {
     }
 }
 
-/// What is drawn.
+/// Section through a map with everything that is drawn on it.
 pub(crate) struct Section<'a> {
     pub field: &'a DistanceField,
     /// True boxes.

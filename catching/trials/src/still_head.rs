@@ -216,8 +216,8 @@ mod tests {
         }
     }
 
-    /// Round objects in a row, found in every picture, form more pairs than a tracker considers. They are no balls, and
-    /// hide none that is found after them.
+    /// Round objects in a row, found in every picture, form more pairs than a tracker considers. They are not tracked as
+    /// balls, and a ball that is found after them is tracked.
     #[test]
     fn objects_at_rest_are_no_balls() {
         let robot = Robot::nominal();

@@ -72,7 +72,7 @@ pub struct WayReport {
 pub struct WayOutcome {
     /// Seed of the scene.
     pub seed: u64,
-    /// Reason why there is no way; `None` if the robot moved.
+    /// Reason for a missing way; `None` if the robot moved.
     pub no_way: Option<String>,
     /// Duration of the motion, in s.
     pub seconds: f64,
